@@ -1,0 +1,44 @@
+# Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
+.DEFAULT_GOAL := help
+.PHONY: help run test lint bench coverage clean
+
+BIN := .venv/bin
+READY := .venv/.ready
+PEERS := .venv/.peers
+
+help:            ## show these lines
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 20
+
+run: $(READY)    ## run the paper's three experiments and draw its figures
+	$(BIN)/cohelm reproduce --out out/reproduce
+	@echo "The figures are in out/reproduce (PNG and SVG)."
+
+test: lint       ## lint, then the tests
+	$(BIN)/pytest
+
+lint: $(READY)   ## lock file, style, types, import order
+	@# A package mirror set for this machine says nothing about the lock file.
+	@env -u UV_DEFAULT_INDEX -u UV_INDEX_URL $(BIN)/uv lock --check --offline --quiet 2>/dev/null || \
+	  { echo "uv.lock does not match pyproject.toml; run: $(BIN)/uv lock" >&2; exit 1; }
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+bench: $(PEERS)  ## time the law and the simulator beside their peers
+	$(BIN)/cohelm bench
+
+coverage: $(READY) ## test the law uncompiled, and show the lines no test reaches
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest tests/law --cov=cohelm.law
+
+clean:           ## remove everything made here, the environment too
+	rm -rf .venv .uv out dist .coverage .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+
+$(READY): pyproject.toml uv.lock tools/setup.sh
+	tools/setup.sh
+	@touch $@
+
+$(PEERS): $(READY)
+	tools/setup.sh --extra peers
+	@touch $@

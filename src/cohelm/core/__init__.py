@@ -1,0 +1,1 @@
+"""The words every room shares: poses, twists, discs, traces, errors."""

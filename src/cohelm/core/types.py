@@ -1,0 +1,77 @@
+"""Plain values that the law, the robot and the simulator exchange.
+
+World frame: x and y in metres, heading counter-clockwise from x (REP-103; erratum E1: the
+paper says north-east-down, but its signs only steer right of an obstacle in this frame).
+Body frame: x forward, y left. All angles in radians, all times in seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit_inline
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+X, Y, VX, VY, RADIUS, SAFE = range(6)
+"""Columns of a disc array, shape (n, 6): centre [m], velocity [m/s] in the world frame,
+radius of the body itself [m], and the paper's r_i, the safe distance between the robot's
+centre and the disc's centre [m] (19)."""
+
+
+class Pose(NamedTuple):
+    """eta = (x, y, psi) in the world frame (3) [m, m, rad]."""
+
+    x: float
+    y: float
+    psi: float
+
+
+class Twist(NamedTuple):
+    """Surge speed u and yaw rate r of (4), the two control inputs [m/s, rad/s]."""
+
+    v: float
+    omega: float
+
+
+class Stick(NamedTuple):
+    """Deflections of the spring-centred stick, scaled to [-1, 1].
+
+    `x` is fore-aft (forward positive), `psi` left-right (left positive, as the yaw rate).
+    """
+
+    x: float
+    psi: float
+
+
+class Desired(NamedTuple):
+    """Desired pose, surge speed and yaw rate at one instant (7)(10) [m, m, rad, m/s, rad/s]."""
+
+    x: float
+    y: float
+    psi: float
+    u: float
+    r: float
+
+
+@jit_inline
+def wrap(angle: float) -> float:
+    """The same angle in (-pi, pi] [rad]."""
+    return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
+
+
+def disc(
+    x: float, y: float, radius: float, safe: float = 0.2, vx: float = 0.0, vy: float = 0.0
+) -> tuple[float, float, float, float, float, float]:
+    """One row of a disc array; `safe` is the paper's r_i (Table II: 0.2 m)."""
+    return (x, y, vx, vy, radius, safe)
+
+
+def discs(*rows: tuple[float, float, float, float, float, float]) -> Floats:
+    """A disc array, shape (n, 6), from rows made with `disc`; n may be 0."""
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)

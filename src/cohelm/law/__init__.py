@@ -1,0 +1,1 @@
+"""The paper's laws and ours: pure functions of numbers, compiled."""

@@ -1,0 +1,105 @@
+"""The paper's relaxed time-varying control barrier function (19)-(33)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cohelm.core.jit import jit_inline
+from cohelm.core.types import SAFE, VX, VY, Floats, Pose, Twist, X, Y
+from cohelm.law.gains import Gains
+
+UNTOUCHED, SHAPED, POWERLESS, INVALID = range(4)
+"""Verdicts. UNTOUCHED: I <= J, the wish passed. SHAPED: the filter added its input.
+POWERLESS: I > J but ||L_gB|| vanishes, no input can change B along its gradient (E5); only
+the steering term acts. INVALID: a number that is not finite came in; the command is a stop."""
+
+HEADING = -1
+"""`culprit` when no obstacle, but the cos^2 psi of (22), asked most of the filter (E6)."""
+
+_H_MIN = 1e-9  # |h| is kept above this [m^2], so that 1/h^2 stays finite on the boundary
+_POWERLESS_BELOW = 1e-12  # of ||L_gB||^2
+
+
+class Avoidance(NamedTuple):
+    """The collision-avoidance input u of (33) and how it came about."""
+
+    input: Twist
+    """u [m/s, rad/s], to be added to the wish (49)."""
+    I: float  # noqa: E741 - the paper's letter
+    """Growth of B under the wish (31)."""
+    J: float
+    """Growth that is tolerated, K B + C (32)."""
+    h: float
+    """Smallest h_i, the denominator of the barrier [m^2]; infinite without obstacles."""
+    verdict: int
+    """UNTOUCHED, SHAPED or POWERLESS."""
+    culprit: int
+    """Row of the obstacle that asked most of the filter, or HEADING; -1 while untouched."""
+
+
+@jit_inline
+def _h(pose: Pose, disc: Floats) -> float:
+    """h_i = ||p - o_i||^2 - r_i^2 [m^2], kept off zero."""
+    dx, dy = pose.x - disc[X], pose.y - disc[Y]
+    h = dx * dx + dy * dy - disc[SAFE] * disc[SAFE]
+    return _H_MIN if abs(h) < _H_MIN else h
+
+
+@jit_inline
+def _growth(pose: Pose, c: float, s: float, v: float, disc: Floats, sign: float) -> float:
+    """One obstacle's part of I: d(1/h_i)/dt under the wish and the obstacle's motion."""
+    dx, dy = pose.x - disc[X], pose.y - disc[Y]
+    h = _h(pose, disc)
+    return 2.0 / (h * h) * (sign * (dx * disc[VX] + dy * disc[VY]) - (dx * c + dy * s) * v)
+
+
+@jit_inline
+def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
+    """The least input along L_gB that keeps B from growing faster than K B + C.
+
+    (22) B = sum 1/h_i + cos^2 psi
+    (26) L_gB = [sum -2 ((x - x_i) cos psi + (y - y_i) sin psi) / h_i^2, -sin 2 psi]
+    (27) sum (dB/do_i) do_i/dt = +2 sum ((x - x_i) x'_i + (y - y_i) y'_i) / h_i^2   (E2: the
+         paper prints -2, which takes an approaching obstacle for a receding one)
+    (31) I = L_gB tau + (27),  (32) J = K B + C
+    (33) u = 0 if I <= J, else -(I - J) / ||L_gB||^2 L_gB^T - [0, k_cbf tanh(1/h)]
+
+    pose, wish: world frame and body frame. discs: (n, 6), any n, read at columns X ... SAFE.
+    The input is not bounded (E5) and h counts from the robot's centre (E7).
+    """
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    sign = 1.0 if gains.true_sign else -1.0
+    B = c * c
+    along = 0.0  # first entry of L_gB
+    motion = 0.0  # (27)
+    smallest = math.inf
+    for i in range(discs.shape[0]):
+        dx, dy = pose.x - discs[i, X], pose.y - discs[i, Y]
+        h = dx * dx + dy * dy - discs[i, SAFE] * discs[i, SAFE]
+        h = _H_MIN if abs(h) < _H_MIN else h
+        inverse = 1.0 / h
+        slope = 2.0 * inverse * inverse
+        B += inverse
+        along -= slope * (dx * c + dy * s)
+        motion += slope * (dx * discs[i, VX] + dy * discs[i, VY])
+        smallest = min(smallest, h)
+    turning = -2.0 * s * c  # second entry of L_gB
+    I = along * wish.v + turning * wish.omega + sign * motion  # noqa: E741
+    J = gains.K * B + gains.C
+    if I <= J:
+        return Avoidance(Twist(0.0, 0.0), I, J, smallest, UNTOUCHED, -1)
+    culprit = HEADING
+    most = turning * wish.omega
+    for i in range(discs.shape[0]):
+        part = _growth(pose, c, s, wish.v, discs[i], sign)
+        if part > most:
+            most, culprit = part, i
+    steer = gains.k_cbf * math.tanh(1.0 / smallest)
+    square = along * along + turning * turning
+    if square < _POWERLESS_BELOW:
+        return Avoidance(Twist(0.0, -steer), I, J, smallest, POWERLESS, culprit)
+    gain = (I - J) / square
+    return Avoidance(
+        Twist(-gain * along, -gain * turning - steer), I, J, smallest, SHAPED, culprit
+    )

@@ -1,0 +1,69 @@
+"""The person at the stick: wish, intent and passivity (35)-(46)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cohelm.core.jit import jit_inline
+from cohelm.core.types import Stick, Twist
+from cohelm.law.gains import Gains
+
+
+class Intent(NamedTuple):
+    """V_hx and V_hpsi, the energy put into the stick's springs (41)(42)."""
+
+    x: float
+    psi: float
+
+
+@jit_inline
+def limited(stick: Stick, gains: Gains) -> Stick:
+    """Deflections inside [-1, 1], and 0 on an axis inside the dead band C_Joy."""
+    x = min(max(stick.x, -1.0), 1.0)
+    psi = min(max(stick.psi, -1.0), 1.0)
+    return Stick(
+        0.0 if abs(x) <= gains.dead_band else x, 0.0 if abs(psi) <= gains.dead_band else psi
+    )
+
+
+@jit_inline
+def human(stick: Stick, gains: Gains) -> Twist:
+    """The person's wish tau_h, from a stick already `limited`.
+
+    (45) v = k_hx x_h u_d with the fore-aft axis outside the band (also when both are: E8),
+         v = k_hx u_d     with only the left-right axis outside it, else 0
+    (46) omega = k_hpsi psi_h
+    """
+    if stick.x != 0.0:
+        v = gains.k_hx * stick.x * gains.u_d
+    elif stick.psi != 0.0:
+        v = gains.k_hx * gains.u_d
+    else:
+        v = 0.0
+    return Twist(v, gains.k_hpsi * stick.psi)
+
+
+@jit_inline
+def intent(stick: Stick, gains: Gains) -> Intent:
+    """V_hx = k_s x_h^2 / 2 (41), V_hpsi = k_s psi_h^2 / 2 (42), from a stick already `limited`."""
+    return Intent(0.5 * gains.k_s * stick.x * stick.x, 0.5 * gains.k_s * stick.psi * stick.psi)
+
+
+@jit_inline
+def supplied_energy(energy: float, before: Stick, now: Stick, gains: Gains) -> float:
+    """The passivity integral (40) carried one step on: energy + f dx, trapezoidal, both axes.
+
+    The force is the spring's (35), f = k_s x. Assumption 2 holds while the result is >= 0.
+    For an ideal spring the integral equals V_h exactly (41)(42); it is an observable because
+    a real stick's record may start deflected, and then it can go below 0.
+    """
+    along_x = 0.5 * gains.k_s * (before.x + now.x) * (now.x - before.x)
+    along_psi = 0.5 * gains.k_s * (before.psi + now.psi) * (now.psi - before.psi)
+    return energy + along_x + along_psi
+
+
+@jit_inline
+def finite(stick: Stick) -> bool:
+    """Whether both deflections are numbers: a stick that is not is not a centred stick."""
+    return math.isfinite(stick.x) and math.isfinite(stick.psi)

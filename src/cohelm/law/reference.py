@@ -1,0 +1,159 @@
+"""Way-points to a trajectory in time: natural cubic splines (7)-(13), evaluated compiled."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.jit import jit
+from cohelm.core.types import Desired, Floats
+
+_AT_REST = 1e-9  # below this speed [m/s] the spline has no direction: a cusp, or the end
+
+
+class Reference(NamedTuple):
+    """A piecewise cubic path in time, as plain arrays that compiled code reads.
+
+    knots: (m,) times T_i [s], T_1 = 0. coeffs: (m - 1, 8), cubic coefficients of S_X then S_Y,
+    highest power first, in the local time t - T_i. speed: the nominal u_d [m/s].
+    """
+
+    knots: Floats
+    coeffs: Floats
+    speed: float
+
+    @property
+    def duration(self) -> float:
+        """T_m, the time of the last way-point [s]."""
+        return float(self.knots[-1])
+
+
+class Demand(NamedTuple):
+    """What a reference asks of the robot, at its worst."""
+
+    length: float
+    """Length of the path [m]."""
+    max_speed: float
+    """Largest speed of the spline itself, which differs from u_d between way-points (E10) [m/s]."""
+    max_yaw_rate: float
+    """Largest |r_d| [rad/s]."""
+    max_curvature: float
+    """Largest |r_d| / ||S'|| [1/m]."""
+
+
+def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
+    """Natural cubic splines through way-points, at chord length over speed apart in time (13).
+
+    waypoints: (m, 2), m >= 2 [m]. speed: u_d > 0 [m/s].
+    Raises CohelmError for fewer than two way-points, a number that is not finite, two equal
+    way-points in a row, or a speed that is not positive.
+    """
+    try:
+        points = np.asarray(waypoints, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise CohelmError(f"way-points must be pairs of numbers [x, y] in metres ({error})") from error
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise CohelmError(f"way-points must be pairs [x, y] in metres, got shape {points.shape}")
+    if len(points) < 2:
+        raise CohelmError(f"a reference needs at least 2 way-points, got {len(points)}")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        raise CohelmError(f"way-point {bad[0] + 1} is not finite: {points[bad[0]].tolist()}")
+    chords = np.hypot(*np.diff(points, axis=0).T)
+    same = np.flatnonzero(chords < 1e-6)
+    if same.size:
+        raise CohelmError(
+            f"way-points {same[0] + 1} and {same[0] + 2} are the same point "
+            f"{points[same[0]].tolist()}; remove one"
+        )
+    if not (math.isfinite(speed) and speed > 0.0):
+        raise CohelmError(f"the reference speed must be a positive number of m/s, got {speed}")
+    knots = np.concatenate(([0.0], np.cumsum(chords / speed)))
+    spline = CubicSpline(knots, points, bc_type="natural")
+    coeffs = np.ascontiguousarray(np.concatenate((spline.c[:, :, 0].T, spline.c[:, :, 1].T), axis=1))
+    return Reference(knots, coeffs, float(speed))
+
+
+class Motion(NamedTuple):
+    """Position, velocity and acceleration on a path [m, m/s, m/s^2], world frame."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    ax: float
+    ay: float
+
+
+@jit
+def evaluate(knots: Floats, coeffs: Floats, t: float) -> Motion:
+    """S_X, S_Y and their two derivatives at time t [s]; at rest on the ends outside [0, T_m]."""
+    last = len(knots) - 1
+    inside = min(max(t, 0.0), knots[last])
+    low, high = 0, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        if knots[middle] <= inside:
+            low = middle
+        else:
+            high = middle
+    s = inside - knots[low]
+    c = coeffs[low]
+    x = ((c[0] * s + c[1]) * s + c[2]) * s + c[3]
+    y = ((c[4] * s + c[5]) * s + c[6]) * s + c[7]
+    vx = (3.0 * c[0] * s + 2.0 * c[1]) * s + c[2]
+    vy = (3.0 * c[4] * s + 2.0 * c[5]) * s + c[6]
+    return Motion(x, y, vx, vy, 6.0 * c[0] * s + 2.0 * c[1], 6.0 * c[4] * s + 2.0 * c[5])
+
+
+@jit
+def desired(reference: Reference, t: float, spline_speed: bool) -> Desired:
+    """The desired pose, speed and yaw rate at time t [s] (10)(12)(13).
+
+    psi_d = atan2(S'_Y, S'_X)                                   (12), E9
+    r_d   = (S'_X S''_Y - S'_Y S''_X) / (S'_X^2 + S'_Y^2)
+
+    The feed-forward speed is u_d as printed, or with `spline_speed` the spline's own ||S'||
+    (E10). Outside [0, T_m) the reference rests: speed and yaw rate are 0.
+    """
+    m = evaluate(reference.knots, reference.coeffs, t)
+    square = m.vx * m.vx + m.vy * m.vy
+    psi = math.atan2(m.vy, m.vx)
+    if not 0.0 <= t < reference.knots[-1] or square < _AT_REST * _AT_REST:
+        return Desired(m.x, m.y, psi, 0.0, 0.0)
+    u = math.sqrt(square) if spline_speed else reference.speed
+    return Desired(m.x, m.y, psi, u, (m.vx * m.ay - m.vy * m.ax) / square)
+
+
+@jit
+def tabulate(reference: Reference, dt: float, steps: int, spline_speed: bool) -> Floats:
+    """`desired` at t = 0, dt, ..., (steps - 1) dt as rows of (x, y, psi, u, r): (steps, 5)."""
+    rows = np.empty((steps, 5))
+    for k in range(steps):
+        d = desired(reference, k * dt, spline_speed)
+        rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4] = d.x, d.y, d.psi, d.u, d.r
+    return rows
+
+
+def demand(reference: Reference) -> Demand:
+    """What the reference asks of the robot, from 200 samples between each two way-points."""
+    t = np.unique(np.concatenate([
+        np.linspace(a, b, 200) for a, b in zip(reference.knots[:-1], reference.knots[1:], strict=True)
+    ]))
+    index = np.clip(np.searchsorted(reference.knots, t, side="right") - 1, 0, len(reference.coeffs) - 1)
+    c = reference.coeffs[index]
+    s = t - reference.knots[index]
+    vx, vy = ((3 * c[:, j] * s + 2 * c[:, j + 1]) * s + c[:, j + 2] for j in (0, 4))
+    ax, ay = (6 * c[:, j] * s + 2 * c[:, j + 1] for j in (0, 4))
+    speed = np.maximum(np.hypot(vx, vy), _AT_REST)
+    yaw_rate = np.abs(vx * ay - vy * ax) / speed**2
+    return Demand(
+        length=float(np.trapezoid(speed, t)),
+        max_speed=float(speed.max()),
+        max_yaw_rate=float(yaw_rate.max()),
+        max_curvature=float((yaw_rate / speed).max()),
+    )

@@ -1,0 +1,123 @@
+"""One control step: the block diagram of the paper's Fig. 2, read from top to bottom."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cohelm.core.jit import jit, jit_inline
+from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
+from cohelm.law.barrier import INVALID, UNTOUCHED, Avoidance, barrier
+from cohelm.law.blend import Authority, authority, blend
+from cohelm.law.gains import Gains
+from cohelm.law.human import Intent, human, intent, limited
+from cohelm.law.track import track
+
+
+class Step(NamedTuple):
+    """What one control step decided, and everything it decided it from."""
+
+    v: float
+    """Commanded surge speed, first entry of U (49) [m/s]."""
+    omega: float
+    """Commanded yaw rate, second entry of U (49) [rad/s]."""
+    automatic_v: float
+    automatic_omega: float
+    """tau_c, the tracking law's wish (15)."""
+    human_v: float
+    human_omega: float
+    """tau_h, the person's wish (38)."""
+    shared_v: float
+    shared_omega: float
+    """tau, the blend (34)."""
+    avoid_v: float
+    avoid_omega: float
+    """u, the collision-avoidance input (33)."""
+    authority_x: float
+    authority_psi: float
+    """Diagonal of K_c: the automatic share of each axis."""
+    intent_x: float
+    intent_psi: float
+    """V_hx and V_hpsi (41)(42)."""
+    I: float  # noqa: E741 - the paper's letter
+    J: float
+    """Both sides of the filter's test (31)(32)."""
+    h: float
+    """Smallest h_i [m^2]; infinite without obstacles."""
+    verdict: int
+    """UNTOUCHED, SHAPED, POWERLESS or INVALID, see `law.barrier`."""
+    culprit: int
+    """Row of the obstacle that the filter acted for; -1 for none (or the heading term, E6)."""
+
+
+@jit_inline
+def control_step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gains: Gains) -> Step:
+    """U = tau + u (49) from pose, reference, stick and obstacles; compiled code calls this one."""
+    hand = limited(stick, gains)
+    tau_c = track(pose, desired, gains)
+    tau_h = human(hand, gains)
+    energy = intent(hand, gains)
+    share = authority(energy, gains)
+    tau = blend(tau_c, tau_h, share)
+    if gains.barrier:
+        avoid = barrier(pose, tau, discs, gains)
+    else:
+        avoid = Avoidance(Twist(0.0, 0.0), 0.0, 0.0, math.inf, UNTOUCHED, -1)
+    v, omega = tau.v + avoid.input.v, tau.omega + avoid.input.omega
+    if not (math.isfinite(v) and math.isfinite(omega)):
+        return _stop()
+    return _report(v, omega, tau_c, tau_h, tau, share, energy, avoid)
+
+
+@jit_inline
+def _report(
+    v: float, omega: float, tau_c: Twist, tau_h: Twist, tau: Twist,
+    share: Authority, energy: Intent, avoid: Avoidance,
+) -> Step:  # fmt: skip
+    return Step(
+        v, omega, tau_c.v, tau_c.omega, tau_h.v, tau_h.omega, tau.v, tau.omega,
+        avoid.input.v, avoid.input.omega, share.x, share.psi, energy.x, energy.psi,
+        avoid.I, avoid.J, avoid.h, avoid.verdict, avoid.culprit,
+    )  # fmt: skip
+
+
+@jit_inline
+def _stop() -> Step:
+    """Stand still and say why: something that came in was not a finite number."""
+    return Step(
+        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        0.0, 0.0, 0.0, INVALID, -1,
+    )  # fmt: skip
+
+
+@jit
+def _flat(
+    x: float, y: float, psi: float,
+    x_d: float, y_d: float, psi_d: float, u_d: float, r_d: float,
+    stick_x: float, stick_psi: float,
+    k_x: float, k_psi: float, K: float, C: float, k_cbf: float, k_hx: float, k_hpsi: float,
+    k_s: float, dead_band: float, nominal: float, use_barrier: bool, joint: bool, true_sign: bool,
+    discs: Floats,
+) -> Step:  # fmt: skip
+    gains = Gains(
+        k_x, k_psi, K, C, k_cbf, k_hx, k_hpsi, k_s, dead_band, nominal,
+        use_barrier, joint, true_sign,
+    )  # fmt: skip
+    return control_step(
+        Pose(x, y, psi), Desired(x_d, y_d, psi_d, u_d, r_d), Stick(stick_x, stick_psi), discs, gains
+    )
+
+
+_PAPER = Gains()
+
+
+def step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gains: Gains = _PAPER) -> Step:
+    """One control step from Python: `control_step` for pose, reference, stick and obstacles.
+
+    pose, desired: world frame [m, rad]. stick: deflections in [-1, 1]; more is cut. discs:
+    float64 (n, 6), see `core.types.disc`. Never raises on numbers: a NaN or infinity anywhere
+    gives a standing command with verdict INVALID.
+
+    Arguments are spread on the way in: numba unpacks a float in 30 ns, a named tuple in 800.
+    """
+    return _flat(*pose, *desired, *stick, *gains, discs)

@@ -1,0 +1,1 @@
+"""What a robot is: its shape, its wheels and their limits."""

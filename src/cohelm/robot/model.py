@@ -1,0 +1,88 @@
+"""A robot as a user describes it in YAML: outline, wheels, limits."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from importlib.resources import files
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from cohelm.core.schema import Schema
+from cohelm.core.types import Floats
+from cohelm.robot.limits import Limits, unlimited
+
+Positive = Annotated[float, Field(gt=0.0)]
+Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class LimitsModel(Schema):
+    """What drives and wheels can do; leave out what is not limited."""
+
+    speed_mps: Positive | None = None
+    """Largest forward or backward speed."""
+    acceleration_mps2: Positive | None = None
+    """Largest change of speed."""
+    yaw_rate_radps: Positive | None = None
+    """Largest yaw rate."""
+    yaw_acceleration_radps2: Positive | None = None
+    """Largest change of yaw rate."""
+    wheel_speed_mps: Positive | None = None
+    """Largest speed of a wheel's rim."""
+    wheel_acceleration_mps2: Positive | None = None
+    """Largest acceleration of a wheel's rim."""
+
+
+class RobotModel(Schema):
+    """A differential-drive robot; the origin of its body frame is the middle of the wheel axle."""
+
+    name: str
+    """What to call it."""
+    note: str = ""
+    """Where the numbers come from."""
+    footprint_m: Annotated[list[Corner], Field(min_length=3)]
+    """Corners [x, y] of the convex outline, counter-clockwise, x forward and y left."""
+    track_m: Positive
+    """Distance between the two driven wheels."""
+    wheel_radius_m: Positive
+    """Radius of the driven wheels."""
+    limits: LimitsModel = LimitsModel()
+    """Speed and acceleration limits."""
+
+    @model_validator(mode="after")
+    def _convex(self) -> Self:
+        corners = self.outline
+        edges = np.roll(corners, -1, axis=0) - corners
+        after = np.roll(edges, -1, axis=0)
+        turns = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
+        if not (turns > 0.0).all():
+            raise ValueError("footprint_m must be a convex outline, corners counter-clockwise")
+        return self
+
+    @cached_property
+    def outline(self) -> Floats:
+        """The footprint as an array, (k, 2) [m]."""
+        return np.array(self.footprint_m, dtype=np.float64)
+
+    @cached_property
+    def reach(self) -> float:
+        """Distance from the body origin to the farthest corner [m]."""
+        return float(np.hypot(*self.outline.T).max())
+
+    def bounds(self, *, enforced: bool = True) -> Limits:
+        """The limits as numbers; without `enforced` those of an ideal unicycle."""
+        if not enforced:
+            return unlimited(self.track_m)
+        given = [math.inf if value is None else value for _, value in self.limits]
+        return Limits(*given, self.track_m)
+
+
+SHIPPED = ("sally", "jackal")
+"""Robots that come with the package, by the names a scenario may use."""
+
+
+def shipped_path(name: str) -> str:
+    """The YAML file of a shipped robot."""
+    return str(files("cohelm.robot") / "models" / f"{name}.yaml")

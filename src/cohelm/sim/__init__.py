@@ -1,0 +1,1 @@
+"""Worlds that play the robot: exact kinematics, moving obstacles, a simulated person."""

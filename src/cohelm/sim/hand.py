@@ -1,0 +1,175 @@
+"""The hand on the stick: replayed from a table, or a simulated person who dodges and lets go."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit_inline
+from cohelm.core.types import RADIUS, Floats, Pose, Stick, X, Y
+
+
+class Operator(NamedTuple):
+    """A person who watches the road ahead through a camera and dodges what is in the way.
+
+    The model, step by step:
+    - *notice*: a disc is in the way while its surface is less than `look_ahead` ahead of the
+      robot's centre, its centre is in front, and its surface is less than `half_width` from
+      the line of the robot's heading;
+    - *react*: after it has been in the way for `reaction`, the person picks a side, away from
+      the disc (right when it is dead ahead), and keeps it;
+    - *dodge*: the stick goes to (`surge`, +-`yaw`) while the disc is in the way, and to
+      (`surge`, 0) while it is not but its centre is not yet `behind` the robot's centre;
+    - *let go*: once nothing is beside or ahead for `linger`, the hand opens;
+    - the hand moves no faster than `hand_rate`, and trembles with `tremor` while it leads.
+    """
+
+    active: bool = False
+    look_ahead: float = 0.6
+    """[m]"""
+    half_width: float = 0.3
+    """[m]"""
+    behind: float = 0.0
+    """How far past the robot's centre a disc must be to be forgotten [m]."""
+    surge: float = 0.6
+    """Fore-aft deflection while dodging, in [-1, 1]."""
+    yaw: float = 1.0
+    """Left-right deflection while dodging, in [0, 1]."""
+    reaction: float = 0.2
+    """[s]"""
+    linger: float = 0.2
+    """[s]"""
+    hand_rate: float = 5.0
+    """Deflections per second."""
+    tremor: float = 0.0
+    """Standard deviation of the trembling, in deflection."""
+
+
+OPERATOR = np.dtype(
+    [(name, "?" if kind == "bool" else "f8") for name, kind in Operator.__annotations__.items()]
+)
+"""One row of a table of operators, for a batch."""
+
+
+def operator_table(rows: list[Operator]) -> NDArray[np.void]:
+    """Operators of many robots as a structured array, shape (n,)."""
+    return np.array([tuple(row) for row in rows], dtype=OPERATOR)
+
+
+class Person(NamedTuple):
+    """What the simulated person has in mind between two steps."""
+
+    noticed_at: float
+    """When something came in the way [s]; infinite if nothing is."""
+    seen_at: float
+    """When something was last beside or ahead while dodging [s]."""
+    side: float
+    """+1 dodging to the left, -1 to the right, 0 hands off."""
+    x: float
+    psi: float
+    """Where the hand is, without its trembling."""
+
+
+IDLE = Person(math.inf, -math.inf, 0.0, 0.0, 0.0)
+
+
+class Replay(NamedTuple):
+    """Recorded or scripted sticks: events of hand i are rows first[i]:first[i + 1].
+
+    times [s] never decrease within a hand. A deflection holds until the next event; before the
+    first and after the last event the stick is centred.
+    """
+
+    first: NDArray[np.int64]
+    times: Floats
+    x: Floats
+    psi: Floats
+
+
+def replay(*hands: tuple[Floats, Floats, Floats]) -> Replay:
+    """Hands from (times, x, psi) arrays; one empty hand when none is given."""
+    lengths = [len(times) for times, _, _ in hands] or [0]
+    columns = [
+        np.concatenate([np.asarray(hand[c], dtype=np.float64) for hand in hands] or [np.empty(0)])
+        for c in range(3)
+    ]
+    first = np.concatenate(([0], np.cumsum(lengths))).astype(np.int64)
+    return Replay(first, *columns)
+
+
+@jit_inline
+def replayed(hand: int, hands: Replay, t: float) -> Stick:
+    """The newest deflection of a hand at time t."""
+    low, high = hands.first[hand], hands.first[hand + 1]
+    if low == high or t < hands.times[low] or t > hands.times[high - 1]:
+        return Stick(0.0, 0.0)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if hands.times[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    return Stick(hands.x[low], hands.psi[low])
+
+
+@jit_inline
+def _scrambled(seed: int, k: int) -> float:
+    """A uniform number in (0, 1) that depends only on seed and k (SplitMix64)."""
+    z = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(k)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return (np.float64(z >> np.uint64(11)) + 0.5) / 9007199254740992.0
+
+
+@jit_inline
+def normal(seed: int, k: int) -> float:
+    """A standard normal number that depends only on seed and k, whatever thread asks."""
+    radius = math.sqrt(-2.0 * math.log(_scrambled(seed, 2 * k)))
+    return radius * math.cos(2.0 * math.pi * _scrambled(seed, 2 * k + 1))
+
+
+@jit_inline
+def operate(
+    person: Person, operator: Operator, pose: Pose, discs: Floats, noticed: NDArray[np.bool_],
+    k: int, dt: float, seed: int,
+) -> tuple[Person, Stick]:  # fmt: skip
+    """One step of the simulated person: what they have in mind, and where the stick is."""
+    t = k * dt
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    nearest, lateral, present = math.inf, 0.0, False
+    for i in range(discs.shape[0]):
+        if not noticed[i]:
+            continue
+        dx, dy = discs[i, X] - pose.x, discs[i, Y] - pose.y
+        ahead, left = c * dx + s * dy, -s * dx + c * dy
+        gap = ahead - discs[i, RADIUS]
+        if gap > operator.look_ahead or ahead < -operator.behind:
+            continue
+        if abs(left) - discs[i, RADIUS] < 2.0 * operator.half_width:
+            present = True
+        if ahead > 0.0 and abs(left) - discs[i, RADIUS] < operator.half_width and gap < nearest:
+            nearest, lateral = gap, left
+    in_the_way = nearest < math.inf
+    noticed_at = min(person.noticed_at, t) if in_the_way else math.inf
+    seen_at = t if present else person.seen_at
+    side = person.side
+    if side == 0.0 and in_the_way and t - noticed_at >= operator.reaction:
+        side = 1.0 if lateral < -0.02 else -1.0
+    elif side != 0.0 and t - seen_at >= operator.linger:
+        side = 0.0
+    to_x = operator.surge if side != 0.0 else 0.0
+    to_psi = side * operator.yaw if in_the_way else 0.0
+    reach = operator.hand_rate * dt
+    x = person.x + min(max(to_x - person.x, -reach), reach)
+    psi = person.psi + min(max(to_psi - person.psi, -reach), reach)
+    stick = Stick(x, psi)
+    if side != 0.0 and operator.tremor > 0.0:
+        stick = Stick(
+            min(max(x + operator.tremor * normal(seed, 2 * k), -1.0), 1.0),
+            min(max(psi + operator.tremor * normal(seed, 2 * k + 1), -1.0), 1.0),
+        )
+    return Person(noticed_at, seen_at, side, x, psi), stick

@@ -1,0 +1,126 @@
+"""One robot, fully recorded, in pieces that can be written down as they come."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit
+from cohelm.core.trace import ROW, Trace
+from cohelm.core.types import SAFE, Desired, Floats, Pose, X, Y
+from cohelm.law.gains import Gains
+from cohelm.law.reference import Reference, tabulate
+from cohelm.law.track import pose_error
+from cohelm.robot.limits import Limits
+from cohelm.sim.hand import Operator, Replay, replay
+from cohelm.sim.loop import State, at_rest, turn
+from cohelm.sim.world import NOWHERE, World, clearance, place, world
+
+
+@dataclass(frozen=True)
+class Setup:
+    """All that one run needs."""
+
+    start: Pose
+    reference: Reference
+    outline: Floats
+    limits: Limits
+    gains: Gains = field(default_factory=Gains)
+    spline_speed: bool = False
+    around: World = field(default_factory=lambda: world(([], np.empty((0, 4)))))
+    names: tuple[str, ...] = ()
+    hands: Replay = field(default_factory=replay)
+    operator: Operator = field(default_factory=Operator)
+    dt: float = 0.01
+    duration: float | None = None
+    """[s]; by default that of the reference."""
+    delay: float = 0.0
+    """From command to wheels, rounded to whole steps [s]."""
+    seed: int = 0
+    scenario: str = ""
+    """The YAML text this was made from, kept with the trace."""
+
+    @property
+    def steps(self) -> int:
+        """Control steps of the run, the last one at its end or just before."""
+        duration = self.reference.duration if self.duration is None else self.duration
+        return math.floor(duration / self.dt + 1e-9) + 1
+
+    @property
+    def delay_steps(self) -> int:
+        """The delay in control steps."""
+        return round(self.delay / self.dt)
+
+
+def run(setup: Setup) -> Trace:
+    """The whole run at once."""
+    (trace,) = pieces(setup, setup.steps)
+    return trace
+
+
+def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
+    """The run in traces of `length` steps, in order."""
+    desired = tabulate(setup.reference, setup.dt, setup.steps, setup.spline_speed)
+    state = at_rest(setup.start)
+    queue = np.zeros((setup.delay_steps, 2))
+    m = len(setup.around.discs)
+    reach = float(np.hypot(*setup.outline.T).max())
+    for k in range(0, setup.steps, length):
+        n = min(length, setup.steps - k)
+        rows = np.zeros(n, dtype=ROW)
+        h, discs = np.empty((n, m)), np.empty((n, m, 6))
+        state = _advance(
+            k, setup.dt, state, desired, setup.around, setup.hands, setup.operator, setup.seed,
+            setup.gains, setup.limits, setup.outline, reach, queue, rows, h, discs,
+        )  # fmt: skip
+        yield Trace(rows, h, discs, setup.names, setup.dt, setup.scenario)
+
+
+@jit
+def _advance(
+    first: int, dt: float, state: State, table: Floats, around: World, hands: Replay,
+    operator: Operator, seed: int, gains: Gains, limits: Limits, outline: Floats, reach: float,
+    queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
+) -> State:  # fmt: skip
+    """Steps first ... first + len(rows) - 1, each written into rows, h and discs."""
+    for j in range(len(rows)):
+        k = first + j
+        now = discs[j]
+        place(now, 0, around, k * dt)
+        d = table[k]
+        desired = Desired(d[0], d[1], d[2], d[3], d[4])
+        pose = state.pose
+        done = turn(
+            k, dt, state, desired, now, around.noticed, 0, hands, operator, seed,
+            gains, limits, queue,
+        )  # fmt: skip
+        for i in range(now.shape[0]):
+            dx, dy = pose.x - now[i, X], pose.y - now[i, Y]
+            h[j, i] = dx * dx + dy * dy - now[i, SAFE] * now[i, SAFE]
+        s = done.step
+        row = rows[j]
+        row.t = k * dt
+        row.x, row.y, row.psi = pose.x, pose.y, pose.psi
+        row.x_d, row.y_d, row.psi_d = desired.x, desired.y, desired.psi
+        row.u_d, row.r_d = desired.u, desired.r
+        row.e_p = pose_error(pose, desired)
+        row.stick_x, row.stick_psi = done.stick.x, done.stick.psi
+        row.v, row.omega = s.v, s.omega
+        row.automatic_v, row.automatic_omega = s.automatic_v, s.automatic_omega
+        row.human_v, row.human_omega = s.human_v, s.human_omega
+        row.shared_v, row.shared_omega = s.shared_v, s.shared_omega
+        row.avoid_v, row.avoid_omega = s.avoid_v, s.avoid_omega
+        row.authority_x, row.authority_psi = s.authority_x, s.authority_psi
+        row.intent_x, row.intent_psi = s.intent_x, s.intent_psi
+        row.I, row.J, row.h = s.I, s.J, s.h
+        row.verdict, row.culprit = s.verdict, s.culprit
+        row.applied_v, row.applied_omega = done.applied.v, done.applied.omega
+        row.saturated = done.saturated
+        row.clearance = clearance(pose, outline, reach, now, around.walls, NOWHERE)
+        row.energy = done.energy
+        state = done.after
+    return state
