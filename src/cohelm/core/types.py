@@ -62,7 +62,16 @@ class Desired(NamedTuple):
 @jit_inline
 def wrap(angle: float) -> float:
     """The same angle in (-pi, pi] [rad]."""
-    return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
+    inside = angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
+    if inside <= -math.pi or inside > math.pi:  # by the last digit
+        return math.pi
+    return inside
+
+
+@jit_inline
+def is_finite(x: float) -> bool:
+    """Whether x is a number: not NaN, not infinite."""
+    return -math.inf < x < math.inf
 
 
 def disc(

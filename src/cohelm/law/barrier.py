@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit_inline
-from cohelm.core.types import SAFE, VX, VY, Floats, Pose, Twist, X, Y
+from cohelm.core.types import SAFE, VX, VY, Floats, Pose, Twist, X, Y, is_finite
 from cohelm.law.gains import Gains
 
 UNTOUCHED, SHAPED, POWERLESS, INVALID = range(4)
@@ -26,14 +26,14 @@ class Avoidance(NamedTuple):
 
     input: Twist
     """u [m/s, rad/s], to be added to the wish (49)."""
-    I: float  # noqa: E741 - the paper's letter
+    I: float
     """Growth of B under the wish (31)."""
     J: float
     """Growth that is tolerated, K B + C (32)."""
     h: float
     """Smallest h_i, the denominator of the barrier [m^2]; infinite without obstacles."""
     verdict: int
-    """UNTOUCHED, SHAPED or POWERLESS."""
+    """One of the verdicts above; the input of an INVALID one is not a number."""
     culprit: int
     """Row of the obstacle that asked most of the filter, or HEADING; -1 while untouched."""
 
@@ -85,8 +85,10 @@ def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
         motion += slope * (dx * discs[i, VX] + dy * discs[i, VY])
         smallest = min(smallest, h)
     turning = -2.0 * s * c  # second entry of L_gB
-    I = along * wish.v + turning * wish.omega + sign * motion  # noqa: E741
+    I = along * wish.v + turning * wish.omega + sign * motion
     J = gains.K * B + gains.C
+    if not (is_finite(I) and is_finite(J) and smallest > -math.inf):
+        return Avoidance(Twist(math.nan, math.nan), I, J, smallest, INVALID, -1)
     if I <= J:
         return Avoidance(Twist(0.0, 0.0), I, J, smallest, UNTOUCHED, -1)
     culprit = HEADING
@@ -100,6 +102,4 @@ def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
     if square < _POWERLESS_BELOW:
         return Avoidance(Twist(0.0, -steer), I, J, smallest, POWERLESS, culprit)
     gain = (I - J) / square
-    return Avoidance(
-        Twist(-gain * along, -gain * turning - steer), I, J, smallest, SHAPED, culprit
-    )
+    return Avoidance(Twist(-gain * along, -gain * turning - steer), I, J, smallest, SHAPED, culprit)

@@ -44,7 +44,8 @@ class Gains(NamedTuple):
 
 
 GAINS = np.dtype(
-    [(name, "?" if kind == "bool" else "f8") for name, kind in Gains.__annotations__.items()]
+    [(name, "?" if isinstance(value, bool) else "f8") for name, value in Gains()._asdict().items()],
+    align=True,
 )
 """One row of a table of gains, field by field as in `Gains`."""
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit_inline
-from cohelm.core.types import Stick, Twist
+from cohelm.core.types import Stick, Twist, is_finite
 from cohelm.law.gains import Gains
 
 
@@ -66,4 +65,4 @@ def supplied_energy(energy: float, before: Stick, now: Stick, gains: Gains) -> f
 @jit_inline
 def finite(stick: Stick) -> bool:
     """Whether both deflections are numbers: a stick that is not is not a centred stick."""
-    return math.isfinite(stick.x) and math.isfinite(stick.psi)
+    return is_finite(stick.x) and is_finite(stick.psi)

@@ -12,6 +12,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Desired, Floats
 
+_INSTANT = 1e-9  # way-points closer in time than this [s] are a mistake in units
 _AT_REST = 1e-9  # below this speed [m/s] the spline has no direction: a cusp, or the end
 
 
@@ -50,12 +51,14 @@ def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
 
     waypoints: (m, 2), m >= 2 [m]. speed: u_d > 0 [m/s].
     Raises CohelmError for fewer than two way-points, a number that is not finite, two equal
-    way-points in a row, or a speed that is not positive.
+    way-points in a row, a speed that is not positive, or one that does not fit their distances.
     """
     try:
         points = np.asarray(waypoints, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise CohelmError(f"way-points must be pairs of numbers [x, y] in metres ({error})") from error
+        raise CohelmError(
+            f"way-points must be pairs of numbers [x, y] in metres ({error})"
+        ) from error
     if points.ndim != 2 or points.shape[1] != 2:
         raise CohelmError(f"way-points must be pairs [x, y] in metres, got shape {points.shape}")
     if len(points) < 2:
@@ -63,7 +66,8 @@ def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
         raise CohelmError(f"way-point {bad[0] + 1} is not finite: {points[bad[0]].tolist()}")
-    chords = np.hypot(*np.diff(points, axis=0).T)
+    with np.errstate(over="ignore"):
+        chords = np.hypot(*np.diff(points, axis=0).T)
     same = np.flatnonzero(chords < 1e-6)
     if same.size:
         raise CohelmError(
@@ -72,9 +76,17 @@ def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
         )
     if not (math.isfinite(speed) and speed > 0.0):
         raise CohelmError(f"the reference speed must be a positive number of m/s, got {speed}")
-    knots = np.concatenate(([0.0], np.cumsum(chords / speed)))
+    with np.errstate(over="ignore"):
+        knots = np.concatenate(([0.0], np.cumsum(chords / speed)))
+    if not (np.isfinite(knots[-1]) and (np.diff(knots) > _INSTANT).all()):
+        raise CohelmError(
+            f"way-points are too far or too near for a speed of {speed} m/s; "
+            "coordinates are in metres"
+        )
     spline = CubicSpline(knots, points, bc_type="natural")
-    coeffs = np.ascontiguousarray(np.concatenate((spline.c[:, :, 0].T, spline.c[:, :, 1].T), axis=1))
+    coeffs = np.ascontiguousarray(
+        np.concatenate((spline.c[:, :, 0].T, spline.c[:, :, 1].T), axis=1)
+    )
     return Reference(knots, coeffs, float(speed))
 
 
@@ -91,9 +103,9 @@ class Motion(NamedTuple):
 
 @jit
 def evaluate(knots: Floats, coeffs: Floats, t: float) -> Motion:
-    """S_X, S_Y and their two derivatives at time t [s]; at rest on the ends outside [0, T_m]."""
+    """S_X, S_Y and their two derivatives at time t [s]; at rest on the ends outside [T_1, T_m]."""
     last = len(knots) - 1
-    inside = min(max(t, 0.0), knots[last])
+    inside = min(max(t, knots[0]), knots[last])
     low, high = 0, last
     while high - low > 1:
         middle = (low + high) // 2
@@ -141,10 +153,10 @@ def tabulate(reference: Reference, dt: float, steps: int, spline_speed: bool) ->
 
 def demand(reference: Reference) -> Demand:
     """What the reference asks of the robot, from 200 samples between each two way-points."""
-    t = np.unique(np.concatenate([
-        np.linspace(a, b, 200) for a, b in zip(reference.knots[:-1], reference.knots[1:], strict=True)
-    ]))
-    index = np.clip(np.searchsorted(reference.knots, t, side="right") - 1, 0, len(reference.coeffs) - 1)
+    t = np.unique(np.linspace(reference.knots[:-1], reference.knots[1:], 200))
+    index = np.clip(
+        np.searchsorted(reference.knots, t, side="right") - 1, 0, len(reference.coeffs) - 1
+    )
     c = reference.coeffs[index]
     s = t - reference.knots[index]
     vx, vy = ((3 * c[:, j] * s + 2 * c[:, j + 1]) * s + c[:, j + 2] for j in (0, 4))

@@ -6,11 +6,11 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
+from cohelm.core.types import Desired, Floats, Pose, Stick, Twist, is_finite
 from cohelm.law.barrier import INVALID, UNTOUCHED, Avoidance, barrier
-from cohelm.law.blend import Authority, authority, blend
+from cohelm.law.blend import authority, blend
 from cohelm.law.gains import Gains
-from cohelm.law.human import Intent, human, intent, limited
+from cohelm.law.human import finite, human, intent, limited
 from cohelm.law.track import track
 
 
@@ -39,7 +39,7 @@ class Step(NamedTuple):
     intent_x: float
     intent_psi: float
     """V_hx and V_hpsi (41)(42)."""
-    I: float  # noqa: E741 - the paper's letter
+    I: float
     J: float
     """Both sides of the filter's test (31)(32)."""
     h: float
@@ -64,30 +64,24 @@ def control_step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gain
     else:
         avoid = Avoidance(Twist(0.0, 0.0), 0.0, 0.0, math.inf, UNTOUCHED, -1)
     v, omega = tau.v + avoid.input.v, tau.omega + avoid.input.omega
-    if not (math.isfinite(v) and math.isfinite(omega)):
-        return _stop()
-    return _report(v, omega, tau_c, tau_h, tau, share, energy, avoid)
-
-
-@jit_inline
-def _report(
-    v: float, omega: float, tau_c: Twist, tau_h: Twist, tau: Twist,
-    share: Authority, energy: Intent, avoid: Avoidance,
-) -> Step:  # fmt: skip
+    sound = is_finite(v) and is_finite(omega) and finite(stick)
     return Step(
-        v, omega, tau_c.v, tau_c.omega, tau_h.v, tau_h.omega, tau.v, tau.omega,
-        avoid.input.v, avoid.input.omega, share.x, share.psi, energy.x, energy.psi,
-        avoid.I, avoid.J, avoid.h, avoid.verdict, avoid.culprit,
+        _or_0(sound, v), _or_0(sound, omega),
+        _or_0(sound, tau_c.v), _or_0(sound, tau_c.omega),
+        _or_0(sound, tau_h.v), _or_0(sound, tau_h.omega),
+        _or_0(sound, tau.v), _or_0(sound, tau.omega),
+        _or_0(sound, avoid.input.v), _or_0(sound, avoid.input.omega),
+        _or_0(sound, share.x), _or_0(sound, share.psi),
+        _or_0(sound, energy.x), _or_0(sound, energy.psi),
+        _or_0(sound, avoid.I), _or_0(sound, avoid.J), _or_0(sound, avoid.h),
+        avoid.verdict if sound else INVALID, avoid.culprit if sound else -1,
     )  # fmt: skip
 
 
 @jit_inline
-def _stop() -> Step:
-    """Stand still and say why: something that came in was not a finite number."""
-    return Step(
-        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-        0.0, 0.0, 0.0, INVALID, -1,
-    )  # fmt: skip
+def _or_0(sound: bool, value: float) -> float:
+    """The value, or 0 where something that came in was not finite: stand still, and no NaN."""
+    return value if sound else 0.0
 
 
 @jit
@@ -115,8 +109,9 @@ def step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gains: Gains
     """One control step from Python: `control_step` for pose, reference, stick and obstacles.
 
     pose, desired: world frame [m, rad]. stick: deflections in [-1, 1]; more is cut. discs:
-    float64 (n, 6), see `core.types.disc`. Never raises on numbers: a NaN or infinity anywhere
-    gives a standing command with verdict INVALID.
+    float64 (n, 6), see `core.types.disc`. Never raises on numbers and never answers with one
+    that is not finite: a NaN or infinity in pose, reference, stick or (with the barrier on) in
+    a disc's place, motion or safe distance gives a standing command with verdict INVALID.
 
     Arguments are spread on the way in: numba unpacks a float in 30 ns, a named tuple in 800.
     """

@@ -23,15 +23,17 @@ def track(pose: Pose, desired: Desired, gains: Gains) -> Twist:
     dx, dy = desired.x - pose.x, desired.y - pose.y
     x_b = dx * c + dy * s
     y_b = -dx * s + dy * c
-    e_psi = desired.psi - pose.psi
-    v = desired.u * math.cos(e_psi) + gains.k_x * x_b
-    omega = desired.r + gains.k_psi * math.sin(e_psi) + y_b * desired.u
+    # cosine and sine of psi~ = psi_d - psi, which needs no wrapping
+    c_d, s_d = math.cos(desired.psi), math.sin(desired.psi)
+    cos_e, sin_e = c_d * c + s_d * s, s_d * c - c_d * s
+    v = desired.u * cos_e + gains.k_x * x_b
+    omega = desired.r + gains.k_psi * sin_e + y_b * desired.u
     return Twist(v, omega)
 
 
 @jit_inline
 def pose_error(pose: Pose, desired: Desired) -> float:
-    """E_P, the norm of the pose error (51), with the heading difference wrapped (E9) [m and rad]."""
+    """E_P, the norm of the pose error (51), heading difference wrapped (E9) [m and rad]."""
     dx, dy = desired.x - pose.x, desired.y - pose.y
     e_psi = wrap(desired.psi - pose.psi)
     return math.sqrt(dx * dx + dy * dy + e_psi * e_psi)

@@ -17,20 +17,24 @@ from cohelm.core.types import Floats, Pose
 def point_gap(outline: Floats, px: float, py: float) -> float:
     """Signed distance from a body-frame point to the outline, negative inside [m]."""
     k = outline.shape[0]
-    inside = -math.inf
     nearest = math.inf
     for i in range(k):
         j = i + 1 if i + 1 < k else 0
-        ax, ay = outline[i, 0], outline[i, 1]
-        ex, ey = outline[j, 0] - ax, outline[j, 1] - ay
-        wx, wy = px - ax, py - ay
-        length = ex * ex + ey * ey
-        s = min(max((wx * ex + wy * ey) / length, 0.0), 1.0) if length > 0.0 else 0.0
-        gx, gy = wx - s * ex, wy - s * ey
-        nearest = min(nearest, gx * gx + gy * gy)
-        # outward normal of a counter-clockwise edge is (ey, -ex)
-        inside = max(inside, (wx * ey - wy * ex) / math.sqrt(length) if length > 0.0 else 0.0)
-    return math.sqrt(nearest) if inside > 0.0 else inside
+        ex, ey = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
+        wx, wy = px - outline[i, 0], py - outline[i, 1]
+        if wx * ey - wy * ex > 0.0:  # beyond this edge; only such an edge can be the nearest
+            s = min(max((wx * ex + wy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+            gx, gy = wx - s * ex, wy - s * ey
+            nearest = min(nearest, gx * gx + gy * gy)
+    if nearest < math.inf:
+        return math.sqrt(nearest)
+    depth = math.inf
+    for i in range(k):
+        j = i + 1 if i + 1 < k else 0
+        ex, ey = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
+        wx, wy = px - outline[i, 0], py - outline[i, 1]
+        depth = min(depth, (wy * ex - wx * ey) / math.sqrt(ex * ex + ey * ey))
+    return -depth
 
 
 @jit_inline

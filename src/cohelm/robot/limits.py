@@ -32,7 +32,9 @@ def unlimited(track: float) -> Limits:
 
 
 @jit_inline
-def _excess(v: float, omega: float, speed: float, yaw_rate: float, wheel: float, track: float) -> float:  # fmt: skip
+def _excess(
+    v: float, omega: float, speed: float, yaw_rate: float, wheel: float, track: float
+) -> float:
     """How many times over the bounds a twist is; at most 1 is inside."""
     rim = abs(v) + 0.5 * track * abs(omega)  # the faster wheel
     return max(abs(v) / speed, abs(omega) / yaw_rate, rim / wheel)
@@ -50,10 +52,12 @@ def achievable(command: Twist, before: Twist, limits: Limits, dt: float) -> Twis
         command.v, command.omega, limits.speed, limits.yaw_rate, limits.wheel_speed, limits.track
     )
     shrink = 1.0 / over if over > 1.0 else 1.0
-    dv, domega = command.v * shrink - before.v, command.omega * shrink - before.omega
+    v, omega = command.v * shrink, command.omega * shrink
+    dv, domega = v - before.v, omega - before.omega
     over = _excess(
         dv, domega, limits.acceleration * dt, limits.yaw_acceleration * dt,
         limits.wheel_acceleration * dt, limits.track,
     )  # fmt: skip
-    shrink = 1.0 / over if over > 1.0 else 1.0
-    return Twist(before.v + dv * shrink, before.omega + domega * shrink)
+    if over <= 1.0:
+        return Twist(v, omega)  # to the last bit: `before + (v - before)` would round
+    return Twist(before.v + dv / over, before.omega + domega / over)

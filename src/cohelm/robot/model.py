@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from importlib.resources import files
 from typing import Annotated, Self
 
@@ -57,16 +56,18 @@ class RobotModel(Schema):
         edges = np.roll(corners, -1, axis=0) - corners
         after = np.roll(edges, -1, axis=0)
         turns = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
-        if not (turns > 0.0).all():
+        along = edges[:, 0] * after[:, 0] + edges[:, 1] * after[:, 1]
+        once_round = np.arctan2(turns, along).sum() < 3.0 * math.pi  # a star goes round twice
+        if not ((turns > 0.0).all() and once_round):
             raise ValueError("footprint_m must be a convex outline, corners counter-clockwise")
         return self
 
-    @cached_property
+    @property
     def outline(self) -> Floats:
         """The footprint as an array, (k, 2) [m]."""
         return np.array(self.footprint_m, dtype=np.float64)
 
-    @cached_property
+    @property
     def reach(self) -> float:
         """Distance from the body origin to the farthest corner [m]."""
         return float(np.hypot(*self.outline.T).max())
@@ -75,8 +76,16 @@ class RobotModel(Schema):
         """The limits as numbers; without `enforced` those of an ideal unicycle."""
         if not enforced:
             return unlimited(self.track_m)
-        given = [math.inf if value is None else value for _, value in self.limits]
-        return Limits(*given, self.track_m)
+        given = self.limits
+        return Limits(
+            speed=given.speed_mps or math.inf,
+            acceleration=given.acceleration_mps2 or math.inf,
+            yaw_rate=given.yaw_rate_radps or math.inf,
+            yaw_acceleration=given.yaw_acceleration_radps2 or math.inf,
+            wheel_speed=given.wheel_speed_mps or math.inf,
+            wheel_acceleration=given.wheel_acceleration_mps2 or math.inf,
+            track=self.track_m,
+        )
 
 
 SHIPPED = ("sally", "jackal")
