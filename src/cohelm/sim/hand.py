@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.jit import jit_inline
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Pose, Stick, X, Y
 
 
@@ -16,32 +16,43 @@ class Operator(NamedTuple):
     """A person who watches the road ahead through a camera and dodges what is in the way.
 
     The model, step by step:
-    - *notice*: a disc is in the way while its surface is less than `look_ahead` ahead of the
-      robot's centre, its centre is in front, and its surface is less than `half_width` from
-      the line of the robot's heading;
-    - *react*: after it has been in the way for `reaction`, the person picks a side, away from
-      the disc (right when it is dead ahead), and keeps it;
-    - *dodge*: the stick goes to (`surge`, +-`yaw`) while the disc is in the way, and to
-      (`surge`, 0) while it is not but its centre is not yet `behind` the robot's centre;
-    - *let go*: once nothing is beside or ahead for `linger`, the hand opens;
+    - *see*: a disc is seen while its surface is less than `look_ahead` ahead of the robot's
+      centre, its centre not more than `behind` it, and its surface less than twice
+      `half_width` from the line of the robot's heading;
+    - *notice*: a disc that is seen is in the way while its centre is in front and its surface
+      less than `half_width` from that line;
+    - *react*: `reaction` after something came in the way, if anything is still seen, the person
+      takes the stick and picks a side, away from the nearest disc (right when it is dead
+      ahead), and keeps it;
+    - *dodge*: fore-aft the stick goes to `surge`; left-right it points, by `steer` per radian
+      and up to `yaw`, at the place that is `berth` beside the nearest disc that is seen, and
+      to 0 if none is;
+    - *let go*: once nothing has been seen for `linger`, and the stick has been held for `hold`,
+      the hand opens;
     - the hand moves no faster than `hand_rate`, and trembles with `tremor` while it leads.
     """
 
     active: bool = False
-    look_ahead: float = 0.6
+    look_ahead: float = 1.0
     """[m]"""
     half_width: float = 0.3
     """[m]"""
     behind: float = 0.0
     """How far past the robot's centre a disc must be to be forgotten [m]."""
-    surge: float = 0.6
+    surge: float = 0.57
     """Fore-aft deflection while dodging, in [-1, 1]."""
-    yaw: float = 1.0
-    """Left-right deflection while dodging, in [0, 1]."""
-    reaction: float = 0.2
+    yaw: float = 0.66
+    """Largest left-right deflection while dodging, in [0, 1]."""
+    steer: float = 3.0
+    """Left-right deflection per radian of bearing [1/rad]."""
+    berth: float = 0.44
+    """From a disc's centre to the place beside it that the person steers for [m]."""
+    reaction: float = 1.3
     """[s]"""
-    linger: float = 0.2
+    linger: float = 0.0
     """[s]"""
+    hold: float = 3.8
+    """Shortest time the stick is held [s]."""
     hand_rate: float = 5.0
     """Deflections per second."""
     tremor: float = 0.0
@@ -49,7 +60,8 @@ class Operator(NamedTuple):
 
 
 OPERATOR = np.dtype(
-    [(name, "?" if kind == "bool" else "f8") for name, kind in Operator.__annotations__.items()]
+    [(name, "?" if isinstance(v, bool) else "f8") for name, v in Operator()._asdict().items()],
+    align=True,
 )
 """One row of a table of operators, for a batch."""
 
@@ -63,15 +75,18 @@ class Person(NamedTuple):
     """What the simulated person has in mind between two steps."""
 
     noticed_at: float
-    """When something came in the way [s]; infinite if nothing is."""
+    """When something came in the way, and once the stick is held, when it was taken [s]."""
     seen_at: float
-    """When something was last beside or ahead while dodging [s]."""
+    """When something was last seen [s]."""
     side: float
     """+1 dodging to the left, -1 to the right, 0 hands off."""
     x: float
     psi: float
     """Where the hand is, without its trembling."""
 
+
+_NEAR = 0.3
+"""A place beside a disc is looked at as at least this far ahead [m]: nobody steers sideways."""
 
 IDLE = Person(math.inf, -math.inf, 0.0, 0.0, 0.0)
 
@@ -112,7 +127,7 @@ def replayed(hand: int, hands: Replay, t: float) -> Stick:
             low = middle
         else:
             high = middle
-    return Stick(hands.x[low], hands.psi[low])
+    return Stick(float(hands.x[low]), float(hands.psi[low]))
 
 
 @jit_inline
@@ -132,7 +147,7 @@ def normal(seed: int, k: int) -> float:
     return radius * math.cos(2.0 * math.pi * _scrambled(seed, 2 * k + 1))
 
 
-@jit_inline
+@jit
 def operate(
     person: Person, operator: Operator, pose: Pose, discs: Floats, noticed: NDArray[np.bool_],
     k: int, dt: float, seed: int,
@@ -140,29 +155,40 @@ def operate(
     """One step of the simulated person: what they have in mind, and where the stick is."""
     t = k * dt
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    nearest, lateral, present = math.inf, 0.0, False
+    nearest, beside, before = math.inf, 0.0, 0.0
+    in_the_way = False
     for i in range(discs.shape[0]):
         if not noticed[i]:
             continue
         dx, dy = discs[i, X] - pose.x, discs[i, Y] - pose.y
         ahead, left = c * dx + s * dy, -s * dx + c * dy
         gap = ahead - discs[i, RADIUS]
-        if gap > operator.look_ahead or ahead < -operator.behind:
+        off = abs(left) - discs[i, RADIUS]
+        if gap > operator.look_ahead or ahead < -operator.behind or off > 2.0 * operator.half_width:
             continue
-        if abs(left) - discs[i, RADIUS] < 2.0 * operator.half_width:
-            present = True
-        if ahead > 0.0 and abs(left) - discs[i, RADIUS] < operator.half_width and gap < nearest:
-            nearest, lateral = gap, left
-    in_the_way = nearest < math.inf
-    noticed_at = min(person.noticed_at, t) if in_the_way else math.inf
-    seen_at = t if present else person.seen_at
-    side = person.side
-    if side == 0.0 and in_the_way and t - noticed_at >= operator.reaction:
-        side = 1.0 if lateral < -0.02 else -1.0
-    elif side != 0.0 and t - seen_at >= operator.linger:
-        side = 0.0
-    to_x = operator.surge if side != 0.0 else 0.0
-    to_psi = side * operator.yaw if in_the_way else 0.0
+        if ahead > 0.0 and off < operator.half_width:
+            in_the_way = True
+        if gap < nearest:
+            nearest, beside, before = gap, left, ahead
+    seen = nearest < math.inf
+    seen_at = t if seen else person.seen_at
+    noticed_at, side = person.noticed_at, person.side
+    if side != 0.0:
+        if t - seen_at >= operator.linger and t - noticed_at >= operator.hold:
+            noticed_at, side = math.inf, 0.0
+    elif not seen:
+        noticed_at = math.inf
+    else:
+        if in_the_way:
+            noticed_at = min(noticed_at, t)
+        if t - noticed_at >= operator.reaction:
+            noticed_at, side = t, (1.0 if beside < -0.02 else -1.0)
+    to_x, to_psi = 0.0, 0.0
+    if side != 0.0:
+        to_x = operator.surge
+        if seen:
+            bearing = math.atan2(beside + side * operator.berth, max(before, _NEAR))
+            to_psi = min(max(operator.steer * bearing, -operator.yaw), operator.yaw)
     reach = operator.hand_rate * dt
     x = person.x + min(max(to_x - person.x, -reach), reach)
     psi = person.psi + min(max(to_psi - person.psi, -reach), reach)

@@ -16,7 +16,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.reference import Reference, tabulate
 from cohelm.law.track import pose_error
 from cohelm.robot.limits import Limits
-from cohelm.sim.hand import Operator, Replay, replay
+from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replay, replayed
 from cohelm.sim.loop import State, at_rest, turn
 from cohelm.sim.world import NOWHERE, World, clearance, place, world
 
@@ -65,7 +65,7 @@ def run(setup: Setup) -> Trace:
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     """The run in traces of `length` steps, in order."""
     desired = tabulate(setup.reference, setup.dt, setup.steps, setup.spline_speed)
-    state = at_rest(setup.start)
+    state, person = at_rest(setup.start), IDLE
     queue = np.zeros((setup.delay_steps, 2))
     m = len(setup.around.discs)
     reach = float(np.hypot(*setup.outline.T).max())
@@ -73,19 +73,19 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
         n = min(length, setup.steps - k)
         rows = np.zeros(n, dtype=ROW)
         h, discs = np.empty((n, m)), np.empty((n, m, 6))
-        state = _advance(
-            k, setup.dt, state, desired, setup.around, setup.hands, setup.operator, setup.seed,
-            setup.gains, setup.limits, setup.outline, reach, queue, rows, h, discs,
+        state, person = _advance(
+            k, setup.dt, state, person, desired, setup.around, setup.hands, setup.operator,
+            setup.seed, setup.gains, setup.limits, setup.outline, reach, queue, rows, h, discs,
         )  # fmt: skip
         yield Trace(rows, h, discs, setup.names, setup.dt, setup.scenario)
 
 
 @jit
 def _advance(
-    first: int, dt: float, state: State, table: Floats, around: World, hands: Replay,
-    operator: Operator, seed: int, gains: Gains, limits: Limits, outline: Floats, reach: float,
+    first: int, dt: float, state: State, person: Person, table: Floats, around: World,
+    hands: Replay, operator: Operator, seed: int, gains: Gains, limits: Limits, outline: Floats, reach: float,
     queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
-) -> State:  # fmt: skip
+) -> tuple[State, Person]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, each written into rows, h and discs."""
     for j in range(len(rows)):
         k = first + j
@@ -94,21 +94,21 @@ def _advance(
         d = table[k]
         desired = Desired(d[0], d[1], d[2], d[3], d[4])
         pose = state.pose
-        done = turn(
-            k, dt, state, desired, now, around.noticed, 0, hands, operator, seed,
-            gains, limits, queue,
-        )  # fmt: skip
+        if operator.active:
+            person, stick = operate(person, operator, pose, now, around.noticed, k, dt, seed)
+        else:
+            stick = replayed(0, hands, k * dt)
+        state, s, saturated = turn(k, dt, state, stick, desired, now, gains, limits, queue)
         for i in range(now.shape[0]):
             dx, dy = pose.x - now[i, X], pose.y - now[i, Y]
             h[j, i] = dx * dx + dy * dy - now[i, SAFE] * now[i, SAFE]
-        s = done.step
         row = rows[j]
         row.t = k * dt
         row.x, row.y, row.psi = pose.x, pose.y, pose.psi
         row.x_d, row.y_d, row.psi_d = desired.x, desired.y, desired.psi
         row.u_d, row.r_d = desired.u, desired.r
         row.e_p = pose_error(pose, desired)
-        row.stick_x, row.stick_psi = done.stick.x, done.stick.psi
+        row.stick_x, row.stick_psi = stick.x, stick.psi
         row.v, row.omega = s.v, s.omega
         row.automatic_v, row.automatic_omega = s.automatic_v, s.automatic_omega
         row.human_v, row.human_omega = s.human_v, s.human_omega
@@ -118,9 +118,8 @@ def _advance(
         row.intent_x, row.intent_psi = s.intent_x, s.intent_psi
         row.I, row.J, row.h = s.I, s.J, s.h
         row.verdict, row.culprit = s.verdict, s.culprit
-        row.applied_v, row.applied_omega = done.applied.v, done.applied.omega
-        row.saturated = done.saturated
+        row.applied_v, row.applied_omega = state.applied.v, state.applied.omega
+        row.saturated = saturated
         row.clearance = clearance(pose, outline, reach, now, around.walls, NOWHERE)
-        row.energy = done.energy
-        state = done.after
-    return state
+        row.energy = state.energy
+    return state, person
