@@ -1,0 +1,1 @@
+"""Worlds made by others, read in their own formats into the arrays the simulator uses."""

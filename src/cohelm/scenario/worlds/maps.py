@@ -1,0 +1,132 @@
+"""Occupancy maps of ROS map_server: a YAML file beside a PGM or PNG image."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from PIL import Image
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose
+from cohelm.scenario.worlds.file import contents, faults
+from cohelm.sim.grid import Grid, grid
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+"""Values of a cell, as in nav_msgs/OccupancyGrid; scale and raw maps have 1 ... 99 as well."""
+
+_MOST_CELLS = 64_000_000  # 400 m x 400 m at 5 cm
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+@dataclass(frozen=True)
+class OccupancyMap:
+    """What map_server publishes."""
+
+    cells: NDArray[np.int8]
+    """(rows, columns), row 0 at the smallest y of the map's own axes."""
+    resolution: float
+    """Side of a cell [m]."""
+    origin: Pose
+    """World pose of the outer corner of cell (0, 0)."""
+
+    def grid(self, unknown_is_solid: bool = False) -> Grid:
+        """The same for the simulator: occupied cells are solid, and unknown ones on request."""
+        solid = self.cells >= OCCUPIED
+        if unknown_is_solid:
+            solid |= self.cells == UNKNOWN
+        return grid(solid, self.resolution, self.origin)
+
+
+class _Description(BaseModel):
+    """The keys of a map_server YAML file; others are of no concern here."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    image: Annotated[str, Field(min_length=1)]
+    resolution: Annotated[Number, Field(gt=0.0)]
+    origin: Annotated[list[Number], Field(min_length=2, max_length=3)]
+    negate: bool = False
+    occupied_thresh: Share = 0.65
+    free_thresh: Share = 0.196
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.free_thresh >= self.occupied_thresh:
+            raise ValueError("free_thresh must be smaller than occupied_thresh")
+        return self
+
+
+def read_map(path: Path | str) -> OccupancyMap:
+    """A map from its YAML file; the image's path is relative to it.
+
+    With p the darkness of a pixel (its lightness if `negate`), as nav2's map_server reads it:
+    *trinary*: occupied from occupied_thresh, free up to free_thresh, else unknown;
+    *scale*: the same, 1 ... 99 in between, unknown where the image is not opaque;
+    *raw*: the pixel's own value, unknown above 100.
+
+    Raises CohelmError where either file is missing, damaged, too large or makes no sense.
+    """
+    try:
+        given = yaml.safe_load(contents(path, "a map_server YAML file"))
+        about = _Description.model_validate(given)
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise CohelmError(f"{path}: is not YAML ({' '.join(str(error).split())})") from error
+    except ValidationError as error:
+        raise faults(path, error) from error
+    lightness, opaque = _pixels(Path(path).parent / about.image, str(path))
+    p = lightness if about.negate else 1.0 - lightness
+    low, high = about.free_thresh, about.occupied_thresh
+    if about.mode == "raw":
+        value = np.rint(255.0 * lightness)
+        cells = np.where(value <= OCCUPIED, value, UNKNOWN)
+    else:
+        between: NDArray[np.float32] | int = UNKNOWN
+        if about.mode == "scale":
+            between = np.clip(np.rint(100.0 * (p - low) / (high - low)), 1, 99)
+        cells = np.where(p >= high, OCCUPIED, np.where(p <= low, FREE, between))
+        if about.mode == "scale":
+            cells = np.where(opaque, cells, UNKNOWN)
+    x, y, yaw = (*about.origin, 0.0)[:3]
+    # an image's first row is its top, a map's first row its bottom
+    return OccupancyMap(np.flipud(cells).astype(np.int8), about.resolution, Pose(x, y, yaw))
+
+
+def _pixels(path: Path, named_in: str) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Lightness in [0, 1], the mean of the colours, and where the image is opaque."""
+    try:
+        with warnings.catch_warnings():
+            # the limit below is lower than the one that is warned of
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path) as image:
+                width, height = image.size
+                if width * height > _MOST_CELLS:
+                    raise CohelmError(
+                        f"{path}: {width} x {height} cells are more than {_MOST_CELLS}; "
+                        "use a coarser map or cut it"
+                    )
+                if image.mode[0] in "IF":
+                    raise CohelmError(f"{path}: has more than 8 bits per pixel; save it with 8")
+                if image.mode in ("1", "L"):
+                    grey = np.asarray(image.convert("L"), dtype=np.float32) / 255.0
+                    return grey, np.ones(grey.shape, dtype=np.bool_)
+                colours = np.asarray(image.convert("RGBA"))
+    except FileNotFoundError as error:
+        raise CohelmError(
+            f"{path}: there is no such image, but {named_in} names it; correct its `image`"
+        ) from error
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise CohelmError(
+            f"{path}: is not a whole PGM or PNG image ({error}); save it again"
+        ) from error
+    mean = colours[:, :, :3].mean(axis=2, dtype=np.float32) / np.float32(255.0)
+    return mean, colours[:, :, 3] == 255
