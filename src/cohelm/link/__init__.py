@@ -1,0 +1,1 @@
+"""What connects the person to the robot: sticks, recorded and live."""

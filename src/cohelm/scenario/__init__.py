@@ -1,0 +1,1 @@
+"""YAML to checked models to runs; unknown keys, wrong units and impossible worlds are refused."""

@@ -1,0 +1,167 @@
+"""A scenario into a run: numbers, arrays, and the checks that need the whole of it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.trace import ROW
+from cohelm.core.types import Pose
+from cohelm.law.reference import Reference, desired, tabulate
+from cohelm.link import stick as sticks
+from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.model import RobotModel
+from cohelm.scenario.hand import StickFile, StickOperator, StickScript
+from cohelm.scenario.load import digest, dump, standing_alone
+from cohelm.scenario.model import Scenario
+from cohelm.sim.hand import Operator, Replay, replay
+from cohelm.sim.run import Setup
+
+_LARGEST_RUN = 2**30  # bytes of a recorded run
+
+
+def setup(scenario: Scenario) -> Setup:
+    """All that one run needs; its `scenario` is YAML text that makes the same run again.
+
+    Raises CohelmError if the robot starts inside an obstacle or a wall, the run is too long to
+    be held in memory, or the stick file can not be used.
+    """
+    alone = standing_alone(scenario, Path())
+    robot = _robot(alone)
+    reference = alone.reference.spline()
+    hands, alone = _hands(alone)
+    made = Setup(
+        start=_start(alone, reference),
+        reference=reference,
+        outline=robot.outline,
+        limits=robot.bounds(enforced=alone.simulation.wheel_limits),
+        gains=alone.law.gains(alone.reference.speed_mps),
+        spline_speed=alone.reference.feed_forward == "spline",
+        around=alone.around(),
+        names=tuple(obstacle.name for obstacle in alone.obstacles),
+        hands=hands,
+        operator=alone.stick.person() if isinstance(alone.stick, StickOperator) else Operator(),
+        dt=alone.simulation.step_s,
+        duration=alone.simulation.duration_s,
+        delay=alone.simulation.delay_s,
+        seed=alone.simulation.seed,
+        scenario=dump(alone),
+    )
+    _check_length(made, alone)
+    _check_start(made, alone)
+    return made
+
+
+def warnings(scenario: Scenario) -> list[str]:
+    """What will run but is probably not meant, one sentence each.
+
+    A reference that asks for more than the robot's limits; a stick file that ends before the
+    run does.
+    """
+    alone = standing_alone(scenario, Path())
+    reference = alone.reference.spline()
+    found = _beyond_limits(reference, _robot(alone))
+    hands, _ = _hands(alone)
+    run_s = alone.simulation.duration_s or reference.duration
+    if isinstance(alone.stick, StickFile) and hands.times[-1] < run_s:
+        found.append(
+            f"stick: the file ends at {hands.times[-1]:.1f} s of {run_s:.1f} s; "
+            "from then on the stick is centred and the controller leads"
+        )
+    return found
+
+
+def _robot(alone: Scenario) -> RobotModel:
+    if isinstance(alone.robot, str):  # standing_alone has read it in
+        raise TypeError("the robot is still a name")
+    return alone.robot
+
+
+def _start(alone: Scenario, reference: Reference) -> Pose:
+    if alone.start is not None:
+        return Pose(alone.start.x_m, alone.start.y_m, alone.start.heading_rad)
+    first = desired(reference, 0.0, False)
+    return Pose(first.x, first.y, first.psi)
+
+
+def _hands(alone: Scenario) -> tuple[Replay, Scenario]:
+    """The stick's table, and the scenario with the digest of the file it came from."""
+    stick = alone.stick
+    if isinstance(stick, StickScript):
+        t, x, psi = np.array(stick.events, dtype=np.float64).T
+        return replay((t.copy(), x.copy(), psi.copy())), alone
+    if not isinstance(stick, StickFile):
+        return replay(), alone
+    table = sticks.read(stick.path, stick.run, stick.source, stick.full_scale, stick.clip)
+    now = digest(sticks.file_of(stick.path))
+    if stick.sha256 is not None and stick.sha256 != now:
+        raise CohelmError(
+            f"{stick.path}: the stick file has changed since this scenario was written down "
+            "(its sha256 differs); remove stick.sha256 to play it as it is now"
+        )
+    named = alone.model_copy(update={"stick": stick.model_copy(update={"sha256": now})})
+    return replay((table.times + stick.start_s, table.x, table.psi)), named
+
+
+def _check_length(made: Setup, alone: Scenario) -> None:
+    row = ROW.itemsize + 56 * len(made.names)  # h and a disc's row for each obstacle
+    steps = (made.duration or made.reference.duration) / made.dt
+    if steps * row > _LARGEST_RUN:
+        longest = _LARGEST_RUN / row * made.dt
+        raise CohelmError(
+            f"{alone.name}: simulation: {steps:.3g} steps of {made.dt:g} s would take "
+            f"{steps * row / 2**30:.1f} GiB to hold; at most {longest:.0f} s fit: "
+            "shorten duration_s or raise step_s"
+        )
+    if made.delay_steps > steps:
+        raise CohelmError(
+            f"{alone.name}: simulation.delay_s: {made.delay:g} s is longer than the run, so no "
+            "command would reach the wheels"
+        )
+
+
+def _check_start(made: Setup, alone: Scenario) -> None:
+    """The real outline stands clear of everything at t = 0."""
+    for i, obstacle in enumerate(alone.obstacles):
+        x, y = obstacle.start
+        gap = disc_clearance(made.start, made.outline, x, y, obstacle.radius_m)
+        _check_gap(gap, made.start, alone, f"obstacle {obstacle.name} (obstacles.{i})")
+    for i, wall in enumerate(alone.walls_m):
+        gap = segment_clearance(made.start, made.outline, *wall)
+        _check_gap(gap, made.start, alone, f"the wall from {wall[:2]} to {wall[2:]} (walls_m.{i})")
+
+
+def _check_gap(gap: float, start: Pose, alone: Scenario, what: str) -> None:
+    if gap <= 0.0:
+        raise CohelmError(
+            f"{alone.name}: start: the robot at ({start.x:g}, {start.y:g}) m, heading "
+            f"{math.degrees(start.psi):.0f} deg, stands {-gap:.3f} m inside {what}; "
+            "move one of them"
+        )
+
+
+def _beyond_limits(reference: Reference, robot: RobotModel) -> list[str]:
+    """Where the reference asks more than the robot can do, at its worst."""
+    limits = robot.bounds()
+    steps = min(max(round(reference.duration / 0.01), 2000), 1_000_000)
+    table = tabulate(reference, reference.duration / steps, steps, True)
+    speed, yaw_rate = np.abs(table[:, 3]), np.abs(table[:, 4])
+    rim = speed + 0.5 * limits.track * yaw_rate
+    asked = (
+        ("a speed", speed, limits.speed, "m/s"),
+        ("a yaw rate", yaw_rate, limits.yaw_rate, "rad/s"),
+        ("a wheel speed", rim, limits.wheel_speed, "m/s"),
+    )
+    found: list[str] = []
+    for what, series, bound, unit in asked:
+        worst = int(series.argmax())
+        if series[worst] > bound:
+            t = worst * reference.duration / steps
+            found.append(
+                f"reference: asks for {what} of {series[worst]:.2f} {unit} at t = {t:.1f} s, but "
+                f"{robot.name} has {bound:g} {unit}; lower speed_mps or smooth the way-points"
+            )
+    return found

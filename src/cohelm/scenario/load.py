@@ -1,0 +1,156 @@
+"""Files and names into checked models: scenarios, robots, anything built on `Schema`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from difflib import get_close_matches
+from importlib.resources import files
+from pathlib import Path
+from typing import TypeVar
+
+import yaml
+from pydantic import ValidationError
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.schema import Schema
+from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
+from cohelm.scenario.explain import sentences
+from cohelm.scenario.hand import StickFile
+from cohelm.scenario.model import Scenario
+from cohelm.scenario.text import graft, plain, tree
+
+Model = TypeVar("Model", bound=Schema)
+
+_LARGEST = 50_000_000  # bytes of YAML; more is a mistake
+
+
+def scenario(path: str | Path, overrides: Sequence[str] = (), stick: str | None = None) -> Scenario:
+    """The scenario in a file, or one that comes with the package by its bare name.
+
+    overrides: `key.path=value` with the value in YAML. stick: a stick file to play instead of
+    the scenario's hand, relative to the working folder. The robot is read in and the stick
+    file's path made absolute, so that the result stands alone. Raises CohelmError with every
+    problem of the file, one per line.
+    """
+    file = find(path)
+    made = read(file, Scenario, overrides)
+    if isinstance(made.robot, str):
+        made = made.model_copy(update={"robot": robot(made.robot, file.parent, f"{file}: ")})
+    if stick is not None:
+        hand = StickFile(kind="file", path=str(Path(stick).absolute()))
+        made = made.model_copy(update={"stick": hand})
+    return standing_alone(made, file.parent)
+
+
+def read(path: str | Path, model: type[Model], overrides: Sequence[str] = ()) -> Model:
+    """The checked model in a YAML file; CohelmError with every problem, one per line."""
+    return parse(_text(Path(path)), model, str(path), overrides)
+
+
+def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] = ()) -> Model:
+    """The checked model in YAML text; `source` is what errors call it."""
+    root = tree(text, source)
+    for override in overrides:
+        graft(root, override)
+    problems: list[str] = []
+    try:
+        data = plain(root, problems)
+        # As JSON, the strict mode still takes a list for a tuple, and no text for a number.
+        made = model.model_validate_json(json.dumps(data), strict=True)
+    except ValidationError as error:
+        raise CohelmError("\n".join(problems + sentences(error, root, model))) from error
+    if problems:
+        raise CohelmError("\n".join(problems))
+    return made
+
+
+def dump(model: Schema) -> str:
+    """YAML text that loads as an equal model."""
+    data = model.model_dump(mode="json", exclude_none=True)
+    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True)
+
+
+def standing_alone(made: Scenario, folder: Path) -> Scenario:
+    """The same with the robot's description in it and an absolute stick path."""
+    update: dict[str, object] = {}
+    if isinstance(made.robot, str):
+        update["robot"] = robot(made.robot, folder)
+    if isinstance(made.stick, StickFile) and not Path(made.stick.path).is_absolute():
+        path = str((folder / made.stick.path).absolute())
+        update["stick"] = made.stick.model_copy(update={"path": path})
+    return made.model_copy(update=update)
+
+
+def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
+    """A robot by its shipped name, or from its YAML file, relative to `folder`.
+
+    asked_by: where the name stands, for the error's beginning.
+    """
+    if name in SHIPPED:
+        return read(shipped_path(name), RobotModel)
+    file = folder / name
+    if not file.exists() and Path(name).suffix not in (".yaml", ".yml"):
+        raise CohelmError(
+            f"{asked_by}robot: no robot is called {name!r}; there are {', '.join(SHIPPED)}, "
+            f"or give the path of a robot's YAML file{_meant(name, SHIPPED)}"
+        )
+    if not file.exists():
+        close = _meant(file.name, _names(file.parent))
+        raise CohelmError(f"{asked_by}robot: {file}: no such file{close}")
+    return read(file, RobotModel)
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, to know it again."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def shipped() -> dict[str, Path]:
+    """The scenarios that come with the package, by name."""
+    installed = Path(str(files("cohelm"))) / "scenarios"
+    folder = installed if installed.is_dir() else Path(__file__).parents[3] / "scenarios"
+    return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
+
+
+def find(path: str | Path) -> Path:
+    """The file that a path or a shipped scenario's bare name means; CohelmError if none."""
+    file, named = Path(path), shipped()
+    if str(path) in named and not file.is_file():
+        return named[str(path)]
+    if file.exists():
+        return file
+    if file.stem in named:
+        raise CohelmError(f"{path}: no such file; did you mean the shipped scenario {file.stem!r}?")
+    beside = _names(file.parent)
+    close = _meant(file.name, beside) or _meant(file.stem, named)
+    raise CohelmError(
+        f"{path}: no such file{close}; scenarios that come with cohelm: {', '.join(named)}"
+    )
+
+
+def _names(folder: Path) -> list[str]:
+    return sorted(f.name for f in folder.glob("*.y*ml")) if folder.is_dir() else []
+
+
+def _meant(word: str, known: Sequence[str] | dict[str, Path]) -> str:
+    close = get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def _text(file: Path) -> str:
+    """A file's text, or CohelmError in plain words."""
+    if not file.exists():
+        raise CohelmError(f"{file}: no such file{_meant(file.name, _names(file.parent))}")
+    if file.is_dir():
+        inside = ", ".join(_names(file)) or "none"
+        raise CohelmError(f"{file}: is a folder; name a YAML file in it ({inside})")
+    try:
+        if file.stat().st_size > _LARGEST:
+            raise CohelmError(f"{file}: larger than {_LARGEST // 10**6} MB, not a scenario")
+        return file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise CohelmError(f"{file}: not a text file in UTF-8, so not a YAML file") from error
+    except OSError as error:
+        raise CohelmError(f"{file}: can not be read: {error.strerror}") from error

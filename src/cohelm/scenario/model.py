@@ -1,0 +1,276 @@
+"""What a scenario file may say: every key with its unit, its range, and the paper's value.
+
+A number's unit is the end of its key (`_m`, `_s`, `_mps`, `_rad`, ...); gains keep the paper's
+names, and their units stand in their descriptions. The field descriptions below are what
+editors show (`cohelm schema`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, NoReturn, Self
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.schema import Schema
+from cohelm.core.types import Floats
+from cohelm.law.gains import Gains
+from cohelm.law.reference import Reference, through
+from cohelm.robot.model import RobotModel
+from cohelm.scenario.hand import Stick, StickNone, StickOperator
+from cohelm.sim.world import Body, World, world
+
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
+Point = tuple[Coordinate, Coordinate]
+Segment = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+Speed = Annotated[float, Field(gt=0.0, le=100.0)]
+Component = Annotated[float, Field(ge=-100.0, le=100.0)]
+Gain = Annotated[float, Field(ge=0.0, le=1e4)]
+PositiveGain = Annotated[float, Field(gt=0.0, le=1e4)]
+Name = Annotated[str, Field(min_length=1, max_length=80)]
+Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
+
+_PAPER = Gains()
+
+
+def refuse(*problems: tuple[str, str]) -> NoReturn:
+    """Raise, from a validator, problems as (key path below the model, sentence)."""
+    raise PydanticCustomError("problems", "{said}", {"said": problems})
+
+
+def _path(waypoints: list[Point], speed: float) -> Reference:
+    try:
+        return through(np.array(waypoints), speed)
+    except CohelmError as error:
+        refuse(("waypoints_m", str(error)))
+
+
+class Start(Schema):
+    """Where the robot stands at the beginning."""
+
+    x_m: Coordinate
+    """World x of the robot's centre."""
+    y_m: Coordinate
+    """World y of the robot's centre."""
+    heading_rad: Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi)]
+    """Heading, counter-clockwise from x."""
+
+
+class ReferenceModel(Schema):
+    """The trajectory to follow: natural cubic splines through way-points (7)-(13)."""
+
+    speed_mps: Speed = _PAPER.u_d
+    """Desired surge speed u_d; full fore-aft deflection of the stick is scaled by it too (45)."""
+    waypoints_m: Annotated[list[Point], Field(min_length=2, max_length=100_000)]
+    """Way-points [x, y], at least two, no two equal ones in a row."""
+    feed_forward: Literal["constant", "spline"] = "constant"
+    """Speed in the tracking law (E10): the constant u_d as printed, or the spline's own speed."""
+
+    @model_validator(mode="after")
+    def _passable(self) -> Self:
+        _path(self.waypoints_m, self.speed_mps)
+        return self
+
+    def spline(self) -> Reference:
+        """The trajectory itself."""
+        return _path(self.waypoints_m, self.speed_mps)
+
+
+class Tracking(Schema):
+    """Gains of the tracking law (16)(17)."""
+
+    k_x: PositiveGain = _PAPER.k_x
+    """Surge gain [1/s]."""
+    k_psi: PositiveGain = _PAPER.k_psi
+    """Heading gain [1/s]."""
+
+
+class Barrier(Schema):
+    """The relaxed control barrier function (22)-(33)."""
+
+    enabled: bool = _PAPER.barrier
+    """Whether the collision-avoidance input is added at all (49)."""
+    K: Gain = _PAPER.K
+    """Growth rate that is tolerated (32) [1/s]."""
+    C: Gain = _PAPER.C
+    """Constant growth that is tolerated (32) [1/(m^2 s)]."""
+    k_cbf: Gain = _PAPER.k_cbf
+    """Steering to the right while the filter acts (33) [rad/s]; the paper gives no value (E3)."""
+    motion_sign: Literal["derivative", "printed"] = "derivative"
+    """Sign of the moving-obstacle term (27): the derivative's own, or the printed one (E2)."""
+
+
+class Sharing(Schema):
+    """How the person's wish and the controller's are blended (34)-(48)."""
+
+    blend: Literal["joint", "per-axis"] = "joint"
+    """One authority for both axes (47)(48), or one per axis (43)(44), found unstable (Remark 2)."""
+    k_hx: Gain = _PAPER.k_hx
+    """Human surge gain (45)."""
+    k_hpsi: Gain = _PAPER.k_hpsi
+    """Human yaw-rate gain (46) [rad/s]."""
+    k_s: Gain = _PAPER.k_s
+    """Spring constant of the stick (35)."""
+    dead_band: Annotated[float, Field(ge=0.0, lt=1.0)] = _PAPER.dead_band
+    """C_Joy (45)(46): deflections up to this count as none; the paper gives no value (E3)."""
+
+
+class Law(Schema):
+    """Gains of Table II, and the choices that the paper leaves open."""
+
+    tracking: Tracking = Tracking()
+    """Following the reference."""
+    barrier: Barrier = Barrier()
+    """Keeping away from obstacles."""
+    sharing: Sharing = Sharing()
+    """Who leads."""
+
+    def gains(self, u_d: float) -> Gains:
+        """The same as numbers, with u_d [m/s] from the reference."""
+        t, b, s = self.tracking, self.barrier, self.sharing
+        return Gains(
+            k_x=t.k_x, k_psi=t.k_psi, K=b.K, C=b.C, k_cbf=b.k_cbf,
+            k_hx=s.k_hx, k_hpsi=s.k_hpsi, k_s=s.k_s, dead_band=s.dead_band, u_d=u_d,
+            barrier=b.enabled, joint=s.blend == "joint", true_sign=b.motion_sign == "derivative",
+        )  # fmt: skip
+
+
+class ObstaclePath(Schema):
+    """A spline that an obstacle follows once; it rests before and after."""
+
+    start_s: Seconds = 0.0
+    """When it sets off."""
+    speed_mps: Speed
+    """How fast it goes."""
+    waypoints_m: Annotated[list[Point], Field(min_length=2, max_length=100_000)]
+    """Way-points [x, y], at least two, no two equal ones in a row."""
+
+    @model_validator(mode="after")
+    def _passable(self) -> Self:
+        _path(self.waypoints_m, self.speed_mps)
+        return self
+
+    def spline(self) -> Reference:
+        """The path in its own time."""
+        return _path(self.waypoints_m, self.speed_mps)
+
+
+class Obstacle(Schema):
+    """A disc that rests, drifts with a constant velocity, or follows a path."""
+
+    name: Name
+    """What to call it in tables and figures."""
+    center_m: Point | None = None
+    """Centre [x, y] at the start; leave it out when there is a path."""
+    radius_m: Annotated[float, Field(ge=0.0, le=1000.0)]
+    """Radius of the body itself."""
+    safe_distance_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.2
+    """r_i (19): from the robot's centre to the obstacle's, h_i = distance^2 - r_i^2 (Table II)."""
+    velocity_mps: tuple[Component, Component] | None = None
+    """Velocity [x, y] in the world frame; none for an obstacle that rests."""
+    path: ObstaclePath | None = None
+    """The path it follows, instead of `center_m` and `velocity_mps`."""
+
+    @model_validator(mode="after")
+    def _placed(self) -> Self:
+        if self.path is None and self.center_m is None:
+            refuse(("", "needs either center_m: [x, y] or a path"))
+        if self.path is not None and self.center_m is not None:
+            refuse(("center_m", "is the path's first way-point already; remove center_m or path"))
+        if self.path is not None and self.velocity_mps is not None:
+            refuse(("velocity_mps", "the path says how fast it moves; remove velocity_mps or path"))
+        return self
+
+    @property
+    def start(self) -> Point:
+        """Where its centre is at t = 0 [m]."""
+        return self.path.waypoints_m[0] if self.path else (self.center_m or (0.0, 0.0))
+
+    def body(self, noticed: bool) -> Body:
+        """The disc as the simulator takes it."""
+        path = None if self.path is None else self.path.spline()
+        x, y = self.start
+        vx, vy = self.velocity_mps or (0.0, 0.0)
+        row = (x, y, vx, vy, self.radius_m, self.safe_distance_m)
+        return Body(row, path, self.path.start_s if self.path else 0.0, noticed)
+
+
+class Simulation(Schema):
+    """How the run is simulated."""
+
+    step_s: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
+    """Control and simulation step; the command is held over it."""
+    duration_s: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
+    """Length of the run; by default that of the reference."""
+    wheel_limits: bool = True
+    """Whether the robot's speed and acceleration limits hold, or it is the ideal unicycle (E11)."""
+    delay_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
+    """From command to wheels, rounded to whole steps."""
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    """Of everything random; the same seed gives the same run."""
+
+
+def _named_or_described(robot: object) -> str:
+    return "name" if isinstance(robot, str) else "description"
+
+
+class Scenario(Schema):
+    """One run: a robot, what it follows, what is in its way, and whose hand is on the stick."""
+
+    name: Name
+    """What to call it."""
+    robot: Annotated[
+        Annotated[str, Tag("name")] | Annotated[RobotModel, Tag("description")],
+        Discriminator(_named_or_described),
+    ] = "sally"
+    """A robot that comes with the package (sally, jackal), the path of a robot's YAML file
+    relative to this one, or the robot's description itself."""
+    start: Start | None = None
+    """Where the robot starts; by default on the reference's first pose."""
+    reference: ReferenceModel
+    """What to follow."""
+    law: Law = Law()
+    """The control law; by default the paper's."""
+    obstacles: list[Obstacle] = Field(default=[], max_length=10_000)
+    """Discs, any number."""
+    walls_m: list[Segment] = Field(default=[], max_length=100_000)
+    """Wall segments [x1, y1, x2, y2], for clearance and figures; the paper's law ignores them."""
+    stick: Stick = StickNone()
+    """Whose hand is on the stick."""
+    simulation: Simulation = Simulation()
+    """Step, length, limits, delay, seed."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        problems: list[tuple[str, str]] = []
+        seen: dict[str, int] = {}
+        for i, obstacle in enumerate(self.obstacles):
+            first = seen.setdefault(obstacle.name, i)
+            if first != i:
+                said = f"obstacle {first + 1} is called {obstacle.name!r} too; names must differ"
+                problems.append((f"obstacles.{i}.name", said))
+        if isinstance(self.stick, StickOperator):
+            for i, name in enumerate(self.stick.minds or []):
+                if name not in seen:
+                    known = ", ".join(seen) or "none"
+                    said = f"no obstacle is called {name!r}; there are: {known}"
+                    problems.append((f"stick.minds.{i}", said))
+        for i, (x1, y1, x2, y2) in enumerate(self.walls_m):
+            if x1 == x2 and y1 == y2:
+                problems.append((f"walls_m.{i}", "both ends are the same point; remove the wall"))
+        if problems:
+            refuse(*problems)
+        return self
+
+    def walls(self) -> Floats:
+        """The walls as an array, (s, 4) [m]."""
+        return np.array(self.walls_m, dtype=np.float64).reshape(-1, 4)
+
+    def around(self) -> World:
+        """Obstacles and walls as the simulator takes them."""
+        minds = self.stick.minds if isinstance(self.stick, StickOperator) else None
+        bodies = [o.body(minds is None or o.name in minds) for o in self.obstacles]
+        return world((bodies, self.walls()))
