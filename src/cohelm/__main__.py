@@ -1,0 +1,5 @@
+"""`python -m cohelm` is the command `cohelm`."""
+
+from cohelm.cli import main
+
+main()

@@ -1,0 +1,1 @@
+"""What runs show: scores, figures, the paper's experiments again."""

@@ -1,0 +1,223 @@
+"""The paper's experiments again, in one go: numbers, table, figures and records in one folder."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.record.topics import Scene
+from cohelm.record.write import Recorder
+from cohelm.study.experiments import SETTLED, Experiments, Progress, Run, perform
+from cohelm.study.metrics import Metrics, plain, wheel_acceleration
+
+_RUNS, _RECORDS = 0.25, 0.55
+"""Shares of the whole at which runs and records are done."""
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What came out, and where it was written."""
+
+    experiments: Experiments
+    written: list[Path]
+    """Every file, `reproduce.json` first."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The numbers as plain values for JSON."""
+        return numbers(self.experiments)
+
+    def table(self) -> list[tuple[str, str, str]]:
+        """Rows of (quantity, ours, paper)."""
+        return table(self.experiments)
+
+
+def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Reproduction:
+    """Run the paper's experiments and write what they show into the folder `out`.
+
+    The folder is made if need be; files of an earlier reproduction in it are replaced. The same
+    code writes the same bytes every time. progress: told what is being done, and the share of
+    the whole that is behind. Raises CohelmError where the folder can not be written.
+    """
+    try:
+        (out / "records").mkdir(parents=True, exist_ok=True)  # before the work, if it can not be
+        ex = perform(lambda doing, share: progress(doing, _RUNS * share))
+        written = _write(ex, out, progress)
+    except OSError as error:
+        raise CohelmError(
+            f"{out}: can not be written ({error.strerror}); choose another folder with --out, "
+            "or free some space"
+        ) from error
+    progress("done", 1.0)
+    return Reproduction(ex, written)
+
+
+def _write(ex: Experiments, out: Path, progress: Progress) -> list[Path]:
+    told = out / "reproduce.json"
+    told.write_text(json.dumps(numbers(ex), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    written = [told]
+    runs = ex.recorded()
+    for name, run in runs.items():
+        done = (len(written) - 1) / len(runs)
+        progress(f"record {name}", _RUNS + (_RECORDS - _RUNS) * done)
+        written.append(record(run, out / "records" / f"{name}.mcap"))
+    # matplotlib takes a second to import: only those who draw wait for it.
+    from cohelm.study.figures import draw_figures
+
+    written += draw_figures(
+        ex, out, lambda doing, s: progress(doing, _RECORDS + (1 - _RECORDS) * s)
+    )
+    summary = out / "summary.md"
+    summary.write_text(_summary(ex), encoding="utf-8")
+    return [*written, summary]
+
+
+def record(run: Run, path: Path) -> Path:
+    """Write a run as MCAP, in place of an earlier record at `path`."""
+    r = run.trace.rows[:: max(round(0.1 / run.trace.dt), 1)]
+    reference = np.column_stack((r["x_d"], r["y_d"], r["psi_d"]))
+    path.unlink(missing_ok=True)
+    with Recorder(path, Scene(run.setup.outline, run.setup.around.walls, reference)) as file:
+        file.write(run.trace)
+    return path
+
+
+def numbers(ex: Experiments) -> dict[str, Any]:
+    """Everything that is reported, as plain values for JSON."""
+    track, avoid, without, shared = (
+        run.metrics for run in (ex.track, ex.avoid, ex.without, ex.shared)
+    )
+    return plain(
+        {
+            "tracking": {
+                "max_pose_error": track.max_pose_error,
+                "final_pose_error": track.final_pose_error,
+                "settle_s": ex.settle_s,
+                "least_settle_s": ex.least_settle_s,
+                "longest_above_settled_s": ex.longest_above_settled_s,
+            },
+            "barrier": {
+                "k_cbf": ex.avoid.setup.gains.k_cbf,
+                "min_h": {name: disc.min_h for name, disc in avoid.discs.items()},
+                "min_h_without": {name: disc.min_h for name, disc in without.discs.items()},
+                "min_footprint_clearance_m": avoid.min_clearance_m,
+                "max_command": [avoid.max_speed_mps, avoid.max_yaw_rate_radps],
+                "max_pose_error": avoid.max_pose_error,
+                "passed_on": {name: disc.side for name, disc in avoid.discs.items()},
+            },
+            "shared": {
+                "human_windows_s": shared.human_windows_s,
+                "min_auto_authority": shared.min_auto_authority,
+                "return_s": shared.return_s,
+                "min_h": shared.min_h,
+                "min_footprint_clearance_m": shared.min_clearance_m,
+                "final_pose_error": shared.final_pose_error,
+            },
+            "wheel_limits_on": {
+                name: _limited(run.metrics, wheel_acceleration(run.trace, ex.wheels.track))
+                for name, run in ex.limited.items()
+            },
+            "k_cbf_sweep": [
+                {
+                    "k_cbf": trial.k_cbf,
+                    "min_h": trial.metrics.min_h,
+                    "reached": trial.metrics.reached,
+                    "max_speed_mps": trial.metrics.max_speed_mps,
+                    "longest_stall_s": trial.metrics.longest_stall_s,
+                    "max_pose_error": trial.metrics.max_pose_error,
+                    "min_footprint_clearance_m": trial.metrics.min_clearance_m,
+                }
+                for trial in ex.sweep
+            ],
+        }
+    )
+
+
+def _limited(m: Metrics, wheel_acceleration_mps2: float) -> dict[str, Any]:
+    return {
+        "max_pose_error": m.max_pose_error,
+        "final_pose_error": m.final_pose_error,
+        "min_h": m.min_h,
+        "min_footprint_clearance_m": m.min_clearance_m,
+        "saturated_share": m.saturated_share,
+        "max_wheel_acceleration_mps2": wheel_acceleration_mps2,
+        "human_windows_s": m.human_windows_s,
+        "return_s": m.return_s,
+    }
+
+
+def table(ex: Experiments) -> list[tuple[str, str, str]]:
+    """Rows of (quantity, ours, paper); a dash where the paper gives no number."""
+    track, avoid, without, shared = (
+        run.metrics for run in (ex.track, ex.avoid, ex.without, ex.shared)
+    )
+    rows = [
+        ("tracking: largest E_P", f"{track.max_pose_error:.3f}", "< 0.03 but for jumps"),
+        ("tracking: final E_P", f"{track.final_pose_error:.4f}", "–"),
+        (
+            f"tracking: longest above E_P {SETTLED}, at a turn",
+            f"{ex.longest_above_settled_s:.1f} s",
+            "< 2 s",
+        ),
+        (
+            f"back to E_P {SETTLED} from a 90° heading error",
+            _seconds(ex.settle_s),
+            "< 2 s",
+        ),
+    ]
+    for name, disc in avoid.discs.items():
+        rows.append((f"barrier: smallest h, {name}", f"{disc.min_h:.3f} m²", "> 0"))
+        h = without.discs[name].min_h
+        rows.append((f"no barrier: smallest h, {name}", f"{h:.3f} m²", "< 0"))
+    windows = ", ".join(f"{a:.1f}–{b:.1f}" for a, b in shared.human_windows_s) or "never"
+    rows += [
+        ("barrier: outline's smallest clearance", f"{avoid.min_clearance_m:.3f} m", "no contact"),
+        (
+            "barrier: largest command",
+            f"{avoid.max_speed_mps:.2f} m/s, {avoid.max_yaw_rate_radps:.2f} rad/s",
+            "–",
+        ),
+        ("shared: the person leads", f"{windows} s", "2.5–6.3, 43.2–46.6 s"),
+        ("shared: least automatic authority", f"{shared.min_auto_authority:.2f}", "–"),
+        (
+            "shared: back on the path after",
+            ", ".join(_seconds(t) for t in shared.return_s) or "–",
+            "“quickly”",
+        ),
+        ("shared: smallest h", f"{shared.min_h:.3f} m²", "> 0"),
+    ]
+    for name, run in ex.limited.items():
+        m = run.metrics
+        if m.discs:
+            rows.append(
+                (
+                    f"{name}, wheel limits on: h, clearance",
+                    f"{m.min_h:.3f} m², {m.min_clearance_m:.3f} m",
+                    "–",
+                )
+            )
+    return rows
+
+
+def _seconds(t: float) -> str:
+    return f"{t:.1f} s" if math.isfinite(t) else "never"
+
+
+_PICTURES = (
+    "fig06_track_path", "fig07_track_error", "fig08_avoid_path", "fig09_avoid_h",
+    "fig10_shared_path", "fig11_shared_authority", "k_cbf_sweep",
+)  # fmt: skip
+
+
+def _summary(ex: Experiments) -> str:
+    """Table and figures on one page of Markdown."""
+    lines = ["# The paper's experiments, again", "", "| | ours | paper |", "|---|---|---|"]
+    lines += [f"| {quantity} | {ours} | {paper} |" for quantity, ours, paper in table(ex)]
+    lines += ["", "What each number means is said in `reproduce.json` and in docs/paper.md.", ""]
+    lines += [f"![{name}]({name}.png)\n" for name in _PICTURES]
+    return "\n".join(lines)

@@ -1,0 +1,48 @@
+"""The picture of any one run, with and without obstacles, walls or a person."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cohelm.scenario import build, load
+from cohelm.sim.run import run
+from cohelm.study.experiments import Run
+from cohelm.study.figures import draw_run, figure_run
+
+
+def made(name, *changes):
+    setup = build.setup(load.scenario(name, ["simulation.duration_s=6", *changes]))
+    return Run(setup, run(setup))
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("lab-shared", ()),
+        ("lab-track", ("walls_m=[]",)),
+        ("lab-avoid", ("obstacles=[]", "walls_m=[]")),
+        ("minimal", ()),
+    ],
+)
+def test_any_run_has_its_picture(tmp_path, name, changes):
+    png, svg = draw_run(made(name, *changes), tmp_path, name)
+    with Image.open(png) as image:
+        pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(pixels, axis=0)) > 50
+    assert "E_P" in svg.read_text(encoding="utf-8")
+
+
+def said(figure):
+    return " ".join(text.get_text() for text in figure.texts)
+
+
+def test_a_collision_is_said_in_the_title():
+    run_over = made("lab-avoid", "law.barrier.enabled=false", "obstacles.0.center_m=[0, 0.2]")
+    assert run_over.metrics.contact
+    assert "IN CONTACT" in said(figure_run(run_over))
+
+
+def test_a_run_that_ends_beside_its_reference_is_said_to():
+    beside = made("lab-track", "start.y_m=-2.5", "simulation.duration_s=0.2")
+    assert "ENDS OFF its reference" in said(figure_run(beside))
+    assert "ends on its reference" in said(figure_run(made("lab-track")))
