@@ -1,0 +1,89 @@
+"""An edited formula is the one that runs, wherever the cache lies, or where none can lie."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+import cohelm
+from cohelm.core import jit
+
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="compilation is off")
+
+PACKAGE = Path(cohelm.__file__).parent
+STEP = """
+from cohelm.core.types import Desired, Pose, Stick, discs
+from cohelm.law.step import step
+print(step(Pose(0.0, 0.0, 0.0), Desired(1.0, 0.0, 0.0, 0.5, 0.0), Stick(0.0, 0.0), discs()).v)
+"""
+TRACK = """
+from cohelm.core.types import Desired, Pose
+from cohelm.law.gains import Gains
+from cohelm.law.track import track
+print(track(Pose(0.0, 0.0, 0.0), Desired(1.0, 0.0, 0.0, 0.5, 0.0), Gains()).v)
+"""
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A copy of the package that a test may edit."""
+    copy = tmp_path / "src" / "cohelm"
+    for room in ("core", "law"):
+        shutil.copytree(PACKAGE / room, copy / room, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(PACKAGE / "__init__.py", copy)
+    return copy
+
+
+def answer(checkout, command, **environment):
+    """What the law in this copy answers in a fresh process: the commanded speed 1 m behind."""
+    base = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "COHELM_", "COV"))}
+    done = subprocess.run(
+        [sys.executable, "-c", command], check=False, capture_output=True, text=True,
+        env=base | {"PYTHONPATH": str(checkout.parent)} | environment,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return float(done.stdout)
+
+
+def test_an_edited_formula_runs_at_once_though_its_caller_was_cached(checkout, tmp_path):
+    """`track` is called from the cached `step` in another file; numba alone would not notice."""
+    cache = tmp_path / "cache"
+    assert answer(checkout, STEP, COHELM_CACHE_DIR=str(cache)) == pytest.approx(0.5 + 0.9)
+    assert list(cache.rglob("*.nbc"))
+    law = checkout / "law" / "track.py"
+    text = law.read_text(encoding="utf-8")
+    assert "gains.k_x * x_b" in text
+    law.write_text(text.replace("gains.k_x * x_b", "2 * gains.k_x * x_b"), encoding="utf-8")
+    assert answer(checkout, STEP, COHELM_CACHE_DIR=str(cache)) == pytest.approx(0.5 + 1.8)
+    assert len(list((cache / "numba").iterdir())) == 2
+
+
+def test_where_no_cache_can_be_written_the_law_still_runs(checkout):
+    """A read-only home and a read-only package: slower to start, and nothing else."""
+    for room in ("core", "law"):
+        (checkout / room / "__pycache__").write_text("in the way", encoding="utf-8")
+    nowhere = "/proc/nowhere"  # not even root can write there
+    places = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "COHELM_CACHE_DIR"), nowhere)
+    speed = answer(checkout, TRACK, **places, PYTHONDONTWRITEBYTECODE="1")
+    assert speed == pytest.approx(0.5 + 0.9)
+
+
+def test_only_the_newest_caches_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("COHELM_CACHE_DIR", str(tmp_path))
+    for age in range(8):
+        old = tmp_path / "numba" / f"edit{age}"
+        old.mkdir(parents=True)
+        os.utime(old, (1e9 - age, 1e9 - age))
+    mine = Path(jit._cache_folder())
+    kept = {path.name for path in (tmp_path / "numba").iterdir()}
+    assert mine.name in kept
+    assert kept - {mine.name} == {"edit0", "edit1", "edit2"}
+
+
+def test_the_cache_is_named_after_the_sources_and_found_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("COHELM_CACHE_DIR", str(tmp_path))
+    assert jit._cache_folder() == jit._cache_folder() != ""

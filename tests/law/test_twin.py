@@ -1,0 +1,69 @@
+"""The compiled law against its slow twin, written from the paper and not from the code."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, strategies as st
+
+from cohelm.core.types import Twist
+from cohelm.law.barrier import SHAPED, UNTOUCHED
+from cohelm.law.step import step
+from cohelm.law.track import pose_error, track
+from tests.law import states
+from tests.oracle import paper
+
+CLOSE = 1e-9
+
+
+@given(st.data())
+def test_every_number_of_a_control_step_is_the_papers(data):
+    pose, desired = data.draw(states.poses), data.draw(states.desireds)
+    gains = data.draw(states.gains())
+    stick = data.draw(states.sticks(gains.dead_band))
+    discs = data.draw(states.scenes(pose))
+    rows, parameters = states.as_rows(discs), states.as_parameters(gains)
+    eta, goal = states.eta(pose), states.as_goal(desired)
+    told = paper.step(eta, goal, gains.u_d, np.array(stick), rows, parameters)
+    slope = paper.L_gB(eta, rows)
+    # I = J is a jump of (33) and L_gB = 0 its pole: on either, rounding decides.
+    size = float(np.abs(slope) @ np.abs(told.tau)) + abs(told.I) + abs(told.J)
+    assume(abs(told.I - told.J) > 1e-6 * size)
+    assume(slope @ slope > 1e-10 or told.I <= told.J)
+
+    ours = step(pose, desired, stick, discs, gains)
+
+    same = {"rel": CLOSE, "abs": CLOSE}
+    assert (ours.automatic_v, ours.automatic_omega) == pytest.approx(tuple(told.tau_c), **same)
+    assert (ours.human_v, ours.human_omega) == pytest.approx(tuple(told.tau_h), **same)
+    assert (ours.authority_x, ours.authority_psi) == pytest.approx(tuple(told.k_c), **same)
+    assert (ours.shared_v, ours.shared_omega) == pytest.approx(tuple(told.tau), **same)
+    assert (ours.intent_x, ours.intent_psi) == pytest.approx(
+        tuple(paper.intent(np.array(stick), parameters)), **same
+    )
+    assert (ours.avoid_v, ours.avoid_omega) == pytest.approx(
+        tuple(told.u), rel=CLOSE, abs=CLOSE * (1 + np.abs(told.u).max())
+    )
+    assert (ours.v, ours.omega) == pytest.approx(
+        tuple(told.U), rel=CLOSE, abs=CLOSE * (1 + np.abs(told.u).max())
+    )
+    if gains.barrier:
+        assert ours.verdict == (SHAPED if told.I > told.J else UNTOUCHED)
+        assert ours.I == pytest.approx(told.I, rel=CLOSE, abs=CLOSE * (1 + size))
+        assert ours.J == pytest.approx(told.J, **same)
+        h = paper.margins(eta, rows).min() if len(rows) else math.inf
+        assert ours.h == pytest.approx(h, rel=CLOSE, abs=1e-12)
+    else:
+        assert ours.verdict == UNTOUCHED
+
+
+@given(states.poses, states.desireds, states.gains())
+def test_the_tracking_law_is_the_papers(pose, desired, gains):
+    told = paper.tracking(states.eta(pose), states.as_goal(desired), states.as_parameters(gains))
+    assert track(pose, desired, gains) == pytest.approx(Twist(*told), rel=CLOSE, abs=CLOSE)
+
+
+@given(states.poses, states.desireds)
+def test_the_pose_error_is_the_papers_with_the_heading_wrapped(pose, desired):
+    told = paper.pose_error(states.eta(pose), states.as_goal(desired))
+    assert pose_error(pose, desired) == pytest.approx(told, rel=CLOSE, abs=CLOSE)

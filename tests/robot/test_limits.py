@@ -1,0 +1,141 @@
+import math
+
+import pytest
+from hypothesis import assume, given, strategies as st
+
+from cohelm.core.types import Twist
+from cohelm.robot.limits import Limits, achievable, unlimited
+
+bounds = st.one_of(st.just(math.inf), st.floats(0.05, 20.0))
+limits = st.builds(Limits, bounds, bounds, bounds, bounds, bounds, bounds, st.floats(0.1, 1.0))
+any_command = st.builds(
+    Twist,
+    st.one_of(st.floats(-30, 30), st.floats(-1e6, 1e6)),
+    st.one_of(st.floats(-30, 30), st.floats(-1e6, 1e6)),
+)
+periods = st.sampled_from([0.001, 0.01, 0.02, 0.05, 0.1])
+ROUNDING = 1e-15
+"""How far past an acceleration a step may lie, relative to the speeds it is a difference of."""
+
+
+def rim(v, omega, track):
+    return max(abs(v - omega * track / 2), abs(v + omega * track / 2))
+
+
+def within(value, bound, scale=0.0):
+    return abs(value) <= bound * (1 + 4e-16) + ROUNDING * scale
+
+
+@st.composite
+def moving(draw):
+    """Limits, a twist inside them, a command, a period."""
+    lim = draw(limits)
+    dt = draw(periods)
+    before = Twist(0.0, 0.0)
+    for _ in range(draw(st.integers(0, 3))):
+        before = achievable(draw(any_command), before, lim, dt)
+    return lim, before, draw(any_command), dt
+
+
+@given(moving())
+def test_the_wheels_never_turn_faster_than_they_can(case):
+    lim, before, command, dt = case
+    v, omega = achievable(command, before, lim, dt)
+    assert within(v, lim.speed)
+    assert within(omega, lim.yaw_rate)
+    assert within(rim(v, omega, lim.track), lim.wheel_speed)
+
+
+@given(moving())
+def test_the_speed_never_jumps_by_more_than_the_acceleration(case):
+    lim, before, command, dt = case
+    v, omega = achievable(command, before, lim, dt)
+    size = abs(v) + abs(before.v) + abs(omega) + abs(before.omega)
+    assert within(v - before.v, lim.acceleration * dt, size)
+    assert within(omega - before.omega, lim.yaw_acceleration * dt, size)
+    change = rim(v - before.v, omega - before.omega, lim.track)
+    assert within(change, lim.wheel_acceleration * dt, size)
+
+
+@given(moving())
+def test_a_command_within_the_limits_is_reached_to_the_last_bit(case):
+    lim, before, command, dt = case
+    assume(abs(command.v) <= lim.speed)
+    assume(abs(command.omega) <= lim.yaw_rate)
+    assume(abs(command.v) + lim.track / 2 * abs(command.omega) <= lim.wheel_speed * (1 - 1e-12))
+    dv, domega = command.v - before.v, command.omega - before.omega
+    assume(abs(dv) <= lim.acceleration * dt * (1 - 1e-12))
+    assume(abs(domega) <= lim.yaw_acceleration * dt * (1 - 1e-12))
+    rims = abs(dv) + lim.track / 2 * abs(domega)
+    assume(rims <= lim.wheel_acceleration * dt * (1 - 1e-12))
+    assert achievable(command, before, lim, dt) == command
+
+
+@given(any_command, any_command, st.floats(0.1, 1.0), periods)
+def test_the_papers_ideal_robot_does_what_it_is_told(command, before, track, dt):
+    assert achievable(command, before, unlimited(track), dt) == command
+
+
+@given(any_command, limits, periods)
+def test_too_fast_a_command_keeps_its_curvature(command, lim, dt):
+    ready = lim._replace(
+        acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
+    )
+    v, omega = achievable(command, Twist(0.0, 0.0), ready, dt)
+    assert v * command.omega == pytest.approx(omega * command.v, rel=1e-12)
+    assert v * command.v >= 0.0
+    assert omega * command.omega >= 0.0
+
+
+@given(any_command, limits, periods)
+def test_what_limits_speed_is_used_to_the_full(command, lim, dt):
+    ready = lim._replace(
+        acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
+    )
+    got = achievable(command, Twist(0.0, 0.0), ready, dt)
+    if got != command:
+        used = max(
+            abs(got.v) / lim.speed,
+            abs(got.omega) / lim.yaw_rate,
+            rim(*got, lim.track) / lim.wheel_speed,
+        )
+        assert used == pytest.approx(1.0, rel=1e-12)
+
+
+@given(moving())
+def test_asking_again_for_what_was_reached_changes_nothing_that_could_be_measured(case):
+    lim, before, command, dt = case
+    reached = achievable(command, before, lim, dt)
+    again = achievable(reached, before, lim, dt)
+    assert again == pytest.approx(reached, rel=1e-12, abs=1e-12)
+    assert achievable(reached, reached, lim, dt) == pytest.approx(reached, rel=1e-15)
+
+
+@given(moving())
+def test_holding_a_command_reaches_the_fastest_twist_of_its_curvature(case):
+    """Enough steps always get there: limiting never stalls half way."""
+    lim, before, command, _ = case
+    goal = achievable(command, Twist(0.0, 0.0), lim, 1e12)
+    twist = before
+    for _ in range(2000):
+        twist = achievable(command, twist, lim, 10.0)
+        if twist == pytest.approx(goal, rel=1e-9, abs=1e-9):
+            return
+    far = math.hypot(goal.v - before.v, goal.omega - before.omega)
+    assert far > 2000 * 10.0 * 0.05  # only commands beyond what such a span can reach
+
+
+@pytest.mark.parametrize("command", [Twist(1e308, 0.0), Twist(-1e308, 1e308), Twist(0.0, -1e308)])
+def test_the_largest_floats_are_cut_like_any_other_command(command):
+    sally = Limits(1.0, math.inf, 2.0, math.inf, 1.2, 2.0, 0.5)
+    v, omega = achievable(command, Twist(0.5, 0.0), sally, 0.01)
+    assert math.isfinite(v)
+    assert math.isfinite(omega)
+    assert abs(v - 0.5) <= 0.02 * (1 + 1e-12)
+
+
+def test_the_fastest_wheel_sets_the_scale():
+    """0.8 m/s and 2 rad/s ask 1.3 m/s of the outer wheel of a 0.5 m track; 1.2 is there."""
+    sally = Limits(1.0, math.inf, 2.0, math.inf, 1.2, math.inf, 0.5)
+    got = achievable(Twist(0.8, 2.0), Twist(0.0, 0.0), sally, 0.01)
+    assert got == pytest.approx(Twist(0.8 * 1.2 / 1.3, 2.0 * 1.2 / 1.3))

@@ -1,0 +1,91 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from cohelm.robot.limits import unlimited
+from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
+
+
+def shipped(name):
+    text = Path(shipped_path(name)).read_text(encoding="utf-8")
+    return RobotModel.model_validate(yaml.safe_load(text))
+
+
+SQUARE = {
+    "name": "box", "footprint_m": [[1, 1], [-1, 1], [-1, -1], [1, -1]], "track_m": 0.5,
+    "wheel_radius_m": 0.1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_robot_carries_its_name_and_says_where_its_numbers_come_from(name):
+    model = shipped(name)
+    assert model.name == name
+    assert len(model.note) > 40
+
+
+def test_sally_is_the_robot_of_the_paper():
+    sally = shipped("sally")
+    assert np.ptp(sally.outline, axis=0) == pytest.approx([0.72, 0.58])
+    assert (sally.track_m, sally.wheel_radius_m) == (0.5, 0.075)
+    assert sally.reach == pytest.approx(math.hypot(0.36, 0.29))
+
+
+def test_jackal_is_the_robot_of_the_barn_challenge():
+    jackal = shipped("jackal")
+    assert np.ptp(jackal.outline, axis=0) == pytest.approx([0.42, 0.33])
+    assert (jackal.track_m, jackal.wheel_radius_m) == (0.376, 0.098)
+    bounds = jackal.bounds()
+    assert bounds[:4] == (2.0, 20.0, 4.0, 25.0)
+    assert bounds[4:] == (math.inf, math.inf, 0.376)  # nothing published for the single wheel
+
+
+def test_limits_that_are_not_enforced_are_those_of_an_ideal_unicycle():
+    assert shipped("sally").bounds(enforced=False) == unlimited(0.5)
+
+
+@pytest.mark.parametrize(
+    ("corners", "why"),
+    [
+        ([[1, 1], [1, -1], [-1, -1], [-1, 1]], "convex"),  # clockwise
+        ([[1, 1], [-1, 1], [0, 0], [-1, -1], [1, -1]], "convex"),  # a dent
+        ([[1, 1], [0, 1], [-1, 1], [-1, -1], [1, -1]], "convex"),  # three corners in a line
+        ([[1, 1], [1, 1], [-1, 1], [-1, -1], [1, -1]], "convex"),  # a corner twice
+        ([[1, 1], [-1, -1], [-1, 1], [1, -1]], "convex"),  # a bow tie
+        ([[1, 1], [-1, 1]], "at least 3"),
+        ([[1, 1], [-1, 1], [float("nan"), -1]], "finite"),
+    ],
+)
+def test_an_outline_that_is_not_convex_and_counter_clockwise_is_refused(corners, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | {"footprint_m": corners})
+
+
+def test_an_outline_that_goes_round_twice_is_refused():
+    """Every corner of a pentagram turns left, and yet it is no convex outline."""
+    star = [[math.cos(a), math.sin(a)] for a in 4 * math.pi / 5 * np.arange(5)]
+    with pytest.raises(ValidationError, match="convex"):
+        RobotModel.model_validate(SQUARE | {"footprint_m": star})
+
+
+@pytest.mark.parametrize("key", ["track_m", "wheel_radius_m"])
+@pytest.mark.parametrize("value", [0.0, -0.1, math.inf, math.nan])
+def test_sizes_are_positive_numbers(key, value):
+    with pytest.raises(ValidationError, match=key):
+        RobotModel.model_validate(SQUARE | {key: value})
+
+
+@pytest.mark.parametrize("key", ["speed_mps", "wheel_acceleration_mps2"])
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_a_limit_is_a_positive_number(key, value):
+    with pytest.raises(ValidationError, match=key):
+        RobotModel.model_validate(SQUARE | {"limits": {key: value}})
+
+
+def test_an_unknown_key_is_refused():
+    with pytest.raises(ValidationError, match="wheel_base_m"):
+        RobotModel.model_validate(SQUARE | {"wheel_base_m": 0.5})
