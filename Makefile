@@ -26,13 +26,13 @@ lint: $(READY)   ## lock file, style, types, import order
 	$(BIN)/lint-imports
 
 bench: $(PEERS)  ## time the law and the simulator beside their peers
-	$(BIN)/cohelm bench
+	$(BIN)/python benchmarks
 
 coverage: $(READY) ## test the law uncompiled, and show the lines no test reaches
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest tests/law --cov=cohelm.law
 
-clean:           ## remove everything made here, the environment too
-	rm -rf .venv .uv out dist .coverage .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+clean:           ## remove what make made: environment, figures, caches
+	rm -rf .venv .uv out/reproduce dist .coverage .hypothesis .pytest_cache .ruff_cache .import_linter_cache
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
 $(READY): pyproject.toml uv.lock tools/setup.sh

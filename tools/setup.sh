@@ -34,4 +34,4 @@ fi
 "$uv" python find '>=3.11' >/dev/null 2>&1 ||
   fail "no Python 3.11 or newer found; install one (Debian 12: apt-get install python3)"
 
-"$uv" sync --frozen "$@"
+"$uv" sync --frozen --compile-bytecode "$@"
