@@ -63,14 +63,23 @@ def figure_run(run: Run) -> Figure:
         f"end · the person leads {panels.led(run)} · outline every {panels.outline_every(run):g} s",
         10.0, 8.4,
     )  # fmt: skip
-    axes = figure.add_axes((0.07, 0.36, 0.91, 0.53))
+    # The sheet is as high as the plan needs: laid out in inches, from the top.
+    axes = figure.add_axes((0.07, 0.5, 0.91, 0.4))
     panels.whole_lab(axes, run)
-    axes.set_anchor("N")
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    plan = min(9.1 * (high - low) / (right - left), 6.5)
+    height = 0.95 + plan + 0.85 + 1.9 + 0.5
+    figure.set_figheight(height)
+    for text, below_top in zip(figure.texts, (0.14, 0.42), strict=True):
+        text.set_y(1.0 - below_top / height)
+    axes.set_position((0.07, (0.5 + 1.9 + 0.85) / height, 0.91, plan / height))
     entries = [("reference", REFERENCE, "--"), ("driven", ROBOT, "-")]
     if draw.leads(run):
         entries.append(("the person leads", PERSON, "-"))
     draw.key(axes, *entries)
-    below = [figure.add_axes((0.075 + 0.325 * c, 0.06, 0.255, 0.22)) for c in range(3)]
+    below = [
+        figure.add_axes((0.075 + 0.325 * c, 0.5 / height, 0.255, 1.9 / height)) for c in range(3)
+    ]
     panels.error(below[0], run, turns=False)
     below[0].set_ylim(bottom=0.0)
     if m.discs:
