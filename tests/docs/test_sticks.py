@@ -1,0 +1,42 @@
+"""docs/sticks.md quotes errors as they are, and numbers that hold."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.law.blend import authority
+from cohelm.law.gains import Gains
+from cohelm.law.human import intent
+from cohelm.link.stick import read
+
+PAGE = (Path(__file__).parents[2] / "docs/sticks.md").read_text(encoding="utf-8")
+ERRORS = re.findall(r"^\| (`t.*`) \| (bad\.csv.*) \|$", PAGE, re.MULTILINE)
+
+
+@pytest.mark.parametrize(("rows", "said"), ERRORS)
+def test_an_error_reads_as_it_is_quoted(rows, said, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("bad.csv").write_text("\n".join(re.findall("`(.*?)`", rows)) + "\n")
+    with pytest.raises(CohelmError) as refused:
+        read("bad.csv")
+    assert str(refused.value) == said
+
+
+def test_errors_are_quoted() -> None:
+    assert len(ERRORS) == 6
+
+
+def test_the_example_is_a_stick_in_order(tmp_path) -> None:
+    (example,) = re.findall(r"\n\n((?:    [t\d].*\n)+)", PAGE)
+    (tmp_path / "hand.csv").write_text(example.replace("    ", ""))
+    assert read(tmp_path / "hand.csv").times.tolist() == [3.0, 3.2, 6.0, 6.2]
+
+
+@pytest.mark.parametrize(("stick", "share"), [(Stick(1.0, 1.0), 0.007), (Stick(0.5, 0.0), 0.54)])
+def test_the_automatic_share_is_as_told(stick, share) -> None:
+    assert f"{share * 100:g} %" in PAGE
+    assert math.isclose(authority(intent(stick, Gains()), Gains()).x, share, rel_tol=0.05)
