@@ -53,12 +53,13 @@ class Trace:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def joined(self, other: Trace) -> Trace:
-        """This trace with the steps of `other`, of the same run, after it."""
+    def joined(self, *others: Trace) -> Trace:
+        """This trace with the steps of `others`, of the same run, after it in their order."""
+        parts = (self, *others)
         return Trace(
-            np.concatenate((self.rows, other.rows)),
-            np.concatenate((self.h, other.h)),
-            np.concatenate((self.discs, other.discs)),
+            np.concatenate([part.rows for part in parts]),
+            np.concatenate([part.h for part in parts]),
+            np.concatenate([part.discs for part in parts]),
             self.names,
             self.dt,
             self.scenario,

@@ -19,7 +19,7 @@ from rosbags.typesys import TypesysError
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.record import status
-from cohelm.record.write import METADATA, SCENARIO
+from cohelm.record.write import METADATA, SCENARIO, STOPPED
 
 _DAMAGED = (
     McapError, struct.error, ValueError, OverflowError, MemoryError, zstandard.ZstdError
@@ -28,7 +28,7 @@ _DAMAGED = (
 
 
 class IncompleteRecord(UserWarning):
-    """The file ends in the middle of a run, or is damaged: only the steps before are read."""
+    """The file ends in the middle of a run, or is damaged: only the steps before are there."""
 
 
 @dataclass
@@ -40,8 +40,9 @@ class _Found:
     scenario: str = ""
     definition: str = ""
     steps: list[bytes] = field(default_factory=list[bytes])
+    stopped: str = ""
     damage: str = "it ends too early"
-    """Empty if the file is whole."""
+    """Empty if the run is whole."""
 
 
 def read(path: Path) -> Trace:
@@ -96,8 +97,10 @@ def _walk(file: IO[bytes]) -> _Found:
                         break
                     found.steps.append(record.data)
                     following = record.sequence + 1
+                case Metadata(name=name) if name == STOPPED:
+                    found.stopped = f"the run was stopped by {record.metadata.get('by')}"
                 case DataEnd():
-                    found.damage = ""
+                    found.damage = found.stopped
                     break
                 case _:
                     pass

@@ -24,8 +24,10 @@ EPOCH = 946_684_800_000_000_000
 Not 0, which ROS 2 takes for "no time" and viewers for "the newest"."""
 
 METADATA = "cohelm"
+STOPPED = "cohelm stopped"
 SCENARIO = "scenario.yaml"
-"""Names of the metadata record and of the attachment in the file."""
+"""Names in the file: of the metadata records, about the run and about a run that was stopped
+before its end, and of the attachment."""
 
 
 class Recorder:
@@ -78,11 +80,13 @@ class Recorder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Finish the file, also after Ctrl-C or an error elsewhere."""
+        """Finish the file, also after Ctrl-C or an error elsewhere, and then say so in it."""
         with _undisturbed():
             try:
                 if self._steps and not self._broken:
                     with self._growing():
+                        if kind is not None:
+                            self._mcap.add_metadata(STOPPED, {"by": kind.__name__})
                         self._mcap.finish()
                         self._file.flush()
             finally:

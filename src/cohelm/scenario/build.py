@@ -113,7 +113,7 @@ def _check_length(made: Setup, alone: Scenario) -> None:
         longest = _LARGEST_RUN / row * made.dt
         raise CohelmError(
             f"{alone.name}: simulation: {steps:.3g} steps of {made.dt:g} s would take "
-            f"{steps * row / 2**30:.1f} GiB to hold; at most {longest:.0f} s fit: "
+            f"{steps * row / 2**30:.3g} GiB to hold; at most {longest:.3g} s fit: "
             "shorten duration_s or raise step_s"
         )
     if made.delay_steps > steps:

@@ -83,8 +83,8 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
 @jit
 def _advance(
     first: int, dt: float, state: State, person: Person, table: Floats, around: World,
-    hands: Replay, operator: Operator, seed: int, gains: Gains, limits: Limits, outline: Floats, reach: float,
-    queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
+    hands: Replay, operator: Operator, seed: int, gains: Gains, limits: Limits,
+    outline: Floats, reach: float, queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> tuple[State, Person]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, each written into rows, h and discs."""
     for j in range(len(rows)):

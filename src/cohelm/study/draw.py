@@ -215,7 +215,7 @@ def clock(axes: Axes, run: Run, times: Sequence[float]) -> None:
 def in_time(axes: Axes, run: Run, values: Floats, color: str, width: float = 1.8) -> None:
     """A line over the run's time [s]."""
     axes.plot(run.trace.rows["t"][::_EVERY], values[::_EVERY], color=color, lw=width, zorder=4)
-    axes.set_xlim(0.0, float(run.trace.rows["t"][-1]))
+    axes.set_xlim(0.0, max(float(run.trace.rows["t"][-1]), run.trace.dt))
     axes.set_xlabel("time [s]")
 
 

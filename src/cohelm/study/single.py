@@ -1,9 +1,11 @@
-"""One scenario, run, recorded as it goes, and scored."""
+"""One scenario, run, recorded as it goes, scored and drawn."""
 
 from __future__ import annotations
 
 import json
-from functools import reduce
+import re
+from datetime import datetime
+from math import inf
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
@@ -12,37 +14,98 @@ from cohelm.law.reference import tabulate
 from cohelm.record.topics import Scene
 from cohelm.record.write import Recorder
 from cohelm.sim.run import Setup, pieces
-from cohelm.study.experiments import Progress
-from cohelm.study.metrics import Metrics, measure
+from cohelm.study.experiments import Progress, Run
+from cohelm.study.metrics import Metrics
 
 RECORD = "record.mcap"
-METRICS = "metrics.json"
 SCENARIO = "scenario.yaml"
+METRICS = "metrics.json"
+PICTURE = "run"
+WRITTEN = (RECORD, SCENARIO, METRICS, f"{PICTURE}.png", f"{PICTURE}.svg")
 """What a run leaves in its folder."""
+
+_SIMULATED = 0.7
+"""Share of the whole that is behind when the run is; drawing is the rest."""
+
+_NAMED = 8
+"""Of more obstacles than this, only so many are told one by one."""
+
+_UNSAFE = re.compile(r"[^\w-]")
 
 
 def recorded(setup: Setup, folder: Path, told: Progress) -> Metrics:
     """Run a setup into a folder, which is made if need be.
 
     Interrupted (Ctrl-C) or on a full disk, what was written before stays readable. Raises
-    CohelmError where the folder or a file in it can not be made.
+    CohelmError where the folder or a file in it can not be made, or where one of WRITTEN is
+    there already: a run never replaces what it finds.
     """
     make(folder)
+    _check_free(folder)
     desired = tabulate(setup.reference, 0.1, int(setup.reference.duration / 0.1) + 1, False)
     scene = Scene(setup.outline, setup.around.walls, desired[:, :3])
-    told("simulating", 0.0)
-    done: list[Trace] = []
+    told("running (the first time, compiling)", 0.0)
+    steps, done = 0, list[Trace]()
     with Recorder(folder / RECORD, scene) as recorder:
         for piece in pieces(setup):
             recorder.write(piece)
             done.append(piece)
-            told("simulating and recording", 0.7 * len(done) * len(done[0]) / setup.steps)
-    trace = reduce(Trace.joined, done)
-    metrics = measure(trace)
-    write(folder / SCENARIO, setup.scenario)
-    write(folder / METRICS, json.dumps(metrics.as_dict(), indent=2, allow_nan=False) + "\n")
-    told("drawing", 0.7)
-    return metrics
+            steps += len(piece)
+            told("running and recording", _SIMULATED * steps / setup.steps)
+    run = Run(setup, done[0].joined(*done[1:]))
+    _write(folder / SCENARIO, setup.scenario)
+    _write(folder / METRICS, json.dumps(run.metrics.as_dict(), indent=2, allow_nan=False) + "\n")
+    told("drawing", _SIMULATED)
+    _draw(run, folder)
+    return run.metrics
+
+
+def table(m: Metrics) -> list[tuple[str, str]]:
+    """Rows of (quantity, value), for a person; of many obstacles those that came nearest."""
+    near = f"{m.min_clearance_m:.3f} m at {m.min_clearance_at_s:.1f} s"
+    led = ", ".join(f"{a:.1f}–{b:.1f} s" for a, b in m.human_windows_s)
+    back = ", ".join(f"{s:.1f} s" if s < inf else "not again" for s in m.return_s)
+    e_p = f"{m.max_pose_error:.3f}, {m.rms_pose_error:.3f}, {m.final_pose_error:.4f}"
+    limited = f"{m.filter_share:.1%}; {m.saturated_share:.1%} of the time"
+    return [
+        ("reached the end of the reference", "yes" if m.reached else "no"),
+        ("contact of the outline", "YES" if m.contact else "none"),
+        ("smallest clearance of the outline", near if m.min_clearance_m < inf else "nothing near"),
+        ("pose error E_P: max, rms, final", e_p),
+        *_smallest_h(m),
+        ("largest command asked", f"{m.max_speed_mps:.2f} m/s, {m.max_yaw_rate_radps:.2f} rad/s"),
+        ("filter acted; wheels saturated", limited),
+        ("the person led", led or "never"),
+        ("back on the path after that", back or "–"),
+        ("duration, length driven", f"{m.duration_s:.1f} s, {m.path_length_m:.1f} m"),
+    ]
+
+
+def _smallest_h(m: Metrics) -> list[tuple[str, str]]:
+    nearest = sorted(m.discs.items(), key=lambda named: named[1].min_h)[:_NAMED]
+    shown = m.discs.items() if len(m.discs) <= _NAMED else nearest
+    rows = [(f"smallest h, {n}", f"{d.min_h:.3f} m² at {d.at_s:.1f} s") for n, d in shown]
+    if len(m.discs) > _NAMED:
+        others = len(m.discs) - _NAMED
+        rows.append((f"smallest h, {others} others", f"≥ {nearest[-1][1].min_h:.3f} m²"))
+    return rows
+
+
+def fresh(name: str) -> Path:
+    """Make a folder out/NAME-DATE-TIME of its own, also when several start in one second."""
+    out = Path("out")
+    make(out)
+    stamped = f"{_UNSAFE.sub('-', name)[:48]}-{datetime.now():%Y%m%d-%H%M%S}"
+    folder, k = out / stamped, 1
+    while True:
+        try:
+            folder.mkdir()
+            return folder
+        except FileExistsError:
+            k += 1
+            folder = out / f"{stamped}-{k}"
+        except OSError as error:
+            raise _unmade(folder, error) from error
 
 
 def make(folder: Path) -> None:
@@ -50,17 +113,41 @@ def make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
+        raise _unmade(folder, error) from error
+
+
+def _unmade(folder: Path, error: OSError) -> CohelmError:
+    why = "there is a file of that name" if folder.is_file() else error.strerror
+    return CohelmError(f"the folder {folder} can not be made ({why}): choose another with --out")
+
+
+def _check_free(folder: Path) -> None:
+    there = [name for name in WRITTEN if (folder / name).exists()]
+    if there:
         raise CohelmError(
-            f"the folder {folder} can not be made ({error.strerror}): choose another with --out"
-        ) from error
+            f"{folder} holds {', '.join(there)} already, and a run never overwrites: choose "
+            "another folder with --out, or none for a new one in out/"
+        )
 
 
-def write(path: Path, text: str) -> None:
-    """Write a text file; CohelmError where that is not possible."""
+def _draw(run: Run, folder: Path) -> None:
+    from cohelm.study.figures import draw_run  # matplotlib takes a second to import
+
+    try:
+        draw_run(run, folder, PICTURE)
+    except OSError as error:
+        raise _unwritten(folder / f"{PICTURE}.png", error) from error
+
+
+def _write(path: Path, text: str) -> None:
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise CohelmError(
-            f"{path} can not be written ({error.strerror}): free some space, or choose another "
-            "folder with --out"
-        ) from error
+        raise _unwritten(path, error) from error
+
+
+def _unwritten(path: Path, error: OSError) -> CohelmError:
+    return CohelmError(
+        f"{path} can not be written ({error.strerror}), the record beside it is whole: free "
+        "some space, or choose another folder with --out"
+    )

@@ -1,0 +1,34 @@
+"""The command as it is typed, in this process: arguments in; exit code, stdout and stderr out."""
+
+import sys
+from collections.abc import Callable
+from typing import NamedTuple
+
+import pytest
+
+from cohelm.cli import main
+
+
+class Said(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Cohelm = Callable[..., Said]
+
+
+@pytest.fixture
+def cohelm(monkeypatch, capsys, tmp_path) -> Cohelm:
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> Said:
+        monkeypatch.setattr(sys, "argv", ["cohelm", *map(str, arguments)])
+        code = 0
+        try:
+            main()
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        return Said(code, *capsys.readouterr())
+
+    return call

@@ -1,0 +1,180 @@
+"""What a tired or hostile user gives: one sentence on stderr with the mend, code 2, no output."""
+
+import gzip
+import os
+
+import numpy as np
+import pytest
+
+BASE = "name: b\nreference: {speed_mps: 0.5, waypoints_m: [[0, 0], [2, 0]]}\n"
+HERE = "start: {x_m: %s, y_m: 0, heading_rad: 0}\n"
+
+
+def refused(said, *words):
+    """Exit code 2, nothing on stdout, and an error on stderr in which these words stand."""
+    assert said.code == 2
+    assert said.out == ""
+    assert said.err.startswith("error: ")
+    assert "Traceback" not in said.err
+    for word in words:
+        assert word in said.err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (BASE + "obstacels: []\n", ["s.yaml:3", "obstacels", "did you mean obstacles?"]),
+        (BASE + HERE % "0 m", ["s.yaml:3", "start.x_m", "without the unit", "write 0"]),
+        (BASE + HERE % "[]", ["s.yaml:3", "start.x_m", "must be a number"]),
+        (BASE + HERE % ".nan", ["s.yaml:3", "start.x_m", "finite"]),
+        (BASE + "law: {barrier: {k_cbf: .inf}}\n", ["law.barrier.k_cbf", "finite"]),
+        ("name: b\nreference: {waypoints_m: [[0, 0]]}\n", ["waypoints_m", "at least 2"]),
+        ("name: b\nreference: {waypoints_m: [[0, 0], [1, 0], [1, 0]]}\n", ["2 and 3", "same"]),
+        (BASE + "obstacles: [{name: a, center_m: [1, 1], radius_m: -0.1}]\n", ["radius_m", ">= 0"]),
+        (BASE + "obstacles: [{name: a, center_m: [0, 0], radius_m: 0.1}]\n", ["inside obstacle a"]),
+        (BASE + "walls_m: [[-1, 0, 1, 0]]\n", ["inside the wall", "walls_m.0", "move one"]),
+        (BASE + "simulation: {duration_s: 1e6, step_s: 1e-4}\n", ["GiB to hold", "shorten"]),
+        (BASE + "simulation: {step_s: 1e-300}\n", ["GiB to hold", "raise step_s"]),
+        (BASE + "stick: {kind: flie, path: x}\n", ["stick", "file"]),
+        ("", ["the file is empty", "minimal"]),
+        ("[1, 2]\n", ["not a scenario"]),
+        ("[" * 3000, ["nested too deeply"]),
+        (BASE + "name: c\n", ["given twice"]),
+        (BASE + "\tx: 1\n", ["tab"]),
+        ("\x00\x01", ["not a YAML text file"]),
+    ],
+)  # fmt: skip
+def test_a_wrong_scenario_is_refused_where_it_is_wrong(cohelm, tmp_path, text, words):
+    (tmp_path / "s.yaml").write_text(text)
+    refused(cohelm("run", "s.yaml", "--json"), *words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_of_many_problems_the_first_are_told_and_the_rest_counted(cohelm, tmp_path):
+    wrong = ", ".join(f"{{name: o{i}, center_m: [1, 1], radius_m: -1}}" for i in range(500))
+    (tmp_path / "s.yaml").write_text(f"{BASE}obstacles: [{wrong}]\n")
+    said = cohelm("run", "s.yaml")
+    refused(said, "obstacles.0.radius_m", "... and 480 more")
+    assert len(said.err.splitlines()) == 21
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("nowhere.yaml", ["nowhere.yaml: no such file", "minimal"]),
+        ("lab-trak", ["did you mean lab-track?"]),
+        ("minimal.yaml", ["did you mean the shipped scenario 'minimal'?"]),
+        (".", ["is a folder"]),
+        ("sc\udcff.yaml", ["no such file"]),
+    ],
+)
+def test_a_scenario_that_is_not_there_is_told_with_the_nearest_that_is(cohelm, name, words):
+    refused(cohelm("run", name), *words)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("foo", ["write key.path=value"]),
+        ("=3", ["write key.path=value"]),
+        ("law..x=3", ["write key.path=value"]),
+        ("law.barrier.k_cbf=", ["must be a number, got nothing"]),
+        ("law.barrier.k_cbf=much", ["must be a number, got 'much'"]),
+        ("law.barrier.k_cbf=[1", ["not valid YAML"]),
+        ("law.barier.k_cbf=1", ["did you mean barrier?"]),
+        ("obstacles.7.radius_m=1", ["has 1 items", "post"]),
+        ("name.x=1", ["name is a value"]),
+        ("name=b\udcff", ["not a YAML text file"]),
+    ],
+)
+def test_a_change_that_can_not_be_made_is_told_as_it_was_typed(cohelm, change, words):
+    refused(cohelm("run", "minimal", "--set", change), "--set", *words)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"t,x,psi\n0,0,0\n2,0.1,0\n1,0,0\n", ["s.csv:4", "1 s comes after 2 s", "sort"]),
+        (b"t,x,psi\n0,0,0\n1,1.4,0\n", ["s.csv:3", "1.4 is beyond"]),
+        (b"t,x,psi\n0,nan,0\n", ["s.csv:2", "finite"]),
+        (b"t,x,psi\n0,hard,0\n", ["s.csv:2", "'hard'"]),
+        (b"t,x\n0,0\n", ["no column psi", "t, x"]),
+        (b"t,x,psi\n", ["header but no rows"]),
+        (b"", ["is empty"]),
+        (b"\xff\xfe\x00\x01", ["not a text file"]),
+        (gzip.compress(b"t,x,psi\n0,0,0\n")[:-9], ["can not be read"]),
+    ],
+)
+def test_a_stick_file_that_is_no_stick_is_refused_by_line_and_value(
+    cohelm, tmp_path, content, words
+):
+    (tmp_path / "s.csv").write_bytes(content)
+    refused(cohelm("run", "minimal", "--stick", "s.csv"), *words)
+
+
+def test_a_stick_file_that_is_not_there_is_told_with_the_nearest_that_is(cohelm, tmp_path):
+    (tmp_path / "mine.csv").write_text("t,x,psi\n0,0,0\n")
+    refused(cohelm("run", "minimal", "--stick", "mein.csv"), "no such", "did you mean mine.csv?")
+
+
+@pytest.mark.parametrize("out", ["taken", "taken/below"])
+def test_a_file_in_place_of_the_output_folder_is_told(cohelm, tmp_path, out):
+    (tmp_path / "taken").write_text("mine")
+    refused(cohelm("run", "minimal", "--out", out), f"the folder {out} can not be made", "--out")
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_a_file_called_out_in_place_of_the_default_folder_is_told(cohelm, tmp_path):
+    (tmp_path / "out").write_text("mine")
+    refused(cohelm("run", "minimal"), "the folder out can not be made", "--out")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+@pytest.mark.parametrize("out", ["shut", "shut/below"])
+def test_a_folder_one_may_not_write_to_is_told(cohelm, tmp_path, out):
+    (tmp_path / "shut").mkdir(mode=0o555)
+    refused(cohelm("run", "minimal", "--out", out), "can not be made (Permission denied)", "shut")
+
+
+@pytest.mark.parametrize(
+    "name", ["record.mcap", "scenario.yaml", "metrics.json", "run.png", "run.svg"]
+)
+def test_nothing_that_is_in_the_folder_already_is_overwritten(cohelm, tmp_path, name):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / name).write_text("mine")
+    refused(cohelm("run", "minimal", "--out", "mine"), f"mine holds {name}", "--out")
+    assert [file.name for file in (tmp_path / "mine").iterdir()] == [name]
+    assert (tmp_path / "mine" / name).read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, ["can not be read", "check the name"]),
+        (b"", ["no run of cohelm"]),
+        (b"t,x,psi\n0,0,0\n", ["is not an MCAP file"]),
+        (b"\x89MCAP0\r\n", ["no run of cohelm"]),
+        (np.random.default_rng(0).bytes(5000), ["is not an MCAP file"]),
+    ],
+)
+def test_what_is_no_record_is_not_replayed(cohelm, tmp_path, content, words):
+    if content is not None:
+        (tmp_path / "r.mcap").write_bytes(content)
+    refused(cohelm("replay", "r.mcap", "--json"), "r.mcap", *words)
+
+
+def test_a_folder_without_a_record_is_not_replayed(cohelm, tmp_path):
+    refused(cohelm("replay", tmp_path), "record.mcap", "can not be read")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["run"], ["replay"], ["run", "minimal", "more"], ["run", "minimal", "--bogus"], ["nonsense"]],
+)
+def test_a_command_typed_wrong_is_answered_with_how_to_type_it(cohelm, arguments):
+    said = cohelm(*arguments)
+    assert said.code == 2
+    assert said.out == ""
+    assert said.err.startswith("Usage: cohelm")
+    assert "--help" in said.err
+    assert "Error: " in said.err

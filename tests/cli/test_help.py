@@ -1,0 +1,60 @@
+"""Help: what there is, at 80 columns, without waiting for numbers to be imported."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from cohelm import __version__
+from cohelm.scenario.load import shipped
+
+SHOW_IMPORTS = """
+import atexit, sys
+from cohelm.cli import main
+atexit.register(lambda: print(*sys.modules, file=sys.stderr))
+main()
+"""
+COMMANDS = ("run", "reproduce", "replay", "bench", "schema")
+
+
+@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
+def test_help_fits_eighty_columns_and_cuts_nothing_short(cohelm, monkeypatch, arguments):
+    monkeypatch.setenv("COLUMNS", "80")
+    said = cohelm(*arguments, "--help")
+    assert said.code == 0
+    assert said.out.startswith("Usage: cohelm")
+    assert max(len(line) for line in said.out.splitlines()) <= 80
+    assert "..." not in said.out.replace("[ARGS]...", "")
+
+
+def test_without_a_command_the_help_is_shown(cohelm):
+    said = cohelm()
+    assert said.code == 2
+    assert all(f"  {name} " in said.out + said.err for name in COMMANDS)
+
+
+def test_help_names_every_scenario_that_is_shipped(cohelm):
+    words = cohelm("run", "--help").out.replace(",", " ").replace(".", " ").split()
+    assert set(shipped()) <= set(words)
+
+
+def test_the_version_is_the_packages(cohelm):
+    assert cohelm("--version") == (0, f"cohelm {__version__}\n", "")
+
+
+def test_help_imports_none_of_what_takes_long():
+    command = [sys.executable, "-c", SHOW_IMPORTS, "--help"]
+    help_ = subprocess.run(command, capture_output=True, text=True, check=True)
+    loaded = {name.split(".")[0] for name in help_.stderr.split()}
+    assert "typer" in loaded
+    assert not loaded & {"numpy", "numba", "scipy", "pydantic", "matplotlib", "rosbags", "rich"}
+
+
+def test_the_schema_that_is_printed_takes_every_scenario_that_is_shipped(cohelm):
+    said = cohelm("schema")
+    schema = json.loads(said.out)
+    assert (said.code, said.err) == (0, "")
+    for file in shipped().values():
+        assert set(yaml.safe_load(file.read_text())) <= set(schema["properties"])
