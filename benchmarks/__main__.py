@@ -13,6 +13,7 @@ from pathlib import Path
 import commands
 import crowds
 import growth
+import guard
 from rich.console import Console
 from rich.markdown import Markdown
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -36,9 +37,11 @@ def main() -> None:
 
         steps = growth.measure(told("steps"), quick)
         robots = crowds.measure(told("crowds"), quick)
+        guarded = guard.measure(told("guard"), quick)
         waits = commands.measure(told("commands"), quick)
     found = {
         "growth": steps.as_json(),
+        "guard": guarded.as_json(),
         "crowds": robots.as_json(),
         "commands": {wait.name: wait.as_json() for wait in waits},
     }
@@ -61,6 +64,10 @@ def main() -> None:
         "## One control step, and one robot",
         "",
         *growth.markdown(steps),
+        "",
+        "## One step of the guard",
+        "",
+        *guard.markdown(guarded),
         "",
         "## Many robots, four discs",
         "",

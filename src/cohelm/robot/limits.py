@@ -31,6 +31,13 @@ def unlimited(track: float) -> Limits:
     return Limits(math.inf, math.inf, math.inf, math.inf, math.inf, math.inf, track)
 
 
+_ROUNDING = 2e-15
+"""Of the speeds themselves, more than the rounding in a few sums of them."""
+_INSIDE = 1.0 - _ROUNDING
+_NONE = 1e-300
+"""An acceleration too small to change the speeds' last digit."""
+
+
 @jit_inline
 def _excess(
     v: float, omega: float, speed: float, yaw_rate: float, wheel: float, track: float
@@ -46,18 +53,32 @@ def achievable(command: Twist, before: Twist, limits: Limits, dt: float) -> Twis
 
     First the command is scaled down to the speed bounds, which keeps its curvature; then the
     change from `before` is scaled down to the acceleration bounds. Both bounds are convex and
-    `before` is inside them, so the result is too.
+    `before` is inside them, so the result is too; and it stays far enough inside that no bound
+    is passed by rounding, whichever way the wheels' speeds are worked out from it.
     """
-    over = _excess(
-        command.v, command.omega, limits.speed, limits.yaw_rate, limits.wheel_speed, limits.track
-    )
-    shrink = 1.0 / over if over > 1.0 else 1.0
+    speed, yaw_rate, wheel, track = (
+        limits.speed, limits.yaw_rate, limits.wheel_speed, limits.track,
+    )  # fmt: skip
+    over = _excess(command.v, command.omega, speed, yaw_rate, wheel, track)
+    shrink = _INSIDE / over if over > 1.0 else 1.0
     v, omega = command.v * shrink, command.omega * shrink
     dv, domega = v - before.v, omega - before.omega
+    # A difference of speeds is as fine as the speeds are.
+    grain = _ROUNDING * max(abs(v), abs(before.v))
+    grain += 0.5 * track * (_ROUNDING * max(abs(omega), abs(before.omega)))
     over = _excess(
         dv, domega, limits.acceleration * dt, limits.yaw_acceleration * dt,
-        limits.wheel_acceleration * dt, limits.track,
+        max(limits.wheel_acceleration * dt - grain, _NONE), track,
     )  # fmt: skip
     if over <= 1.0:
         return Twist(v, omega)  # to the last bit: `before + (v - before)` would round
-    return Twist(before.v + dv / over, before.omega + domega / over)
+    over = _excess(
+        dv, domega,
+        max(limits.acceleration * dt - 4.0 * grain, _NONE),
+        max(limits.yaw_acceleration * dt - 8.0 * grain / track, _NONE),
+        max(limits.wheel_acceleration * dt - 4.0 * grain, _NONE), track,
+    )  # fmt: skip
+    v, omega = before.v + dv / over, before.omega + domega / over
+    if _excess(v, omega, speed, yaw_rate, wheel, track) > 1.0:
+        return Twist(v * _INSIDE, omega * _INSIDE)
+    return Twist(v, omega)

@@ -1,0 +1,111 @@
+"""Least change of a wish that respects any number of linear bounds: exact, in two variables."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Twist
+
+NOBODY = -1
+"""Owner of a bound that no obstacle sets: what the wheels can do."""
+
+_SLACK = 1e-12  # of a bound that counts as kept
+_CONTRADICTION = 1e-9  # by which two bounds may miss each other
+
+
+class Projection(NamedTuple):
+    """The nearest allowed twist; feasible is False where the bounds contradict each other, and
+    then the twist is worth nothing. owner: the obstacle whose bound it lies on, or that is part of
+    the contradiction; NOBODY if it is the wheels alone."""
+
+    twist: Twist
+    feasible: bool
+    owner: int
+
+
+@jit
+def project(wish: Twist, rows: Floats, n: int, steer_weight: float) -> Projection:
+    """Minimise (v - v_w)^2 + w^2 (omega - omega_w)^2 subject to a_v v + a_omega omega >= b.
+
+    rows: (>= n, 4), the first n are used, and put in another order: a_v, a_omega, b, owner.
+    steer_weight: w > 0 [m]; large keeps the steering of the wish and gives way in speed, small
+    the reverse. A wish that is allowed comes back to the last bit.
+
+    Seidel's incremental scheme, the most broken bound next: the answer for that bound and all
+    before it lies on its line, at the foot of the wish, cut to the interval that those before
+    leave. A handful of passes over the rows in practice.
+    """
+    v, omega = wish.v, wish.omega
+    x0, y0 = wish.v, wish.omega * steer_weight  # the metric is Euclidean in (v, w omega)
+    for m in range(n):
+        worst = _most_broken(rows, m, n, v, omega)
+        if worst < 0:
+            return Projection(Twist(v, omega), True, _holder(rows, m, v, omega))
+        for column in range(4):
+            rows[m, column], rows[worst, column] = rows[worst, column], rows[m, column]
+        ax, ay, b = rows[m, 0], rows[m, 1] / steer_weight, rows[m, 2]
+        size = math.sqrt(ax * ax + ay * ay)
+        if size < 1e-9:
+            return Projection(Twist(v, omega), False, _last_owner(rows, m))
+        ax, ay, b = ax / size, ay / size, b / size
+        # Along the line from its point nearest to rest, so that a huge wish costs no digits.
+        low, high = _interval(rows, m, ax, ay, b, steer_weight)
+        if low > high + _CONTRADICTION:
+            return Projection(Twist(v, omega), False, _last_owner(rows, m))
+        s = min(max(ax * y0 - ay * x0, low), high)
+        v, omega = b * ax - s * ay, (b * ay + s * ax) / steer_weight
+    return Projection(Twist(v, omega), True, _holder(rows, n, v, omega))
+
+
+@jit
+def _most_broken(rows: Floats, first: int, n: int, v: float, omega: float) -> int:
+    """The row from `first` on that (v, omega) breaks by the most, -1 if it keeps them all."""
+    worst, most = -1, 0.0
+    for i in range(first, n):
+        b = rows[i, 2]
+        missing = b - rows[i, 0] * v - rows[i, 1] * omega
+        if missing > most and missing > _SLACK * (1.0 + abs(b)):
+            worst, most = i, missing
+    return worst
+
+
+@jit
+def _holder(rows: Floats, m: int, v: float, omega: float) -> int:
+    """The obstacle among the first m rows whose bound the answer lies on."""
+    for j in range(m - 1, -1, -1):
+        b = rows[j, 2]
+        spare = rows[j, 0] * v + rows[j, 1] * omega - b
+        if rows[j, 3] != NOBODY and spare <= _CONTRADICTION * (1.0 + abs(b)):
+            return int(rows[j, 3])
+    return NOBODY
+
+
+@jit
+def _last_owner(rows: Floats, m: int) -> int:
+    """The last obstacle among the rows up to the m-th."""
+    for j in range(m, -1, -1):
+        if rows[j, 3] != NOBODY:
+            return int(rows[j, 3])
+    return NOBODY
+
+
+@jit
+def _interval(
+    rows: Floats, m: int, ax: float, ay: float, b: float, steer_weight: float
+) -> tuple[float, float]:
+    """What the first m rows leave of the line a . (x, y) = b, |a| = 1, along (-ay, ax)."""
+    low, high = -math.inf, math.inf
+    for j in range(m):
+        cx, cy = rows[j, 0], rows[j, 1] / steer_weight
+        slope = cy * ax - cx * ay
+        missing = rows[j, 2] - b * (cx * ax + cy * ay)
+        if abs(slope) <= 1e-12 * (abs(cx) + abs(cy)):  # parallel
+            if missing > _CONTRADICTION * (1.0 + abs(rows[j, 2])):
+                return math.inf, -math.inf
+        elif slope > 0.0:
+            low = max(low, missing / slope)
+        else:
+            high = min(high, missing / slope)
+    return low, high

@@ -1,0 +1,59 @@
+"""What the guard must not touch, in one tuple of arrays, all in one frame."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats
+
+
+class Surroundings(NamedTuple):
+    """Everything the robot could hit, in the frame that its pose is given in.
+
+    discs: (n, 6), columns as in `core.types`; a disc moves on with its velocity. agility: (n,),
+    the largest acceleration each disc is assumed to be capable of [m/s^2]; 0 for one that
+    surely keeps its velocity, a standing one with 0 will never move. segments: (m, 4), walls
+    x1, y1, x2, y2 [m]. points: (p, 2), such as LiDAR returns [m].
+
+    A point that is not finite is a beam that hit nothing; a disc or wall that is not finite is
+    something wrong, and the guard brakes. Things are counted through: discs, segments, points.
+    """
+
+    discs: Floats
+    agility: Floats
+    segments: Floats
+    points: Floats
+
+
+def surroundings(
+    discs: ArrayLike | None = None,
+    agility: ArrayLike | None = None,
+    segments: ArrayLike | None = None,
+    points: ArrayLike | None = None,
+) -> Surroundings:
+    """Surroundings from what there is; discs without a given agility keep their velocity.
+
+    Raises CohelmError where the shapes do not fit: compiled code would read past the end.
+    """
+    d = _rows("discs", discs, 6)
+    a = np.zeros(len(d)) if agility is None else _array(agility)
+    if a.shape != (len(d),):
+        raise CohelmError(f"agility needs one number per disc, {len(d)}, got shape {a.shape}")
+    return Surroundings(d, a, _rows("segments", segments, 4), _rows("points", points, 2))
+
+
+def _rows(name: str, given: ArrayLike | None, width: int) -> Floats:
+    rows = np.empty((0, width)) if given is None else _array(given)
+    if rows.size == 0:
+        return rows.reshape(0, width)
+    if rows.ndim != 2 or rows.shape[1] != width:
+        raise CohelmError(f"{name} need {width} columns, got shape {rows.shape}")
+    return rows
+
+
+def _array(given: ArrayLike) -> Floats:
+    return np.ascontiguousarray(given, dtype=np.float64)

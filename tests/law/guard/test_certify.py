@@ -1,0 +1,176 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, strategies as st
+
+from cohelm.core.types import Pose, Twist
+from cohelm.law.guard.bounds import brake_steps, braked, coasting
+from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
+from cohelm.law.guard.step import farthest
+from cohelm.law.guard.surroundings import Surroundings, surroundings
+from tests.law.guard.scenes import (
+    SALLY,
+    SALLY_LIMITS,
+    angles,
+    braking,
+    gaps,
+    inside_limits,
+    lengths,
+    limits,
+    moved,
+    outlines,
+    still_things,
+    twists,
+)  # fmt: skip
+
+DT = 0.02
+FINE = 20
+"""Looks in one control step; the robot goes less than 2 mm between two."""
+
+
+@st.composite
+def commands(draw):
+    lim = draw(limits())
+    return lim, draw(twists(lim))
+
+
+def stopped_after(twist, lim):
+    """The held twist and then the braking, as poses every DT / FINE, from the origin."""
+    pose = Pose(0.0, 0.0, 0.0)
+    yield pose
+    for step in [twist, *braking(twist, lim, DT)]:
+        for k in range(1, FINE + 1):
+            yield moved(pose, step, DT * k / FINE)
+        pose = moved(pose, step, DT)
+
+
+def certificate(outline, twist, lim, around, clear=0.015):
+    reach = farthest(outline)
+    m = manoeuvre(Pose(0.0, 0.0, 0.0), twist, lim, DT, reach)
+    return in_the_way(m, outline, reach, around, clear)
+
+
+@given(outlines(), commands(), still_things())
+def test_what_is_certified_stays_clear_of_all_that_rests(outline, command, around):
+    lim, twist = command
+    start = gaps(outline, Pose(0.0, 0.0, 0.0), around)
+    assume((start > 0.015).all())
+    if certificate(outline, twist, lim, around) == CLEAR:
+        for pose in stopped_after(twist, lim):
+            assert (gaps(outline, pose, around) >= 0.0075 - 1e-9).all()
+
+
+@given(outlines(), commands(), still_things())
+def test_what_is_refused_comes_near_the_thing_that_is_named(outline, command, around):
+    """No needless refusal: within `clear` and what lies between two looks of this test."""
+    lim, twist = command
+    assume((gaps(outline, Pose(0.0, 0.0, 0.0), around) > 0.015).all())
+    thing = certificate(outline, twist, lim, around)
+    if thing != CLEAR:
+        nearest = min(gaps(outline, pose, around)[thing] for pose in stopped_after(twist, lim))
+        pace = abs(twist.v) + abs(twist.omega) * farthest(outline)
+        assert nearest <= 0.015 + pace * DT / FINE
+
+
+@st.composite
+def walkers(draw):
+    """A disc that may accelerate by up to its agility, and does so: always one way, or weaving."""
+    agility = draw(st.sampled_from([0.0, 0.5, 2.0]))
+    x, y, radius = draw(lengths), draw(lengths), draw(st.floats(0.05, 0.4))
+    speed, course = draw(st.floats(0.0, 1.5)), draw(angles)
+    start = np.array([x, y, speed * math.cos(course), speed * math.sin(course)])
+    push = draw(st.sampled_from(["at", "side", "weave"]))
+    return radius, agility, start, push
+
+
+def walked(walker, robot, dt):
+    """The next state of a walker that accelerates at the robot, across, or to and fro."""
+    radius, agility, (x, y, vx, vy), push = walker
+    away = math.atan2(robot.y - y, robot.x - x)
+    turn = {"at": 0.0, "side": math.pi / 2, "weave": math.pi * (int(10 * x) % 2)}[push]
+    ax, ay = agility * math.cos(away + turn), agility * math.sin(away + turn)
+    x, y = x + vx * dt + 0.5 * ax * dt * dt, y + vy * dt + 0.5 * ay * dt * dt
+    return radius, agility, np.array([x, y, vx + ax * dt, vy + ay * dt]), push
+
+
+@given(outlines(), commands(), walkers())
+def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command, walker):
+    lim, twist = command
+
+    def around(radius, agility, state, _):
+        return surroundings(np.array([[*state, radius, 0.2]]), np.array([agility]))
+
+    assume(gaps(outline, Pose(0.0, 0.0, 0.0), around(*walker))[0] > 0.015)
+    assume(certificate(outline, twist, lim, around(*walker)) == CLEAR)
+    assume(twist != Twist(0.0, 0.0))
+    for pose in stopped_after(twist, lim):
+        assert gaps(outline, pose, around(*walker))[0] >= 0.0075 - 1e-9
+        walker = walked(walker, pose, DT / FINE)
+
+
+@given(commands())
+def test_braking_ends_at_rest_within_the_limits_and_on_the_certified_arc(command):
+    lim, twist = command
+    steps, before, pose = [], twist, Pose(0.0, 0.0, 0.0)
+    while before != Twist(0.0, 0.0):
+        after = braked(before, lim, DT)
+        assert inside_limits(after, before, lim, DT)
+        assert len(steps) <= brake_steps(twist, lim, DT)
+        steps.append(after)
+        pose, before = moved(pose, after, DT), after
+    ahead = moved(Pose(0.0, 0.0, 0.0), twist, coasting(twist, lim, DT))
+    assert pose == pytest.approx(ahead, abs=1e-9)
+    expected = braking(twist, lim, DT)
+    assert len(steps) - 1 in (len(expected) - 1, len(expected), len(expected) + 1)
+
+
+@pytest.mark.parametrize(
+    "around",
+    [
+        surroundings([[0.7, 0.0, 0.0, 0.0, 0.1, 0.2]]),
+        surroundings([[0.7, 0.0, 0.0, 0.0, 0.1, 0.2]], [0.1]),
+        surroundings(segments=[[0.6, -1.0, 0.6, 1.0]]),
+        surroundings(points=[[math.nan, 0.0], [0.6, 0.0]]),
+    ],
+)
+def test_driving_on_into_a_thing_ahead_is_refused_and_backing_off_is_not(around: Surroundings):
+    last = len(around.discs) + len(around.segments) + len(around.points) - 1
+    assert certificate(SALLY, Twist(1.0, 0.0), SALLY_LIMITS, around) == last
+    assert certificate(SALLY, Twist(-1.0, 0.0), SALLY_LIMITS, around) == CLEAR
+    assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, around) == CLEAR
+
+
+def test_who_is_upon_the_robot_already_holds_it_where_it_stands():
+    person = surroundings([[0.465, 0.0, 0.0, 0.0, 0.1, 0.2]], [1.0])
+    assert certificate(SALLY, Twist(-0.1, 0.0), SALLY_LIMITS, person) == 0
+    assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, person) == CLEAR
+
+
+@pytest.mark.parametrize("speed", [0.5, 1e-3, 4e-4, 1e-6])
+def test_no_patience_creeps_up_on_what_is_too_near(speed):
+    """However little a step takes: fifty a second would add up."""
+    wall = surroundings(segments=[[0.367, -3.0, 0.367, 3.0]])
+    assert certificate(SALLY, Twist(speed, 0.0), SALLY_LIMITS, wall) == 0
+    assert certificate(SALLY, Twist(0.0, speed), SALLY_LIMITS, wall) == 0
+    assert certificate(SALLY, Twist(-speed, 0.0), SALLY_LIMITS, wall) == CLEAR
+    beside = surroundings(segments=[[-3.0, 0.297, 3.0, 0.297]])
+    assert certificate(SALLY, Twist(speed, 0.0), SALLY_LIMITS, beside) == CLEAR
+
+
+@given(outlines(), commands(), still_things())
+def test_every_command_finds_the_gap_that_the_certificate_promises_it(outline, command, around):
+    """Where the next command may come in, after the hold or a braking step, there is no dip."""
+    lim, twist = command
+    floor = 0.0075 + 0.015 / 16
+    start = gaps(outline, Pose(0.0, 0.0, 0.0), around)
+    assume((start > 1e-3).all())
+    if certificate(outline, twist, lim, around) == CLEAR:
+        for pose in list(stopped_after(twist, lim))[::FINE]:
+            assert (gaps(outline, pose, around) >= np.minimum(start, floor) - 1e-9).all()
+
+
+def test_a_gap_between_clear_and_half_of_it_may_be_used_up_to_the_half_of_it():
+    wall = surroundings(segments=[[0.372, -3.0, 0.372, 3.0]])
+    assert certificate(SALLY, Twist(0.09, 0.0), SALLY_LIMITS, wall) == CLEAR  # 3 mm
+    assert certificate(SALLY, Twist(0.2, 0.0), SALLY_LIMITS, wall) == 0  # 12 mm
