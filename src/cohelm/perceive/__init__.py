@@ -1,0 +1,1 @@
+"""From what the LiDAR sees to what the robot knows: points, clearance, and a way through."""

@@ -1,0 +1,211 @@
+"""A way through what is known: cheapest path on the chart, pulled straight like a rubber band."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from cohelm.core.types import Floats, Ints, Pose
+from cohelm.perceive.band import band, distances, tangents
+from cohelm.perceive.chart import Chart, chart, inscribed, swept
+
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))  # to half of a cell's eight neighbours
+_LEAVE = 0.4  # a start tighter than wished for may be left within this distance [m]
+_REFUSED = 0.1  # around a pose that touches something, no second way is tried [m]
+_TRIES = 4  # ways whose swept outline touches something before giving up
+
+
+class Manners(NamedTuple):
+    """What makes a way good."""
+
+    gap: float = 0.04
+    """Least gap of the swept outline [m]."""
+    room: float = 0.3
+    """Gap beside the robot from which more is not better [m]."""
+    shy: float = 3.0
+    """How many times dearer a metre is where it is tightest."""
+    beside: float = 0.5
+    """How far from the line's end a way may end where the end is taken [m]."""
+    stray: float = 0.15
+    """Share dearer a metre is, per metre away from the given line; 0 to ignore the line [1/m]."""
+    border: float = 2.5
+    """How far beyond robot and line a way is looked for [m]; twice as far if there is none."""
+    resolution: float = 0.05
+    """Cells of the chart [m]."""
+    spacing: float = 0.1
+    """Between the way-points [m]."""
+    rounds: int = 120
+    """Of pulling the band straight."""
+
+
+_MANNERS = Manners()
+
+
+class Way(NamedTuple):
+    """Way-points to follow, and what they leave."""
+
+    points: Floats
+    """From the robot to the rejoined point of the line, (m, 2), world frame [m]; a single one
+    where the robot is there already."""
+    rejoined: int
+    """Row of the given line at which the way ends."""
+    gap: float
+    """Least gap of the outline along it, with the heading of the way [m]."""
+
+
+def first_blocked(line: Floats, points: Floats, outline: Floats, gap: float) -> int:
+    """First row of a line, (k, 2) with k >= 2, at which the outline comes nearer than `gap`.
+
+    len(line) if all of it is clear.
+    """
+    tight = swept(points, outline, tangents(line)) < gap
+    return int(np.argmax(tight)) if tight.any() else len(line)
+
+
+def way(
+    pose: Pose, points: Floats, line: Floats, outline: Floats, manners: Manners = _MANNERS,
+    begin: int = 0, horizon: float = math.inf,
+) -> Way | None:  # fmt: skip
+    """A way from the robot back onto a line, around all points seen; None if none is known.
+
+    pose, points (p, 2), line (k, 2) with k >= 2, about `spacing` apart: world frame [m].
+    outline: (n, 2), convex, counter-clockwise. begin: the row of the line that is behind the
+    robot for good. The way ends on the line `horizon` metres after the row nearest to the robot,
+    or farther on where that can not be reached; at the latest at the line's end, or up to
+    `beside` from it. What has not been seen counts as free.
+    """
+    off = line[begin:] - np.array(pose[:2])
+    here = begin + int(np.argmin(np.hypot(off[:, 0], off[:, 1])))
+    along = distances(line[here:])
+    aim = here + min(int(np.searchsorted(along, horizon)), len(along) - 1)
+    narrow = inscribed(outline) + manners.gap
+    wide = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + manners.gap
+    for border in (manners.border, 2.0 * manners.border):
+        span = np.vstack((line[here:], [pose[:2]]))
+        low, high = span.min(axis=0) - border, span.max(axis=0) + border
+        known = chart(points, (low[0], low[1]), (high[0], high[1]), manners.resolution)
+        for _ in range(_TRIES):
+            found = cheapest(known, pose, line, here, aim, narrow, wide, manners)
+            if found is None:
+                break
+            path, rejoined = found
+            if len(path) == 1:
+                return Way(path, rejoined, math.inf)
+            smooth = band(known, path, pose, narrow + manners.room, manners.spacing, manners.rounds)
+            poses = tangents(smooth)
+            gaps = swept(points, outline, poses)
+            gaps[0] = math.inf  # the robot is there already, whatever its heading
+            if gaps.min() >= manners.gap:
+                return Way(smooth, rejoined, float(gaps.min()))
+            for x, y, _psi in poses[gaps < manners.gap]:
+                known.clearance[_within(known, _cell(known, (x, y)), _REFUSED)] = 0.0
+    return None
+
+
+def cheapest(
+    chart: Chart, start: Pose, line: Floats, here: int, aim: int, narrow: float, wide: float,
+    manners: Manners,
+) -> tuple[Floats, int] | None:  # fmt: skip
+    """Cell centres from the robot to a point of the line, dear where it is tight, (m, 2) [m].
+
+    It ends at the first point of the line, from row `aim` on, that can be reached; the row is
+    the second result. No cell nearer than `narrow` to what was seen is on it, but a tighter
+    start may be left through cells that are no tighter. Where not even the line's end can be
+    reached, the nearest cell is taken in which the robot can turn (`wide`), or there is no way.
+    """
+    c = chart.clearance
+    a = _cell(chart, start[:2])
+    free = c >= narrow
+    if not free[a]:
+        free |= _within(chart, a, _LEAVE) & (c >= min(c[a], narrow)) & (c > 0.0)
+        free[a] = True
+    tight = np.clip((narrow + manners.room - c) / manners.room, 0.0, 1.0)
+    cost: Floats = 1.0 + manners.shy * tight * tight
+    cells = [_cell(chart, point) for point in line[here:]]
+    if manners.stray > 0.0:
+        off = np.ones(c.shape, dtype=np.bool_)
+        for cell in cells:
+            off[cell] = False
+        away = np.asarray(ndimage.distance_transform_edt(off)) * chart.resolution
+        cost = cost * (1.0 + manners.stray * np.minimum(away, 3.0))
+    before = _tree(free, cost, a)
+    rejoined = len(line) - 1
+    for row in range(aim, len(line)):
+        if before[cells[row - here]] >= 0:
+            rejoined, b, end = row, cells[row - here], line[row]
+            break
+    else:
+        near = (before >= 0) & (c >= wide) & _within(chart, cells[-1], manners.beside)
+        i, j = np.nonzero(near)
+        if len(i) == 0:
+            return None
+        best = int(np.argmin((i - cells[-1][0]) ** 2 + (j - cells[-1][1]) ** 2))
+        b = (int(i[best]), int(j[best]))
+        end = np.array([chart.x + chart.resolution * b[1], chart.y + chart.resolution * b[0]])
+    flat = before.ravel()
+    walk = [b[0] * c.shape[1] + b[1]]
+    root = a[0] * c.shape[1] + a[1]
+    while walk[-1] != root:
+        walk.append(int(flat[walk[-1]]))
+    i, j = np.divmod(np.array(walk[::-1]), c.shape[1])
+    path = np.empty((len(walk), 2))
+    path[:, 0] = chart.x + chart.resolution * j
+    path[:, 1] = chart.y + chart.resolution * i
+    path[-1] = end
+    return path, rejoined
+
+
+def _cell(chart: Chart, at: Floats | tuple[float, ...]) -> tuple[int, int]:
+    """Row and column of a world point, of the border for one outside."""
+    rows, columns = chart.clearance.shape
+    i = round((at[1] - chart.y) / chart.resolution)
+    j = round((at[0] - chart.x) / chart.resolution)
+    return min(max(i, 0), rows - 1), min(max(j, 0), columns - 1)
+
+
+def _within(chart: Chart, cell: tuple[int, int], radius: float) -> NDArray[np.bool_]:
+    """The cells within a radius [m] of one."""
+    rows, columns = chart.clearance.shape
+    i, j = np.ogrid[:rows, :columns]
+    far = radius / chart.resolution
+    return (i - cell[0]) ** 2 + (j - cell[1]) ** 2 <= far * far
+
+
+def _tree(free: NDArray[np.bool_], cost: Floats, root: tuple[int, int]) -> Ints:
+    """The cheapest 8-connected paths from a free cell to all others.
+
+    For each cell the flat index of the one before it, itself for the root, negative where no
+    path leads.
+    """
+    number = np.full(free.shape, -1, dtype=np.int32)
+    cells = np.flatnonzero(free)
+    number.flat[cells] = np.arange(len(cells), dtype=np.int32)
+    rows, columns = free.shape
+    tails: list[NDArray[np.int32]] = []
+    heads: list[NDArray[np.int32]] = []
+    weights: list[Floats] = []
+    for di, dj in _STEPS:
+        here = (slice(0, rows - di), slice(max(0, -dj), columns - max(0, dj)))
+        there = (slice(di, rows), slice(max(0, dj), columns + min(0, dj)))
+        both = free[here] & free[there]
+        tails.append(number[here][both])
+        heads.append(number[there][both])
+        weights.append(0.5 * math.hypot(di, dj) * (cost[here][both] + cost[there][both]))
+    graph = csr_array(
+        (np.concatenate(weights), (np.concatenate(tails), np.concatenate(heads))),
+        shape=(len(cells), len(cells)),
+    )
+    source = int(number[root])
+    found: Ints = dijkstra(
+        graph, directed=False, indices=np.array([source]), return_predecessors=True
+    )[1][0]
+    found[source] = source
+    before = np.full(free.shape, -1, dtype=np.int64)
+    before.flat[cells] = np.where(found >= 0, cells[found], -1)
+    return before
