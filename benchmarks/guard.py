@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 
 from cohelm.core.types import Floats, Pose, Twist, X, Y
-from cohelm.law.guard.step import guard_step
+from cohelm.law.guard.step import prepared
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.robot.model import RobotModel, shipped_path
 from cohelm.study.bench.measure import Rounds, median_call_us
@@ -57,7 +57,7 @@ def room(n: int) -> Floats:
 def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
     """Rounds in which all are timed in turns; Jackal's outline and limits."""
     model = _jackal()
-    outline, limits = model.outline, model.bounds()
+    guarded = prepared(model.outline, model.bounds())
     rounds, calls = (7, 2_000) if quick else (15, 10_000)
     fields = {n: among(n) for n in DISCS}
     here = (Pose(0.0, 0.0, 0.0),) * POSES
@@ -69,7 +69,7 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
     ) -> Callable[[int], object]:
         def call(i: int) -> object:
             wish = asked[i % POSES]
-            return guard_step(poses[i % POSES], before, wish, around, outline, limits)
+            return guarded(poses[i % POSES], before, wish, around)
 
         before = Twist(0.4, 0.1)
         call(0)

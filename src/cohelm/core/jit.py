@@ -76,8 +76,12 @@ def jit(function: F) -> F:
 
 
 def jit_inline(function: F) -> F:
-    """As `jit`, melted into its compiled callers: for what runs in every step."""
-    return _compile(function, forceinline=True)
+    """As `jit`, melted into its compiled callers: for what runs in every step.
+
+    It may read and slice arrays but not make any: it is compiled without numba's reference
+    counts, whose atomic updates at every array argument cost a batch more than a tenth.
+    """
+    return _compile(function, forceinline=True, _nrt=False)
 
 
 def jit_parallel(function: F) -> F:

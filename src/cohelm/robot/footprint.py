@@ -22,10 +22,14 @@ def point_gap(outline: Floats, px: float, py: float) -> float:
         j = i + 1 if i + 1 < k else 0
         ex, ey = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
         wx, wy = px - outline[i, 0], py - outline[i, 1]
-        if wx * ey - wy * ex > 0.0:  # beyond this edge; only such an edge can be the nearest
-            s = min(max((wx * ex + wy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
-            gx, gy = wx - s * ex, wy - s * ey
-            nearest = min(nearest, gx * gx + gy * gy)
+        beyond = wx * ey - wy * ex
+        if beyond > 0.0:  # only such an edge can be the nearest
+            along, square = wx * ex + wy * ey, ex * ex + ey * ey
+            if 0.0 <= along <= square:
+                return beyond / math.sqrt(square)  # straight out from it: nothing is nearer
+            if along > 0.0:
+                wx, wy = px - outline[j, 0], py - outline[j, 1]
+            nearest = min(nearest, wx * wx + wy * wy)  # its nearer corner
     if nearest < math.inf:
         return math.sqrt(nearest)
     depth = math.inf

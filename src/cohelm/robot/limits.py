@@ -42,8 +42,10 @@ _NONE = 1e-300
 def _excess(
     v: float, omega: float, speed: float, yaw_rate: float, wheel: float, track: float
 ) -> float:
-    """How many times over the bounds a twist is; at most 1 is inside."""
+    """How many times over the bounds a twist is; 1 inside them."""
     rim = abs(v) + 0.5 * track * abs(omega)  # the faster wheel
+    if abs(v) <= speed and abs(omega) <= yaw_rate and rim <= wheel:
+        return 1.0  # most of the time, and spares three divisions
     return max(abs(v) / speed, abs(omega) / yaw_rate, rim / wheel)
 
 

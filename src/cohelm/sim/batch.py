@@ -12,14 +12,23 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit, jit_inline, jit_parallel
-from cohelm.core.types import Desired, Floats, Ints, Pose
+from cohelm.core.types import Desired, Floats, Ints, Pose, Twist
 from cohelm.law.barrier import HEADING, INVALID, SHAPED, UNTOUCHED
 from cohelm.law.gains import Gains, table
 from cohelm.law.reference import Reference, tabulate
 from cohelm.law.track import pose_error
 from cohelm.robot.limits import Limits
-from cohelm.sim.hand import IDLE, Operator, Replay, operate, operator_table, replay, replayed
-from cohelm.sim.loop import at_rest, turn
+from cohelm.sim.hand import (
+    IDLE,
+    Operator,
+    Person,
+    Replay,
+    operate,
+    operator_table,
+    replay,
+    replayed,
+)
+from cohelm.sim.loop import State, turn
 from cohelm.sim.world import NOWHERE, World, clearance, moves, place, world
 
 OUTCOME = np.dtype(
@@ -39,6 +48,14 @@ OUTCOME = np.dtype(
     align=True,
 )  # fmt: skip
 """What is kept of each robot's run."""
+
+
+LANES = 32
+"""Robots that one thread takes through time side by side: while the long chain from pose to
+pose of one robot waits for a number, the processor works on the next."""
+
+FEW = 8
+"""Fewer than these are not worth a thread of their own."""
 
 
 @dataclass(frozen=True)
@@ -91,10 +108,12 @@ def run_batch(batch: Batch, threads: int | None = None) -> NDArray[np.void]:
     outcomes = np.zeros(n, dtype=OUTCOME)
     kernel: Any = numba
     before: int = kernel.get_num_threads()
-    kernel.set_num_threads(min(threads or before, before))
+    used = min(threads or before, before)
+    lanes = min(max(-(-n // used), FEW), LANES)
+    kernel.set_num_threads(max(min(used, -(-n // lanes)), 1))
     try:
         _run_all(
-            starts, desired, batch.dt, batch.worlds, batch.hands,
+            lanes, starts, desired, batch.dt, batch.worlds, batch.hands,
             operator_table(batch.operators), np.asarray(batch.seeds, dtype=np.int64),
             table(batch.gains), batch.limits, batch.outline,
             float(np.hypot(*batch.outline.T).max()), round(batch.delay / batch.dt), outcomes,
@@ -104,17 +123,59 @@ def run_batch(batch: Batch, threads: int | None = None) -> NDArray[np.void]:
     return outcomes
 
 
+LANE = np.dtype(
+    [
+        ("x", "f8"), ("y", "f8"), ("psi", "f8"),
+        ("v", "f8"), ("omega", "f8"),
+        ("noticed_at", "f8"), ("seen_at", "f8"), ("side", "f8"),
+        ("hand_x", "f8"), ("hand_psi", "f8"),
+    ],
+    align=True,
+)  # fmt: skip
+"""One robot between two steps: its pose, what the wheels do, and its `Person`."""
+
+
 @jit_parallel
 def _run_all(
-    starts: Floats, table: Floats, dt: float, worlds: World, hands: Replay,
+    lanes: int, starts: Floats, table: Floats, dt: float, worlds: World, hands: Replay,
     operators: NDArray[np.void], seeds: Ints, gains: NDArray[np.void], limits: Limits,
     outline: Floats, reach: float, delay: int, outcomes: NDArray[np.void],
 ) -> None:  # fmt: skip
-    for i in numba.prange(len(starts)):
-        _run_one(
-            np.int64(i), starts, table, dt, worlds, hands, operators, seeds, gains, limits,
-            outline, reach, delay, outcomes,
+    n = len(starts)
+    for group in numba.prange((n + lanes - 1) // lanes):
+        first: Any = np.int64(group) * lanes
+        _run_group(
+            first, min(first + lanes, n), starts, table, dt, worlds, hands, operators, seeds,
+            gains, limits, outline, reach, delay, outcomes,
         )  # fmt: skip
+
+
+@jit
+def _run_group(
+    first: int, end: int, starts: Floats, table: Floats, dt: float, worlds: World, hands: Replay,
+    operators: NDArray[np.void], seeds: Ints, gains: NDArray[np.void], limits: Limits,
+    outline: Floats, reach: float, delay: int, outcomes: NDArray[np.void],
+) -> None:  # fmt: skip
+    """Robots first ... end - 1: room for them, their start, all steps, and what they add up to."""
+    n = end - first
+    a, b = (0, 1) if len(worlds.first) == 2 else (first, end)
+    discs = worlds.discs[worlds.first[a] : worlds.first[b]].copy()
+    queues = np.zeros((n, delay, 2))
+    lanes = np.zeros(n, dtype=LANE)
+    for j in range(n):
+        lane, out = lanes[j], outcomes[first + j]
+        lane.x, lane.y, lane.psi = starts[first + j, 0], starts[first + j, 1], starts[first + j, 2]
+        lane.noticed_at, lane.seen_at = IDLE.noticed_at, IDLE.seen_at
+        out.h_min, out.clearance_min = math.inf, NOWHERE
+    _steps(
+        first, a, b, lanes, queues, discs, table, dt, worlds, hands, operators, seeds, gains,
+        limits, outline, reach, outcomes,
+    )  # fmt: skip
+    for j in range(n):
+        lane, out = lanes[j], outcomes[first + j]
+        out.x, out.y, out.psi = lane.x, lane.y, lane.psi
+        out.e_p_rms = math.sqrt(out.e_p_rms / len(table))
+        out.human /= len(table)
 
 
 @jit_inline
@@ -123,59 +184,60 @@ def _own(i: int, count: int) -> int:
     return 0 if count == 1 else i
 
 
-@jit
-def _run_one(
-    i: int, starts: Floats, table: Floats, dt: float, worlds: World, hands: Replay,
-    operators: NDArray[np.void], seeds: Ints, rows: NDArray[np.void], limits: Limits,
-    outline: Floats, reach: float, delay: int, outcomes: NDArray[np.void],
+@jit_inline
+def _steps(
+    first: int, a: int, b: int, lanes: NDArray[np.void], queues: Floats, discs: Floats,
+    table: Floats, dt: float, worlds: World, hands: Replay, operators: NDArray[np.void],
+    seeds: Ints, gains: NDArray[np.void], limits: Limits, outline: Floats, reach: float,
+    outcomes: NDArray[np.void],
 ) -> None:  # fmt: skip
-    w, hand = _own(i, len(worlds.first) - 1), _own(i, len(hands.first) - 1)
-    operator, seed = operators[_own(i, len(operators))], seeds[_own(i, len(seeds))]
-    row = rows[_own(i, len(rows))]
-    gains = Gains(
-        row.k_x, row.k_psi, row.K, row.C, row.k_cbf, row.k_hx, row.k_hpsi, row.k_s,
-        row.dead_band, row.u_d, row.barrier, row.joint, row.true_sign,
-    )  # fmt: skip
-    a, b = worlds.first[w], worlds.first[w + 1]
-    walls = worlds.walls[worlds.wall_first[w] : worlds.wall_first[w + 1]]
-    noticed = worlds.noticed[a:b]
-    discs = worlds.discs[a:b].copy()
-    moving = moves(w, worlds)
-    place(discs, w, worlds, 0.0)
-    queue = np.zeros((delay, 2))
-    state = at_rest(Pose(starts[i, 0], starts[i, 1], starts[i, 2]))
-    person = IDLE
-    e_p_max, e_p_square, e_p, h_min, gap = 0.0, 0.0, 0.0, math.inf, NOWHERE
-    v_max, omega_max, path, human = 0.0, 0.0, 0.0, 0.0
-    saturated, shaped, heading, invalid = 0, 0, 0, 0
-    steps = len(table)
-    for k in range(steps):
-        if moving:
-            place(discs, w, worlds, k * dt)
+    """All robots of a group through time; `discs` are those of the worlds a ... b - 1.
+
+    Until the end `e_p_rms` is the sum of squares and `human` the sum of shares. `gains` go into
+    the law row by row as they are: it reads either form, and only what it needs.
+    """
+    base = worlds.first[a]
+    moving = False
+    for w in range(a, b):
+        moving = moving or moves(w, worlds)
+    for k in range(len(table)):
+        if moving or k == 0:
+            for w in range(a, b):
+                place(discs[worlds.first[w] - base : worlds.first[w + 1] - base], w, worlds, k * dt)
         desired = Desired(table[k, 0], table[k, 1], table[k, 2], table[k, 3], table[k, 4])
-        pose = state.pose
-        if operator.active:
-            person, stick = operate(person, operator, pose, discs, noticed, k, dt, seed)
-        else:
-            stick = replayed(hand, hands, k * dt)
-        state, s, limited = turn(k, dt, state, stick, desired, discs, gains, limits, queue)
-        e_p = pose_error(pose, desired)
-        e_p_max = max(e_p_max, e_p)
-        e_p_square += e_p * e_p
-        h_min = min(h_min, s.h)
-        gap = clearance(pose, outline, reach, discs, walls, gap)
-        v_max, omega_max = max(v_max, abs(s.v)), max(omega_max, abs(s.omega))
-        path += abs(state.applied.v) * dt
-        human += 1.0 - s.authority_x
-        saturated += limited
-        if s.verdict != UNTOUCHED:
-            shaped += s.verdict == SHAPED
-            heading += s.verdict == SHAPED and s.culprit == HEADING
-            invalid += s.verdict == INVALID
-    out = outcomes[i]
-    out.x, out.y, out.psi = state.pose.x, state.pose.y, state.pose.psi
-    out.e_p_max, out.e_p_rms, out.e_p_end = e_p_max, math.sqrt(e_p_square / steps), e_p
-    out.h_min, out.clearance_min = h_min, gap
-    out.v_max, out.omega_max, out.path = v_max, omega_max, path
-    out.saturated, out.shaped, out.heading, out.invalid = saturated, shaped, heading, invalid
-    out.human = human / steps
+        for j in range(len(lanes)):
+            i = first + j
+            lane, out = lanes[j], outcomes[i]
+            operator, row = operators[_own(i, len(operators))], gains[_own(i, len(gains))]
+            w = _own(i, len(worlds.first) - 1)
+            near = discs[worlds.first[w] - base : worlds.first[w + 1] - base]
+            walls = worlds.walls[worlds.wall_first[w] : worlds.wall_first[w + 1]]
+            pose, applied = Pose(lane.x, lane.y, lane.psi), Twist(lane.v, lane.omega)
+            if operator.active:
+                person, stick = operate(
+                    Person(lane.noticed_at, lane.seen_at, lane.side, lane.hand_x, lane.hand_psi),
+                    operator, pose, near, worlds.noticed[worlds.first[w] : worlds.first[w + 1]],
+                    k, dt, seeds[_own(i, len(seeds))],
+                )  # fmt: skip
+                lane.noticed_at, lane.seen_at = person.noticed_at, person.seen_at
+                lane.side, lane.hand_x, lane.hand_psi = person.side, person.x, person.psi
+            else:
+                stick = replayed(_own(i, len(hands.first) - 1), hands, k * dt)
+            state = State(pose, applied, stick, 0.0)  # the energy (40) is not kept
+            state, s, limited = turn(k, dt, state, stick, desired, near, row, limits, queues[j])
+            lane.x, lane.y, lane.psi = state.pose.x, state.pose.y, state.pose.psi
+            lane.v, lane.omega = state.applied.v, state.applied.omega
+            e_p = pose_error(pose, desired)
+            out.e_p_max, out.e_p_end = max(out.e_p_max, e_p), e_p
+            out.e_p_rms += e_p * e_p
+            out.h_min = min(out.h_min, s.h)
+            out.clearance_min = clearance(pose, outline, reach, near, walls, out.clearance_min)
+            out.v_max = max(out.v_max, abs(s.v))
+            out.omega_max = max(out.omega_max, abs(s.omega))
+            out.path += abs(lane.v) * dt
+            out.human += 1.0 - s.authority_x
+            out.saturated += limited
+            if s.verdict != UNTOUCHED:
+                out.shaped += s.verdict == SHAPED
+                out.heading += s.verdict == SHAPED and s.culprit == HEADING
+                out.invalid += s.verdict == INVALID

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist, is_finite
@@ -147,36 +149,46 @@ def farthest(outline: Floats) -> float:
     return math.sqrt(square)
 
 
+GuardStep = Callable[[Pose, Twist, Twist, Surroundings], Guarded]
+"""The guard of one robot: pose, before, wish, around -> what it lets through."""
+
 _RULES = Rules()
 
 
-def guard_step(
-    pose: Pose, before: Twist, wish: Twist, around: Surroundings, outline: Floats,
-    limits: Limits, rules: Rules = _RULES,
-) -> Guarded:  # fmt: skip
-    """`guard` from Python. Never raises on numbers and never answers with one that is not finite
-    (but for `gap`, infinite with nothing near).
+def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> GuardStep:
+    """`guard` from Python, with what stays the same taken in once.
+
+    Never raises on numbers, and never answers with one that is not finite but for `gap`, which is
+    infinite with nothing near.
 
     Arguments are spread on the way in and the answer is made here: numba takes 0.8 us for a named
     tuple either way.
     """
-    return Guarded._make(_flat(*pose, *before, *wish, *around, outline, *limits, *rules))
+    corners = np.ascontiguousarray(outline, dtype=np.float64)
+    settings = np.array([*limits, *rules], dtype=np.float64)
+
+    def step(pose: Pose, before: Twist, wish: Twist, around: Surroundings) -> Guarded:
+        return Guarded._make(_flat(*pose, *before, *wish, *around, corners, settings))
+
+    return step
+
+
+def guard_step(
+    pose: Pose, before: Twist, wish: Twist, around: Surroundings, outline: ArrayLike,
+    limits: Limits, rules: Rules = _RULES,
+) -> Guarded:  # fmt: skip
+    """One call of `prepared`; a loop is faster with that."""
+    return prepared(outline, limits, rules)(pose, before, wish, around)
 
 
 @jit
 def _flat(
     x: float, y: float, psi: float, v0: float, omega0: float, v: float, omega: float,
-    discs: Floats, agility: Floats, segments: Floats, points: Floats, outline: Floats,
-    speed: float, acceleration: float, yaw_rate: float, yaw_acceleration: float,
-    wheel_speed: float, wheel_acceleration: float, track: float,
-    dt: float, margin: float, clear: float, caution: float, steer_weight: float,
+    discs: Floats, agility: Floats, segments: Floats, points: Floats, outline: Floats, s: Floats,
 ) -> tuple[float, float, int, float, float, int]:  # fmt: skip
-    limits = Limits(
-        speed, acceleration, yaw_rate, yaw_acceleration, wheel_speed, wheel_acceleration, track
-    )
     g = guard(
         Pose(x, y, psi), Twist(v0, omega0), Twist(v, omega),
-        Surroundings(discs, agility, segments, points), outline, limits,
-        Rules(dt, margin, clear, caution, steer_weight),
+        Surroundings(discs, agility, segments, points), outline,
+        Limits(s[0], s[1], s[2], s[3], s[4], s[5], s[6]), Rules(s[7], s[8], s[9], s[10], s[11]),
     )  # fmt: skip
     return g.v, g.omega, g.verdict, g.change, g.gap, g.culprit
