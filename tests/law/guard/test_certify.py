@@ -109,6 +109,47 @@ def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command
         walker = walked(walker, pose, DT / FINE)
 
 
+@st.composite
+def oncomers(draw, agilities=(0.0, 0.5, 2.0)):
+    """A disc 0.05 to 1 m off that may be on its way to the robot: radius, agility, state."""
+    bearing, off = draw(angles), draw(st.floats(-0.6, 0.6))
+    away = draw(st.floats(0.4, 1.8))
+    speed = draw(st.one_of(st.just(0.0), st.floats(0.0, 2.0)))
+    course = bearing + math.pi + off
+    state = [away * math.cos(bearing), away * math.sin(bearing)]
+    state += [speed * math.cos(course), speed * math.sin(course)]
+    return draw(st.floats(0.02, 0.3)), draw(st.sampled_from(agilities)), np.array(state)
+
+
+def worst_gaps(outline, twist, lim, radius, agility, state):
+    """The gap at each of the looks of `stopped_after`, the disc grown by agility t^2 / 2."""
+    for k, pose in enumerate(stopped_after(twist, lim)):
+        t = k * DT / FINE
+        x, y = state[:2] + state[2:] * t
+        grown = surroundings(np.array([[x, y, 0.0, 0.0, radius + agility * t * t / 2, 0.2]]))
+        yield gaps(outline, pose, grown)[0]
+
+
+@given(outlines(), commands(), oncomers())
+def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_moves(
+    outline, command, oncomer
+):
+    lim, twist = command
+    radius, agility, state = oncomer
+    assume(twist != Twist(0.0, 0.0))
+    assume(agility > 0.0 or state[2:].any())  # else it rests, and is judged as that
+    around = surroundings(np.array([[*state, radius, 0.2]]), np.array([agility]))
+    least = min(worst_gaps(outline, twist, lim, *oncomer))
+    pace = abs(twist.v) + abs(twist.omega) * farthest(outline) + np.hypot(*state[2:])
+    stops = DT * (1 + len(braking(twist, lim, DT)))
+    between = (pace + agility * stops) * DT / FINE
+    if certificate(outline, twist, lim, around) == CLEAR:
+        assert least >= 0.0075 - 1e-9
+    else:
+        later = (pace + agility * stops) * DT  # it may look on for one step of rounded braking
+        assert least <= 0.015 + between + later
+
+
 @given(commands())
 def test_braking_ends_at_rest_within_the_limits_and_on_the_certified_arc(command):
     lim, twist = command
