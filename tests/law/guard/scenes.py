@@ -90,6 +90,16 @@ def gaps(outline: np.ndarray, pose: Pose, around: Surroundings) -> np.ndarray:
     return shapely.distance(placed(outline, pose), shapes) - radii
 
 
+def beyond(outline: np.ndarray, around: Surroundings, gap: float) -> Surroundings:
+    """Only those things that the robot at the origin has further off than `gap`."""
+    keep = gaps(outline, HERE, around) > gap
+    d, w = len(around.discs), len(around.discs) + len(around.segments)
+    return Surroundings(
+        around.discs[keep[:d]], around.agility[keep[:d]], around.segments[keep[d:w]],
+        around.points[keep[w:]],
+    )  # fmt: skip
+
+
 def moved(pose: Pose, twist: Twist, t: float) -> Pose:
     """Holding a twist, by complex numbers: the chord is the integral of exp(i psi)."""
     turn = twist.omega * t

@@ -23,7 +23,8 @@ def test_the_gap_is_the_distance_outside_and_minus_the_depth_inside(outline, x, 
 def test_the_contact_is_a_point_of_the_outline_in_the_direction_of_the_thing(outline, x, y):
     c = contact(outline, x, y)
     assert math.hypot(c.nx, c.ny) == pytest.approx(1.0)
-    assume(c.gap > 1e-6)
+    if c.gap <= 1e-6:
+        return
     assert shapely.Polygon(outline).distance(shapely.Point(c.qx, c.qy)) < 1e-9
     assert (x + c.gap * c.nx, y + c.gap * c.ny) == pytest.approx((c.qx, c.qy), abs=1e-9)
 
@@ -55,7 +56,8 @@ def test_the_gap_to_a_wall_is_the_distance_and_negative_exactly_where_they_cross
 @given(outlines(), near, near, near, near)
 def test_a_wall_in_the_outline_is_left_by_the_shortest_way(outline, ax, ay, bx, by):
     out = overlap(outline, ax, ay, bx, by)
-    assume(out.gap < -1e-6)
+    if out.gap > -1e-6:
+        return
     body = shapely.Polygon(outline)
 
     def crossing(dx, dy):

@@ -25,6 +25,7 @@ from tests.law.guard.scenes import (
     RULES,
     SALLY,
     SALLY_LIMITS,
+    beyond,
     gaps,
     inside_limits,
     lengths,
@@ -96,7 +97,7 @@ def mirrors(draw):
 @given(outlines(), driving(), still_things(), mirrors())
 def test_it_guards_both_sides_and_both_directions_alike(outline, state, around, mirror):
     lim, before, wish = state
-    assume((gaps(outline, HERE, around) > 1e-3).all())
+    around = beyond(outline, around, 1e-3)
     sx, sy, sv, so = mirror
     got = guard_step(HERE, before, wish, around, outline, lim)
     there = surroundings(

@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, strategies as st
+from hypothesis import given, strategies as st
 
 from cohelm.core.types import Twist
 from cohelm.law.guard.project import NOBODY, project
@@ -48,7 +48,7 @@ def least_change(wish: Twist, rows: np.ndarray, weight: float, slack: float) -> 
 
 @given(twists, bounds(), weights)
 def test_it_is_the_least_change_that_keeps_every_bound(wish, rows, weight):
-    assume((np.hypot(rows[:, 0], rows[:, 1] / weight) > 1e-3).all())
+    rows = rows[np.hypot(rows[:, 0], rows[:, 1] / weight) > 1e-3]
     got = project(wish, rows.copy(), len(rows), weight)
     loose, tight = (least_change(wish, rows, weight, s) for s in (1e-7, -1e-7))
     if not got.feasible:
@@ -63,9 +63,9 @@ def test_it_is_the_least_change_that_keeps_every_bound(wish, rows, weight):
 
 @given(twists, bounds(), weights)
 def test_the_order_of_the_bounds_does_not_matter(wish, rows, weight):
+    rows[:, 2] = np.minimum(rows[:, 2], -0.01)  # rest is allowed
     one = project(wish, rows.copy(), len(rows), weight)
     other = project(wish, rows[::-1].copy(), len(rows), weight)
-    assume(least_change(wish, rows, weight, -1e-6) < math.inf)
     assert one.feasible
     assert other.feasible
     assert one.twist == pytest.approx(other.twist, abs=1e-6)
@@ -80,7 +80,8 @@ def test_an_allowed_wish_comes_back_to_the_last_bit(wish, rows, weight):
 @given(twists, bounds(), weights)
 def test_it_names_a_bound_that_holds_the_answer(wish, rows, weight):
     got = project(wish, rows.copy(), len(rows), weight)
-    assume(got.feasible and got.owner != NOBODY)
+    if not got.feasible or got.owner == NOBODY:
+        return
     a_v, a_omega, b, _ = rows[got.owner]
     assert a_v * got.twist.v + a_omega * got.twist.omega == pytest.approx(b, abs=1e-9)
 

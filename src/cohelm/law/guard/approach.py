@@ -52,7 +52,7 @@ def approach_rows(
         if not is_finite(x + y + vx + vy + radius + around.agility[i]):
             return -1, math.inf
         dx, dy = x - pose.x, y - pose.y
-        speed = abs(vx) + abs(vy)
+        speed = math.sqrt(vx * vx + vy * vy)
         reached = reach + radius + (far if speed == 0.0 else _far(fast + speed, a, dt, margin))
         if dx * dx + dy * dy < reached * reached:
             p = contact(outline, c * dx + s * dy, -s * dx + c * dy)

@@ -1,0 +1,159 @@
+"""What the bounds do before the certificate has a say: how things are approached, and named."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, strategies as st
+
+from cohelm.core.types import Pose, Twist, disc
+from cohelm.law.guard.approach import approach
+from cohelm.law.guard.step import BRAKING, SHAPED, STANDING, Rules, guard_step
+from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.robot.limits import Limits, achievable
+from tests.law.guard.scenes import (
+    HERE,
+    RULES,
+    SALLY,
+    SALLY_LIMITS,
+    angles,
+    beyond,
+    gaps,
+    lengths,
+    limits,
+    moved,
+    outlines,
+    still_things,
+    twists,
+    wishes,
+)
+from tests.law.guard.test_project import least_change
+
+EMPTY = surroundings()
+BRISK = Limits(1.5, 8.0, 3.0, 20.0, math.inf, math.inf, 0.4)
+SLOW_CLOCK = Rules(dt=0.1)
+
+
+@given(st.floats(1e-6, 3.0), st.floats(0.5, 20.0), st.floats(0.005, 0.2))
+def test_the_approach_speed_is_what_one_step_and_the_braking_after_it_use_up(h, a, dt):
+    speed = approach(h, a, dt)
+    assert speed * dt + speed * speed / (2.0 * a) == pytest.approx(h)
+    assert approach(h, math.inf, dt) == h / dt
+    assert approach(-h, a, dt) == 0.0
+
+
+@given(outlines(), still_things(), wishes)
+def test_nothing_is_approached_faster_than_the_robot_can_stop(outline, around, wish):
+    """Found from the gaps alone: where they are a tenth of a millisecond later."""
+    around = beyond(outline, around, 1e-3)
+    near = gaps(outline, HERE, around)
+    got = guard_step(HERE, Twist(0.0, 0.0), wish, around, outline, BRISK, SLOW_CLOCK)
+    after = gaps(outline, moved(HERE, Twist(got.v, got.omega), 1e-4), around)
+    most = [approach(gap - 0.03, 0.7 * 8.0, 0.1) for gap in near]
+    assert (after >= near - 1e-4 * np.array(most) - 1e-6).all()
+
+
+@given(st.floats(0.031, 0.7), angles, wishes)
+def test_a_thing_right_beside_is_approached_as_fast_as_may_be_and_no_faster(gap, turn, wish):
+    """A wall square to the bow, and the robot straight at it: the approach law to the digit."""
+    wall = surroundings(segments=[[0.36 + gap, -0.2, 0.36 + gap, 0.2]])
+    got = guard_step(HERE, Twist(0.0, 0.0), Twist(5.0, 0.0), wall, SALLY, BRISK, SLOW_CLOCK)
+    assert got.v == pytest.approx(min(approach(gap - 0.03, 0.7 * 8.0, 0.1), 0.8))
+
+
+@given(st.floats(0.2, 1.2), st.floats(0.0, 1.0))
+def test_a_moving_disc_is_approached_with_its_own_speed_taken_off(gap, speed):
+    """It comes at `speed`, or leaves; what comes faster than allowed is not fled from."""
+    for sign in (1.0, -1.0):
+        oncoming = surroundings([disc(0.36 + gap + 0.1, 0.0, 0.1, 0.2, -sign * speed, 0.0)])
+        got = guard_step(HERE, Twist(0.0, 0.0), Twist(5.0, 0.0), oncoming, SALLY, BRISK, SLOW_CLOCK)
+        allowed = max(approach(gap - 0.03, 0.7 * 8.0, 0.1) - sign * speed, 0.0)
+        assert -1e-9 <= got.v <= min(allowed, 0.8) + 1e-9
+        if speed == 0.0:
+            assert got.v == pytest.approx(min(allowed, 0.8))
+
+
+@given(limits(), wishes, wishes)
+def test_with_nothing_near_it_is_the_least_change_that_the_wheels_can_do(lim, was, wish):
+    before = achievable(was, Twist(0.0, 0.0), lim, 1e6)
+    got = guard_step(HERE, before, wish, EMPTY, SALLY, lim)
+    half, dt = lim.track / 2, RULES.dt
+    rows = []
+    for a, b, most, change in (
+        (1.0, 0.0, lim.speed, lim.acceleration), (0.0, 1.0, lim.yaw_rate, lim.yaw_acceleration),
+        (1.0, -half, lim.wheel_speed, lim.wheel_acceleration),
+        (1.0, half, lim.wheel_speed, lim.wheel_acceleration),
+    ):  # fmt: skip
+        now = a * before.v + b * before.omega
+        for sign in (1.0, -1.0):
+            low = max(-most, sign * now - change * dt)
+            if low > -math.inf:
+                rows.append((sign * a, sign * b, low, -1.0))
+    best = least_change(wish, np.array(rows), RULES.steer_weight, 1e-9)
+    assert got.change == pytest.approx(best, abs=1e-6)
+
+
+def turned(around: Surroundings, pose: Pose) -> Surroundings:
+    """The same things for a robot at `pose` as `around` is for one at the origin."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    back = np.array([[c, s], [-s, c]])
+
+    def there(xy):
+        return xy @ back + [pose.x, pose.y]
+
+    d = around.discs.copy()
+    d[:, :2], d[:, 2:4] = there(d[:, :2]), d[:, 2:4] @ back
+    walls = there(around.segments.reshape(-1, 2)).reshape(-1, 4)
+    return surroundings(d, around.agility, walls, there(around.points))
+
+
+@given(outlines(), limits(), still_things(), lengths, lengths, angles, angles, st.data())
+def test_where_the_origin_of_the_world_is_makes_no_difference(
+    outline, lim, around, x, y, psi, course, data
+):
+    assume((np.abs(gaps(outline, HERE, around) - 0.015) > 1e-6).all())
+    before, wish = data.draw(twists(lim)), data.draw(wishes)
+    around.discs[::2, 2:4] = 0.7 * math.cos(course), 0.7 * math.sin(course)
+    here = guard_step(HERE, before, wish, around, outline, lim)
+    pose = Pose(x, y, psi)
+    there = guard_step(pose, before, wish, turned(around, pose), outline, lim)
+    assert (there.v, there.omega) == pytest.approx((here.v, here.omega), abs=1e-7)
+    assert (there.verdict, there.culprit) == (here.verdict, here.culprit)
+    if here.gap < RULES.margin:  # a far one may or may not be looked at, by the last digit
+        assert there.gap == pytest.approx(here.gap, abs=1e-9)
+
+
+FAR_DISC, FAR_WALL, FAR_POINT = disc(9.0, 9.0, 0.1), [9.0, -9.0, 8.0, -9.0], [-9.0, 9.0]
+AHEAD = {
+    1: surroundings([FAR_DISC, disc(0.49, 0.0, 0.1)], None, [FAR_WALL], [FAR_POINT]),
+    2: surroundings([FAR_DISC], None, [FAR_WALL, [0.39, -1.0, 0.39, 1.0]], [FAR_POINT]),
+    4: surroundings([FAR_DISC, FAR_DISC], None, [FAR_WALL], [FAR_POINT, [0.39, 0.0]]),
+}
+
+
+@pytest.mark.parametrize("culprit", AHEAD)
+def test_the_culprit_is_counted_through_discs_walls_and_points(culprit):
+    """The shaping names it; and the certificate does where the shaping is blind (margin 0)."""
+    around = AHEAD[culprit]
+    shaped = guard_step(HERE, Twist(0.0, 0.0), Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
+    assert (shaped.verdict, shaped.culprit) == (SHAPED, culprit)
+    fast = guard_step(HERE, Twist(0.9, 0.0), Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
+    assert (fast.verdict, fast.culprit) == (BRAKING, culprit)
+    assert fast.v == pytest.approx(0.86)
+    blind = Rules(margin=-1.0)
+    for speed, verdict, left in ((0.3, SHAPED, 0.27), (0.5, BRAKING, 0.46)):  # a quarter; none
+        was = Twist(speed, 0.0)
+        got = guard_step(HERE, was, was, around, SALLY, SALLY_LIMITS, blind)
+        assert (got.v, got.verdict, got.culprit) == (pytest.approx(left), verdict, culprit)
+
+
+def test_standing_is_told_from_braking():
+    """Somebody upon the robot lets it only stand; spinning, it first has to stop."""
+    upon = surroundings([disc(0.37, 0.0, 0.0)], [1.0])
+    still = guard_step(HERE, Twist(0.0, 0.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)
+    assert (still.v, still.omega, still.verdict) == (0.0, 0.0, STANDING)
+    spinning = guard_step(HERE, Twist(0.0, 1.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)
+    assert spinning.verdict == BRAKING
+    assert (spinning.v, spinning.omega) == (0.0, pytest.approx(0.84))
+    rolling = guard_step(HERE, Twist(0.5, 0.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)
+    assert rolling.verdict == BRAKING
