@@ -14,7 +14,7 @@ run: $(READY)    ## run the paper's three experiments and draw its figures
 	@echo "The figures are in out/reproduce (PNG and SVG)."
 
 test: lint       ## lint, then the tests
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist loadgroup
 
 lint: $(READY)   ## lock file, style, types, import order
 	@# A package mirror set for this machine says nothing about the lock file.
@@ -40,5 +40,5 @@ $(READY): pyproject.toml uv.lock tools/setup.sh
 	@touch $@
 
 $(PEERS): $(READY)
-	tools/setup.sh --extra peers
+	tools/setup.sh peers
 	@touch $@

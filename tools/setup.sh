@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Make .venv hold what uv.lock names. Arguments go to `uv sync` (such as: --extra peers).
+# Make .venv hold what uv.lock names: all of cohelm, and with `tools/setup.sh peers` also the
+# software that it is measured against.
 # Needs Python >= 3.11. Takes uv from PATH, else puts it into .uv/ inside this checkout.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -34,4 +35,6 @@ fi
 "$uv" python find '>=3.11' >/dev/null 2>&1 ||
   fail "no Python 3.11 or newer found; install one (Debian 12: apt-get install python3)"
 
-"$uv" sync --frozen --compile-bytecode "$@"
+peers=(--no-extra peers)
+[ "${1:-}" != peers ] || peers=()
+"$uv" sync --frozen --compile-bytecode --all-extras "${peers[@]}"

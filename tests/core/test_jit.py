@@ -1,6 +1,7 @@
 """An edited formula is the one that runs, wherever the cache lies, or where none can lie."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -59,7 +60,7 @@ def test_an_edited_formula_runs_at_once_though_its_caller_was_cached(checkout, t
     assert "gains.k_x * x_b" in text
     law.write_text(text.replace("gains.k_x * x_b", "2 * gains.k_x * x_b"), encoding="utf-8")
     assert answer(checkout, STEP, COHELM_CACHE_DIR=str(cache)) == pytest.approx(0.5 + 1.8)
-    assert len(list((cache / "numba").iterdir())) == 2
+    assert len(list((cache / "numba" / "law").iterdir())) == 2
 
 
 def test_where_no_cache_can_be_written_the_law_still_runs(checkout):
@@ -75,15 +76,36 @@ def test_where_no_cache_can_be_written_the_law_still_runs(checkout):
 def test_only_the_newest_caches_are_kept(tmp_path, monkeypatch):
     monkeypatch.setenv("COHELM_CACHE_DIR", str(tmp_path))
     for age in range(8):
-        old = tmp_path / "numba" / f"edit{age}"
+        old = tmp_path / "numba" / "law" / f"edit{age}"
         old.mkdir(parents=True)
         os.utime(old, (1e9 - age, 1e9 - age))
-    mine = Path(jit._cache_folder())
-    kept = {path.name for path in (tmp_path / "numba").iterdir()}
+    mine = Path(jit._cache_folder.__wrapped__("law"))
+    kept = {path.name for path in (tmp_path / "numba" / "law").iterdir()}
     assert mine.name in kept
     assert kept - {mine.name} == {"edit0", "edit1", "edit2"}
 
 
 def test_the_cache_is_named_after_the_sources_and_found_again(tmp_path, monkeypatch):
     monkeypatch.setenv("COHELM_CACHE_DIR", str(tmp_path))
-    assert jit._cache_folder() == jit._cache_folder() != ""
+    folder = jit._cache_folder.__wrapped__
+    assert folder("law") == folder("law") != ""
+    assert folder("law") != folder("sim")
+
+
+def test_a_room_s_cache_depends_on_all_that_the_room_may_import():
+    """What `BELOW` says is what import-linter holds: no room sees one that it does not list."""
+    for room, below in jit.BELOW.items():
+        for path in (PACKAGE / room).rglob("*.py"):
+            for name in re.findall(r"^\s*(?:from|import) cohelm\.(\w+)", path.read_text(), re.M):
+                assert name in (*below, room), f"{path} imports cohelm.{name}"
+
+
+def test_an_edit_in_a_room_above_does_not_compile_the_rooms_below_again(checkout, tmp_path):
+    cache = tmp_path / "cache"
+    answer(checkout, STEP, COHELM_CACHE_DIR=str(cache))
+    before = {p.name for p in (cache / "numba" / "core").iterdir()}
+    law = checkout / "law" / "track.py"
+    law.write_text(law.read_text(encoding="utf-8") + "\n# edited\n", encoding="utf-8")
+    answer(checkout, STEP, COHELM_CACHE_DIR=str(cache))
+    assert {p.name for p in (cache / "numba" / "core").iterdir()} == before
+    assert len(list((cache / "numba" / "law").iterdir())) == 2

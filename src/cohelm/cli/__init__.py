@@ -1,0 +1,10 @@
+"""The command line: thin commands, each importing what it needs when it is called.
+
+A module here holds a group of commands and adds them to `app`; to add one, import it below.
+The order of the imports is the order in `cohelm --help`.
+"""
+
+from cohelm.cli import scenarios
+from cohelm.cli.app import app, main
+
+__all__ = ["app", "main", "scenarios"]

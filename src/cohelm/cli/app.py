@@ -1,0 +1,71 @@
+"""The command `cohelm` itself: what happens before and after any of its commands."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from cohelm import __version__
+from cohelm.cli.tell import plain, say
+from cohelm.core.errors import CohelmError
+
+app = typer.Typer(
+    name="cohelm",
+    help="Shared control with obstacle avoidance for uncrewed ground vehicles.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help is there in a third of the time, and reads as well
+    epilog="Start with `cohelm run minimal`, or `cohelm reproduce`.",
+)
+
+USER_ERROR = 2
+_MOST_PROBLEMS = 20
+"""Of a scenario's problems, no more than these are printed."""
+
+
+def main() -> None:
+    """Run the command line: one sentence and code 2 for what the user can mend, 130 on Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that has no m² shows m?
+    try:
+        try:
+            app()
+        finally:
+            if sys.stdout is not None:  # pyright: ignore[reportUnnecessaryComparison]  # `>&-`
+                sys.stdout.flush()
+    except CohelmError as error:
+        lines = str(error).splitlines()
+        for line in lines[:_MOST_PROBLEMS]:
+            say(f"[bold red]error:[/bold red] {plain(line)}")
+        if lines[_MOST_PROBLEMS:]:
+            say(f"... and {len(lines) - _MOST_PROBLEMS} more")
+        sys.exit(USER_ERROR)
+    except OSError as error:
+        # Nothing more can be written there, and Python must not try again when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if not isinstance(error, BrokenPipeError):  # that one is `cohelm ... | head`
+            where = str(error.filename or "what is printed, or compiled code (COHELM_CACHE_DIR),")
+            said = f"{where} can not be written ({error.strerror}): free some space"
+            say(f"[bold red]error:[/bold red] {plain(said)}")
+        sys.exit(1)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"cohelm {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Options of every command."""

@@ -1,0 +1,149 @@
+"""Commands on scenarios and their records: run, reproduce, replay, bench, schema."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cohelm.cli.app import app
+from cohelm.cli.tell import Json, Out, console, plain, print_json, print_table, progress, say
+
+
+@app.command()
+def run(
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="A scenario's YAML file, or the name of one that comes with cohelm: minimal, "
+            "lab-track, lab-avoid, lab-shared.",
+        ),
+    ],
+    stick: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Play this stick file (CSV, plain or gzip) instead of the scenario's hand; "
+            "FILE#3 takes run 3 of a file that holds several.",
+        ),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change one value, e.g. law.barrier.k_cbf=1.0; may be given several times.",
+        ),
+    ] = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Run one scenario into a folder.
+
+    There it leaves record.mcap, scenario.yaml (which makes the same run again), metrics.json,
+    run.png and run.svg. The folder is out/NAME-DATE-TIME unless --out names one; that one may
+    exist and hold other files, but nothing in it is ever overwritten.
+    """
+    with progress("starting") as told:
+        from cohelm.scenario import build, load
+        from cohelm.study import single
+
+        loaded = load.scenario(scenario, changes or [], stick)
+        setup = build.setup(loaded)
+        for warning in build.warnings(loaded):
+            say(f"[yellow]warning:[/yellow] {plain(warning)}")
+        folder = single.fresh(loaded.name) if out is None else out
+        try:
+            metrics = single.recorded(setup, folder, told)
+        except KeyboardInterrupt:
+            if (folder / single.RECORD).exists():
+                left = f"; see what was run: cohelm replay {folder / single.RECORD}"
+                say(f"[yellow]interrupted[/yellow]{plain(left)}")
+            raise
+    if as_json:
+        print_json({"scenario": loaded.name, "out": str(folder), **metrics.as_dict()})
+    else:
+        print_table(loaded.name, ("quantity", "value"), single.table(metrics))
+        say(f"record, scores and picture: {plain(str(folder))}")
+
+
+@app.command()
+def reproduce(out: Out = None, as_json: Json = False) -> None:
+    """Repeat the paper's three experiments.
+
+    Figures 6-11, records and a table ours | paper. Everything goes into out/reproduce unless
+    --out names another folder; files of an earlier reproduction there are replaced.
+    """
+    with progress("starting") as told:
+        from cohelm.study.reproduce import reproduce as repeat
+
+        folder = out or Path("out/reproduce")
+        result = repeat(folder, told)
+    if as_json:
+        print_json(result.as_dict())
+    else:
+        print_table("The paper's experiments", ("quantity", "ours", "paper"), result.table())
+        say(f"figures 6–11, records and numbers: {plain(str(folder))}")
+
+
+@app.command()
+def replay(
+    record: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="A record of `cohelm run`, or the folder it is in."),
+    ],
+    as_json: Json = False,
+) -> None:
+    """Score a recorded run again.
+
+    The numbers equal those of the run. From a record that was cut short, as far as it goes.
+    """
+    with progress("reading") as told:
+        import warnings
+
+        from cohelm.record.read import read
+        from cohelm.study.metrics import measure
+        from cohelm.study.single import RECORD, table
+
+        if record.is_dir():
+            record = record / RECORD
+        told(f"reading {record}", 0.0)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            metrics = measure(read(record))
+    for warning in caught:
+        say(f"[yellow]warning:[/yellow] {plain(str(warning.message))}")
+    if as_json:
+        print_json({"record": str(record), **metrics.as_dict()})
+    else:
+        print_table(str(record), ("quantity", "value"), table(metrics))
+
+
+@app.command()
+def bench(as_json: Json = False) -> None:
+    """Time it beside its peers, in a minute.
+
+    One step of the law, and the simulator with many robots. Peers (cbfpy, ir-sim) are timed
+    where they are installed: pip install "cohelm[peers]".
+    """
+    with progress("starting") as told:
+        from cohelm.study.bench.compare import bench as measure
+
+        result = measure(told)
+    if as_json:
+        print_json(result.as_json())
+    else:
+        console().print(result.table())
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of scenarios.
+
+    For editors that check YAML while you type.
+    """
+    from cohelm.scenario.schema import text
+
+    print(text(), end="")
