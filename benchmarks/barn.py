@@ -27,10 +27,11 @@ from cohelm.perceive.way import Manners, way
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
+from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn, read_collection, score
 from cohelm.sim.grid import NO_GRID
-from cohelm.sim.lidar import Lidar, LidarModel, scan
+from cohelm.sim.lidar import scan
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "barn" / "worlds.json"
 DT = 0.02

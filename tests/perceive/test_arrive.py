@@ -17,9 +17,10 @@ from cohelm.perceive.memory import Care, View, renew
 from cohelm.perceive.way import way
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.kinematics import arc
+from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import robot
 from cohelm.sim.grid import NO_GRID
-from cohelm.sim.lidar import LidarModel, scan
+from cohelm.sim.lidar import scan
 from tests.perceive.scenes import NOTHING, line
 
 DT = 0.02

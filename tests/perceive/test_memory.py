@@ -7,8 +7,9 @@ import pytest
 
 from cohelm.core.types import Pose, disc, discs
 from cohelm.perceive.memory import Care, View, renew, smoothed
+from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID
-from cohelm.sim.lidar import LidarModel, scan
+from cohelm.sim.lidar import scan
 from tests.perceive.scenes import NOTHING
 
 MODEL = LidarModel(beams=720, field_of_view_deg=270.0, noise_m=0.01, mount_x_m=0.1)

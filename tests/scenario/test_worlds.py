@@ -15,11 +15,12 @@ from PIL import Image
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
 from cohelm.law.reference import through
+from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.barn import read_barn, read_collection, read_path, score
 from cohelm.scenario.worlds.gazebo import read_gazebo
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, read_map
 from cohelm.scenario.worlds.tracks import ELSEWHERE, bodies, read_tracks
-from cohelm.sim.lidar import LidarModel, scan
+from cohelm.sim.lidar import scan
 from cohelm.sim.world import place, world
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -1,4 +1,4 @@
-"""A robot as a user describes it in YAML: outline, wheels, limits."""
+"""A robot as a user describes it in YAML: outline, wheels, limits, sensors."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
 from cohelm.robot.limits import Limits, unlimited
+from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel
 
 Positive = Annotated[float, Field(gt=0.0)]
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -49,6 +50,14 @@ class RobotModel(Schema):
     """Radius of the driven wheels."""
     limits: LimitsModel = LimitsModel()
     """Speed and acceleration limits."""
+    delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """From a command to the wheels."""
+    odometry: OdometryModel = OdometryModel()
+    """Pose and twist from the wheels."""
+    lidar: LidarModel | None = None
+    """The planar LiDAR, if there is one."""
+    camera: CameraModel | None = None
+    """The camera, if there is one."""
 
     @model_validator(mode="after")
     def _convex(self) -> Self:

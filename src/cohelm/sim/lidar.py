@@ -8,91 +8,18 @@ side, and each beam is then tested exactly: no range depends on it.
 from __future__ import annotations
 
 import math
-from statistics import NormalDist
-from typing import Annotated, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, model_validator
 
 from cohelm.core.jit import jit
-from cohelm.core.schema import Schema
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
+from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid, cast
 from cohelm.sim.hand import normal
 
 _AGAINST = 1e-9  # nearer to a wall than this [m], the sensor is on it and its side is undefined
 _CORNER = 1e-12  # walls overlap by this share of their length, so no beam slips through a corner
 _STREAM = 1 << 40  # random numbers from here on: the hand of the same seed uses the first ones
-
-
-class LidarModel(Schema):
-    """A planar LiDAR as a user describes it in YAML."""
-
-    beams: Annotated[int, Field(ge=1, le=100_000)] = 720
-    """Beams per scan."""
-    field_of_view_deg: Annotated[float, Field(ge=0.001, le=360.0)] = 270.0
-    """Angle from the first beam to the last, the middle straight ahead of the sensor."""
-    range_min_m: Annotated[float, Field(ge=0.0)] = 0.06
-    """Nearer surfaces are seen, but not measured."""
-    range_max_m: Annotated[float, Field(gt=0.0)] = 10.0
-    """Farther surfaces are not seen."""
-    rate_hz: Annotated[float, Field(gt=0.0)] = 30.0
-    """Scans per second."""
-    noise_m: Annotated[float, Field(ge=0.0)] = 0.0
-    """Standard deviation of a range."""
-    dropout: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    """Share of beams that return nothing although they hit something."""
-    mount_x_m: float = 0.0
-    """Where it is mounted: forward of the body's origin."""
-    mount_y_m: float = 0.0
-    """Where it is mounted: left of the body's origin."""
-    mount_yaw_deg: float = 0.0
-    """Where it looks: counter-clockwise from the body's forward axis."""
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.range_min_m >= self.range_max_m:
-            raise ValueError("range_min_m must be smaller than range_max_m")
-        return self
-
-    def lidar(self) -> Lidar:
-        """The same as numbers for compiled code."""
-        view = math.radians(self.field_of_view_deg)
-        # the last beam of a full circle would be the first one again
-        gaps = self.beams if self.field_of_view_deg == 360.0 else self.beams - 1
-        step = view / max(gaps, 1)
-        first = -0.5 * step * (self.beams - 1)
-        bearings = first + step * np.arange(self.beams)
-        if self.dropout in (0.0, 1.0):
-            lost = math.inf if self.dropout else -math.inf
-        else:
-            lost = NormalDist().inv_cdf(self.dropout)
-        return Lidar(
-            Pose(self.mount_x_m, self.mount_y_m, math.radians(self.mount_yaw_deg)),
-            first, step, self.range_min_m, self.range_max_m, self.noise_m, lost,
-            np.column_stack((np.cos(bearings), np.sin(bearings))),
-        )  # fmt: skip
-
-
-class Lidar(NamedTuple):
-    """A planar LiDAR as numbers; beams run counter-clockwise."""
-
-    mount: Pose
-    """Pose of the sensor in the body frame."""
-    first: float
-    """Bearing of beam 0 in the sensor frame [rad]."""
-    step: float
-    """Angle from one beam to the next, > 0 [rad]."""
-    range_min: float
-    """[m]"""
-    range_max: float
-    """[m]"""
-    noise: float
-    """Standard deviation of a range [m]."""
-    lost: float
-    """A beam is lost where its standard normal number is below this."""
-    beams: Floats
-    """Direction of each beam in the sensor frame, unit vectors, (n, 2)."""
 
 
 @jit

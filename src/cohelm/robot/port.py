@@ -1,0 +1,106 @@
+"""What a robot offers and takes, whatever it is made of: twin, simulator, record, hardware.
+
+One clock: `now()` is the robot's own, monotonic, in seconds; every stamp is of that clock. Wall
+time is only ever used to label records.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.robot.model import RobotModel
+
+
+class Odometry(NamedTuple):
+    """Where the wheels and the gyro say the robot is; it drifts."""
+
+    stamp: float
+    """When it was so [s]."""
+    pose: Pose
+    """In the odometry frame, which is smooth and starts anywhere."""
+    twist: Twist
+    """Measured, in the body frame."""
+
+
+class Scan(NamedTuple):
+    """One turn of a planar LiDAR, as `robot.sensors.LidarModel` describes it."""
+
+    stamp: float
+    """When the first beam was measured [s]."""
+    number: int
+    """Counts up from 0 by one; a gap is a lost scan."""
+    ranges: Floats
+    """(n,), counter-clockwise [m]; inf for no return, -inf for too near (REP-117)."""
+    duration: float
+    """From the first beam to the last [s]; 0 for all at one instant."""
+
+
+class Frame(NamedTuple):
+    """One picture of the camera."""
+
+    stamp: float
+    """When it was taken [s]."""
+    number: int
+    """Counts up from 0 by one."""
+    pixels: NDArray[np.uint8]
+    """(height, width, 3), RGB."""
+
+
+class Health(NamedTuple):
+    """How the robot says it is."""
+
+    stamp: float
+    battery: float
+    """Share of its charge, NaN if not known."""
+    faults: tuple[str, ...]
+    """What is wrong, a sentence each; the robot does not drive while there is one."""
+
+
+class Readings(NamedTuple):
+    """The newest of everything; None for what has not come yet, or is not there."""
+
+    odometry: Odometry | None
+    scan: Scan | None
+    frame: Frame | None
+    health: Health | None
+
+
+class Robot(Protocol):
+    """The port. All calls come from one thread and return at once, but for `wait`."""
+
+    @property
+    def model(self) -> RobotModel:
+        """Outline, limits, sensors."""
+        ...
+
+    def now(self) -> float:
+        """The robot's monotonic clock [s]."""
+        ...
+
+    def wait(self, until: float) -> None:
+        """Return when `now()` has reached `until`; a simulated robot moves on meanwhile."""
+        ...
+
+    def read(self) -> Readings:
+        """What is newest. Reading twice gives the same again."""
+        ...
+
+    def send(self, twist: Twist) -> Twist:
+        """Ask for a twist until the next call; returns what the robot will try to do.
+
+        A twist that is not finite, or beyond the limits, is not passed on as it is: the answer
+        says what is. The robot stops by itself if nothing is sent for its own time-out.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Brake to standing, now. May be called at any time and any number of times."""
+        ...
+
+    def close(self) -> None:
+        """Stop, and let go of everything. Calls after this raise `CohelmError`."""
+        ...
