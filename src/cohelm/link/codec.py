@@ -1,0 +1,264 @@
+"""Fields of binary messages: how a value becomes bytes and, strictly, comes back.
+
+Little-endian, no padding, no names on the wire: a message is its fields one after the other.
+Reading accepts exactly what writing makes. Anything else is `Malformed`, and nothing else is
+ever raised, whatever the bytes are.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+T = TypeVar("T")
+E = TypeVar("E", bound=IntEnum)
+
+
+class Malformed(Exception):
+    """These bytes are no message of this protocol; says what is wrong with them."""
+
+
+class Reader:
+    """Bytes, and how far they are read."""
+
+    __slots__ = ("at", "data")
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.at = 0
+
+    def take(self, count: int) -> bytes:
+        """The next `count` bytes."""
+        end = self.at + count
+        if end > len(self.data):
+            raise Malformed(f"ends after {len(self.data)} bytes, {end} are needed")
+        taken = self.data[self.at : end]
+        self.at = end
+        return taken
+
+    def done(self) -> None:
+        """All must have been read."""
+        if self.at != len(self.data):
+            raise Malformed(f"{len(self.data) - self.at} bytes too many")
+
+
+class Field(NamedTuple, Generic[T]):
+    """One part of a message."""
+
+    write: Callable[[bytearray, T], None]
+    """Appends the value; ValueError for a value that has no place there."""
+    read: Callable[[Reader], T]
+    """Takes the value, or raises Malformed."""
+    most: int
+    """Bytes it takes at most."""
+
+
+def whole(form: str) -> Field[int]:
+    """An unsigned integer: `B`, `H`, `I` or `Q` of struct."""
+    layout = struct.Struct("<" + form)
+    largest = 256**layout.size - 1
+
+    def write(into: bytearray, value: int) -> None:
+        if not 0 <= value <= largest:
+            raise ValueError(f"{value} is not in 0..{largest}")
+        into += layout.pack(value)
+
+    def read(reader: Reader) -> int:
+        return layout.unpack(reader.take(layout.size))[0]
+
+    return Field(write, read, layout.size)
+
+
+def real(form: str, least: float = -math.inf, most: float = math.inf) -> Field[float]:
+    """A finite number, `f` or `d` of struct, in [least, most]."""
+    layout = struct.Struct("<" + form)
+
+    def refused(value: float) -> str:
+        return f"{value} is not a number in [{least}, {most}]"
+
+    def write(into: bytearray, value: float) -> None:
+        if not (math.isfinite(value) and least <= value <= most):
+            raise ValueError(refused(value))
+        try:
+            into += layout.pack(value)
+        except OverflowError:
+            raise ValueError(refused(value)) from None
+
+    def read(reader: Reader) -> float:
+        value: float = layout.unpack(reader.take(layout.size))[0]
+        if not (math.isfinite(value) and least <= value <= most):
+            raise Malformed(refused(value))
+        return value
+
+    return Field(write, read, layout.size)
+
+
+def told(form: str) -> Field[float]:
+    """Any number at all; NaN says that it is not known, infinity that there is none."""
+    layout = struct.Struct("<" + form)
+
+    def write(into: bytearray, value: float) -> None:
+        try:
+            into += layout.pack(value)
+        except OverflowError:
+            into += layout.pack(math.copysign(math.inf, value))
+
+    def read(reader: Reader) -> float:
+        return layout.unpack(reader.take(layout.size))[0]
+
+    return Field(write, read, layout.size)
+
+
+def _write_flag(into: bytearray, value: bool) -> None:
+    into.append(1 if value else 0)
+
+
+def _read_flag(reader: Reader) -> bool:
+    byte = reader.take(1)[0]
+    if byte > 1:
+        raise Malformed(f"{byte} is neither yes nor no")
+    return byte == 1
+
+
+FLAG: Field[bool] = Field(_write_flag, _read_flag, 1)
+
+
+def choice(of: type[E]) -> Field[E]:
+    """One of an enumeration, as a byte."""
+
+    def read(reader: Reader) -> E:
+        byte = reader.take(1)[0]
+        try:
+            return of(byte)
+        except ValueError:
+            raise Malformed(f"{byte} is no {of.__name__}") from None
+
+    def write(into: bytearray, value: E) -> None:
+        into.append(of(value))
+
+    return Field(write, read, 1)
+
+
+def text(most: int) -> Field[str]:
+    """UTF-8 of at most `most` bytes, without control characters; a longer text is cut."""
+    count = whole("B" if most < 256 else "H")
+
+    def write(into: bytearray, value: str) -> None:
+        clean = "".join(c if c.isprintable() else " " for c in value)
+        cut = clean.encode("utf-8", "replace")[:most].decode("utf-8", "ignore").encode()
+        count.write(into, len(cut))
+        into += cut
+
+    def read(reader: Reader) -> str:
+        length = count.read(reader)
+        if length > most:
+            raise Malformed(f"a text of {length} bytes where {most} are allowed")
+        try:
+            value = reader.take(length).decode("utf-8")
+        except UnicodeDecodeError:
+            raise Malformed("a text that is not UTF-8") from None
+        if not value.isprintable():
+            raise Malformed("a text with control characters")
+        return value
+
+    return Field(write, read, count.most + most)
+
+
+def many(item: Field[T], most: int) -> Field[tuple[T, ...]]:
+    """Up to `most` of them; of more, the first."""
+    count = whole("B" if most < 256 else "H")
+
+    def write(into: bytearray, values: tuple[T, ...]) -> None:
+        count.write(into, min(len(values), most))
+        for value in values[:most]:
+            item.write(into, value)
+
+    def read(reader: Reader) -> tuple[T, ...]:
+        length = count.read(reader)
+        if length > most:
+            raise Malformed(f"{length} of what may be there {most} times")
+        return tuple(item.read(reader) for _ in range(length))
+
+    return Field(write, read, count.most + most * item.most)
+
+
+def array(dtype: str, columns: int, most: int) -> Field[NDArray[Any]]:
+    """Up to `most` rows of numbers, shape (n, columns), or (n,) for 0 columns; of more, the first.
+
+    Reading takes any numbers; what they may be is for the message to say (`checked`).
+    """
+    kind = np.dtype(dtype).newbyteorder("<")
+    wide = max(columns, 1)
+    count = whole("I")
+
+    def write(into: bytearray, values: NDArray[Any]) -> None:
+        rows = np.ascontiguousarray(values[:most], dtype=kind)
+        if rows.shape[1:] != ((columns,) if columns else ()):
+            raise ValueError(f"an array of shape {rows.shape} where rows of {columns} belong")
+        count.write(into, len(rows))
+        into += rows.tobytes()
+
+    def read(reader: Reader) -> NDArray[Any]:
+        length = count.read(reader)
+        if length > most:
+            raise Malformed(f"{length} rows where {most} are allowed")
+        raw = reader.take(length * wide * kind.itemsize)
+        rows = np.frombuffer(raw, kind).reshape((length, columns) if columns else (length,))
+        return rows.astype(kind.newbyteorder("="))
+
+    return Field(write, read, count.most + most * wide * kind.itemsize)
+
+
+def blob(most: int) -> Field[bytes]:
+    """Up to `most` bytes as they are."""
+    count = whole("I")
+
+    def write(into: bytearray, value: bytes) -> None:
+        if len(value) > most:
+            raise ValueError(f"{len(value)} bytes where {most} are allowed")
+        count.write(into, len(value))
+        into += value
+
+    def read(reader: Reader) -> bytes:
+        length = count.read(reader)
+        if length > most:
+            raise Malformed(f"{length} bytes where {most} are allowed")
+        return reader.take(length)
+
+    return Field(write, read, count.most + most)
+
+
+def record(of: Callable[..., T], *fields: Field[Any]) -> Field[T]:
+    """A NamedTuple, its fields in order."""
+
+    def write(into: bytearray, value: Any) -> None:
+        for field, part in zip(fields, value, strict=True):
+            field.write(into, part)
+
+    def read(reader: Reader) -> T:
+        return of(*[field.read(reader) for field in fields])
+
+    return Field(write, read, sum(field.most for field in fields))
+
+
+def checked(field: Field[T], wrong: Callable[[T], str]) -> Field[T]:
+    """The same field, with a further condition: `wrong` says what is wrong, or nothing."""
+
+    def write(into: bytearray, value: T) -> None:
+        if said := wrong(value):
+            raise ValueError(said)
+        field.write(into, value)
+
+    def read(reader: Reader) -> T:
+        value = field.read(reader)
+        if said := wrong(value):
+            raise Malformed(said)
+        return value
+
+    return Field(write, read, field.most)

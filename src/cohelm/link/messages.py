@@ -1,0 +1,432 @@
+"""What operator and robot tell each other, as types; `wire` has the bytes.
+
+Two ways to travel. *Datagrams*, at most `wire.LARGEST` bytes, newest wins: `Command` up; `Status`,
+`ScanPart` and `Discs` down. *Bulk*, over a reliable stream that can never delay a datagram: all
+others. Down, a number that is NaN is not known; up, every number is finite and in its range.
+
+The operator's deflection and its validity are two things: a stick that vanished is not a stick
+that is centred. What must happen once (stop, mode, lease...) is a numbered `Request`; it is
+repeated until the robot has answered its number, and done once.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Pose, Stick, Twist
+
+
+class Mode(IntEnum):
+    """Who the robot listens to. The guard is on in all of them."""
+
+    HOLD = 0
+    """Stand."""
+    SHARED = 1
+    """Automatic along the path; the person takes over as far as the stick is deflected."""
+    AUTOMATIC = 2
+    """Automatic, without a stick."""
+    MANUAL = 3
+    """The stick alone; centred, the robot stands."""
+
+
+class Device(IntEnum):
+    """What the person steers with."""
+
+    NONE = 0
+    KEYBOARD = 1
+    GAMEPAD = 2
+    TOUCH = 3
+    FORCE_STICK = 4
+    SCRIPT = 5
+
+
+class Arming(IntEnum):
+    """How far a stick is believed."""
+
+    ABSENT = 0
+    """No stick, or its readings are not to be believed."""
+    WAITING = 1
+    """There, but it has not been centred since it came: it does not steer."""
+    ARMED = 2
+    """It steers."""
+
+
+class Ask(IntEnum):
+    """What can be asked for once; `Request.value` where a number goes with it."""
+
+    STOP = 0
+    """Brake and stay: anyone may."""
+    RESET = 1
+    """Let go of the stop, when its cause has gone: the driver may."""
+    ACKNOWLEDGE = 2
+    """Alarm `value` has been seen (0: all); anyone may."""
+    MODE = 3
+    """Mode `value`; the driver may."""
+    TAKE = 4
+    """The lease, please."""
+    GIVE = 5
+    """The driver gives the lease back; to client `value`, or to nobody (0)."""
+    REFUSE = 6
+    """The driver keeps the lease although it was asked for."""
+    RECORD = 7
+    """Record (value 1) or stop recording (0)."""
+
+
+class Request(NamedTuple):
+    """Something to be done once."""
+
+    number: int
+    """Counts up from 1 within a session; the robot does each number once, in order."""
+    what: Ask
+    value: int
+    """0..65535, as `Ask` says."""
+
+
+class Command(NamedTuple):
+    """Up, at 50 Hz: what the person wants now."""
+
+    stick: Stick
+    valid: bool
+    """The deflection was read from a working device just now; else it means nothing."""
+    armed: bool
+    """The station's part of arming: a person has chosen this device and it was centred."""
+    device: Device
+    speed_scale: float
+    """Share of the robot's speed the person allows, in [0, 1]."""
+    requests: tuple[Request, ...]
+    """Those not answered yet, oldest first, at most 8."""
+
+
+class Answer(NamedTuple):
+    """What became of a request or of a proposal."""
+
+    number: int
+    granted: bool
+    reason: str
+    """Why not, or what follows; may be empty."""
+
+
+class Severity(IntEnum):
+    """How much an alarm matters."""
+
+    NOTICE = 0
+    WARNING = 1
+    ALARM = 2
+
+
+class Alarm(NamedTuple):
+    """Something the person must know; latched until acknowledged and gone."""
+
+    number: int
+    """Which alarm it is, > 0; the same thing happening again is a new number."""
+    severity: Severity
+    active: bool
+    """Its cause is still there."""
+    acknowledged: bool
+    text: str
+
+
+class Localised(IntEnum):
+    """How well the robot knows where it is."""
+
+    UNKNOWN = 0
+    EXACT = 1
+    """Given, not estimated (simulation)."""
+    GOOD = 2
+    POOR = 3
+    LOST = 4
+
+
+class Verdict(IntEnum):
+    """What the filter did with the wish; the numbers of `law.guard.step`."""
+
+    UNTOUCHED = 0
+    SHAPED = 1
+    BRAKING = 2
+    STANDING = 3
+    INVALID = 4
+    NO_FILTER = 5
+
+
+class Lease(NamedTuple):
+    """Who drives."""
+
+    you: int
+    """This client's number, > 0."""
+    driver: int
+    """The driver's number; 0: nobody."""
+    driver_name: str
+    asking: int
+    """Who asks for the lease; 0: nobody."""
+    asking_name: str
+    left: float
+    """Until it is given to who asks, if the driver says nothing [s]; NaN where nobody asks."""
+
+
+class Guarding(NamedTuple):
+    """What the filter says of the last step."""
+
+    verdict: Verdict
+    gap: float
+    """Smallest gap of the outline to anything [m]."""
+    culprit: tuple[float, float]
+    """Where in the map the thing is that held the wish back; NaN: nothing did."""
+    h: float
+    """Least value of the paper's barrier (22) [m^2]."""
+
+
+class Timing(NamedTuple):
+    """How well the robot keeps time, and hears this client."""
+
+    late: float
+    """Worst lateness of a step in the last second [s]."""
+    overruns: int
+    """Steps that took longer than a period, since the start."""
+    command_age: float
+    """Age of the command at its last use [s]."""
+    round_trip: float
+    """[s]"""
+    lost: float
+    """Share of this client's datagrams lost in the last seconds."""
+    dropped: int
+    """Commands of this client not used: too old, out of order, not understood."""
+
+
+class Status(NamedTuple):
+    """Down, at 50 Hz: what the robot does, and why."""
+
+    lease: Lease
+    mode: Mode
+    stopped: str
+    """Why it is stopped; empty: it is not. Latched until RESET."""
+    arming: Arming
+    stick: Stick
+    """The deflection in use."""
+    automatic: float
+    """The automatic part's share of the command, exp(-V_h) (34), in [0, 1]."""
+    pose: Pose
+    """In the map."""
+    odometry: Pose
+    """In the odometry frame, which is smooth."""
+    twist: Twist
+    """Measured."""
+    asked: Twist
+    """What person and automatic ask for together."""
+    given: Twist
+    """What the wheels get."""
+    why: str
+    """Why given differs from asked; empty where it does not."""
+    guarding: Guarding
+    e_p: float
+    """Tracking error E_P of the paper."""
+    reference: Pose
+    """Where the path wants the robot to be."""
+    progress: float
+    """Share of the path done, in [0, 1]."""
+    speed_cap: float
+    """[m/s]; infinite where there is none."""
+    cap_reason: str
+    localised: Localised
+    sigma: float
+    """Standard deviation of the position [m]."""
+    recording: bool
+    timing: Timing
+    alarms: tuple[Alarm, ...]
+    """The worst first, at most 4."""
+    answers: tuple[Answer, ...]
+    """To the newest requests, oldest first, at most 3. A number up to the last one is done."""
+    ahead: tuple[tuple[float, float], ...]
+    """Predicted path in the map, from now on in equal steps of time, at most 12 [m]."""
+    ahead_step: float
+    """Time between two of its points [s]."""
+
+
+class ScanPart(NamedTuple):
+    """Down: a piece of a LiDAR scan, at most `wire.MOST_BEAMS` beams."""
+
+    number: int
+    """Of the scan."""
+    taken: float
+    """The robot's clock when its first beam was measured [s]."""
+    sensor: Pose
+    """Of the sensor in the map, then."""
+    beams: int
+    """Beams of the whole scan."""
+    start: int
+    """The whole scan's number of this part's first beam."""
+    first: float
+    """Bearing of the whole scan's beam 0 [rad]."""
+    step: float
+    """[rad]"""
+    ranges: NDArray[np.uint16]
+    """(n,) [mm]; 65535: no return, 0: too near."""
+
+
+class Discs(NamedTuple):
+    """Down: round obstacles, the nearest 40."""
+
+    number: int
+    rows: NDArray[np.float32]
+    """(n, 6): x, y, vx, vy, radius, safe distance r_i, in the map, as `core.types`."""
+
+
+class Hello(NamedTuple):
+    """Bulk, first of all: what robot this is."""
+
+    name: str
+    version: str
+    """Of cohelm, there."""
+    outline: NDArray[np.float32]
+    """(k, 2), convex, counter-clockwise, in the body frame [m]."""
+    v_max: float
+    """[m/s]"""
+    omega_max: float
+    """[rad/s]"""
+    watchdog: float
+    """Without commands for so long, the robot does what `on_loss` says [s]."""
+    on_loss: str
+    camera: tuple[float, float, float, float]
+    """Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera."""
+
+
+class Line(IntEnum):
+    """What a polyline is."""
+
+    REFERENCE = 0
+    TRAIL = 1
+    DETOUR = 2
+    WAYPOINTS = 3
+
+
+class Polyline(NamedTuple):
+    """Bulk: points in the map, joined; replaces the earlier of its kind."""
+
+    what: Line
+    points: NDArray[np.float32]
+    """(n, 2) [m]"""
+
+
+class Map(NamedTuple):
+    """Bulk: an occupancy grid, or a rectangle of one."""
+
+    number: int
+    """Counts up with each new map; parts of one map share it."""
+    origin: Pose
+    """Of the lower left corner of the whole."""
+    resolution: float
+    """Side of a cell [m]."""
+    width: int
+    height: int
+    """Cells of the whole."""
+    column: int
+    row: int
+    """Where this part begins, from the lower left."""
+    columns: int
+    rows: int
+    cells: bytes
+    """zlib of rows * columns bytes, row by row from below: 0 free .. 100 occupied, 255 unknown."""
+
+
+class Health(NamedTuple):
+    """Bulk: how the robot is."""
+
+    battery: float
+    """Share of its charge."""
+    faults: tuple[str, ...]
+    load: float
+    """Share of one core the robot's process uses."""
+    free_disk: float
+    """[byte]"""
+
+
+class Picture(NamedTuple):
+    """Bulk: one picture of the camera; a newer one replaces one not sent yet."""
+
+    number: int
+    taken: float
+    """The robot's clock [s]."""
+    pose: Pose
+    """Of the body in the map, then."""
+    jpeg: bytes
+
+
+class Client(NamedTuple):
+    """One who is connected."""
+
+    number: int
+    name: str
+
+
+class Clients(NamedTuple):
+    """Bulk: who is connected; told at every change."""
+
+    all: tuple[Client, ...]
+
+
+class RecordInfo(NamedTuple):
+    """A record on the robot."""
+
+    name: str
+    size: int
+    """[byte]"""
+    started: float
+    """Unix time; a label only [s]."""
+
+
+class Records(NamedTuple):
+    """Bulk: the records on the robot, newest first."""
+
+    all: tuple[RecordInfo, ...]
+
+
+class Piece(NamedTuple):
+    """Bulk: a piece of a record asked for with `Fetch`; the last one is empty."""
+
+    name: str
+    offset: int
+    data: bytes
+
+
+class Checked(NamedTuple):
+    """Bulk: what the robot says to proposed way-points."""
+
+    answer: Answer
+    worst: int
+    """Which way-point is to blame, from 0; 65535: none."""
+
+
+class Waypoints(NamedTuple):
+    """Bulk, up: way-points to be checked and, if the robot agrees, followed."""
+
+    number: int
+    """Of the proposal; the answer has it again."""
+    points: NDArray[np.float64]
+    """(n, 2) in the map [m]"""
+    only_check: bool
+    """Say what you think of them, but do not follow them."""
+
+
+class Place(NamedTuple):
+    """Bulk, up: the robot is about here; it looks for itself from there."""
+
+    number: int
+    pose: Pose
+
+
+class Fetch(NamedTuple):
+    """Bulk, up: send this record; an empty name asks for the list of them."""
+
+    name: str
+
+
+FromOperator: TypeAlias = Command | Waypoints | Place | Fetch
+FromRobot: TypeAlias = (
+    Status | ScanPart | Discs | Hello | Polyline | Map | Health | Picture | Clients | Records
+    | Piece | Checked
+)  # fmt: skip
+Message: TypeAlias = FromOperator | FromRobot
+"""What may go either way."""

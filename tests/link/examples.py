@@ -1,0 +1,115 @@
+"""Any message of the protocol, for properties."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from cohelm.core.types import Pose, Stick, Twist
+from cohelm.link import messages as m
+from cohelm.link.wire import MOST_BEAMS, Header
+
+single = st.floats(width=32)
+finite = st.floats(-(2.0**60), 2.0**60, width=32)
+short = st.integers(0, 2**16 - 1)
+long = st.integers(0, 2**32 - 1)
+huge = st.integers(0, 2**64 - 1)
+clock = st.floats(allow_nan=False, allow_infinity=False)
+deflection = st.floats(-1.0, 1.0, width=32)
+
+
+def texts(most: int) -> st.SearchStrategy[str]:
+    letters = st.characters(codec="utf-8").filter(str.isprintable)
+    return st.text(letters, max_size=most).filter(lambda t: len(t.encode()) <= most)
+
+
+def rows(dtype: str, columns: int, most: int, **numbers: Any) -> st.SearchStrategy[Any]:
+    def shaped(n: int) -> st.SearchStrategy[Any]:
+        shape = (n, columns) if columns else (n,)
+        if dtype.startswith("f"):
+            kind = st.floats(width=int(dtype[1:]) * 8, **numbers)
+            return hnp.arrays(np.dtype(dtype), shape, elements=kind)
+        return hnp.arrays(np.dtype(dtype), shape)
+
+    return st.integers(0, most).flatmap(shaped)
+
+
+def listed(item: st.SearchStrategy[Any], most: int) -> st.SearchStrategy[Any]:
+    return st.lists(item, max_size=most).map(tuple)
+
+
+headers = st.builds(Header, huge, long, clock, st.floats(), single)
+poses = st.builds(Pose, single, single, single)
+twists = st.builds(Twist, single, single)
+points = st.tuples(single, single)
+answers = st.builds(m.Answer, long, st.booleans(), texts(64))
+requests = st.builds(m.Request, long, st.sampled_from(m.Ask), short)
+commands = st.builds(
+    m.Command, st.builds(Stick, deflection, deflection), st.booleans(), st.booleans(),
+    st.sampled_from(m.Device), st.floats(0.0, 1.0, width=32), listed(requests, 8),
+)  # fmt: skip
+statuses = st.builds(
+    m.Status,
+    st.builds(m.Lease, short, short, texts(24), short, texts(24), single),
+    st.sampled_from(m.Mode), texts(64), st.sampled_from(m.Arming),
+    st.builds(Stick, single, single), single, poses, poses, twists, twists, twists, texts(64),
+    st.builds(m.Guarding, st.sampled_from(m.Verdict), single, points, single),
+    single, poses, single, single, texts(64), st.sampled_from(m.Localised), single, st.booleans(),
+    st.builds(m.Timing, single, long, single, single, single, long),
+    listed(
+        st.builds(
+            m.Alarm, short, st.sampled_from(m.Severity), st.booleans(), st.booleans(), texts(64)
+        ),
+        4,
+    ),
+    listed(answers, 3), listed(points, 12), single,
+)  # fmt: skip
+scan_parts = st.builds(
+    m.ScanPart, long, clock, poses, long, long, single, single, rows("u2", 0, MOST_BEAMS)
+)
+discs = st.builds(m.Discs, long, rows("f4", 6, 40))
+datagrams_down = st.one_of(statuses, scan_parts, discs)
+waypoints = st.builds(
+    m.Waypoints, long, rows("f8", 2, 50, allow_nan=False, allow_infinity=False), st.booleans()
+)
+bulk_up = st.one_of(
+    waypoints,
+    st.builds(m.Place, long, st.builds(Pose, finite, finite, finite)),
+    st.builds(m.Fetch, texts(128)),
+)
+bulk_down = st.one_of(
+    st.builds(
+        m.Hello, texts(64), texts(32), rows("f4", 2, 64), single, single, single, texts(32),
+        st.tuples(single, single, single, single),
+    ),
+    st.builds(m.Polyline, st.sampled_from(m.Line), rows("f4", 2, 50)),
+    st.builds(
+        m.Map, long, poses, single, short, short, short, short, short, short,
+        st.binary(max_size=99),
+    ),
+    st.builds(m.Health, single, listed(texts(120), 16), single, st.floats()),
+    st.builds(m.Picture, long, clock, poses, st.binary(max_size=99)),
+    st.builds(m.Clients, listed(st.builds(m.Client, short, texts(64)), 64)),
+    st.builds(m.Records, listed(st.builds(m.RecordInfo, texts(128), huge, st.floats()), 9)),
+    st.builds(m.Piece, texts(128), huge, st.binary(max_size=99)),
+    st.builds(m.Checked, answers, short),
+)  # fmt: skip
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal in type and value, NaN like NaN."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and bool(np.array_equal(a, b, _floats(a)))
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+    return a == b or (isinstance(a, float) and math.isnan(a) and math.isnan(b))
+
+
+def _floats(a: np.ndarray) -> bool:
+    return a.dtype.kind == "f"

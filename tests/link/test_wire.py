@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from cohelm.core.types import Pose, Stick
+from cohelm.link import messages as m
+from cohelm.link.codec import Malformed
+from cohelm.link.wire import (
+    DATAGRAMS,
+    LARGEST,
+    LARGEST_BULK,
+    Header,
+    encode,
+    from_operator,
+    from_robot,
+    largest,
+)  # fmt: skip
+from tests.link import examples as ex
+
+HEADER = Header(7, 1, 2.0, 1.5, 0.1)
+HEADER_BYTES = 34
+COMMAND = m.Command(Stick(0.5, -0.25), True, True, m.Device.GAMEPAD, 0.75, ())
+UP_AND_DOWN = [
+    (ex.commands, from_operator, False),
+    (ex.bulk_up, from_operator, True),
+    (ex.datagrams_down, from_robot, False),
+    (ex.bulk_down, from_robot, True),
+]
+READERS = [(reader, bulk) for _, reader, bulk in UP_AND_DOWN]
+
+
+@pytest.mark.parametrize(("messages", "reader", "bulk"), UP_AND_DOWN)
+@settings(max_examples=60)
+@given(data=st.data(), header=ex.headers)
+def test_what_is_sent_is_what_arrives(data, header, messages, reader, bulk):
+    message = data.draw(messages)
+    assert ex.same(reader(encode(header, message), bulk), (header, message))
+
+
+@given(data=st.binary(max_size=1200))
+@settings(max_examples=300)
+def test_no_bytes_raise_anything_but_malformed(data):
+    for reader, bulk in READERS:
+        for kind in (b"", *(bytes((1, k)) for k in (1, 2, 3, 4, 64, 65, 66, *range(96, 105)))):
+            with contextlib.suppress(Malformed):
+                reader(kind + data, bulk)
+
+
+@pytest.mark.parametrize(("messages", "reader", "bulk"), UP_AND_DOWN)
+@settings(max_examples=100)
+@given(data=st.data())
+def test_damaged_messages_are_refused_or_are_messages(data, messages, reader, bulk):
+    """Whatever is accepted says the same when it is sent again."""
+    whole = bytearray(encode(HEADER, data.draw(messages)))
+    for _ in range(data.draw(st.integers(1, 4))):
+        whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    cut = bytes(whole[: data.draw(st.integers(0, len(whole)))])
+    for damaged in (bytes(whole), cut, bytes(whole) + b"\0"):
+        try:
+            header, message = reader(damaged, bulk)
+        except Malformed:
+            continue
+        assert ex.same(reader(encode(header, message), bulk), (header, message))
+
+
+@given(cut=st.integers(0, 10_000))
+def test_half_a_message_and_one_with_more_behind_are_refused(cut):
+    whole = encode(HEADER, COMMAND)
+    with pytest.raises(Malformed, match="bytes"):
+        from_operator(whole[: cut % len(whole)])
+    with pytest.raises(Malformed, match="1 bytes too many"):
+        from_operator(whole + b"x")
+
+
+@pytest.mark.parametrize("of", DATAGRAMS)
+def test_the_largest_datagram_passes_any_ipv6_path(of):
+    assert largest(of) <= LARGEST
+    assert LARGEST + 13 + 8 + 16 + 8 + 40 <= 1280  # DTLS record, nonce, tag; UDP; IPv6
+
+
+def test_too_large_messages_are_refused_before_they_are_read():
+    with pytest.raises(Malformed, match="1151 bytes"):
+        from_operator(bytes(LARGEST + 1))
+    with pytest.raises(Malformed, match="too many"):
+        from_robot(bytes(LARGEST_BULK + 1), bulk=True)
+
+
+def test_a_count_larger_than_the_message_costs_no_memory():
+    head = encode(HEADER, m.Polyline(m.Line.TRAIL, np.zeros((0, 2), np.float32)))[:-4]
+    with pytest.raises(Malformed, match="rows"):
+        from_robot(head + b"\xff\xff\xff\xff", bulk=True)
+    with pytest.raises(Malformed, match="ends after"):
+        from_robot(head + (99_999).to_bytes(4, "little"), bulk=True)
+
+
+def test_each_way_takes_only_its_own_messages():
+    command = encode(HEADER, COMMAND)
+    health = encode(HEADER, m.Health(0.5, (), 0.1, 1e9))
+    for data, reader, bulk in (
+        (command, from_robot, False), (command, from_operator, True),
+        (health, from_operator, True), (health, from_robot, False),
+    ):  # fmt: skip
+        with pytest.raises(Malformed, match="belong"):
+            reader(data, bulk)
+
+
+def test_another_version_is_named():
+    with pytest.raises(Malformed, match="version 9"):
+        from_operator(b"\x09" + encode(HEADER, COMMAND)[1:])
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), 1.0001, -2.0])
+def test_a_deflection_that_is_none_can_be_neither_sent_nor_received(number):
+    with pytest.raises(ValueError, match="not a number in"):
+        encode(HEADER, COMMAND._replace(stick=Stick(number, 0.0)))
+    raw = bytearray(encode(HEADER, COMMAND))
+    raw[HEADER_BYTES : HEADER_BYTES + 4] = np.float32(number).tobytes()
+    with pytest.raises(Malformed, match="not a number in"):
+        from_operator(bytes(raw))
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_way_points_must_be_numbers(number):
+    points = m.Waypoints(1, np.array([[0.0, number]]), False)
+    with pytest.raises(ValueError, match="finite"):
+        encode(HEADER, points)
+    with pytest.raises(ValueError, match="not a number"):
+        encode(HEADER, m.Place(1, Pose(number, 0.0, 0.0)))
+
+
+def test_long_texts_are_cut_between_letters_and_cleaned():
+    message = m.Health(1.0, ("ü" * 100, "a\x1b[31mb\n"), 0.0, 0.0)
+    got = from_robot(encode(HEADER, message), bulk=True)[1]
+    assert isinstance(got, m.Health)
+    assert got.faults == ("ü" * 60, "a [31mb ")
+
+
+def test_of_too_many_the_first_are_sent():
+    rows = np.arange(300, dtype=np.float32).reshape(50, 6)
+    got = from_robot(encode(HEADER, m.Discs(1, rows)))[1]
+    assert ex.same(got, m.Discs(1, rows[:40]))
