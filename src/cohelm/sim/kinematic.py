@@ -1,0 +1,248 @@
+"""The kinematic simulator as a robot behind the port: wheels, delay, odometry, LiDAR, movers."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose, Twist, is_finite
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Health, Readings, Scan
+from cohelm.sim.grid import NO_GRID, Grid
+from cohelm.sim.lidar import scan
+from cohelm.sim.odometer import Odometer
+from cohelm.sim.pace import AsFast, Pace
+from cohelm.sim.world import NOWHERE, World, clearance, place, world
+
+TICK = 0.002
+"""The simulated world moves on in steps of this [s]."""
+_ORIGIN = Pose(0.0, 0.0, 0.0)
+_LOOKS = 5  # ticks between two looks at the clearance
+_MOVING = 1e-9  # a robot slower than this stands [m/s]
+
+
+class Truth(NamedTuple):
+    """What no sensor says: for scores and tests, never for the loop."""
+
+    stamp: float
+    pose: Pose
+    """In the world frame."""
+    twist: Twist
+    clearance: float
+    """Real outline to the nearest disc or wall, now [m]."""
+    least: float
+    """The smallest there was so far."""
+    least_moving: float
+    """The smallest there was while the robot moved: below 0 it drove into something."""
+
+
+class Motion(NamedTuple):
+    """What changes from tick to tick."""
+
+    pose: Pose
+    twist: Twist
+    left: float
+    right: float
+    yaw: float
+    """How far the rims went and the body turned since the last odometry reading [m, m, rad]."""
+    least: float
+    least_moving: float
+
+
+class Kinematic:
+    """A differential drive that does what its wheels can do of what it is told, after a delay.
+
+    It passes through what it hits; `truth` says that it did. One world (index 0) of `around`;
+    its movers run with the robot's clock.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        start: Pose = _ORIGIN,
+        around: World | None = None,
+        *,
+        grid: Grid = NO_GRID,
+        seed: int = 0,
+        pace: Pace | None = None,
+        timeout: float = 0.5,
+    ) -> None:
+        """timeout: without a new command for so long the robot stops by itself [s]."""
+        self._model = model
+        self._limits = model.bounds()
+        self._outline, self._reach = model.outline, model.reach
+        self._world = world(([], np.empty((0, 4)))) if around is None else around
+        self._discs = np.empty((len(self._world.discs), 6))
+        self._grid, self._seed = grid, seed
+        self._pace = AsFast() if pace is None else pace
+        self._timeout = max(round(timeout / TICK), 1)
+        self._delay = round(model.delay_s / TICK)
+        self._tick = 0
+        self._asked = Twist(0.0, 0.0)
+        self._coming: deque[tuple[int, Twist]] = deque()
+        self._told = 0
+        self._motion = Motion(start, Twist(0.0, 0.0), 0.0, 0.0, 0.0, NOWHERE, NOWHERE)
+        self._odometer = Odometer(model.odometry, seed)
+        self._odometry = self._odometer.start(0.0)
+        self._next_odometry = _ticks(model.odometry.rate_hz, 1)
+        self._lidar = None if model.lidar is None else model.lidar.lidar()
+        self._scan: Scan | None = None
+        self._next_scan = 0 if model.lidar else -1
+        self._closed = False
+        self._on(0)
+
+    @property
+    def model(self) -> RobotModel:
+        """Outline, limits, sensors."""
+        return self._model
+
+    def now(self) -> float:
+        """Seconds since the robot was made."""
+        self._open()
+        return self._pace.due()
+
+    def wait(self, until: float) -> None:
+        """Let time pass; the world is only worked out when somebody looks."""
+        self._open()
+        self._pace.wait(until)
+
+    def read(self) -> Readings:
+        """Odometry and scan as of now."""
+        self._catch_up()
+        return Readings(self._odometry, self._scan, None, Health(self.now(), math.nan, ()))
+
+    def send(self, twist: Twist) -> Twist:
+        """Ask for a twist; it reaches the wheels after the robot's delay."""
+        self._catch_up()
+        self._told = self._tick
+        if not (is_finite(twist.v) and is_finite(twist.omega)):
+            twist = Twist(0.0, 0.0)
+        free = self._limits._replace(
+            acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
+        )
+        possible = achievable(twist, Twist(0.0, 0.0), free, TICK)
+        self._coming.append((self._tick + self._delay, possible))
+        return possible
+
+    def stop(self) -> None:
+        """Brake; what was on its way to the wheels no longer matters."""
+        self._catch_up()
+        self._coming.clear()
+        self._coming.append((self._tick + self._delay, Twist(0.0, 0.0)))
+
+    def close(self) -> None:
+        """Nothing may be asked of it any more."""
+        self._closed = True
+
+    def truth(self) -> Truth:
+        """How it really is."""
+        self._catch_up()
+        m = self._motion
+        place(self._discs, 0, self._world, self._tick * TICK)
+        gap = _clearance(m.pose, self._outline, self._reach, self._discs, self._world.walls)
+        return Truth(self._tick * TICK, m.pose, m.twist, gap, m.least, m.least_moving)
+
+    def push(self, x: float, y: float, psi: float) -> None:
+        """Somebody lifts the robot and puts it down so far off [m, m, rad], in the world frame;
+        wheels and gyro notice nothing."""
+        self._catch_up()
+        was = self._motion.pose
+        self._motion = self._motion._replace(pose=Pose(was.x + x, was.y + y, was.psi + psi))
+
+    def _open(self) -> None:
+        if self._closed:
+            raise CohelmError("the robot is closed: make a new one")
+
+    def _catch_up(self) -> None:
+        """Move the world on to now."""
+        self._open()
+        due = math.floor(self._pace.due() / TICK + 1e-6)
+        while self._tick < due:
+            events = [due, self._next_odometry, self._told + self._timeout]
+            events += [self._next_scan] if self._next_scan >= 0 else []
+            events += [self._coming[0][0]] if self._coming else []
+            self._on(min(at for at in events if at > self._tick))
+
+    def _on(self, tick: int) -> None:
+        """Move on to a tick, the next at which anything happens, and let it happen."""
+        self._motion = _move(
+            self._motion, self._tick, tick, self._asked, self._limits, self._outline, self._reach,
+            self._world, self._discs,
+        )  # fmt: skip
+        self._tick = tick
+        while self._coming and self._coming[0][0] <= tick:
+            self._asked = self._coming.popleft()[1]
+        if tick >= self._told + self._timeout:
+            self._asked = Twist(0.0, 0.0)
+        if tick >= self._next_odometry:
+            self._measure(tick)
+        if 0 <= self._next_scan <= tick:
+            self._look(tick)
+
+    def _measure(self, tick: int) -> None:
+        m, rate = self._motion, self._model.odometry.rate_hz
+        dt = (tick - round(self._odometry.stamp / TICK)) * TICK
+        self._odometry = self._odometer.reading(tick * TICK, dt, m.left, m.right, m.yaw)
+        self._motion = m._replace(left=0.0, right=0.0, yaw=0.0)
+        self._next_odometry = _after(tick, rate)
+
+    def _look(self, tick: int) -> None:
+        if self._lidar is None or self._model.lidar is None:
+            return
+        number = 0 if self._scan is None else self._scan.number + 1
+        ranges = np.empty(len(self._lidar.beams))
+        place(self._discs, 0, self._world, tick * TICK)
+        scan(
+            self._motion.pose, self._lidar, self._discs, self._world.walls, self._grid,
+            self._seed, number, ranges,
+        )  # fmt: skip
+        ranges.flags.writeable = False
+        self._scan = Scan(tick * TICK, number, ranges, 0.0)
+        self._next_scan = _after(tick, self._model.lidar.rate_hz)
+
+
+def _ticks(rate: float, number: int) -> int:
+    """The tick of reading `number` of a sensor that gives `rate` a second, number 0 at 0."""
+    return math.ceil(number / (rate * TICK) - 1e-6)
+
+
+def _after(tick: int, rate: float) -> int:
+    """The first reading's tick after this one."""
+    number = math.floor(tick * TICK * rate + 1e-6) + 1
+    return max(_ticks(rate, number), tick + 1)
+
+
+@jit
+def _clearance(pose: Pose, outline: Floats, reach: float, discs: Floats, walls: Floats) -> float:
+    return clearance(pose, outline, reach, discs, walls, NOWHERE)
+
+
+@jit
+def _move(
+    motion: Motion, first: int, last: int, asked: Twist, limits: Limits, outline: Floats,
+    reach: float, around: World, discs: Floats,
+) -> Motion:  # fmt: skip
+    """From tick to tick under one command; what wheels and gyro went is added up."""
+    pose, twist = motion.pose, motion.twist
+    left, right, yaw = motion.left, motion.right, motion.yaw
+    least, least_moving = motion.least, motion.least_moving
+    for k in range(first + 1, last + 1):
+        twist = achievable(asked, twist, limits, TICK)
+        pose = arc(pose, twist, TICK)
+        turn = 0.5 * limits.track * twist.omega
+        left += (twist.v - turn) * TICK
+        right += (twist.v + turn) * TICK
+        yaw += twist.omega * TICK
+        if k % _LOOKS == 0:
+            place(discs, 0, around, k * TICK)
+            least = clearance(pose, outline, reach, discs, around.walls, least)
+            if abs(twist.v) > _MOVING or abs(twist.omega) > _MOVING:
+                least_moving = clearance(pose, outline, reach, discs, around.walls, least_moving)
+    return Motion(pose, twist, left, right, yaw, least, least_moving)

@@ -1,0 +1,60 @@
+"""How fast a simulated robot's time passes: as fast as it can, or with the clock on the wall.
+
+This is the only place where the two differ. A simulated robot moves its world on to `due()`
+whenever it is asked anything, and `wait` is the only call that lets time pass.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Pace(Protocol):
+    """The clock of a simulated robot [s], from 0."""
+
+    def due(self) -> float:
+        """How far the world must have come by now."""
+        ...
+
+    def wait(self, until: float) -> None:
+        """Return when `due()` has reached `until`."""
+        ...
+
+
+class AsFast:
+    """The clock stands still but for `wait`: two equal runs are equal to the last bit."""
+
+    def __init__(self) -> None:
+        self._now = 0.0
+
+    def due(self) -> float:
+        """Where the last `wait` left it."""
+        return self._now
+
+    def wait(self, until: float) -> None:
+        """Put the clock on; it never goes back."""
+        self._now = max(self._now, until)
+
+
+class OnTheWall:
+    """The machine's monotonic clock, from when this was made."""
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+
+    def due(self) -> float:
+        """Seconds since the start."""
+        return time.monotonic() - self._start
+
+    def wait(self, until: float) -> None:
+        """Sleep; an `until` that has passed returns at once."""
+        left = until - self.due()
+        while left > 0.0:
+            time.sleep(left)
+            left = until - self.due()
+
+
+def pace(real_time: bool) -> Pace:
+    """The one or the other."""
+    return OnTheWall() if real_time else AsFast()
