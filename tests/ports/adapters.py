@@ -10,10 +10,10 @@ import numpy as np
 
 from cohelm.core.types import Pose
 from cohelm.robot.model import RobotModel
+from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Robot
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
-from cohelm.sim.pace import OnTheWall
 from cohelm.sim.world import World, world
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.law.reference import through
+from cohelm.robot.pace import AsFast, OnTheWall
 from cohelm.robot.sensors import OdometryModel
 from cohelm.sim.kinematic import TICK, Kinematic
 from cohelm.sim.odometer import Odometer
-from cohelm.sim.pace import AsFast, OnTheWall
 from cohelm.sim.world import Body, world
 from tests.ports.adapters import room, sally
 

@@ -14,11 +14,11 @@ from cohelm.core.types import Floats, Pose, Twist, is_finite
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
 from cohelm.robot.model import RobotModel
+from cohelm.robot.pace import AsFast, Pace
 from cohelm.robot.port import Health, Readings, Scan
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.lidar import scan
 from cohelm.sim.odometer import Odometer
-from cohelm.sim.pace import AsFast, Pace
 from cohelm.sim.world import NOWHERE, World, clearance, place, world
 
 TICK = 0.002

@@ -1,7 +1,8 @@
-"""How fast a simulated robot's time passes: as fast as it can, or with the clock on the wall.
+"""How fast time passes for a robot that is not real: as fast as it can, or as on the wall.
 
-This is the only place where the two differ. A simulated robot moves its world on to `due()`
-whenever it is asked anything, and `wait` is the only call that lets time pass.
+This is the only place where the two differ, for simulators and replayed records. Such a robot
+moves its world on to `due()` whenever it is asked anything, and `wait` is the only call that lets
+time pass.
 """
 
 from __future__ import annotations
