@@ -8,11 +8,7 @@ from typing import NamedTuple
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import SAFE, VX, VY, Floats, Pose, Twist, X, Y, is_finite
 from cohelm.law.gains import Gains
-
-UNTOUCHED, SHAPED, POWERLESS, INVALID = range(4)
-"""Verdicts. UNTOUCHED: I <= J, the wish passed. SHAPED: the filter added its input.
-POWERLESS: I > J but ||L_gB|| vanishes, no input can change B along its gradient (E5); only
-the steering term acts. INVALID: a number that is not finite came in; the command is a stop."""
+from cohelm.law.verdict import INVALID, POWERLESS, SHAPED, UNTOUCHED
 
 HEADING = -1
 """`culprit` when no obstacle, but the cos^2 psi of (22), asked most of the filter (E6)."""
@@ -33,7 +29,9 @@ class Avoidance(NamedTuple):
     h: float
     """Smallest h_i, the denominator of the barrier [m^2]; infinite without obstacles."""
     verdict: int
-    """One of the verdicts above; the input of an INVALID one is not a number."""
+    """UNTOUCHED: I <= J. SHAPED: the input is added. POWERLESS: I > J but ||L_gB|| vanishes, no
+    input can change B along its gradient (E5); only the steering term acts. INVALID: a number
+    that is not finite came in, and the input is not one either; the command is a stop."""
     culprit: int
     """Row of the obstacle that asked most of the filter, or HEADING; -1 while untouched."""
 

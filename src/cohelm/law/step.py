@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Desired, Floats, Pose, Stick, Twist, is_finite
-from cohelm.law.barrier import INVALID, UNTOUCHED, Avoidance, barrier
+from cohelm.law.barrier import Avoidance, barrier
 from cohelm.law.blend import authority, blend
 from cohelm.law.gains import Gains
 from cohelm.law.human import finite, human, intent, limited
 from cohelm.law.track import track
+from cohelm.law.verdict import INVALID, UNTOUCHED
 
 
 class Step(NamedTuple):
@@ -45,7 +46,7 @@ class Step(NamedTuple):
     h: float
     """Smallest h_i [m^2]; infinite without obstacles."""
     verdict: int
-    """UNTOUCHED, SHAPED, POWERLESS or INVALID, see `law.barrier`."""
+    """UNTOUCHED, SHAPED, POWERLESS or INVALID, see `law.verdict`."""
     culprit: int
     """Row of the obstacle that the filter acted for; -1 for none (or the heading term, E6)."""
 

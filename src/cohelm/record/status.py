@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cohelm.core.trace import ROW, Trace
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, X, Y
-from cohelm.law.barrier import INVALID, POWERLESS, SHAPED, UNTOUCHED
+from cohelm.law.verdict import BRAKING, INVALID, POWERLESS, SHAPED, STANDING, UNTOUCHED
 
 TOPIC = "/status"
 TYPE = "cohelm_msgs/msg/Status"
@@ -68,6 +68,8 @@ _VERDICTS = {
     "SHAPED": SHAPED,
     "POWERLESS": POWERLESS,
     "INVALID": INVALID,
+    "BRAKING": BRAKING,
+    "STANDING": STANDING,
 }
 _COLUMNS = {
     "obstacle_x": (X, "[m] centres, world frame, in the order of the names in the metadata"),

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit, jit_inline, jit_parallel
 from cohelm.core.types import Desired, Floats, Ints, Pose, Twist
-from cohelm.law.barrier import HEADING, INVALID, SHAPED, UNTOUCHED
+from cohelm.law.barrier import HEADING
 from cohelm.law.gains import Gains, table
 from cohelm.law.reference import Reference, tabulate
 from cohelm.law.track import pose_error
+from cohelm.law.verdict import INVALID, SHAPED, UNTOUCHED
 from cohelm.robot.limits import Limits
 from cohelm.sim.hand import (
     IDLE,

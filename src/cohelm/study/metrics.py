@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, X, Y
-from cohelm.law.barrier import HEADING, INVALID, POWERLESS, SHAPED
+from cohelm.law.barrier import HEADING
+from cohelm.law.verdict import INVALID, POWERLESS, SHAPED
 
 BACK_ON_PATH = 0.03
 """E_P below this is back on the reference: the paper's tracking error [m, rad]."""

@@ -16,13 +16,8 @@ from cohelm.law.guard.bounds import WHEEL_ROWS, braked, wheel_rows
 from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
 from cohelm.law.guard.project import project
 from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
 from cohelm.robot.limits import Limits, achievable
-
-UNTOUCHED, SHAPED, BRAKING, STANDING, INVALID = range(5)
-"""Verdicts. UNTOUCHED: the wish passed. SHAPED: the nearest wish that is allowed passed.
-BRAKING: nothing near the wish could be certified; the stop certified one step ago goes on.
-STANDING: the same, and the robot stands. INVALID: the wish or the state is not a finite number;
-braking from a known speed, else a zero command."""
 
 NOTHING = -1
 """`culprit` when no obstacle changed the wish; the wheels' own limits may have."""
@@ -54,6 +49,10 @@ class Guarded(NamedTuple):
     omega: float
     """The command [m/s, rad/s]; within the limits, one step after `before`."""
     verdict: int
+    """UNTOUCHED: the wish passed. SHAPED: the nearest wish that is allowed passed. BRAKING: nothing
+    near the wish could be certified; the stop certified one step ago goes on. STANDING: the same,
+    and the robot stands. INVALID: the wish or the state is not a finite number; braking from a
+    known speed, else a zero command."""
     change: float
     """Distance from the wish in the metric of the least change [m/s]."""
     gap: float

@@ -1,0 +1,58 @@
+"""The moment at which a command takes effect: where the robot and all that moves will be then."""
+
+from __future__ import annotations
+
+import math
+
+from cohelm.core.jit import jit
+from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
+from cohelm.law.guard.surroundings import Surroundings
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import Limits, achievable
+
+
+@jit
+def foreseen(
+    pose: Pose, twist: Twist, sent: Floats, k: int, limits: Limits, dt: float
+) -> tuple[Pose, Twist]:
+    """Pose and twist when the command decided now takes effect.
+
+    sent: (d, 2), the commands of the last d steps, not in effect yet; that of step k - d lies in
+    row k % d. The robot is taken to do what it can of each, for `dt`.
+    """
+    d = len(sent)
+    for j in range(d):
+        slot = (k + j) % d
+        twist = achievable(Twist(sent[slot, 0], sent[slot, 1]), twist, limits, dt)
+        pose = arc(pose, twist, dt)
+    return pose, twist
+
+
+@jit
+def moved_on(around: Surroundings, after: float, stop: float) -> Surroundings:
+    """The same surroundings `after` seconds later, none for 0: discs go on with their velocity.
+
+    Each grows by what it may have strayed by then, agility after^2 / 2, and, because its velocity
+    may be off by agility after, by that much times `stop`, the longest time the robot may yet
+    move for [s].
+    """
+    if after == 0.0 or len(around.discs) == 0:
+        return around
+    discs = around.discs.copy()
+    for i in range(len(discs)):
+        discs[i, X] += discs[i, VX] * after
+        discs[i, Y] += discs[i, VY] * after
+        discs[i, RADIUS] += around.agility[i] * after * (0.5 * after + stop)
+    return Surroundings(discs, around.agility, around.segments, around.points)
+
+
+@jit
+def longest_stop(limits: Limits, dt: float) -> float:
+    """How long the robot may yet move for when it begins to brake from its top speed [s].
+
+    0 where nothing limits its deceleration; from 10 m/s where nothing limits its speed.
+    """
+    a = min(limits.acceleration, limits.wheel_acceleration)
+    if a == math.inf:
+        return dt
+    return dt + (min(limits.speed, limits.wheel_speed, 10.0) + dt * a) / a

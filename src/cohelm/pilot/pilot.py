@@ -1,0 +1,115 @@
+"""The pilot for a caller in Python: a fast `step`, a slow `plan`, and `take` between them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats, Pose, Stick, Twist
+from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.reference import Reference
+from cohelm.perceive.way import Manners
+from cohelm.pilot.course import Course, Route, course, route
+from cohelm.pilot.flat import Flat, step_of
+from cohelm.pilot.plan import Care, Plan, Task, begun, plan, resumed
+from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE, START, Decision, Settings, State
+
+_CENTRED = Stick(0.0, 0.0)
+NOTHING_NEAR = surroundings()
+"""For a robot that sees nothing, and knows of nothing."""
+
+
+class Planner(NamedTuple):
+    """Everything `plan` needs beside the snapshot; to be sent once to where plans are made."""
+
+    route: Route
+    settings: Settings
+    manners: Manners = Manners()
+    care: Care = Care()
+
+    def __call__(self, task: Task) -> Plan:
+        """The plan for a snapshot; takes milliseconds, and changes nothing."""
+        return plan(task, self.route, self.settings, self.manners, self.care)
+
+
+class Pilot:
+    """One robot on one route.
+
+    `step` once per control period; every 0.2 s or so `task`, `planner(task)` (here, in
+    another thread or in another process) and `take`. Not to be called from two threads at once;
+    a planner may run meanwhile, as it changes nothing.
+
+    Frames: everything in one frame, the reference's; `pose` is where the robot is now.
+    """
+
+    def __init__(
+        self, reference: Reference, settings: Settings, *, delay: float = 0.0,
+        manners: Manners | None = None, care: Care | None = None,
+    ) -> None:  # fmt: skip
+        """settings.rules.dt: the control period. delay: from command to wheels [s]."""
+        dt = settings.rules.dt
+        if not (math.isfinite(delay) and 0.0 <= delay <= 60.0):
+            raise CohelmError(f"the delay must be from 0 to 60 s, got {delay}")
+        self.planner = Planner(route(reference), settings, manners or Manners(), care or Care())
+        self.settings = settings
+        self.state: State = START
+        self.course: Course = course(reference, 0, True, settings.pace)
+        self.sent: Floats = np.zeros((round(delay / dt), 2))
+        self.doing = FOLLOWING
+        self._now = -math.inf
+        self._taken = 0.0
+        self._step: Flat = step_of(settings, self.planner.route.line)
+
+    def step(
+        self, now: float, pose: Pose, twist: Twist, stick: Stick | None, seen: Surroundings
+    ) -> Decision:
+        """The command for now, and why. now: monotonic [s]. twist: what the robot does now.
+
+        seen: as of now. Never raises on numbers, see `pilot_step`.
+        """
+        dt = self.settings.rules.dt
+        passed = now - self._now
+        if math.isfinite(passed):
+            dt = min(max(passed, 0.0), 3.0 * dt)  # a late step lets the reference jump no farther
+        self._now = now
+        self.state, decision = self._step(
+            self.state, pose, twist, stick or _CENTRED, seen, self.course, dt, self.sent
+        )
+        self.doing = decision.doing
+        return decision
+
+    def task(self, pose: Pose, twist: Twist, seen: Surroundings) -> Task:
+        """A snapshot to plan from."""
+        since = self.state.time - self._taken
+        return Task(self.state, pose, twist, seen, self.course, since, self.doing == LED)
+
+    def plan(self, pose: Pose, twist: Twist, seen: Surroundings) -> Plan:
+        """The slow part here and now: `planner` on a snapshot. `take` it afterwards."""
+        return self.planner(self.task(pose, twist, seen))
+
+    def take(self, made: Plan, pose: Pose, twist: Twist) -> None:
+        """Follow a plan from now on; pose and twist are those of now, not those of its making."""
+        self.state = taken(self.state, made, self.planner.route, pose, twist)
+        self.course = made.course
+        if made.new:
+            self._taken = self.state.time
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the clock is at the end of the last course: nothing more is to come."""
+        return self.course.last and self.state.clock.tau >= self.course.reference.duration
+
+
+def taken(state: State, made: Plan, route: Route, pose: Pose, twist: Twist) -> State:
+    """The state with which a plan is taken up."""
+    clock = state.clock
+    if made.new and made.course.row == 0:
+        clock = resumed(made.course, route, state.row, pose, twist)
+    elif made.new:
+        clock = begun(made.course, pose, twist)
+    if made.move is not None and state.left == NO_MOVE:
+        return state._replace(clock=clock._replace(rate=0.0, waited=0.0), left=made.move)
+    return state._replace(clock=clock)

@@ -1,0 +1,241 @@
+"""The slow part, a few times a second: is the course clear, is there a better one, a way out?"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.jit import jit
+from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
+from cohelm.law.govern import Clock, governed, nearest_ahead
+from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.reference import through
+from cohelm.perceive.band import distances
+from cohelm.perceive.escape import Escape, escape
+from cohelm.perceive.way import Manners, way
+from cohelm.pilot.course import Course, Route, course, nearest_row, paced
+from cohelm.pilot.step import NO_MOVE, Settings, State
+
+_ROUND = 24  # points around a disc
+
+
+class Care(NamedTuple):
+    """When a new way is looked for, and how far."""
+
+    look: float = 4.0
+    """How far ahead the course has to be clear [m]."""
+    known: float = 6.0
+    """What is farther from the robot is left out of plans [m]."""
+    accept: float = 0.12
+    """Least gap of the outline with which the given route is followed as it is [m]."""
+    roomy: float = 0.2
+    """Least gap with which a way round is not reconsidered [m]."""
+    astray: float = 0.6
+    """Distance from the course at which a way back is looked for [m]."""
+    rejoin: float = 0.3
+    """Distance from the route up to which the robot changes back onto it [m]."""
+    patience: float = 0.6
+    """Between two looks for a way that is not needed but might be better [s]."""
+    waits: float = 1.0
+    """How long the robot is held up before it looks for a way out [s]."""
+    turned: float = 1.2
+    """From this far off the course's heading the robot turns on the spot first [rad]."""
+
+
+class Task(NamedTuple):
+    """A snapshot for `plan`, which may run elsewhere."""
+
+    state: State
+    pose: Pose
+    twist: Twist
+    around: Surroundings
+    course: Course
+    since: float
+    """How long the course has been followed [s]."""
+    led: bool
+    """Whether the person leads."""
+
+
+class Plan(NamedTuple):
+    """What is to be followed from now on."""
+
+    course: Course
+    new: bool
+    """Whether it is another course, not the old one at new speeds."""
+    move: Escape | None
+    """A move out of a tight spot to begin with."""
+    failed: bool
+    """Whether a way was looked for, and none found."""
+    gap: float
+    """Least gap of the outline on the stretch ahead [m]."""
+
+
+def plan(task: Task, route: Route, settings: Settings, manners: Manners, care: Care) -> Plan:
+    """The plan for a snapshot: the course at the speeds that what is known allows, or another one.
+
+    The route itself is followed where it is clear by `accept`; else a way round what is in the
+    way, back onto the route and on along it. Held up for long, or looking the wrong way, the
+    robot first gets out of where it is.
+    """
+    points = known(task.around, task.pose, care.known)
+    state, now = task.state, task.course
+    refreshed, gap = paced(now, state.clock.tau, care.look, points, settings.outline, settings.pace)
+    kept = Plan(refreshed, False, None, False, gap)
+    if task.led or state.left != NO_MOVE:
+        return kept
+    made = _course(task, points, kept, route, settings, manners, care)
+    move = _way_out(task, made, points, settings, care)
+    return made._replace(move=move)
+
+
+def _course(
+    task: Task, points: Floats, kept: Plan, route: Route, settings: Settings, manners: Manners,
+    care: Care,
+) -> Plan:  # fmt: skip
+    """The course to follow, without regard to where the robot looks."""
+    state, pose, now = task.state, task.pose, task.course
+    on_route = now.row == 0
+    at = governed(now.reference, state.clock, pose, settings.pace)
+    astray = math.hypot(at.x - pose.x, at.y - pose.y) > care.astray
+    held = state.clock.waited > care.waits
+    if on_route and kept.gap >= care.accept and not astray and not held:
+        return kept
+    if not on_route:
+        back = _rejoined(task, points, route, settings, care)
+        if back is not None:
+            return back
+    short = not now.last and _remaining(now, state.clock.tau) < 0.75 * care.look
+    fine = kept.gap >= manners.gap and not (astray or held or short or on_route)
+    if fine and (kept.gap >= care.roomy or task.since < care.patience):
+        return kept
+    found = _round(task, points, route, settings, manners, care)
+    return kept._replace(failed=True) if found is None else found
+
+
+def _rejoined(
+    task: Task, points: Floats, route: Route, settings: Settings, care: Care
+) -> Plan | None:
+    """Back onto the route itself, where the robot is on it and it is clear ahead."""
+    row, pose = task.state.row, task.pose
+    x, y = route.line[row]
+    following = route.line[min(row + 1, len(route.line) - 1)] - route.line[max(row - 1, 0)]
+    off = math.remainder(math.atan2(following[1], following[0]) - pose.psi, 2.0 * math.pi)
+    if math.hypot(x - pose.x, y - pose.y) > care.rejoin or abs(off) > 0.5:
+        return None
+    own = course(route.reference, 0, True, settings.pace)
+    made, gap = paced(
+        own, float(route.times[row]), care.look, points, settings.outline, settings.pace
+    )
+    return Plan(made, True, None, False, gap) if gap >= 1.25 * care.accept else None
+
+
+def _round(
+    task: Task, points: Floats, route: Route, settings: Settings, manners: Manners, care: Care
+) -> Plan | None:
+    """A way from the robot back onto the route, and on along it."""
+    line, pose = route.line, task.pose
+    row = nearest_row(line, pose, task.state.row, max(task.state.row + 20, task.course.row))
+    end = min(len(line), row + int((3.0 * care.look) / 0.1))
+    found = way(pose, points, line[:end], settings.outline, manners, row, care.look)
+    if found is None or len(found.points) < 3:
+        return None
+    tail = line[found.rejoined + 2 : end : 2]
+    last = end == len(line)
+    corners = np.vstack((found.points[:-1:2], found.points[-1:]))
+    if found.rejoined < end - 1:
+        corners = np.vstack((corners, tail, line[end - 1 : end]))
+    steps = np.diff(distances(corners))
+    keep = np.concatenate(([True], steps > 0.02))
+    if keep.sum() < 2:
+        return None
+    made = course(
+        through(corners[keep], route.reference.speed), max(found.rejoined, 1), last, settings.pace
+    )
+    made, gap = paced(made, 0.0, care.look, points, settings.outline, settings.pace)
+    return Plan(made, True, None, False, gap)
+
+
+def _way_out(
+    task: Task, made: Plan, points: Floats, settings: Settings, care: Care
+) -> Escape | None:
+    """A move out of a tight spot, if one is needed and there is one."""
+    pose = task.pose
+    clock = begun(made.course, pose, task.twist) if made.new else task.state.clock
+    ahead = governed(made.course.reference, clock, pose, settings.pace)
+    off = math.remainder(ahead.psi - pose.psi, 2.0 * math.pi)
+    held = task.state.clock.waited > care.waits
+    over = clock.tau >= made.course.reference.knots[-1]
+    if over or (abs(off) <= care.turned and not held):
+        return None
+    move = escape(pose, ahead.psi, points, settings.outline)
+    if move is not None and abs(off) < 0.3 and move.distance == 0.0:
+        return Escape(-0.2, 0.0, 0.0)  # looks where it should, but does not get on
+    return move
+
+
+def begun(course: Course, pose: Pose, twist: Twist) -> Clock:
+    """The clock with which a new course is taken up on the way."""
+    tau = nearest_ahead(course.reference, pose, 0.0, 0.5)
+    return Clock(tau, min(max(twist.v / course.reference.speed, 0.0), 1.0), 0.0)
+
+
+def resumed(course: Course, route: Route, row: int, pose: Pose, twist: Twist) -> Clock:
+    """The clock with which the route itself is taken up again."""
+    tau = nearest_ahead(course.reference, pose, float(route.times[max(row - 2, 0)]), 0.6)
+    return Clock(tau, min(max(twist.v / course.reference.speed, 0.0), 1.0), 0.0)
+
+
+def _remaining(course: Course, tau: float) -> float:
+    """How far it is to the end of a course, about [m]."""
+    return (course.reference.duration - tau) * course.reference.speed
+
+
+def known(around: Surroundings, pose: Pose, far: float) -> Floats:
+    """All that is within `far` of the robot as points on its surfaces, (p, 2) [m]."""
+    return _surfaces(around.discs, around.segments, around.points, pose, far)
+
+
+@jit
+def _surfaces(discs: Floats, walls: Floats, seen: Floats, pose: Pose, far: float) -> Floats:
+    spacing = 0.05
+    most = len(seen) + _ROUND * len(discs)
+    for i in range(len(walls)):
+        length = math.hypot(walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1])
+        most += int(min(length, 2.0 * far) / spacing) + 2
+    points = np.empty((most, 2))
+    n = 0
+    for i in range(len(discs)):
+        dx, dy, r = discs[i, X] - pose.x, discs[i, Y] - pose.y, discs[i, RADIUS]
+        if not math.hypot(dx, dy) < far + r:
+            continue
+        for j in range(_ROUND):
+            angle = 2.0 * math.pi * j / _ROUND
+            points[n, 0] = discs[i, X] + r * math.cos(angle)
+            points[n, 1] = discs[i, Y] + r * math.sin(angle)
+            n += 1
+    for i in range(len(walls)):
+        ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
+        length = math.hypot(ex, ey)
+        if not 0.0 < length < math.inf:
+            continue
+        along = ((pose.x - walls[i, 0]) * ex + (pose.y - walls[i, 1]) * ey) / length
+        across = ((pose.x - walls[i, 0]) * ey - (pose.y - walls[i, 1]) * ex) / length
+        if not abs(across) < far:
+            continue
+        half = math.sqrt(far * far - across * across)
+        first, last = max(along - half, 0.0), min(along + half, length)
+        if first > last:
+            continue
+        steps = int((last - first) / spacing) + 1
+        for j in range(steps + 1):
+            share = (first + (last - first) * j / steps) / length
+            points[n, 0], points[n, 1] = walls[i, 0] + share * ex, walls[i, 1] + share * ey
+            n += 1
+    for i in range(len(seen)):
+        dx, dy = seen[i, 0] - pose.x, seen[i, 1] - pose.y
+        if dx * dx + dy * dy < far * far:
+            points[n, 0], points[n, 1] = seen[i, 0], seen[i, 1]
+            n += 1
+    return points[:n]

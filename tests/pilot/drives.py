@@ -1,0 +1,75 @@
+"""Short drives with the pilot: the loop of a real robot in a few lines."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Pose, Stick, Twist, disc
+from cohelm.law.gains import Gains
+from cohelm.law.guard.step import Rules
+from cohelm.law.guard.surroundings import surroundings
+from cohelm.law.reference import through
+from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.step import Settings
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import achievable
+from cohelm.scenario.load import robot
+from cohelm.sim.world import clearance
+
+SALLY = robot("sally")
+DT = 0.02
+GAINS = Gains(k_x=0.9, k_psi=2.0)
+SETTINGS = Settings(SALLY.outline, SALLY.bounds(), GAINS, Rules(dt=DT))
+
+
+class Drive(NamedTuple):
+    """What happened, a row per step."""
+
+    poses: np.ndarray
+    decisions: list
+    twists: np.ndarray
+    gaps: np.ndarray
+    arrived: bool
+
+
+def drive(
+    waypoints,
+    discs=(),
+    walls=(),
+    *,
+    seconds=40.0,
+    hand=None,
+    delay=0.0,
+    start=None,
+    speed=0.5,
+    settings=SETTINGS,
+    agility=0.5,
+) -> Drive:
+    """Until arrival or for `seconds`. discs: rows of `disc`, those with a velocity drift."""
+    pilot = Pilot(through(waypoints, speed), settings, delay=delay)
+    rows = np.array([disc(*d) for d in discs]).reshape(-1, 6)
+    walls = np.array(walls, dtype=float).reshape(-1, 4)
+    moving = np.hypot(rows[:, 2], rows[:, 3]) > 0.0
+    pose, twist = Pose(*(start or (*waypoints[0], 0.0))), Twist(0.0, 0.0)
+    under_way = [Twist(0.0, 0.0)] * round(delay / DT)
+    poses, decisions, twists, gaps = [], [], [], []
+    for k in range(round(seconds / DT)):
+        now = rows.copy()
+        now[:, :2] += k * DT * rows[:, 2:4]
+        seen = surroundings(now, agility * moving, walls)
+        if k % 10 == 0:
+            pilot.take(pilot.plan(pose, twist, seen), pose, twist)
+        stick = hand(k * DT, pose) if hand else None
+        decision = pilot.step(k * DT, pose, twist, Stick(*stick) if stick else None, seen)
+        under_way.append(Twist(decision.v, decision.omega))
+        twist = achievable(under_way.pop(0), twist, settings.limits, DT)
+        poses.append(pose)
+        decisions.append(decision)
+        twists.append(twist)
+        gaps.append(clearance(pose, settings.outline, 0.5, now, walls, 1e9))
+        pose = arc(pose, twist, DT)
+        if pilot.arrived:
+            break
+    return Drive(np.array(poses), decisions, np.array(twists), np.array(gaps), pilot.arrived)

@@ -1,0 +1,90 @@
+"""The pilot as its callers use it: it arrives, hands over, takes over, and touches nothing."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Stick, Twist
+from cohelm.law.guard.surroundings import surroundings
+from cohelm.law.reference import through
+from cohelm.law.verdict import INVALID
+from cohelm.pilot.pilot import NOTHING_NEAR, Pilot
+from cohelm.pilot.step import FOLLOWING, LED
+from tests.pilot.drives import DT, SETTINGS, drive
+
+STRAIGHT = [[0.0, 0.0], [2.0, 0.0], [4.0, 0.0], [6.0, 0.0]]
+
+
+def test_it_arrives_at_the_end_and_stands_there():
+    d = drive(STRAIGHT)
+    assert d.arrived
+    assert abs(d.poses[-1][0] - 6.0) < 0.1
+    assert abs(d.poses[-1][1]) < 0.05
+    assert len(d.decisions) * DT < 6.0 / 0.5 + 4.0
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_it_goes_round_what_stands_on_the_route_and_comes_back_onto_it(delay):
+    d = drive(STRAIGHT, [(3.0, 0.0, 0.1)], delay=delay)
+    assert d.arrived
+    assert d.gaps.min() > 0.0075
+    beside = np.abs(d.poses[:, 1])
+    assert beside.max() > 0.35
+    assert beside[d.poses[:, 0] > 5.5].max() < 0.1
+
+
+def test_a_closed_road_is_not_forced():
+    d = drive(STRAIGHT, walls=[(3.0, -20.0, 3.0, 20.0)], seconds=15.0)
+    assert not d.arrived
+    assert d.gaps.min() > 0.0075
+    assert d.poses[-1][0] < 2.7
+    assert abs(d.twists[-1]).max() < 0.5
+
+
+def test_the_reference_waits_for_a_person_who_leads_and_takes_over_without_a_jump():
+    def hand(t, pose):
+        return (1.0, 0.6 if t < 3.0 else -0.6) if 2.0 <= t < 4.5 else (0.0, 0.0)
+
+    d = drive(STRAIGHT, hand=hand)
+    doing = np.array([s.doing for s in d.decisions])
+    assert (doing[110:220] == LED).all()
+    assert (doing[230:] == FOLLOWING).all()
+    ahead = np.array([s.x_d for s in d.decisions]) - d.poses[:, 0]
+    assert np.abs(ahead[110:240]).max() < 0.3
+    assert np.abs(np.diff(d.twists, axis=0)).max() < 2.0 * DT / 0.25 + 1e-9  # the wheels' limits
+    assert d.arrived
+
+
+def test_a_stick_that_is_not_a_number_stops_the_robot():
+    pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
+    pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.3, 0.0)
+    d = pilot.step(0.0, pose, twist, Stick(math.nan, 0.0), NOTHING_NEAR)
+    assert d.verdict == INVALID
+    assert 0.0 <= d.v < 0.3
+    assert all(math.isfinite(value) for value in d._replace(h=0.0, gap=0.0))
+
+
+def test_a_pose_that_is_not_a_number_stops_it_and_leaves_no_trace():
+    pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
+    d = pilot.step(0.0, Pose(math.nan, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
+    assert d.verdict == INVALID
+    assert (d.v, d.omega) == (0.0, 0.0)
+    d = pilot.step(DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
+    assert d.verdict != INVALID
+    assert d.v > 0.0
+
+
+def test_the_step_is_pure_but_for_the_commands_under_way():
+    a, b = (Pilot(through(STRAIGHT, 0.5), SETTINGS, delay=0.06) for _ in range(2))
+    seen = surroundings([[1.0, 0.3, 0.0, 0.0, 0.1, 0.2]])
+    for k in range(20):
+        pose, twist = Pose(0.01 * k, 0.0, 0.0), Twist(0.1, 0.0)
+        assert a.step(k * DT, pose, twist, None, seen) == b.step(k * DT, pose, twist, None, seen)
+    assert a.state == b.state
+
+
+def test_a_delay_that_makes_no_sense_is_refused():
+    with pytest.raises(CohelmError, match="delay must be from 0"):
+        Pilot(through(STRAIGHT, 0.5), SETTINGS, delay=-1.0)
