@@ -1,0 +1,213 @@
+"""A map as the robot uses it: surfaces to match against, free space to be in, walls to expect."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.surfaces import Surfaces, surfaces, thinned
+from cohelm.robot.sensors import Lidar
+
+_FARTHEST = 2.0  # distances to walls are not told beyond this [m]
+_REACH = 0.6  # surfaces are found from as far as this [m]
+_SIDE = 0.2  # raster of the places where the robot may be looked for [m]
+_ROOM = 0.2  # and their least distance to a wall [m]
+
+
+class Known(NamedTuple):
+    """surfaces: of all walls, world frame. gap: (rows, columns), distance of a cell's centre to
+    the nearest occupied one's, 2 m at most [m]. unknown: (rows, columns), nobody has seen the
+    cell. resolution [m]; origin: world pose of the outer corner of cell (0, 0). places: (k, 2),
+    where the robot may be looked for, world frame [m]."""
+
+    surfaces: Surfaces
+    gap: NDArray[np.float32]
+    unknown: NDArray[np.bool_]
+    resolution: float
+    origin: Pose
+    places: Floats
+
+
+def known(
+    occupied: NDArray[np.bool_], free: NDArray[np.bool_], resolution: float, origin: Pose
+) -> Known:
+    """From the cells of an occupancy map, (rows, columns), row 0 at the smallest y.
+
+    Surfaces are where occupied cells border on others, put on the line through their neighbours:
+    a wall that is three cells thick because its hits scatter has its line in the middle of the
+    cells near the border. Raises CohelmError where nothing is occupied or nothing free.
+    """
+    if not occupied.any():
+        raise CohelmError("the map has no occupied cell, so nothing to localise by: map it again")
+    if not free.any():
+        raise CohelmError("the map has no free cell, so nowhere to be: map it again")
+    border = occupied & ~ndimage.binary_erosion(
+        occupied, np.ones((3, 3), dtype=np.int64), border_value=1
+    )
+    cells = np.asarray(np.argwhere(border)[:, ::-1] + 0.5, dtype=np.float64)
+    points, across = _lined(cells * resolution, max(0.15, 3.0 * resolution))
+    points, across = thinned(points, across, max(0.03, resolution))
+    c, s = math.cos(origin.psi), math.sin(origin.psi)
+    turn = np.array([[c, s], [-s, c]])
+    points, across = points @ turn + (origin.x, origin.y), across @ turn
+    distance = ndimage.distance_transform_edt(~occupied) * resolution
+    gap = np.minimum(distance, _FARTHEST).astype(np.float32)
+    every = max(round(_SIDE / resolution), 1)
+    rows, columns = np.mgrid[every // 2 : len(free) : every, every // 2 : free.shape[1] : every]
+    open_ = (free & (gap > _ROOM))[rows, columns]
+    own = np.column_stack((columns[open_] + 0.5, rows[open_] + 0.5)) * resolution
+    return Known(
+        surfaces(points, across, max(resolution, 0.025), _REACH),
+        gap, ~(occupied | free), float(resolution), origin, own @ turn + (origin.x, origin.y),
+    )  # fmt: skip
+
+
+def _lined(points: Floats, reach: float) -> tuple[Floats, Floats]:
+    """Points put on the line through their neighbours within `reach` [m], and its normal."""
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    return _fitted(points, np.vstack((pairs, pairs[:, ::-1])))
+
+
+@jit
+def _fitted(points: Floats, pairs: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    n = len(points)
+    sums = np.zeros((n, 6))
+    for i in range(n):
+        sums[i, 0] = 1.0
+    for p in range(len(pairs)):
+        i, j = pairs[p, 0], pairs[p, 1]
+        dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+        sums[i, 0] += 1.0
+        sums[i, 1] += dx
+        sums[i, 2] += dy
+        sums[i, 3] += dx * dx
+        sums[i, 4] += dx * dy
+        sums[i, 5] += dy * dy
+    out, across = np.empty((n, 2)), np.empty((n, 2))
+    m = 0
+    for i in range(n):
+        k, sx, sy = sums[i, 0], sums[i, 1], sums[i, 2]
+        if k < 3.0:
+            continue
+        a = sums[i, 3] - sx * sx / k
+        b = sums[i, 4] - sx * sy / k
+        c = sums[i, 5] - sy * sy / k
+        turn = 0.5 * math.atan2(2.0 * b, a - c)
+        nx, ny = -math.sin(turn), math.cos(turn)
+        off = (sx * nx + sy * ny) / k
+        out[m, 0], out[m, 1] = points[i, 0] + off * nx, points[i, 1] + off * ny
+        across[m, 0], across[m, 1] = nx, ny
+        m += 1
+    return out[:m].copy(), across[:m].copy()
+
+
+@jit
+def gap_at(known: Known, x: float, y: float) -> float:
+    """Distance of a world point to the nearest wall, 2 m at most; NaN outside the map [m]."""
+    c, s = math.cos(known.origin.psi), math.sin(known.origin.psi)
+    dx, dy = x - known.origin.x, y - known.origin.y
+    u, v = (c * dx + s * dy) / known.resolution, (-s * dx + c * dy) / known.resolution
+    rows, columns = known.gap.shape
+    if not (0.0 <= u < columns and 0.0 <= v < rows):
+        return math.nan
+    return float(known.gap[int(v), int(u)])
+
+
+@jit
+def expected(known: Known, x: float, y: float, dx: float, dy: float, reach: float) -> float:
+    """How far the map lets one see from a world point in a direction [m].
+
+    inf if beyond `reach`; NaN where unknown cells, or the map's end, come before.
+    """
+    c, s = math.cos(known.origin.psi), math.sin(known.origin.psi)
+    wx, wy = x - known.origin.x, y - known.origin.y
+    r = known.resolution
+    u, v = (c * wx + s * wy) / r, (-s * wx + c * wy) / r
+    ex, ey = (c * dx + s * dy) / r, (-s * dx + c * dy) / r
+    rows, columns = known.gap.shape
+    t = 0.0
+    while t < reach:
+        pu, pv = u + t * ex, v + t * ey
+        if not (0.0 <= pu < columns and 0.0 <= pv < rows):
+            return math.nan
+        i, j = int(pv), int(pu)
+        free = float(known.gap[i, j])
+        if free < 0.5 * r:
+            return t
+        if known.unknown[i, j]:
+            return math.nan
+        t += max(free - 0.8 * r, 0.5 * r)
+    return math.inf
+
+
+class Judgement(NamedTuple):
+    """How well a whole scan agrees with the map, as shares of the beams the map tells about.
+
+    agree: ends at a wall. short: something is in front of it, a person perhaps. through: it
+    passed where the map has a wall, or did not return from one. log: how likely, as a sum of
+    logarithms for fifteen independent beams. told: number of beams.
+    """
+
+    agree: float
+    short: float
+    through: float
+    log: float
+    told: int
+
+
+_NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
+_SPREAD = 0.06  # standard deviation of its distance for the likelihood [m]
+_SHORT, _THROUGH, _MISSING = -1.8, -3.5, -2.0  # log likelihoods
+_INDEPENDENT = 15.0
+
+
+@jit
+def judge(known: Known, lidar: Lidar, pose: Pose, ranges: Floats, every: int) -> Judgement:
+    """Compare every `every`-th beam of a scan from a body pose with what the map expects."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
+    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
+    c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
+    agree, short, through, told = 0, 0, 0, 0
+    log = 0.0
+    for i in range(0, len(ranges), every):
+        r = ranges[i]
+        if not r > 0.0:
+            continue
+        dx = c * lidar.beams[i, 0] - s * lidar.beams[i, 1]
+        dy = s * lidar.beams[i, 0] + c * lidar.beams[i, 1]
+        wall = expected(known, x, y, dx, dy, lidar.range_max)
+        if r < math.inf:
+            near = gap_at(known, x + r * dx, y + r * dy)
+            if near < _NEAR:
+                agree += 1
+                told += 1
+                log += max(-0.5 * (near / _SPREAD) ** 2, -1.5)
+                continue
+        if math.isnan(wall):
+            continue
+        if r == math.inf:
+            if wall < 0.9 * lidar.range_max:
+                through += 1
+                told += 1
+                log += _MISSING
+            continue
+        told += 1
+        if r < wall:
+            short += 1
+            log += _SHORT
+        else:
+            through += 1
+            log += _THROUGH
+    if told == 0:
+        return Judgement(0.0, 0.0, 0.0, -10.0 * _INDEPENDENT, 0)
+    return Judgement(agree / told, short / told, through / told, log * _INDEPENDENT / told, told)

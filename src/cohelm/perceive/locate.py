@@ -1,0 +1,339 @@
+"""Where the robot is on the map, or that this is not known.
+
+*Tracking*: odometry foretells, matching corrects, and the whole scan is judged against the map.
+How much too far the wheels measure is estimated on the way (a Kalman filter's fourth state): along
+a corridor without features that error alone would add up.
+*Lost*, when scans disagree with the map: all the map is searched, nearest places first, a slice
+at a time. What is found are hypotheses. Each is followed as the robot moves, and one is believed
+only when no other explains what was seen nearly as well: two rooms alike are not guessed between.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose, wrap
+from cohelm.perceive.frames import between, compose
+from cohelm.perceive.known import Judgement, Known, judge
+from cohelm.perceive.match import Care, align
+from cohelm.perceive.search import Search, candidates, looked, search
+from cohelm.perceive.surfaces import normals
+from cohelm.perceive.sweep import Sweep
+from cohelm.robot.sensors import Lidar
+
+
+class Caution(NamedTuple):
+    """When a pose is believed, and when no more."""
+
+    fair: float = 0.8
+    """A pose is doubted where fewer beams agree, of those nothing stands in front of."""
+    blocked: float = 0.75
+    """Or where more beams than this are blocked by what is not on the map."""
+    patience: int = 3
+    """So many doubtful scans in a row mean lost."""
+    good: float = 0.9
+    """A new pose is believed only where as many beams agree, of those unblocked,"""
+    seen: float = 0.5
+    """and this share of all,"""
+    margin: float = 6.0
+    """and no other pose comes within this of its log likelihood,"""
+    travelled: float = 0.5
+    """or, with half that margin, after this way [m] or twice the angle [rad]."""
+    sure: float = 0.1
+    """Nor is a pose believed less certain than this standard deviation [m]."""
+    near: float = 3.0
+    """After having been lost, the robot is looked for within this first [m]."""
+    hypotheses: int = 40
+    places: int = 220
+    """Places looked at in one slice."""
+    points: int = 360
+    """Points of a sweep that are matched, at most."""
+
+
+class Located(NamedTuple):
+    """pose: of the body in the map at the sweep's instant. covariance: (3, 3). share: of beams
+    that agree with the map. reason: why it is lost, empty if it is not."""
+
+    pose: Pose
+    covariance: Floats
+    share: float
+    lost: bool
+    reason: str
+
+
+@dataclass
+class _Hypothesis:
+    pose: Pose
+    covariance: Floats
+    """(3, 3)"""
+    log: float
+    """Likelihood of all scans before, from places some way apart."""
+    latest: float
+    """And of the newest."""
+    judged: Judgement
+
+
+@dataclass
+class Locator:
+    """Follows one robot on one map. `start` None: it may be anywhere."""
+
+    known: Known
+    lidar: Lidar
+    start: Pose | None = None
+    care: Care = field(default_factory=Care)
+    caution: Caution = field(default_factory=Caution)
+
+    def __post_init__(self) -> None:
+        self._odometry: Pose | None = None
+        self._doubts = 0
+        self._search: Search | None = None
+        self._found: list[Pose] = []
+        self._base = Pose(0.0, 0.0, 0.0)  # odometry pose of the sweep that is searched with
+        self._searched: tuple[Floats, Floats, Floats] | None = None
+        self._hypotheses: list[_Hypothesis] = []
+        self._way = self._turned = self._since = 0.0
+        self._everywhere = self.start is None
+        self._every = max(1, len(self.lidar.beams) // 120)
+        pose = self.start or Pose(0.0, 0.0, 0.0)
+        lost = self.start is None
+        wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
+        reason = "looking for the robot on the map" if lost else ""
+        self._stretch, self._joint = 0.0, _joined(wide, _SCALE * _SCALE)
+        self.located = Located(pose, wide, 0.0, lost, reason)
+
+    def place(self, pose: Pose, sigma: float = 0.3) -> None:
+        """Somebody says where the robot is, within about sigma [m]."""
+        wide = np.diag([sigma, sigma, 0.5 * sigma]) ** 2
+        self._forget()
+        self._odometry = None
+        self._believe(pose, wide, 0.0)
+
+    def correct(self, sweep: Sweep, odometry: Pose) -> Located:
+        """Take in a sweep. odometry: the odometry pose at its instant."""
+        step = between(self._odometry, odometry) if self._odometry else Pose(0.0, 0.0, 0.0)
+        self._odometry = odometry
+        longer = 1.0 + self._stretch
+        step = Pose(longer * step.x, longer * step.y, step.psi)
+        points, across = normals(sweep.points, sweep.beams, self.lidar.step)
+        every = max(1, -(-len(points) // self.caution.points))
+        points, across = points[::every], across[::every]
+        if self.located.lost:
+            self._follow(step, sweep, points, across)
+        else:
+            self._track(step, sweep, points, across)
+        return self.located
+
+    def think(self) -> Located:
+        """Use a moment for the search, where one is going on; about 3 ms."""
+        if self._searched is None:
+            return self.located
+        points, across, ranges = self._searched
+        if self._search is not None:
+            self._search = looked(self._search, self.known, self.caution.places)
+            if self._search.done == len(self._search.places):
+                self._found = candidates(self._search, self.caution.hypotheses)
+                self._search = None
+            return self.located
+        for pose in self._found[:8]:
+            self._consider(pose, points, across, ranges)
+        self._found = self._found[8:]
+        if not self._found:
+            self._searched = None
+            self._settle()
+        return self.located
+
+    def _track(self, step: Pose, sweep: Sweep, points: Floats, across: Floats) -> None:
+        foretold, joint = _moved(self.located.pose, self._joint, step)
+        spread = joint[:3, :3]
+        prior = _inverse(spread)
+        fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
+        judged = self._judge(fit.pose, sweep.ranges)
+        if not self._fair(judged, self.caution.fair):
+            loose = np.diag([4.0, 4.0, 16.0])
+            wider = self.care._replace(reach=0.6)
+            other = align(self.known.surfaces, points, across, foretold, loose, wider)
+            again = self._judge(other.pose, sweep.ranges)
+            if again.log > judged.log + 1.0 and self._fair(again, self.caution.good):
+                # pushed: what the odometry missed says nothing about its scale
+                fit, judged, foretold = other, again, other.pose
+                joint = _joined(spread + np.diag([0.3, 0.3, 0.2]) ** 2, float(joint[3, 3]))
+        self._doubts = 0 if self._fair(judged, self.caution.fair) else self._doubts + 1
+        if self._doubts >= self.caution.patience:
+            self._forget()
+            self._everywhere = False
+            why = "what the LiDAR sees is not what the map shows here"
+            self._joint = joint
+            self.located = Located(foretold, spread, judged.agree, True, why)
+            self._seek(points, across, sweep)
+            return
+        innovation = np.array([
+            fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi),
+        ])  # fmt: skip
+        self._stretch += float(joint[3, :3] @ np.linalg.solve(joint[:3, :3], innovation))
+        self._stretch = min(max(self._stretch, -0.1), 0.1)
+        self._joint = _updated(joint, fit.information)
+        self.located = Located(fit.pose, self._joint[:3, :3].copy(), judged.agree, False, "")
+
+    def _believe(self, pose: Pose, covariance: Floats, share: float) -> None:
+        """Track from here on."""
+        self._joint = _joined(covariance, max(float(self._joint[3, 3]), 1e-6))
+        self.located = Located(pose, covariance, share, False, "")
+
+    def _follow(self, step: Pose, sweep: Sweep, points: Floats, across: Floats) -> None:
+        """Lost: move all hypotheses along, and see which still hold."""
+        pose, self._joint = _moved(self.located.pose, self._joint, step)
+        self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
+        self._base = compose(self._base, step)
+        self._way += math.hypot(step.x, step.y)
+        self._turned += abs(step.psi)
+        self._since += math.hypot(step.x, step.y) + 0.5 * abs(step.psi)
+        fresh = self._since > 0.15  # a scan from the same spot says nothing new
+        for one in self._hypotheses:
+            foretold, joint = _moved(
+                one.pose, _joined(one.covariance, float(self._joint[3, 3])), step
+            )
+            prior = _inverse(joint[:3, :3])
+            fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
+            one.pose, one.covariance = fit.pose, _updated(joint, fit.information)[:3, :3]
+            one.judged = self._judge(fit.pose, sweep.ranges)
+            if fresh:
+                one.log, one.latest = one.log + one.latest, one.judged.log
+            else:
+                one.latest = max(0.9 * one.latest + 0.1 * one.judged.log, one.judged.log)
+        if fresh:
+            self._since = 0.0
+        if self._searched is None:
+            if self._hypotheses:
+                self._settle()
+            else:
+                self._seek(points, across, sweep)
+
+    def _seek(self, points: Floats, across: Floats, sweep: Sweep) -> None:
+        """Begin a search: near by at first, then everywhere."""
+        if len(points) < 20:
+            self.located = self.located._replace(lost=True, reason="the LiDAR sees too little")
+            return
+        places = self.known.places
+        if not self._everywhere:
+            here = self.located.pose
+            near = np.hypot(places[:, 0] - here.x, places[:, 1] - here.y) < self.caution.near
+            places = places[near]
+        self._search = search(sweep.points, places)
+        self._searched = (points, across, sweep.ranges)
+        self._base = Pose(0.0, 0.0, 0.0)
+        self._way = self._turned = self._since = 0.0
+
+    def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> None:
+        """Match a candidate of the search; keep it as a hypothesis where it fits."""
+        loose = np.diag([1.0, 1.0, 4.0])
+        wide = self.care._replace(reach=0.6, rounds=30)
+        fit = align(self.known.surfaces, points, across, guess, loose, wide)
+        judged = self._judge(fit.pose, ranges)
+        if judged.agree < 0.4 or judged.through > 0.35:
+            return
+        joint = _joined(np.diag([0.3, 0.3, 0.1]) ** 2, 1e-4)
+        covariance = _updated(joint, fit.information)[:3, :3]
+        pose = compose(fit.pose, self._base)
+        for other in self._hypotheses:
+            if _same(other.pose, pose):
+                if judged.log > other.latest:
+                    other.pose, other.covariance = pose, covariance
+                    other.latest, other.judged = judged.log, judged
+                return
+        self._hypotheses.append(_Hypothesis(pose, covariance, 0.0, judged.log, judged))
+
+    def _settle(self) -> None:
+        """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
+        alive = [h for h in self._hypotheses if h.judged.agree > 0.35 and h.judged.through < 0.4]
+        alive.sort(key=lambda h: -(h.log + h.latest))
+        kept: list[_Hypothesis] = []
+        for one in alive:
+            close = kept and kept[0].log + kept[0].latest - one.log - one.latest > 15.0
+            if not close and not any(_same(one.pose, other.pose) for other in kept):
+                kept.append(one)
+        self._hypotheses = kept[:16]
+        best = kept[0] if kept else None
+        if best is None or not self._fair(best.judged, self.caution.fair):
+            self._everywhere = True
+            self._hypotheses = []
+            why = "no place on the map looks like what the LiDAR sees"
+            self.located = self.located._replace(lost=True, reason=why)
+            return
+        rival = kept[1].log + kept[1].latest if len(kept) > 1 else -math.inf
+        lead = best.log + best.latest - rival
+        c = self.caution
+        driven = self._way >= c.travelled or self._turned >= 2.0 * c.travelled
+        wanted = 0.5 * c.margin if driven or not self._everywhere else c.margin
+        sigma = math.sqrt(float(np.linalg.eigvalsh(best.covariance[:2, :2])[-1]))
+        if lead < wanted:
+            why = f"{len(kept)} places on the map look alike: drive on a little"
+        elif not self._fair(best.judged, c.good) or best.judged.agree < c.seen:
+            why = "too much of what the LiDAR sees is not on the map"
+        elif sigma > c.sure:
+            why = "too few features are in view to say where along them the robot is"
+        else:
+            self._forget()
+            self._believe(best.pose, best.covariance, best.judged.agree)
+            return
+        self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
+
+    def _forget(self) -> None:
+        self._search, self._searched, self._found, self._hypotheses = None, None, [], []
+        self._doubts = 0
+
+    def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
+        return judge(self.known, self.lidar, pose, ranges, self._every)
+
+    def _fair(self, judged: Judgement, least: float) -> bool:
+        unblocked = 1.0 - judged.short
+        c = self.caution
+        return judged.told >= 10 and judged.agree >= least * unblocked and judged.short < c.blocked
+
+
+def _same(a: Pose, b: Pose) -> bool:
+    return math.hypot(a.x - b.x, a.y - b.y) < 0.25 and abs(wrap(a.psi - b.psi)) < 0.2
+
+
+_SCALE = 0.02  # the wheels may measure this share too much or too little, one sigma
+_WANDER = 2e-5  # by which that changes from scan to scan
+
+
+def _moved(pose: Pose, joint: Floats, step: Pose) -> tuple[Pose, Floats]:
+    """A pose after an odometry step in its own frame, and the covariance of x, y, psi, scale."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    jacobian = np.eye(4)
+    jacobian[0, 2], jacobian[1, 2] = -s * step.x - c * step.y, c * step.x - s * step.y
+    jacobian[0, 3], jacobian[1, 3] = c * step.x - s * step.y, s * step.x + c * step.y
+    way = math.hypot(step.x, step.y)
+    own = np.diag([
+        (0.002 + 0.01 * way) ** 2, (0.002 + 0.02 * way) ** 2,
+        (0.001 + 0.01 * way + 0.03 * abs(step.psi)) ** 2, _WANDER**2,
+    ])  # fmt: skip
+    turn = np.eye(4)
+    turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1] = c, -s, s, c
+    return compose(pose, step), jacobian @ joint @ jacobian.T + turn @ own @ turn.T
+
+
+def _joined(covariance: Floats, scale: float) -> Floats:
+    """Covariance of a pose and of the odometry's scale, independent of each other."""
+    joint = np.zeros((4, 4))
+    joint[:3, :3], joint[3, 3] = covariance, scale
+    return joint
+
+
+_FLOOR = np.diag([0.002, 0.002, 0.0005, 0.0]) ** 2  # the map is no better than this
+
+
+def _updated(joint: Floats, information: Floats) -> Floats:
+    """The covariance after a match; the scale is learnt through what it did to the pose."""
+    gained = np.zeros((4, 4))
+    gained[:3, :3] = information
+    return _inverse(_inverse(joint) + gained) + _FLOOR
+
+
+def _inverse(matrix: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

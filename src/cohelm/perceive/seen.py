@@ -1,0 +1,154 @@
+"""All that the robot knows of where it is and what is around it, from odometry and LiDAR."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.perceive.frames import between, compose, inverse
+from cohelm.perceive.known import Known
+from cohelm.perceive.locate import Located, Locator
+from cohelm.perceive.memory import Care as Remembering, View, renew
+from cohelm.perceive.sweep import Sweep, sweep
+from cohelm.perceive.trail import EMPTY, extended, pose_at
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Odometry, Readings, Scan
+
+NOTHING: Floats = np.empty((0, 2))
+NOBODY: Floats = np.empty((0, 6))
+
+
+class Seen(NamedTuple):
+    """What is known at one instant. Two frames: `odom`, which is smooth, drifts, and never
+    jumps, for keeping clear of things; and the map's, for following a reference."""
+
+    stamp: float
+    """The instant, of the robot's clock [s]; all poses and discs are foretold to it."""
+    pose: Pose
+    """Of the body in the map. Without a map, and when lost from the start, as in `odom`."""
+    covariance: Floats
+    """(3, 3) of `pose`, in x, y, psi."""
+    share: float
+    """Of the beams that agree with the map, in [0, 1]."""
+    lost: bool
+    """Whether `pose` must not be relied on."""
+    reason: str
+    """Why, in words; empty if not lost."""
+    odometry: Pose
+    """Of the body in `odom`."""
+    twist: Twist
+    """As measured, in the body frame."""
+    map_odom: Pose
+    """The pose of `odom` in the map: compose(map_odom, p) puts a pose of `odom` on the map."""
+    points: Floats
+    """Standing things, (p, 2), in `odom` [m]."""
+    discs: Floats
+    """Moving things, (n, 6) as in `core.types`, in `odom`."""
+    agility: Floats
+    """(n,), how fast each may change its velocity [m/s^2]."""
+    odometry_stamp: float
+    """Of the newest odometry [s]; -inf before the first."""
+    scan_stamp: float
+    """Of the newest scan's last beam [s]; -inf before the first."""
+
+
+class Perception:
+    """Takes in readings as they come, in order; one for each robot.
+
+    `known`: the map to localise on; without, the pose in the map is that of the odometry and
+    never lost. `start`: where the robot is on the map; without, it is looked for.
+    """
+
+    def __init__(
+        self, model: RobotModel, known: Known | None = None, start: Pose | None = None,
+        remembering: Remembering | None = None,
+    ) -> None:  # fmt: skip
+        """Raises CohelmError for a robot without a LiDAR."""
+        if model.lidar is None:
+            raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
+        self.lidar = model.lidar.lidar()
+        self._view = View(self.lidar.mount, self.lidar.first, self.lidar.step, self.lidar.range_min)
+        self._care = remembering or Remembering()
+        self._locator = Locator(known, self.lidar, start) if known is not None else None
+        self._trail = EMPTY
+        self._twist = Twist(0.0, 0.0)
+        self._points = NOTHING
+        self._scan: int | None = None
+        self._scanned = -math.inf
+        self._map_odom = start or Pose(0.0, 0.0, 0.0)
+        self._placed = start is None
+        self._located: Located | None = None
+        self._matched = Pose(0.0, 0.0, 0.0)  # odometry pose of the newest scan
+
+    def place(self, pose: Pose, sigma: float = 0.3) -> None:
+        """A person says where the robot is on the map, within about sigma [m]."""
+        if self._locator is not None:
+            self._locator.place(pose, sigma)
+
+    def take(self, now: float, readings: Readings) -> Seen:
+        """What is known at `now` [s], with these newest readings; may be called at any rate.
+
+        A reading seen before adds nothing; a scan that is older than all odometry is left out.
+        """
+        if readings.odometry is not None:
+            self._odometry(readings.odometry)
+        scan = readings.scan
+        if scan is not None and scan.number != self._scan and len(self._trail):
+            self._look(scan)
+        elif self._locator is not None and self._located is not None:
+            self._located = self._locator.think()
+            if not self._located.lost and len(self._trail):
+                self._map_odom = compose(self._located.pose, inverse(self._matched))
+        return self._said(now)
+
+    def _odometry(self, odometry: Odometry) -> None:
+        self._trail = extended(self._trail, odometry)
+        if np.isfinite(odometry.twist).all():
+            self._twist = odometry.twist
+        if not self._placed and len(self._trail):
+            first = Pose(*self._trail[-1, 1:4].tolist())
+            self._map_odom = compose(self._map_odom, inverse(first))
+            self._placed = True
+
+    def _look(self, scan: Scan) -> None:
+        self._scan = scan.number
+        if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(scan.stamp):
+            return
+        ranges = np.asarray(scan.ranges, dtype=np.float64)
+        seen: Sweep = sweep(self.lidar, ranges, scan.stamp, scan.duration, self._trail)
+        self._scanned = scan.stamp + scan.duration
+        pose = pose_at(self._trail, self._scanned)
+        self._points = renew(self._points, pose, self._view, seen.ranges, self._care)
+        if self._locator is not None:
+            self._located = self._locator.correct(seen, pose)
+            self._map_odom = compose(self._located.pose, inverse(pose))
+            self._matched = pose
+
+    def _said(self, now: float) -> Seen:
+        if len(self._trail):
+            here = pose_at(self._trail, now)
+            stamp = float(self._trail[-1, 0])
+        else:
+            here, stamp = Pose(0.0, 0.0, 0.0), -math.inf
+        located = self._located
+        if located is None and self._locator is not None:
+            located = self._locator.located._replace(
+                lost=True, reason="no scan has been matched yet"
+            )
+        if located is None:
+            located = Located(here, np.zeros((3, 3)), 1.0, False, "")
+        return Seen(
+            stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
+            share=located.share, lost=located.lost, reason=located.reason, odometry=here,
+            twist=self._twist, map_odom=self._map_odom, points=self._points, discs=NOBODY,
+            agility=np.empty(0), odometry_stamp=stamp, scan_stamp=self._scanned,
+        )  # fmt: skip
+
+
+def seen_from(seen: Seen, pose: Pose) -> Pose:
+    """A pose of the map as it is in `odom`, by what is known now."""
+    return between(seen.map_odom, pose)

@@ -1,0 +1,157 @@
+"""Surfaces as points with normals, and which of them is nearest to any place.
+
+A wall is a row of points, each with the direction across it. `nearest` is a grid that knows the
+nearest surface of each cell, so that matching costs no search.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Ints, Pose
+
+_HALF = 0.15  # neighbours this near tell the direction of a surface [m]
+_MOST = 16  # and no more beams than these on either side
+_FLAT = 0.04  # how far, rms, they may lie from their common line [m]
+
+
+class Surfaces(NamedTuple):
+    """points: (n, 2) [m]. normals: (n, 2), unit, of either sign. nearest: (rows, columns), row
+    of the nearest surface to a cell's centre, -1 where none is within reach; rows run along y.
+    resolution: side of a cell [m]. (x, y): outer corner of cell (0, 0) [m]."""
+
+    points: Floats
+    normals: Floats
+    nearest: NDArray[np.int32]
+    resolution: float
+    x: float
+    y: float
+
+
+@jit
+def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
+    """The points of a sweep that lie on something flat, and the direction across it there.
+
+    points: (m, 2) body frame, in the order of the beams; step: angle between beams [rad]. The
+    line is fitted to neighbours within 15 cm, at least to the next beam on either side, so a
+    scanner with 1 degree between beams still tells walls. Returns (k, 2), (k, 2).
+    """
+    m = len(points)
+    kept, across = np.empty((m, 2)), np.empty((m, 2))
+    k = 0
+    for i in range(m):
+        r = math.hypot(points[i, 0], points[i, 1])
+        jump = max(0.12, 4.0 * r * step)
+        count, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
+        sides = 0
+        for way in (-1, 1):
+            before = i
+            for far in range(1, _MOST + 1):
+                j = i + way * far
+                if not 0 <= j < m or abs(beams[j] - beams[before]) > 3:
+                    break
+                gap = math.hypot(points[j, 0] - points[before, 0], points[j, 1] - points[before, 1])
+                dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+                if gap > jump or (far > 1 and dx * dx + dy * dy > _HALF * _HALF):
+                    break
+                if far == 1:
+                    sides += 1
+                count += 1
+                sx, sy = sx + dx, sy + dy
+                sxx, sxy, syy = sxx + dx * dx, sxy + dx * dy, syy + dy * dy
+                before = j
+        if sides < 2 or count < 3:
+            continue
+        a, b, c = sxx - sx * sx / count, sxy - sx * sy / count, syy - sy * sy / count
+        half, middle = 0.5 * (a - c), 0.5 * (a + c)
+        root = math.hypot(half, b)
+        thin = max(middle - root, 0.0) / count
+        long = (middle + root) / count
+        if thin > _FLAT * _FLAT or long < 9.0 * thin or long <= 0.0:
+            continue
+        turn = 0.5 * math.atan2(2.0 * b, a - c)
+        kept[k, 0], kept[k, 1] = points[i, 0], points[i, 1]
+        across[k, 0], across[k, 1] = -math.sin(turn), math.cos(turn)
+        k += 1
+    return kept[:k].copy(), across[:k].copy()
+
+
+@jit
+def moved(pose: Pose, vectors: Floats, place: bool) -> Floats:
+    """Vectors (n, 2) of a body frame in that of its pose; directions if not `place`d."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    x, y = (pose.x, pose.y) if place else (0.0, 0.0)
+    out = np.empty_like(vectors)
+    for i in range(len(vectors)):
+        out[i, 0] = x + c * vectors[i, 0] - s * vectors[i, 1]
+        out[i, 1] = y + s * vectors[i, 0] + c * vectors[i, 1]
+    return out
+
+
+def surfaces(points: Floats, across: Floats, resolution: float, reach: float) -> Surfaces:
+    """Index points with normals; places farther than `reach` from all have no nearest [m]."""
+    if len(points) == 0:
+        return Surfaces(points, across, np.empty((0, 0), np.int32), resolution, 0.0, 0.0)
+    low = points.min(axis=0) - reach - resolution
+    size = np.ceil((points.max(axis=0) + reach + resolution - low) / resolution).astype(int)
+    nearest = np.full((int(size[1]), int(size[0])), -1, np.int32)
+    made = Surfaces(points, across, nearest, resolution, float(low[0]), float(low[1]))
+    _spread(made, reach)
+    return made
+
+
+@jit
+def _spread(made: Surfaces, reach: float) -> None:
+    """Fill in the nearest of every cell."""
+    rows, columns = made.nearest.shape
+    square = np.full((rows, columns), reach * reach)
+    wide = math.ceil(reach / made.resolution)
+    for k in range(len(made.points)):
+        u = (made.points[k, 0] - made.x) / made.resolution
+        v = (made.points[k, 1] - made.y) / made.resolution
+        j0, i0 = int(u), int(v)
+        for i in range(max(i0 - wide, 0), min(i0 + wide + 1, rows)):
+            dy = (i + 0.5 - v) * made.resolution
+            for j in range(max(j0 - wide, 0), min(j0 + wide + 1, columns)):
+                dx = (j + 0.5 - u) * made.resolution
+                d = dx * dx + dy * dy
+                if d < square[i, j]:
+                    square[i, j] = d
+                    made.nearest[i, j] = k
+
+
+@jit
+def thinned(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
+    """One point of each square cell: the mean of those in it with the same direction [m]."""
+    n = len(points)
+    keys = np.empty(n, np.int64)
+    for i in range(n):
+        u = math.floor(points[i, 0] / side) + (1 << 20)
+        v = math.floor(points[i, 1] / side) + (1 << 20)
+        keys[i] = u * (1 << 21) + v
+    order = np.argsort(keys, kind="mergesort")
+    kept, out = np.empty((n, 2)), np.empty((n, 2))
+    k, a = 0, 0
+    while a < n:
+        b = a
+        first = order[a]
+        x, y, nx, ny, count = 0.0, 0.0, 0.0, 0.0, 0
+        while b < n and keys[order[b]] == keys[first]:
+            i = order[b]
+            same = across[i, 0] * across[first, 0] + across[i, 1] * across[first, 1]
+            if abs(same) > 0.9:
+                sign = 1.0 if same > 0.0 else -1.0
+                x, y, count = x + points[i, 0], y + points[i, 1], count + 1
+                nx, ny = nx + sign * across[i, 0], ny + sign * across[i, 1]
+            b += 1
+        size = math.hypot(nx, ny)
+        kept[k, 0], kept[k, 1] = x / count, y / count
+        out[k, 0], out[k, 1] = nx / size, ny / size
+        k += 1
+        a = b
+    return kept[:k].copy(), out[:k].copy()

@@ -1,0 +1,105 @@
+"""The robot's own picture while it drives through the lab with imperfect sensors."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, wrap
+from cohelm.perceive.known import known
+from cohelm.perceive.seen import Perception, seen_from
+from cohelm.robot.port import Readings
+from cohelm.scenario import load
+from tests.perceive.drives import LIDAR, START, TOUR, along, drive, lab_map
+
+SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
+
+
+@pytest.fixture(scope="module")
+def lab():
+    return known(*lab_map())
+
+
+@pytest.fixture(scope="module")
+def tour():
+    return along(TOUR)
+
+
+def errors(seen, truth):
+    return (
+        math.hypot(seen.pose.x - truth.x, seen.pose.y - truth.y),
+        abs(wrap(seen.pose.psi - truth.psi)),
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_lab_is_driven_through_within_the_stated_errors(lab, tour, seed):
+    perception = Perception(SALLY, lab, START)
+    found, sure = [], []
+    for moment in drive(*tour, seed):
+        seen = perception.take(moment.now, moment.readings)
+        if moment.readings.scan is not None:
+            found.append(errors(seen, moment.truth))
+            sure.append(not seen.lost)
+    place, heading = np.array(found).T
+    assert all(sure)
+    assert np.sqrt((place**2).mean()) < 0.02
+    assert np.quantile(place, 0.99) < 0.05
+    assert heading.max() < math.radians(0.5)
+
+
+def test_the_covariance_covers_the_errors(lab, tour):
+    perception = Perception(SALLY, lab, START)
+    squares = []
+    for moment in drive(*tour, 2):
+        seen = perception.take(moment.now, moment.readings)
+        if moment.readings.scan is not None:
+            e = np.array([seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y])
+            squares.append(e @ np.linalg.solve(seen.covariance[:2, :2], e))
+    assert np.mean(np.array(squares) < 11.8) > 0.95  # three sigma in the plane: 99.7 %
+
+
+def test_standing_points_lie_on_walls_and_cones_in_the_odometry_frame(lab, tour):
+    perception = Perception(SALLY, None)
+    for moment in drive(tour[0][:400], tour[1][:400], 3):
+        seen = perception.take(moment.now, moment.readings)
+    walls = lab.surfaces.points
+    c, s = math.cos(moment.truth.psi), math.sin(moment.truth.psi)
+    own = seen.odometry
+    co, so = math.cos(own.psi), math.sin(own.psi)
+    body = (seen.points - (own.x, own.y)) @ np.array([[co, -so], [so, co]])
+    world = body @ np.array([[c, s], [-s, c]]) + (moment.truth.x, moment.truth.y)
+    gaps = np.hypot(*(world[:, None] - walls[None]).transpose(2, 0, 1)).min(axis=1)
+    assert len(world) > 200
+    assert np.quantile(gaps, 0.95) < 0.08
+    assert not seen.lost
+
+
+def test_a_pose_of_the_map_is_found_again_in_the_odometry_frame(lab, tour):
+    perception = Perception(SALLY, lab, START)
+    for moment in drive(tour[0][:60], tour[1][:60], 0):
+        seen = perception.take(moment.now, moment.readings)
+    back = seen_from(seen, seen.pose)
+    assert back == pytest.approx(seen.odometry)
+
+
+def test_without_readings_nothing_is_claimed(lab):
+    seen = Perception(SALLY, lab, START).take(1.0, Readings(None, None, None, None))
+    assert seen.lost
+    assert seen.reason
+    assert seen.scan_stamp == seen.odometry_stamp == -math.inf
+    assert len(seen.points) == len(seen.discs) == 0
+
+
+def test_a_robot_without_a_lidar_is_refused():
+    with pytest.raises(CohelmError, match="has no LiDAR"):
+        Perception(SALLY.model_copy(update={"lidar": None}))
+
+
+def test_a_map_without_walls_is_refused():
+    nothing = np.zeros((4, 4), bool)
+    with pytest.raises(CohelmError, match="no occupied cell"):
+        known(nothing, ~nothing, 0.05, Pose(0.0, 0.0, 0.0))
+    with pytest.raises(CohelmError, match="no free cell"):
+        known(~nothing, nothing, 0.05, Pose(0.0, 0.0, 0.0))
