@@ -1,0 +1,69 @@
+"""What the wheels may be asked for: speed and acceleration, of the body and of each wheel."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cohelm.core.types import Twist
+
+
+class Bounds(NamedTuple):
+    """All above 0, infinite where there is none.
+
+    speed [m/s], acceleration [m/s^2], yaw_rate [rad/s], yaw_acceleration [rad/s^2], wheel_speed
+    [m/s] and wheel_acceleration [m/s^2] at the rim, track: distance between the wheels [m].
+    """
+
+    speed: float
+    acceleration: float
+    yaw_rate: float
+    yaw_acceleration: float
+    wheel_speed: float
+    wheel_acceleration: float
+    track: float
+
+
+def _share(asked: float, most: float) -> float:
+    """The share of what is asked that is allowed."""
+    return most / abs(asked) if abs(asked) > most else 1.0
+
+
+def slowed(twist: Twist, bounds: Bounds) -> Twist:
+    """The twist, or as large a part of it as the speeds allow: its curvature stays."""
+    left, right = _rims(twist, bounds)
+    share = min(
+        _share(twist.v, bounds.speed),
+        _share(twist.omega, bounds.yaw_rate),
+        _share(left, bounds.wheel_speed),
+        _share(right, bounds.wheel_speed),
+    )
+    return Twist(share * twist.v, share * twist.omega)
+
+
+def needed(change: Twist, bounds: Bounds) -> float:
+    """How long a change of the twist takes at least [s]."""
+    left, right = _rims(change, bounds)
+    return max(
+        abs(change.v) / bounds.acceleration,
+        abs(change.omega) / bounds.yaw_acceleration,
+        abs(left) / bounds.wheel_acceleration,
+        abs(right) / bounds.wheel_acceleration,
+    )
+
+
+def towards(before: Twist, goal: Twist, bounds: Bounds, time: float) -> tuple[Twist, float]:
+    """As far from `before` towards `goal` as the accelerations allow in `time` [s].
+
+    Returns where it gets, and how much of the time it needs for that.
+    """
+    change = Twist(goal.v - before.v, goal.omega - before.omega)
+    takes = needed(change, bounds)
+    if takes <= time:
+        return goal, takes
+    share = max(time, 0.0) / takes
+    return Twist(before.v + share * change.v, before.omega + share * change.omega), max(time, 0.0)
+
+
+def _rims(twist: Twist, bounds: Bounds) -> tuple[float, float]:
+    half = 0.5 * bounds.track * twist.omega
+    return twist.v - half, twist.v + half

@@ -1,0 +1,376 @@
+"""What the gate lets through, what it refuses, and what only a deliberate reset undoes."""
+
+import math
+
+import pytest
+
+from cohelm.core.types import Twist
+from cohelm.robot.gate import gate as g
+from cohelm.robot.gate.bounds import Bounds, needed, slowed, towards
+from cohelm.robot.gate.gate import STANDING, Gate, Passed, Proposal, Rules
+from cohelm.robot.gate.modes import Mode, driving, latched
+
+BOUNDS = Bounds(1.0, 4.0, 2.0, 16.0, 1.2, 2.0, 0.5)
+RULES = Rules(BOUNDS)
+NAN, INF = math.nan, math.inf
+
+
+def ready(now: float = 10.0, out: Twist = STANDING, mode: Mode = Mode.AUTOMATIC) -> Gate:
+    """A gate in the middle of good work: the last proposal, number 7, came a period ago."""
+    return Gate(mode, "", out, now - 0.02, now - 0.02, 7, now - 0.02, 0)
+
+
+def ask(gate: Gate, v: float, omega: float = 0.0, *, now=10.0, stamp=None, n=8):
+    stamp = now if stamp is None else stamp
+    return g.propose(gate, Proposal(n, stamp, Twist(v, omega)), now, RULES)
+
+
+# -- what passes ---------------------------------------------------------------------------------
+
+
+def test_a_sound_proposal_within_the_bounds_passes_as_it_is():
+    gate, passed = ask(ready(), 0.03, 0.02)
+    assert passed == Passed(Twist(0.03, 0.02), "")
+    assert gate == Gate(
+        Mode.AUTOMATIC, "", Twist(0.03, 0.02),
+        pytest.approx(10.0 - 0.02 + 0.0175), 10.0, 8, 10.0, 0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTOMATIC, Mode.SHARED])
+def test_both_driving_modes_let_the_wheels_turn(mode):
+    assert ask(ready(mode=mode), 0.02)[1].out == Twist(0.02, 0.0)
+
+
+@pytest.mark.parametrize("mode", [Mode.IDLE, Mode.STOPPED, Mode.FAULTED])
+def test_in_all_other_modes_the_robot_brakes_and_stands(mode):
+    gate = ready(out=Twist(0.1, 0.0), mode=mode)._replace(reason="why")
+    now, speeds = 10.0, []
+    for n in range(8, 20):
+        gate, passed = ask(gate, 0.5, now=now, n=n)
+        speeds.append(passed.out.v)
+        assert passed.reason == "why"
+        now += 0.02
+    assert speeds[:3] == pytest.approx([0.04, 0.0, 0.0])  # 2 m/s^2 for 20 ms, and 10 ms ahead
+    assert all(v == 0.0 for v in speeds[2:])
+    assert gate.mode == mode
+
+
+def test_standing_idle_says_so():
+    assert ask(ready(mode=Mode.IDLE), 0.5)[1] == Passed(STANDING, "idle")
+    assert g.tick(ready(mode=Mode.IDLE), 10.0, RULES)[1] == Passed(STANDING, "idle")
+
+
+# -- speed and acceleration ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("asked", "allowed"),
+    [
+        (Twist(1.0, 0.0), Twist(1.0, 0.0)),
+        (Twist(2.0, 0.4), Twist(1.0, 0.2)),
+        (Twist(-2.0, 0.4), Twist(-1.0, 0.2)),
+        (Twist(0.0, 4.0), Twist(0.0, 2.0)),
+        (Twist(0.0, -4.0), Twist(0.0, -2.0)),
+        (Twist(0.8, 2.0), Twist(0.8 * 1.2 / 1.3, 2.0 * 1.2 / 1.3)),  # right wheel 1.3
+        (Twist(0.8, -2.0), Twist(0.8 * 1.2 / 1.3, -2.0 * 1.2 / 1.3)),  # left wheel 1.3
+        (Twist(0.95, 1.0), Twist(0.95, 1.0)),  # right wheel 1.2, exactly
+        (Twist(0.0, 0.0), Twist(0.0, 0.0)),
+    ],
+)
+def test_what_is_too_fast_is_slowed_on_its_own_curve(asked, allowed):
+    assert slowed(asked, BOUNDS) == pytest.approx(allowed, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "takes"),
+    [
+        (Twist(0.4, 0.0), 0.2),  # the wheels' 2 m/s^2, not the body's 4
+        (Twist(-0.4, 0.0), 0.2),
+        (Twist(0.2, 0.8), 0.2),  # right wheel
+        (Twist(0.2, -0.8), 0.2),  # left wheel
+        (Twist(0.0, 1.6), 0.2),
+        (Twist(0.0, 0.0), 0.0),
+    ],
+)
+def test_how_long_a_change_takes_by_its_slowest_wheel(change, takes):
+    assert needed(change, BOUNDS) == pytest.approx(takes, rel=1e-12)
+
+
+def test_the_body_has_its_own_accelerations():
+    heavy = BOUNDS._replace(acceleration=1.0, yaw_acceleration=0.5)
+    assert needed(Twist(0.2, 0.0), heavy) == pytest.approx(0.2)
+    assert needed(Twist(-0.2, 0.0), heavy) == pytest.approx(0.2)
+    assert needed(Twist(0.0, 0.2), heavy) == pytest.approx(0.4)
+    assert needed(Twist(0.0, -0.2), heavy) == pytest.approx(0.4)
+
+
+def test_towards_goes_straight_and_says_what_it_used():
+    there = towards(Twist(0.1, 0.2), Twist(0.12, 0.2), BOUNDS, 0.02)
+    assert there == (Twist(0.12, 0.2), pytest.approx(0.01))
+    exactly = towards(Twist(0.0, 0.0), Twist(0.04, 0.0), BOUNDS, 0.04 / 2.0)
+    assert exactly == (Twist(0.04, 0.0), 0.02)
+    part, used = towards(Twist(0.1, 0.2), Twist(0.9, 0.6), BOUNDS, 0.1)
+    assert part == pytest.approx((0.1 + 0.8 * 0.1 / 0.45, 0.2 + 0.4 * 0.1 / 0.45))
+    assert used == 0.1
+
+
+def test_just_enough_time_reaches_the_goal_to_the_last_bit():
+    before, goal = Twist(0.9, 0.0), Twist(0.1, 0.0)
+    assert before.v + (goal.v - before.v) != goal.v  # what rounding would make of it
+    takes = needed(Twist(goal.v - before.v, 0.0), BOUNDS)
+    assert towards(before, goal, BOUNDS, takes) == (goal, takes)
+
+
+def test_no_time_allows_no_change():
+    for time in (0.0, -1.0):
+        assert towards(Twist(0.1, 0.2), Twist(0.9, 0.6), BOUNDS, time) == (Twist(0.1, 0.2), 0.0)
+
+
+def test_too_fast_is_said():
+    slow = RULES._replace(bounds=BOUNDS._replace(wheel_acceleration=INF, acceleration=INF,
+                                                 yaw_acceleration=INF))  # fmt: skip
+    _, passed = g.propose(ready(), Proposal(8, 10.0, Twist(5.0, 0.0)), 10.0, slow)
+    assert passed == Passed(Twist(1.0, 0.0), "faster than the robot may be")
+
+
+def test_too_fast_a_change_is_made_as_fast_as_it_may():
+    gate, passed = ask(ready(), 0.5)
+    assert passed.out == pytest.approx((2.0 * 0.03, 0.0))  # a period, and the jitter
+    assert passed.reason == "a change faster than the robot may make"
+    gate, passed = ask(gate, 0.5, now=10.02, n=9)
+    assert passed.out == pytest.approx((2.0 * 0.05, 0.0))  # the jitter is not allowed twice
+
+
+def test_many_proposals_at_once_gain_no_speed():
+    gate = ready()
+    for n in range(8, 200):
+        gate, passed = ask(gate, 0.5, n=n)
+    assert passed.out.v == pytest.approx(2.0 * 0.03)
+
+
+def test_what_acceleration_allows_is_saved_up_for_one_period_only():
+    gate = ready()._replace(paid=0.0)
+    assert ask(gate, 0.5)[1].out.v == pytest.approx(2.0 * 0.03)
+
+
+def test_the_first_proposal_of_all_gains_no_more():
+    gate, _ = ask(Gate(), 0.5)
+    gate, said = g.drive(gate, Mode.AUTOMATIC, 10.0, RULES)
+    assert said == ""
+    assert ask(gate, 0.5, n=9)[1].out.v == pytest.approx(2.0 * 0.03)
+
+
+# -- what is refused, and what is a fault --------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [7, 6, -5])
+def test_out_of_order_is_refused_and_the_wheels_keep_what_they_have(n):
+    gate, passed = ask(ready(out=Twist(0.3, 0.1)), 0.2, n=n)
+    assert passed == Passed(Twist(0.3, 0.1), "out of order")
+    assert (gate.refused, gate.heard, gate.sequence, gate.mode) == (1, 9.98, 7, Mode.AUTOMATIC)
+
+
+def test_a_gap_in_the_numbers_is_no_disorder():
+    assert ask(ready(), 0.02, n=800)[1].reason == ""
+
+
+def test_old_readings_are_refused():
+    gate, passed = ask(ready(out=Twist(0.3, 0.0)), 0.2, stamp=10.0 - 0.1001)
+    assert passed == Passed(Twist(0.3, 0.0), "its readings are too old")
+    assert (gate.refused, gate.heard, gate.sequence) == (1, 9.98, 7)
+    assert ask(ready(), 0.02, stamp=10.0 - 0.0999)[1].reason == ""
+
+
+def test_a_refused_proposal_moves_nobody_who_rests():
+    gate, passed = ask(ready(out=Twist(0.3, 0.0), mode=Mode.IDLE), 0.2, n=3)
+    assert passed.out.v == pytest.approx(0.24)
+    assert gate.refused == 1
+
+
+@pytest.mark.parametrize(
+    ("proposal", "said"),
+    [
+        (Proposal(8, 10.0, Twist(NAN, 0.0)), "the loop asked for a speed that is no number"),
+        (Proposal(8, 10.0, Twist(0.0, NAN)), "the loop asked for a speed that is no number"),
+        (Proposal(8, 10.0, Twist(INF, 0.0)), "the loop asked for a speed that is no number"),
+        (Proposal(8, 10.0, Twist(0.0, -INF)), "the loop asked for a speed that is no number"),
+        (Proposal(8, NAN, Twist(0.1, 0.0)), "the readings' time is no number"),
+        (Proposal(8, -INF, Twist(0.1, 0.0)), "the readings' time is no number"),
+        (
+            Proposal(8, 10.0101, Twist(0.1, 0.0)),
+            "the readings come from the future: a clock jumped",
+        ),
+    ],
+)
+def test_what_is_broken_is_a_fault_at_once(proposal, said):
+    gate, passed = g.propose(ready(out=Twist(0.3, 0.0)), proposal, 10.0, RULES)
+    assert gate.mode == Mode.FAULTED
+    assert gate.reason == passed.reason == said
+    assert passed.out == pytest.approx((0.24, 0.0))  # braking has begun
+    assert (gate.refused, gate.heard) == (1, 9.98)
+
+
+def test_a_little_ahead_is_the_clocks_jitter():
+    assert ask(ready(), 0.02, stamp=10.0099)[1].reason == ""
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTOMATIC, Mode.SHARED])
+def test_silence_trips_the_watchdog(mode):
+    gate = ready(out=Twist(0.3, 0.0), mode=mode)
+    assert g.due(gate, RULES) == pytest.approx(10.08)
+    early, passed = g.tick(gate, 10.0799, RULES)
+    assert early.mode == mode
+    assert passed == Passed(Twist(0.3, 0.0), "")
+    late, passed = g.tick(early, 10.0801, RULES)
+    assert late.mode == Mode.FAULTED
+    assert passed.reason == late.reason == "no sound command for more than 100 ms"
+    assert passed.out.v == pytest.approx(0.24)
+
+
+def test_refused_proposals_are_silence():
+    gate, now = ready(), 10.0
+    while now < 10.095:
+        gate, _ = ask(gate, 0.1, now=now, n=7)
+        now += 0.01
+    assert gate.mode == Mode.FAULTED
+
+
+def test_a_late_proposal_does_not_hide_that_it_is_late():
+    gate, passed = ask(ready(), 0.1, now=10.1)
+    assert gate.mode == Mode.FAULTED
+    assert passed.out == STANDING
+
+
+@pytest.mark.parametrize("mode", [Mode.IDLE, Mode.STOPPED, Mode.FAULTED])
+def test_who_does_not_drive_needs_no_watchdog(mode):
+    gate = ready(mode=mode)
+    assert g.due(gate, RULES) == INF
+    assert g.tick(gate, 99.0, RULES)[0].mode == mode
+
+
+def test_a_clock_that_goes_back_is_a_fault_and_the_new_time_counts():
+    gate = ready(out=Twist(0.3, 0.0))
+    gate, passed = g.tick(gate, 9.5, RULES)
+    assert (gate.mode, gate.reason) == (Mode.FAULTED, "the robot's clock went back")
+    assert passed.out.v == pytest.approx(0.24)
+    for k in range(1, 20):
+        gate, passed = g.propose(
+            gate, Proposal(8 + k, 9.5 + 0.02 * k, Twist(0.3, 0.0)), 9.5 + 0.02 * k, RULES
+        )
+    assert passed.out == STANDING
+    assert g.reset(gate, 9.89, RULES)[1] == ""
+
+
+def test_after_the_clock_went_back_the_loop_must_show_that_it_lives():
+    gate, _ = g.tick(ready(), 9.5, RULES)
+    assert g.reset(gate, 9.5, RULES)[1] == "the loop sends nothing sound"
+
+
+def test_every_limit_in_time_is_still_allowed():
+    """With numbers that binary fractions hold exactly."""
+    rules = RULES._replace(age=0.125, ahead=0.0625, watchdog=2.0)
+    gate = ready()._replace(heard=8.0)
+    assert g.tick(gate, 10.0, rules)[0].mode == Mode.AUTOMATIC
+    late, _ = g.tick(gate, 10.25, rules)
+    assert late.reason == "no sound command for more than 2000 ms"
+    for stamp in (10.0 - 0.125, 10.0 + 0.0625):
+        _, passed = g.propose(gate, Proposal(8, stamp, Twist(0.02, 0.0)), 10.0, rules)
+        assert passed.reason == ""
+    idle = gate._replace(mode=Mode.IDLE)
+    assert g.drive(idle, Mode.SHARED, 10.0, rules)[1] == ""
+
+
+def test_the_same_time_twice_is_no_step_back():
+    gate, _ = g.tick(ready(), 10.0, RULES)
+    assert g.tick(gate, 10.0, RULES)[0].mode == Mode.AUTOMATIC
+
+
+@pytest.mark.parametrize("now", [NAN, INF, -INF])
+def test_a_clock_that_is_no_number_stops_at_once(now):
+    gate, passed = g.tick(ready(out=Twist(0.3, 0.0)), now, RULES)
+    assert passed == Passed(STANDING, "the robot's clock is no number")
+    assert gate.mode == Mode.FAULTED
+    assert gate.out == STANDING
+    assert gate.clock == 9.98
+
+
+# -- stop, fault, reset, drive -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", [Mode.IDLE, Mode.AUTOMATIC, Mode.SHARED])
+def test_stop_and_fault_latch_with_their_reason(mode):
+    stopped = g.stop(ready(mode=mode), "the person pressed STOP")
+    assert (stopped.mode, stopped.reason) == (Mode.STOPPED, "the person pressed STOP")
+    faulted = g.fault(ready(mode=mode), "bumper")
+    assert (faulted.mode, faulted.reason) == (Mode.FAULTED, "bumper")
+
+
+def test_the_first_reason_stays():
+    stopped = g.stop(g.stop(ready(), "first"), "second")
+    assert stopped.reason == "first"
+    faulted = g.fault(g.fault(ready(), "first"), "second")
+    assert faulted.reason == "first"
+    assert g.stop(faulted, "third") == faulted
+
+
+def test_a_fault_while_stopped_keeps_both_reasons():
+    both = g.fault(g.stop(ready(), "STOP"), "bumper")
+    assert (both.mode, both.reason) == (Mode.FAULTED, "bumper (and stopped: STOP)")
+
+
+@pytest.mark.parametrize("latch", [g.stop, g.fault])
+def test_only_a_reset_leads_out_and_it_moves_nothing(latch):
+    gate = latch(ready(), "why")
+    for n in range(8, 40):
+        gate, passed = ask(gate, 0.5, now=10.0 + 0.02 * (n - 8), n=n)
+        assert passed.out == STANDING
+    assert g.drive(gate, Mode.AUTOMATIC, 10.62, RULES) == (gate, "reset first: why")
+    gate, said = g.reset(gate, 10.62, RULES)
+    assert (gate.mode, gate.reason, said) == (Mode.IDLE, "", "")
+    gate, passed = ask(gate, 0.5, now=10.64, n=40)
+    assert passed.out == STANDING  # still nobody has chosen to drive
+    gate, said = g.drive(gate, Mode.SHARED, 10.64, RULES)
+    assert (gate.mode, said) == (Mode.SHARED, "")
+    assert ask(gate, 0.5, now=10.66, n=41)[1].out.v > 0.0
+
+
+def test_no_reset_where_there_is_nothing_to_reset():
+    for mode in (Mode.IDLE, Mode.AUTOMATIC, Mode.SHARED):
+        gate = ready(mode=mode)
+        assert g.reset(gate, 10.0, RULES) == (gate, "there is nothing to reset")
+
+
+@pytest.mark.parametrize("out", [Twist(0.01, 0.0), Twist(0.0, 0.01)])
+def test_no_reset_while_the_wheels_still_turn(out):
+    gate = g.stop(ready(out=out), "why")
+    assert g.reset(gate, 10.0, RULES) == (gate, "the robot is still braking")
+
+
+def test_no_reset_and_no_driving_without_a_living_loop():
+    stopped = g.stop(ready(), "why")
+    assert g.reset(stopped, 10.0801, RULES) == (stopped, "the loop sends nothing sound")
+    assert g.reset(stopped, 10.0799, RULES)[1] == ""
+    idle = ready(mode=Mode.IDLE)
+    for mode in (Mode.AUTOMATIC, Mode.SHARED):
+        assert g.drive(idle, mode, 10.0801, RULES) == (idle, "the loop sends nothing sound")
+        assert g.drive(idle, mode, 10.0799, RULES)[0].mode == mode
+    assert g.drive(idle, Mode.IDLE, 99.0, RULES) == (idle, "")
+
+
+def test_the_modes_one_can_choose():
+    gate = ready(mode=Mode.AUTOMATIC)
+    for mode in (Mode.SHARED, Mode.AUTOMATIC, Mode.IDLE):
+        assert g.drive(gate, mode, 10.0, RULES)[0].mode == mode
+    for mode in (Mode.STOPPED, Mode.FAULTED):
+        assert g.drive(gate, mode, 10.0, RULES) == (gate, "stop and fault are not chosen")
+
+
+def test_which_modes_drive_and_which_are_latched():
+    assert [m for m in Mode if driving(m)] == [Mode.AUTOMATIC, Mode.SHARED]
+    assert [m for m in Mode if latched(m)] == [Mode.STOPPED, Mode.FAULTED]
+
+
+def test_a_new_gate_stands_idle():
+    assert Gate() == Gate(Mode.IDLE, "", STANDING, -INF, -INF, -1, -INF, 0)
+    assert RULES[1:] == (0.1, 0.01, 0.1, 0.02, 0.01)
