@@ -116,7 +116,7 @@ def test_towards_goes_straight_and_says_what_it_used():
 
 
 def test_just_enough_time_reaches_the_goal_to_the_last_bit():
-    before, goal = Twist(0.9, 0.0), Twist(0.1, 0.0)
+    before, goal = Twist(0.5, 0.0), Twist(0.1, 0.0)
     assert before.v + (goal.v - before.v) != goal.v  # what rounding would make of it
     takes = needed(Twist(goal.v - before.v, 0.0), BOUNDS)
     assert towards(before, goal, BOUNDS, takes) == (goal, takes)
