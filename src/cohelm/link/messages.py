@@ -84,6 +84,8 @@ class Request(NamedTuple):
     what: Ask
     value: int
     """0..65535, as `Ask` says."""
+    made: float
+    """The operator's clock when it was asked [s]; what is asked for too late is not done."""
 
 
 class Command(NamedTuple):

@@ -111,7 +111,7 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
         Command,
         record(
             Command, _STICK, FLAG, FLAG, choice(Device), real("f", 0.0, 1.0),
-            many(record(Request, _LONG, choice(Ask), _SHORT), 8),
+            many(record(Request, _LONG, choice(Ask), _SHORT, _TIME), 8),
         ),
     ),
     2: (

@@ -1,0 +1,119 @@
+"""What can be known of the other end's clock and of the path to it, from stamped messages.
+
+Every message carries its sender's stamp, and an echo: the newest stamp the sender has had from
+here, and for how long it has held it. That is NTP's exchange (RFC 5905 8). Each gives the round
+trip, and an interval in which the clocks' offset must lie, however unequal the two ways are:
+
+    round trip = now - echo - hold
+    offset     = (stamp - now) + round trip / 2,  +- round trip / 2
+
+The estimate is the narrowest interval so far, each widened by what clocks can drift apart in the
+time since. Delay makes intervals wide, never wrong; one that does not meet the estimate's therefore
+proves that a clock has jumped (a computer that slept), and the estimate begins anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from cohelm.link.wire import Header
+
+DRIFT = 200e-6
+"""Two clocks run apart by less than this, in seconds per second."""
+_LOST_OVER = 3.0  # [s], for the share of datagrams lost
+_EPS = 1e-4  # [s], for what single precision loses of `hold`
+
+
+class _Sample(NamedTuple):
+    when: float
+    round_trip: float
+    offset: float
+
+
+class Path:
+    """The path to one other end, and its clock. All times in seconds of this end's clock."""
+
+    def __init__(self) -> None:
+        self._best: _Sample | None = None
+        self._arrivals: deque[tuple[float, int]] = deque()
+        self._newest: Header | None = None
+        self._newest_at = math.nan
+        self.round_trip = math.nan
+        """Of the newest message that had an echo [s]."""
+        self.jitter = math.nan
+        """Mean change of the round trip from one message to the next [s] (RFC 3550 6.4.1)."""
+
+    def heard(self, header: Header, now: float) -> bool:
+        """Take note of a message. False: it is older than, or the same as, one heard before."""
+        before = self._newest
+        if before is not None and before.session != header.session:
+            self.__init__()  # another process, with a clock of its own
+            before = None
+        self._arrivals.append((now, header.sequence))
+        while now - self._arrivals[0][0] > _LOST_OVER:
+            self._arrivals.popleft()
+        if before is not None and header.sequence <= before.sequence:
+            return False
+        self._newest, self._newest_at = header, now
+        self._measured(header, now)
+        return True
+
+    def echo(self, now: float) -> tuple[float, float]:
+        """`echo` and `hold` for the next message to the other end."""
+        if self._newest is None:
+            return math.nan, math.nan
+        return self._newest.stamp, now - self._newest_at
+
+    def age(self, stamp: float, now: float) -> float:
+        """How long ago, by this end's clock, the other end's clock showed `stamp`; NaN: unknown.
+
+        Wrong by half of `shortest` at most, and `DRIFT` times the time since.
+        """
+        return now - (stamp - self.offset)
+
+    @property
+    def offset(self) -> float:
+        """The other end's clock less this end's [s]; NaN: not known yet."""
+        return self._best.offset if self._best else math.nan
+
+    @property
+    def shortest(self) -> float:
+        """The round trip that the offset is from: about the shortest there was [s]; or NaN."""
+        return self._best.round_trip if self._best else math.nan
+
+    @property
+    def lost(self) -> float:
+        """Share of the other end's messages lost in the last seconds; NaN: none were sent."""
+        numbers = {number for _, number in self._arrivals}
+        if not numbers:
+            return math.nan
+        return 1.0 - len(numbers) / (max(numbers) - min(numbers) + 1)
+
+    def silence(self, now: float) -> float:
+        """Time since the newest message [s]; NaN: there was none."""
+        return now - self._newest_at
+
+    def _measured(self, header: Header, now: float) -> None:
+        round_trip = now - header.echo - header.hold
+        # An echo is from the past; what says otherwise measures nothing (and NaN is no echo).
+        if not (-_EPS <= round_trip <= now and header.hold >= 0.0):
+            return
+        round_trip = max(round_trip, 0.0)
+        if not math.isnan(self.round_trip):
+            change = abs(round_trip - self.round_trip)
+            self.jitter = (
+                change if math.isnan(self.jitter) else self.jitter + (change - self.jitter) / 16.0
+            )
+        self.round_trip = round_trip
+        sample = _Sample(now, round_trip, header.stamp - now + 0.5 * round_trip)
+        best = self._best
+        if best is None:
+            self._best = sample
+            return
+        drifted = DRIFT * (now - best.when)
+        width = 0.5 * (sample.round_trip + best.round_trip) + drifted + 2.0 * _EPS
+        jumped = abs(sample.offset - best.offset) > width
+        if jumped or 0.5 * round_trip <= 0.5 * best.round_trip + drifted:
+            self._best = sample

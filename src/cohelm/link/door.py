@@ -1,0 +1,169 @@
+"""The robot's door: strangers' datagrams in, channels of those who are let in out.
+
+Built to be cheap against floods. Until a stranger has shown that it has the address it claims,
+nothing is kept of it. Then handshakes are limited per second, and those under way in number and
+time. Whoever is in has a socket of its own, which the flood does not fill.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import socket
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple
+
+from OpenSSL import SSL
+
+from cohelm.link import udp
+from cohelm.link.dtls import Channel, Refused
+from cohelm.link.udp import Address
+
+_PER_TURN = 16
+"""Strangers' datagrams looked at before the clients' are looked at again."""
+_HANDSHAKES = 20.0  # begun per second, all together
+_UNDER_WAY = 8
+_PATIENCE = 5.0  # [s], for a handshake
+_log = logging.getLogger("cohelm.link")
+
+
+class Guest(NamedTuple):
+    """Somebody who was let in."""
+
+    channel: Channel
+    socket: socket.socket
+    address: Address
+    first: list[bytes]
+    """Messages that came together with the end of the handshake."""
+
+
+class _Handshake(NamedTuple):
+    channel: Channel
+    socket: socket.socket
+    since: float
+
+
+class Door:
+    """One listening socket."""
+
+    def __init__(self, made: SSL.Context, host: str, port: int, clock: Callable[[], float]) -> None:
+        self._context = made
+        self._clock = clock
+        self._family, bind = udp.resolved(host, port, socket.SOCK_DGRAM)
+        self.socket = udp.opened(self._family, bind, shared=True)
+        self.address: Address = self.socket.getsockname()
+        self._listener = Channel(made, server=True)
+        self._under_way: dict[Address, _Handshake] = {}
+        self._tokens = _HANDSHAKES
+        self._filled = clock()
+        self.counts: Counter[str] = Counter()
+        """What was seen and not let in, by reason."""
+        self._logged: dict[str, float] = {}
+
+    def sockets(self) -> list[socket.socket]:
+        """To wait on."""
+        return [self.socket, *(handshake.socket for handshake in self._under_way.values())]
+
+    def turn(self, full: bool) -> list[Guest]:
+        """Look at what came; who is let in now. full: let in nobody."""
+        now = self._clock()
+        guests: list[Guest] = []
+        for address, handshake in list(self._under_way.items()):
+            for datagram, source in udp.receive(handshake.socket, _PER_TURN):
+                if source[:2] == address[:2]:
+                    guests += self._further(address, datagram, now)
+        for datagram, address in udp.receive(self.socket, _PER_TURN):
+            if address in self._under_way:
+                guests += self._further(address, datagram, now)
+            elif not full:
+                self._stranger(datagram, address, now)
+            else:
+                self.refuse(address, "as many clients as there can be")
+        self._tick(now)
+        return guests
+
+    def refuse(self, address: Address, why: str) -> None:
+        """Count it, and log it, though not more than one of a kind a second."""
+        self.counts[why] += 1
+        now = self._clock()
+        if now - self._logged.get(why, -1.0) >= 1.0:
+            self._logged[why] = now
+            _log.warning("refused %s: %s (%d so far)", address[0], why, self.counts[why])
+
+    def close(self) -> None:
+        """Let go of all sockets."""
+        for sock in self.sockets():
+            sock.close()
+        self._under_way.clear()
+
+    def _stranger(self, datagram: bytes, address: Address, now: float) -> None:
+        channel = self._listener
+        try:
+            known = channel.greeted(datagram, address)
+        except Refused as refused:
+            self.refuse(address, f"no greeting: {refused}")
+            self._listener = Channel(self._context, server=True)
+            return
+        if not known:
+            udp.send(self.socket, channel.waiting(), address)
+            return
+        self._listener = Channel(self._context, server=True)
+        self._tokens = min(_HANDSHAKES, self._tokens + (now - self._filled) * _HANDSHAKES)
+        self._filled = now
+        if self._tokens < 1.0:
+            self.refuse(address, "too many handshakes")
+            return
+        self._tokens -= 1.0
+        same = [other for other in self._under_way if other[0] == address[0]]
+        if len(same) >= _UNDER_WAY // 2:  # nobody may take all the places
+            self._drop(same[0], "too many handshakes from there")
+        if len(self._under_way) >= _UNDER_WAY:
+            self._drop(next(iter(self._under_way)), "pushed out by newer handshakes")
+        try:
+            own = udp.opened(self._family, self.address, shared=True)
+        except Exception as error:  # out of descriptors must not end the robot
+            self.refuse(address, f"no socket: {error}")
+            return
+        with contextlib.suppress(OSError):
+            own.connect(address)
+        self._under_way[address] = _Handshake(channel, own, now)
+        self._further(address, None, now)
+
+    def _further(self, address: Address, datagram: bytes | None, now: float) -> list[Guest]:
+        """Go on with a handshake, or begin it."""
+        handshake = self._under_way.get(address)
+        if handshake is None:
+            return []
+        first: list[bytes] = []
+        why = ""
+        try:
+            if datagram is None:
+                handshake.channel.start()
+            else:
+                first = handshake.channel.take(datagram)
+        except Refused as refused:
+            why = str(refused)
+        udp.send(handshake.socket, handshake.channel.waiting())
+        if why:
+            self._drop(address, why)
+        elif handshake.channel.up:
+            del self._under_way[address]
+            return [Guest(handshake.channel, handshake.socket, address, first)]
+        return []
+
+    def _tick(self, now: float) -> None:
+        for address, handshake in list(self._under_way.items()):
+            if now - handshake.since > _PATIENCE:
+                self._drop(address, "the handshake took too long")
+                continue
+            try:
+                handshake.channel.tick()
+            except Refused as refused:
+                self._drop(address, str(refused))
+                continue
+            udp.send(handshake.socket, handshake.channel.waiting())
+
+    def _drop(self, address: Address, why: str) -> None:
+        self._under_way.pop(address).socket.close()
+        self.refuse(address, why)

@@ -1,0 +1,252 @@
+"""Who may drive: keys and certificates, pinned both ways.
+
+A robot has one key and a certificate that it signed itself, and a folder with the certificate of
+every station it lets in. A station has, for each robot, a key of its own and that robot's
+certificate. Each end accepts exactly the certificates in its folder. There is no authority above
+that could be stolen, and to shut a station out, its file is deleted.
+
+    KEYS/robot/robot.key, robot.pem         the robot's own
+    KEYS/robot/stations/NAME.pem            stations that are let in
+    KEYS/station/ROBOT/station.key, station.pem, robot.pem
+
+KEYS is $COHELM_KEYS, or cohelm/keys in $XDG_CONFIG_HOME (~/.config). Certificates do not
+expire: robots without a battery clock wake up in 1970.
+"""
+
+from __future__ import annotations
+
+import datetime
+import os
+import re
+import stat
+from pathlib import Path
+from typing import NamedTuple
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+
+from cohelm.core.errors import CohelmError
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
+_PEM = re.compile(rb"-----BEGIN ([A-Z ]+)-----.+?-----END \1-----\n", re.DOTALL)
+_ALWAYS = (datetime.datetime(1970, 1, 1), datetime.datetime(9999, 12, 31, 23, 59, 59))
+
+
+class Keys(NamedTuple):
+    """One end's key and certificate, and whom it trusts."""
+
+    name: str
+    certificate: bytes
+    """PEM."""
+    key: bytes
+    """PEM; secret."""
+    trusted: tuple[bytes, ...]
+    """PEM certificates of the other ends."""
+
+
+def home() -> Path:
+    """Where the keys are."""
+    chosen = os.environ.get("COHELM_KEYS")
+    if chosen:
+        return Path(chosen)
+    config = os.environ.get("XDG_CONFIG_HOME")
+    return (Path(config) if config else Path.home() / ".config") / "cohelm" / "keys"
+
+
+def made(name: str, role: str) -> tuple[bytes, bytes]:
+    """A new certificate and its key, PEM, on curve P-256; role: robot or station."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name(
+        [
+            x509.NameAttribute(NameOID.COMMON_NAME, name),
+            x509.NameAttribute(NameOID.ORGANIZATIONAL_UNIT_NAME, role),
+        ]
+    )
+    certificate = (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(subject)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(_ALWAYS[0])
+        .not_valid_after(_ALWAYS[1])
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    pem = serialization.Encoding.PEM
+    return certificate.public_bytes(pem), key.private_bytes(
+        pem, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+
+
+def fingerprint(certificate: bytes) -> str:
+    """SHA-256 of a PEM certificate, as openssl x509 -fingerprint -sha256 prints it."""
+    return _loaded(certificate).fingerprint(hashes.SHA256()).hex(":").upper()
+
+
+def common_name(certificate: bytes) -> str:
+    """The name in a PEM certificate."""
+    names = _loaded(certificate).subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value) if names else ""
+
+
+def robot(name: str | None = None) -> Keys:
+    """This machine's robot. It is made where there is none, called `name` or as the machine."""
+    folder = home() / "robot"
+    if not (folder / "robot.key").exists():
+        certificate, key = made(_usable(name or _host()), "robot")
+        _write(folder / "robot.pem", certificate)
+        _write(folder / "robot.key", key)  # last: it is what says that all is there
+    certificate = _read(folder / "robot.pem")
+    stations = tuple(_read(path) for path in sorted((folder / "stations").glob("*.pem")))
+    called = common_name(certificate)
+    if name is not None and name != called:
+        raise CohelmError(
+            f"the robot of {folder} is called {called!r}, not {name!r}: leave the name out, or "
+            f"delete that folder to begin anew (every station must be paired again)"
+        )
+    return Keys(called, certificate, _secret(folder / "robot.key"), stations)
+
+
+def let_in(station: str, to: Path) -> Keys:
+    """Make a key for a station, let it in, and write what it must install to the file `to`."""
+    own = robot()
+    path = home() / "robot" / "stations" / f"{_usable(station)}.pem"
+    if path.exists():
+        raise CohelmError(
+            f"a station {station!r} is let in already: choose another name, or shut it out first "
+            f"with `cohelm pair remove {station}`"
+        )
+    certificate, key = made(station, "station")
+    _write(to, own.certificate + certificate + key, fresh=True)
+    _write(path, certificate)
+    return own
+
+
+def install(file: Path) -> str:
+    """Install what `let_in` wrote; returns the robot's name."""
+    found = list(_PEM.finditer(_read(file)))
+    if [part[1] for part in found] != [b"CERTIFICATE", b"CERTIFICATE", b"PRIVATE KEY"]:
+        raise CohelmError(
+            f"{file} does not hold a pairing: make one on the robot with `cohelm pair new NAME`"
+        )
+    of_robot, own, key = (part[0] for part in found)
+    name = _usable(common_name(of_robot))
+    folder = home() / "station" / name
+    if (folder / "robot.pem").exists() and _read(folder / "robot.pem") != of_robot:
+        raise CohelmError(
+            f"another robot called {name!r} is installed in {folder}: if it was set up anew, "
+            f"delete that folder and install again"
+        )
+    for file_name, content in (("robot.pem", of_robot), ("station.pem", own), ("station.key", key)):
+        _write(folder / file_name, content)
+    return name
+
+
+def station(robot_name: str | None = None) -> Keys:
+    """What this station holds for a robot; None: the only one."""
+    folder = home() / "station"
+    known = sorted(path.parent.name for path in folder.glob("*/station.key"))
+    if not known:
+        raise CohelmError(
+            "this station is paired with no robot: run `cohelm pair new NAME` on the robot, bring "
+            "the file here and run `cohelm pair install FILE`"
+        )
+    if robot_name is None and len(known) > 1:
+        raise CohelmError(f"several robots are paired: name one of {', '.join(known)}")
+    chosen = robot_name or known[0]
+    if chosen not in known:
+        raise CohelmError(f"no robot {chosen!r} is paired here; paired: {', '.join(known)}")
+    folder = folder / chosen
+    certificate = _read(folder / "station.pem")
+    return Keys(
+        common_name(certificate), certificate, _secret(folder / "station.key"),
+        (_read(folder / "robot.pem"),),
+    )  # fmt: skip
+
+
+def stations() -> list[tuple[str, str]]:
+    """Name and fingerprint of each station the robot of this machine lets in."""
+    folder = home() / "robot" / "stations"
+    return [(path.stem, fingerprint(_read(path))) for path in sorted(folder.glob("*.pem"))]
+
+
+def robots() -> list[tuple[str, str]]:
+    """Name and fingerprint of each robot this station is paired with."""
+    folder = home() / "station"
+    paths = sorted(folder.glob("*/robot.pem"))
+    return [(path.parent.name, fingerprint(_read(path))) for path in paths]
+
+
+def shut_out(name: str) -> None:
+    """The robot of this machine lets the station in no more (from its next start on)."""
+    path = home() / "robot" / "stations" / f"{name}.pem"
+    known = [called for called, _ in stations()]
+    if name not in known:
+        raise CohelmError(f"no station {name!r} is let in; let in: {', '.join(known) or 'none'}")
+    path.unlink()
+
+
+def pair_here(name: str = "local") -> tuple[Keys, Keys]:
+    """Keys of a robot and a station on this machine, that only live in memory."""
+    of_robot, of_station = made("robot", "robot"), made(name, "station")
+    return (
+        Keys("robot", *of_robot, (of_station[0],)),
+        Keys(name, *of_station, (of_robot[0],)),
+    )
+
+
+def _usable(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        raise CohelmError(
+            f"{name!r} can not be a name: use 1 to 32 letters, digits, '.', '_' and '-', the "
+            f"first a letter or digit"
+        )
+    return name
+
+
+def _host() -> str:
+    return re.sub(r"[^A-Za-z0-9._-]", "-", os.uname().nodename).lstrip("._-")[:32] or "robot"
+
+
+def _loaded(certificate: bytes) -> x509.Certificate:
+    try:
+        return x509.load_pem_x509_certificate(certificate)
+    except ValueError:
+        raise CohelmError("a certificate is damaged: delete it and pair again") from None
+
+
+def _write(path: Path, content: bytes, fresh: bool = False) -> None:
+    """Write a file only its owner may read; never half of it."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if fresh:
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(content)
+            return
+        part = path.with_name(path.name + ".part")
+        part.unlink(missing_ok=True)
+        with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+            file.write(content)
+        part.replace(path)
+    except FileExistsError:
+        raise CohelmError(f"{path} is there already: name another file") from None
+    except OSError as error:
+        raise CohelmError(f"{path} can not be written: {error.strerror}") from None
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise CohelmError(f"{path} can not be read: {error.strerror}") from None
+
+
+def _secret(path: Path) -> bytes:
+    content = _read(path)
+    if stat.S_IMODE(path.stat().st_mode) & 0o077:
+        raise CohelmError(f"others may read the key {path}: run `chmod 600 {path}`")
+    return content

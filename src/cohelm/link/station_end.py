@@ -1,0 +1,404 @@
+"""The station's end of the link: one robot.
+
+A thread of its own moves the datagrams, and connects again by itself. `steer` sends at once. It
+must be called again and again: the link never repeats a deflection by itself, for a station whose
+person or browser is gone must not look alive. Where `steer` is not called, the robot is told that
+there is no stick.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import secrets
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Pose, Stick
+from cohelm.link import udp
+from cohelm.link.clock import Path
+from cohelm.link.codec import Malformed
+from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.keys import Keys
+from cohelm.link.messages import (
+    Answer,
+    Ask,
+    Command,
+    Device,
+    Discs,
+    FromRobot,
+    Request,
+    ScanPart,
+    Status,
+)  # fmt: skip
+from cohelm.link.wire import Header, encode, from_robot
+
+FRESH = 0.1
+"""Without `steer` for so long, the robot is told that there is no stick [s]."""
+_BEAT = 0.05  # [s], between messages when there is nothing to say
+_LOST = 2.0  # [s], of silence, until a new connection is tried beside the old one
+_PATIENCE = 5.0  # [s], for a handshake
+_REQUEST_LIFE = 1.0  # [s]; a stop lives until it is answered
+_PER_TURN = 64
+_log = logging.getLogger("cohelm.link")
+
+NO_STICK = Command(Stick(0.0, 0.0), False, False, Device.NONE, 1.0, ())
+
+
+class Told(NamedTuple):
+    """The newest status."""
+
+    status: Status
+    stamp: float
+    """The robot's clock when it was sent [s]."""
+    age: float
+    """How long ago that was [s]; NaN: not known yet."""
+
+
+class WholeScan(NamedTuple):
+    """A scan put together from its parts; where parts were lost, as if nothing had returned."""
+
+    number: int
+    taken: float
+    """The robot's clock [s]."""
+    sensor: Pose
+    first: float
+    step: float
+    ranges: NDArray[np.uint16]
+    """(n,) [mm]; 65535: no return, 0: too near."""
+
+
+class LinkState(NamedTuple):
+    """How the link is."""
+
+    connected: bool
+    why: str
+    """Why not; empty while connected."""
+    round_trip: float
+    jitter: float
+    """Of the round trip [s]."""
+    lost: float
+    """Share of the robot's datagrams lost in the last seconds."""
+    silence: float
+    """Since the robot's newest message [s]."""
+    offset: float
+    """The robot's clock less this one [s]."""
+
+
+class _Way:
+    """A socket and a channel to the robot, up or on its way up."""
+
+    def __init__(self, channel: Channel, family: int, to: udp.Address, since: float) -> None:
+        self.channel = channel
+        self.since = since
+        self.socket: socket.socket = udp.opened(family)
+        self.socket.connect(to)
+
+
+class StationEnd:
+    """Keeps connected as long as it is open; a context manager."""
+
+    def __init__(
+        self, keys: Keys, host: str, port: int = udp.PORT,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        """Raises CohelmError where there is no such host; else it tries for ever."""
+        self.clock = clock
+        self._context = context(keys, server=False)
+        self._family, self._to = udp.resolved(host, port, socket.SOCK_DGRAM)
+        self.session = secrets.randbits(64)
+        """What this end calls itself in every message."""
+        self._lock = threading.RLock()
+        self._bell = udp.Bell()
+        self._path = Path()
+        self._way: _Way | None = None
+        self._next: _Way | None = None
+        self._try_at = clock()
+        self._why = "not connected yet"
+        self._sequence = 0
+        self._steered: Command | None = None
+        self._steered_at = self._sent_at = -math.inf
+        self._requests: deque[Request] = deque()
+        self._number = 0
+        self._answers: dict[int, Answer] = {}
+        self._status: tuple[Header, Status] | None = None
+        self._robot: int | None = None
+        self._parts: dict[int, ScanPart] = {}
+        self._scan: WholeScan | None = None
+        self._discs: Discs | None = None
+        self._open = True
+        self._thread = threading.Thread(target=self._run, name="link station", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> StationEnd:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Say good-bye."""
+        self._open = False
+        self._bell.ring()
+        self._thread.join(2.0)
+
+    # ---- for the station ---------------------------------------------------------------
+
+    def steer(
+        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float = 1.0
+    ) -> None:
+        """Send what the person wants, now; as `Command`. To be called at 50 Hz.
+
+        A deflection that is not in [-1, 1], or no number, is sent as a stick that is not valid.
+        """
+        good = all(-1.0 <= axis <= 1.0 for axis in stick)
+        scale = speed_scale if 0.0 <= speed_scale <= 1.0 else 0.0
+        with self._lock:
+            self._steered = Command(
+                stick if good else Stick(0.0, 0.0), valid and good, armed, device, scale, ()
+            )
+            self._steered_at = self.clock()
+        self._bell.ring()
+
+    def ask(self, what: Ask, value: int = 0) -> int:
+        """Ask for something once; returns the number its answer will have.
+
+        It is repeated until it is answered, or a second is over; a stop for ever.
+        """
+        with self._lock:
+            self._number += 1
+            number = self._number
+            self._requests.append(Request(number, what, value, self.clock()))
+            while len(self._requests) > 8:  # of so many, the oldest but for stops
+                others = [r for r in self._requests if r.what is not Ask.STOP]
+                self._expire(others[0] if others else self._requests[0], "too many at once")
+            self._sent_at = -math.inf
+        self._bell.ring()
+        return number
+
+    def answer(self, number: int) -> Answer | None:
+        """What the robot said to a request; None: nothing yet."""
+        with self._lock:
+            return self._answers.get(number)
+
+    def status(self) -> Told | None:
+        """The robot's newest status."""
+        with self._lock:
+            if self._status is None:
+                return None
+            header, status = self._status
+            return Told(status, header.stamp, self._path.age(header.stamp, self.clock()))
+
+    def scan(self) -> WholeScan | None:
+        """The newest scan."""
+        with self._lock:
+            return self._scan
+
+    def discs(self) -> Discs | None:
+        """The newest obstacles."""
+        with self._lock:
+            return self._discs
+
+    def state(self) -> LinkState:
+        """How the link is now."""
+        with self._lock:
+            path, now = self._path, self.clock()
+            connected = self._way is not None and path.silence(now) < _LOST
+            return LinkState(
+                connected, "" if connected else self._why, path.round_trip, path.jitter,
+                path.lost, path.silence(now), path.offset,
+            )  # fmt: skip
+
+    # ---- the thread --------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            while self._open:
+                self._turn()
+        except Exception:
+            _log.exception("the station's end of the link broke down")
+            self._why = "the link broke down: see the log"
+        finally:
+            for way in (self._way, self._next):
+                if way is not None:
+                    udp.send(way.socket, way.channel.close())
+                    way.socket.close()
+            self._way = self._next = None
+            self._bell.close()
+
+    def _turn(self) -> None:
+        waiting = select.poll()
+        waiting.register(self._bell, select.POLLIN)
+        for way in (self._way, self._next):
+            if way is not None:
+                waiting.register(way.socket, select.POLLIN)
+        waiting.poll(1000.0 * _BEAT / 2.0)
+        self._bell.silence()
+        self._connect()
+        for way in (self._way, self._next):
+            if way is not None:
+                self._receive(way)
+        self._speak()
+
+    def _connect(self) -> None:
+        now = self.clock()
+        if self._next is not None:
+            try:
+                self._next.channel.tick()
+            except Refused as refused:
+                self._failed(self._next, str(refused))
+                return
+            udp.send(self._next.socket, self._next.channel.waiting())
+            if now - self._next.since > _PATIENCE:
+                self._failed(self._next, "the robot does not answer")
+            return
+        silence = self._path.silence(now)
+        well = self._way is not None and not (
+            silence > _LOST or (math.isnan(silence) and now - self._way.since > _LOST)
+        )
+        if well or now < self._try_at:
+            return
+        try:
+            self._next = _Way(Channel(self._context, server=False), self._family, self._to, now)
+        except OSError as error:
+            self._why, self._try_at = f"no way to the robot: {error.strerror}", now + 1.0
+            return
+        self._advance(self._next, None)
+
+    def _advance(self, way: _Way, datagram: bytes | None) -> list[bytes]:
+        """Give a datagram to a channel (or begin), send what it says; returns messages."""
+        try:
+            if datagram is None:
+                way.channel.start()
+                return []
+            return way.channel.take(datagram)
+        except Refused as refused:
+            self._failed(way, str(refused))
+            return []
+        finally:
+            udp.send(way.socket, way.channel.waiting())
+
+    def _failed(self, way: _Way, why: str) -> None:
+        if why != self._why:
+            _log.warning("no link to the robot: %s", why)
+        with self._lock:
+            self._why = why
+            self._try_at = self.clock() + 0.5
+            way.socket.close()
+            if way is self._next:
+                self._next = None
+            elif way is self._way:
+                self._way = None
+
+    def _receive(self, way: _Way) -> None:
+        for datagram, _ in udp.receive(way.socket, _PER_TURN):
+            messages = self._advance(way, datagram)
+            if way is self._next and way.channel.up:
+                self._established(way)
+            for message in messages:
+                self._message(message)
+            if way is not self._way and way is not self._next:
+                return  # refused meanwhile
+
+    def _established(self, way: _Way) -> None:
+        _log.info("linked to %s", way.channel.name)
+        with self._lock:
+            if self._way is not None:
+                self._way.socket.close()
+            self._way, self._next = way, None
+            way.since = self.clock()
+            self._why = "the robot is silent"
+            self._sent_at = -math.inf
+
+    def _message(self, data: bytes) -> None:
+        try:
+            header, message = from_robot(data)
+        except Malformed as malformed:
+            _log.warning("from the robot: %s", malformed)
+            self._why = str(malformed)
+            return
+        now = self.clock()
+        with self._lock:
+            if self._robot != header.session:  # it started anew, and counts from the beginning
+                self._robot = header.session
+                self._status = self._scan = self._discs = None
+                self._parts.clear()
+            newest = self._path.heard(header, now)
+            if newest and self._next is not None and self._way is not None:
+                self._next.socket.close()  # the old way works again
+                self._next = None
+            self._keep(header, message, newest)
+
+    def _keep(self, header: Header, message: FromRobot, newest: bool) -> None:
+        if isinstance(message, ScanPart):  # each part counts, in whatever order they come
+            self._put_together(message)
+        elif not newest:
+            return
+        elif isinstance(message, Status):
+            self._status = (header, message)
+            for answer in message.answers:
+                self._answers[answer.number] = answer
+            last = max((answer.number for answer in message.answers), default=0)
+            while self._requests and self._requests[0].number <= last:
+                self._requests.popleft()
+            while len(self._answers) > 256:
+                del self._answers[next(iter(self._answers))]
+        elif isinstance(message, Discs):
+            self._discs = message
+
+    def _put_together(self, part: ScanPart) -> None:
+        if self._parts and next(iter(self._parts.values())).number != part.number:
+            if part.number < next(iter(self._parts.values())).number:
+                return
+            self._parts.clear()
+        if part.start + len(part.ranges) > part.beams or part.beams > 100_000:
+            return
+        self._parts[part.start] = part
+        ranges = np.full(part.beams, 65535, np.uint16)
+        for piece in self._parts.values():
+            if piece.beams == part.beams:
+                ranges[piece.start : piece.start + len(piece.ranges)] = piece.ranges
+        whole = sum(len(piece.ranges) for piece in self._parts.values()) >= part.beams
+        if whole or self._scan is None or part.number > self._scan.number + 1:
+            self._scan = WholeScan(
+                part.number, part.taken, part.sensor, part.first, part.step, ranges
+            )
+
+    def _expire(self, request: Request, why: str) -> None:
+        self._requests.remove(request)
+        self._answers[request.number] = Answer(request.number, False, why)
+
+    def _speak(self) -> None:
+        """Send the newest command, or a beat that says there is no stick."""
+        now = self.clock()
+        with self._lock:
+            for request in list(self._requests):
+                if request.what is not Ask.STOP and now - request.made > _REQUEST_LIFE:
+                    self._expire(request, "the robot did not answer in time")
+            new = self._steered is not None and self._steered_at > self._sent_at
+            gone = self._steered is None or now - self._steered_at > FRESH
+            if not new and not (gone and now - self._sent_at >= _BEAT):
+                return
+            command = NO_STICK if gone or self._steered is None else self._steered
+            command = command._replace(requests=tuple(self._requests))
+            self._sent_at = now
+            way = self._way
+            if way is None:
+                return
+            self._sequence += 1
+            echo, hold = self._path.echo(now)
+            header = Header(self.session, self._sequence, now, echo, hold)
+        try:
+            datagrams = way.channel.seal(encode(header, command))
+        except Refused as refused:
+            self._failed(way, str(refused))
+            return
+        udp.send(way.socket, datagrams)

@@ -1,0 +1,102 @@
+"""The UDP sockets of both ends."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from typing import Any
+
+from cohelm.core.errors import CohelmError
+
+Address = tuple[Any, ...]
+PORT = 7660
+"""UDP for what must be fresh, TCP for what must be complete."""
+_EXPEDITED = 0xB8  # DSCP EF: before bulk, where a router cares (RFC 3246)
+_LARGEST = 2048
+
+
+def resolved(host: str, port: int, kind: socket.SocketKind) -> tuple[int, Address]:
+    """Address family and address of a host."""
+    try:
+        found = socket.getaddrinfo(host, port, type=kind)
+    except (OSError, UnicodeError) as error:
+        raise CohelmError(f"the host {host!r} can not be found ({error}): check its name") from None
+    return found[0][0], found[0][4]
+
+
+def opened(family: int, bind: Address | None = None, shared: bool = False) -> socket.socket:
+    """A socket that never blocks, and keeps few datagrams: what waits is old.
+
+    shared: others may be bound to the same address; a connected one gets its peer's datagrams.
+    """
+    made = socket.socket(family, socket.SOCK_DGRAM)
+    made.setblocking(False)
+    if shared:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
+    with contextlib.suppress(OSError):  # a wish, which some systems do not know
+        if family == socket.AF_INET6:
+            made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS, _EXPEDITED)
+        else:
+            made.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, _EXPEDITED)
+    if bind is not None:
+        try:
+            made.bind(bind)
+        except OSError as error:
+            made.close()
+            raise CohelmError(
+                f"can not listen on {bind[0]} port {bind[1]} ({error.strerror}): choose another "
+                f"with --port"
+            ) from None
+    return made
+
+
+def receive(sock: socket.socket, most: int) -> list[tuple[bytes, Address]]:
+    """Up to `most` datagrams that wait."""
+    came: list[tuple[bytes, Address]] = []
+    for _ in range(most):
+        try:
+            came.append(sock.recvfrom(_LARGEST))
+        except (BlockingIOError, InterruptedError):
+            break
+        except OSError:
+            continue  # an ICMP message: "nobody there", which anybody can forge
+    return came
+
+
+def send(sock: socket.socket, datagrams: list[bytes], to: Address | None = None) -> None:
+    """Send, or lose: a datagram that can not leave now is not worth waiting for."""
+    for datagram in datagrams:
+        with contextlib.suppress(OSError):
+            if to is None:
+                sock.send(datagram)
+            else:
+                sock.sendto(datagram, to)
+
+
+class Bell:
+    """Wakes a thread that waits in `select`; ringing twice wakes it once."""
+
+    def __init__(self) -> None:
+        self._read, self._write = socket.socketpair()
+        self._read.setblocking(False)
+        self._write.setblocking(False)
+
+    def fileno(self) -> int:
+        """For `select`."""
+        return self._read.fileno()
+
+    def ring(self) -> None:
+        """Wake it; from any thread."""
+        with contextlib.suppress(OSError):
+            self._write.send(b"!")
+
+    def silence(self) -> None:
+        """Awake."""
+        with contextlib.suppress(OSError):
+            self._read.recv(4096)
+
+    def close(self) -> None:
+        """Let go."""
+        self._read.close()
+        self._write.close()

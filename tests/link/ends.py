@@ -1,0 +1,34 @@
+"""Both ends on this machine, and what is needed to test them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from cohelm.core.types import Pose, Stick, Twist
+from cohelm.link import messages as m
+
+NAN = math.nan
+STATUS = m.Status(
+    lease=m.Lease(0, 0, "", 0, "", NAN), mode=m.Mode.SHARED, stopped="", arming=m.Arming.ABSENT,
+    stick=Stick(0.0, 0.0), automatic=1.0, pose=Pose(1.0, 2.0, 0.5), odometry=Pose(0.0, 0.0, 0.0),
+    twist=Twist(0.1, 0.0), asked=Twist(0.5, 0.1), given=Twist(0.3, 0.1), why="too near",
+    guarding=m.Guarding(m.Verdict.SHAPED, 0.2, (1.5, 2.0), 0.1), e_p=0.01,
+    reference=Pose(1.1, 2.0, 0.5), progress=0.25, speed_cap=math.inf, cap_reason="",
+    localised=m.Localised.GOOD, sigma=0.01, recording=False,
+    timing=m.Timing(0.001, 0, NAN, NAN, NAN, 0), alarms=(), answers=(), ahead=(), ahead_step=0.1,
+)  # fmt: skip
+CENTRED = Stick(0.0, 0.0)
+
+
+def until(
+    true: Callable[[], object], within: float = 10.0, turn: Callable[[], object] = int
+) -> float:
+    """Wait for something, calling `turn` meanwhile; returns how long it took [s]."""
+    began = time.monotonic()
+    while not true():
+        assert time.monotonic() - began < within, "it did not come about"
+        turn()
+        time.sleep(0.005)
+    return time.monotonic() - began

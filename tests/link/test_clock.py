@@ -1,0 +1,96 @@
+"""What is known of the other clock, against a path whose delays are known."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from cohelm.link.clock import DRIFT, Path
+from cohelm.link.wire import Header
+
+delays = st.lists(st.tuples(st.floats(0.0, 0.5), st.floats(0.0, 0.5)), min_size=1, max_size=60)
+
+
+def exchange(path: Path, offset: float, there: float, back: float, at: float, number: int) -> float:
+    """A message from here at `at`, its echo 20 ms after it has come; returns when that comes."""
+    arrived = at + there
+    sent = arrived + 0.02
+    path.heard(Header(1, number, sent + offset, at, 0.02), sent + back)
+    return sent + back
+
+
+@given(ways=delays, offset=st.floats(-1e6, 1e6))
+@settings(max_examples=200)
+def test_age_is_wrong_by_half_the_shortest_round_trip_at_most(ways, offset):
+    path, now = Path(), 100.0
+    shortest = math.inf
+    for number, (there, back) in enumerate(ways):
+        now = exchange(path, offset, there, back, now, number + 1)
+        shortest = min(shortest, there + back)
+    error = path.age(now - 0.1 + offset, now) - 0.1
+    assert abs(error) <= 0.5 * shortest + DRIFT * (now - 100.0) + 1e-6
+
+
+def test_nothing_is_known_before_an_echo():
+    path = Path()
+    assert path.heard(Header(1, 1, 5.0, math.nan, math.nan), 100.0)
+    assert math.isnan(path.offset)
+    assert math.isnan(path.round_trip)
+    assert math.isnan(path.age(5.0, 101.0))
+
+
+def test_older_and_repeated_messages_are_not_new():
+    path = Path()
+    assert path.heard(Header(1, 5, 1.0, math.nan, math.nan), 1.0)
+    for number in (5, 4, 1):
+        assert not path.heard(Header(1, number, 2.0, math.nan, math.nan), 1.1)
+    assert path.heard(Header(1, 6, 1.1, math.nan, math.nan), 1.2)
+
+
+@given(late=st.floats(0.3, 30.0))
+def test_a_burst_after_a_black_out_does_not_look_young(late):
+    """Commands held up by the network for `late` seconds are as old as they are."""
+    path, now = Path(), 100.0
+    for number in range(20):
+        now = exchange(path, 50.0, 0.02, 0.02, now, number + 1)
+    for held in range(20):  # sent before the black-out, with the echoes of then
+        sent = now + 0.02 * held
+        path.heard(Header(1, 30 + held, sent + 50.0, now - 0.05, 0.01), sent + late)
+        assert path.age(sent + 50.0, sent + late) == pytest.approx(late, abs=0.03)
+
+
+@pytest.mark.parametrize("jump", [-3600.0, -1.0, 0.5, 3600.0])
+def test_a_clock_that_jumps_is_noticed_at_once(jump):
+    path, now = Path(), 100.0
+    for number in range(20):
+        now = exchange(path, 50.0, 0.02, 0.02, now, number + 1)
+    now = exchange(path, 50.0 + jump, 0.02, 0.02, now, 30)
+    assert path.age(now + 50.0 + jump, now) == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize("echo", [math.inf, -math.inf, 1e300, -1e300, 200.0, math.nan])
+@pytest.mark.parametrize("hold", [math.nan, -1.0, 1e30, 0.0])
+def test_echoes_that_can_not_be_are_ignored(echo, hold):
+    path = Path()
+    exchange(path, 50.0, 0.02, 0.02, 100.0, 1)
+    before = path.offset
+    path.heard(Header(1, 2, 150.2, echo, hold), 100.2)
+    assert path.offset == before
+
+
+def test_loss_is_counted():
+    path, now = Path(), 100.0
+    for number in range(100):
+        now += 0.02
+        if number % 4:
+            path.heard(Header(1, number, now, math.nan, math.nan), now)
+    assert path.lost == pytest.approx(0.25, abs=0.02)
+
+
+def test_another_session_begins_anew():
+    path = Path()
+    exchange(path, 50.0, 0.02, 0.02, 100.0, 1000)
+    assert path.heard(Header(2, 1, 0.0, math.nan, math.nan), 101.0)
+    assert math.isnan(path.offset)
