@@ -1,0 +1,1 @@
+"""Where both ends are put together: robot, loop, link, record and station."""

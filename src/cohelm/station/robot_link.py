@@ -1,0 +1,94 @@
+"""What the station needs of the way to a robot. A record that is replayed offers the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from cohelm.core.types import Stick
+from cohelm.link.messages import Ask, Device, FromRobot
+
+Hear = Callable[[FromRobot, float, float], None]
+"""Called with every message of the robot, the robot's clock when it was sent [s], and its age [s];
+from any thread. Returns at once."""
+
+
+class Quality(NamedTuple):
+    """How good the way is; NaN for what is not known."""
+
+    connected: bool
+    name: str
+    """What the robot is reached by."""
+    round_trip: float
+    """[s]"""
+    loss: float
+    """Share of the robot's datagrams that never came."""
+    offset: float
+    """The robot's clock less ours [s]."""
+
+
+class RobotLink(Protocol):
+    """One operator's own way to the robot. Calls return at once and may come from any thread."""
+
+    def steer(
+        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
+    ) -> None:
+        """What the person wants now; the newest wins. To be called at 50 Hz."""
+        ...
+
+    def ask(self, what: Ask, value: int = 0) -> int:
+        """Ask for something once; its number, which comes back in `Status.answers`."""
+        ...
+
+    def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
+        """Way-points to check, and unless `only_check` to follow; `Checked` has its number."""
+        ...
+
+    def fetch(self, name: str) -> None:
+        """Have a record sent in pieces; an empty name asks for the list."""
+        ...
+
+    def quality(self) -> Quality:
+        """How good the link is."""
+        ...
+
+    def close(self) -> None:
+        """Leave; nothing is heard afterwards."""
+        ...
+
+
+class Place(NamedTuple):
+    """Where a replay is."""
+
+    at: float
+    """Since the beginning [s]."""
+    playing: bool
+    speed: float
+
+
+@runtime_checkable
+class Replayed(Protocol):
+    """What a link to a record can do besides."""
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        ...
+
+    @property
+    def start(self) -> float:
+        """The robot's clock at the beginning [s]."""
+        ...
+
+    @property
+    def place(self) -> Place:
+        """Where it is now."""
+        ...
+
+    def play(self, playing: bool, speed: float, at: float | None) -> None:
+        """Go on or not, how fast, and from where if not from here."""
+        ...
+
+
+Connect = Callable[[str, Hear], RobotLink]
+"""Makes the link of one operator, who goes by this name."""

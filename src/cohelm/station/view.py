@@ -1,0 +1,188 @@
+"""The robot's messages as the page's: numbers that are not known become None."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, get_args
+
+import numpy as np
+
+from cohelm import __version__
+from cohelm.core.types import Pose
+from cohelm.link import messages as robot
+from cohelm.station import messages as page
+from cohelm.station.robot_link import Quality, Replayed
+
+MOST_POINTS = 2000
+"""Points of one line that a page is sent; a longer line is thinned out."""
+
+
+def known(value: float) -> float | None:
+    """The number, or None for NaN and infinity; four digits after the point are plenty."""
+    return round(value, 4) if math.isfinite(value) else None
+
+
+def _where(pose: Pose) -> page.Where:
+    return (_or_0(pose.x), _or_0(pose.y), _or_0(pose.psi))
+
+
+def _or_0(value: float) -> float:
+    return known(value) or 0.0
+
+
+def _ms(seconds: float) -> float | None:
+    return round(seconds * 1e3, 1) if math.isfinite(seconds) else None
+
+
+def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
+    """The first message to a page."""
+    recorded = link if isinstance(link, Replayed) else None
+    return page.Welcome(
+        you=name, key=key, version=__version__, stale_s=stale,
+        replay_s=recorded.duration if recorded else None,
+        replay_from_s=recorded.start if recorded else 0.0,
+    )  # fmt: skip
+
+
+def hello(said: robot.Hello) -> page.Robot:
+    """What robot it is."""
+    angle, x, z, tilt = said.camera
+    camera = None
+    if all(math.isfinite(v) for v in said.camera):
+        camera = page.Camera(field_of_view_rad=angle, mount_x_m=x, mount_z_m=z, tilt_rad=tilt)
+    return page.Robot(
+        name=said.name, outline=_points(said.outline), v_max=_or_0(said.v_max),
+        omega_max=_or_0(said.omega_max), watchdog_s=_or_0(said.watchdog), on_loss=said.on_loss,
+        camera=camera,
+    )  # fmt: skip
+
+
+def _points(points: np.ndarray) -> list[page.Point]:
+    """(n, 2) as pairs, thinned out to what a page can use; what is not finite left out."""
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) > MOST_POINTS:
+        points = points[np.linspace(0, len(points) - 1, MOST_POINTS).astype(int)]
+    return [(round(float(x), 3), round(float(y), 3)) for x, y in points]
+
+
+_LOCALISED = get_args(page.State.model_fields["localised"].annotation)
+_VERDICTS = get_args(page.State.model_fields["verdict"].annotation)
+_ARMING = get_args(page.State.model_fields["arming"].annotation)
+_MODES = get_args(page.ModeName)
+_SEVERITIES = get_args(page.Alarm.model_fields["severity"].annotation)
+_LINES = get_args(page.Line.model_fields["what"].annotation)
+
+
+def state(s: robot.Status, stamp: float, age: float) -> page.State:
+    """The robot now. stamp: its clock [s]. age: how old that is [s]."""
+    culprit = s.guarding.culprit
+    reference = _where(s.reference) if all(map(math.isfinite, s.reference)) else None
+    return page.State(
+        t_s=stamp, age_ms=_ms(age) or 0.0, pose=_where(s.pose), odometry=_where(s.odometry),
+        localised=_LOCALISED[s.localised], sigma_m=known(s.sigma), reference=reference,
+        twist=(_or_0(s.twist.v), _or_0(s.twist.omega)),
+        asked=(_or_0(s.asked.v), _or_0(s.asked.omega)),
+        given=(_or_0(s.given.v), _or_0(s.given.omega)),
+        why=s.why, verdict=_VERDICTS[s.guarding.verdict],
+        stick=(_or_0(s.stick.x), _or_0(s.stick.psi)), arming=_ARMING[s.arming],
+        automatic=known(s.automatic), e_p=known(s.e_p), h_m2=known(s.guarding.h),
+        gap_m=known(s.guarding.gap),
+        culprit=culprit if all(map(math.isfinite, culprit)) else None,
+        progress=known(s.progress), ahead=_points(np.array(s.ahead, dtype=float).reshape(-1, 2)),
+        ahead_step_s=_or_0(s.ahead_step), mode=_MODES[s.mode], stopped=s.stopped,
+        speed_cap_mps=known(s.speed_cap), cap_reason=s.cap_reason, recording=s.recording,
+    )  # fmt: skip
+
+
+def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page.Who:
+    """Who drives. names: of the robot's clients that are pages of this station."""
+
+    def name(number: int, told: str) -> str | None:
+        if number == 0:
+            return None
+        return names.get(number) or f"{told or 'somebody'} ({number})"
+
+    left = known(lease.left)
+    return page.Who(
+        you_drive=lease.you == lease.driver != 0,
+        driver=name(lease.driver, lease.driver_name),
+        asking=name(lease.asking, lease.asking_name), asking_client=lease.asking,
+        you_ask=lease.asking == lease.you != 0,
+        left_s=None if left is None else math.ceil(max(left, 0.0)), operators=operators,
+    )  # fmt: skip
+
+
+def alarms(all_: tuple[robot.Alarm, ...]) -> page.Alarms:
+    """Alarms that matter still."""
+    return page.Alarms(
+        alarms=[
+            page.Alarm(
+                number=a.number, severity=_SEVERITIES[a.severity], text=a.text, active=a.active,
+                acknowledged=a.acknowledged,
+            )
+            for a in all_
+        ]
+    )  # fmt: skip
+
+
+def discs(message: robot.Discs) -> page.Discs:
+    """Round obstacles."""
+    rows = message.rows[np.isfinite(message.rows).all(axis=1)].round(3).tolist()
+    return page.Discs(rows=[(r[0], r[1], r[2], r[3], r[4], r[5]) for r in rows])
+
+
+def line(message: robot.Polyline) -> page.Line:
+    """A line on the map."""
+    return page.Line(what=_LINES[message.what], points=_points(message.points))
+
+
+def link(
+    quality: Quality, timing: robot.Timing | None, age: float, health: robot.Health | None
+) -> page.Link:
+    """How good the link is. age: of the newest status [s]."""
+    return page.Link(
+        connected=quality.connected, name=quality.name,
+        round_trip_ms=_ms(quality.round_trip), loss=known(quality.loss),
+        command_age_ms=_ms(timing.command_age) if timing else None,
+        state_age_ms=_ms(age), offset_ms=_ms(quality.offset),
+        late_ms=_ms(timing.late) if timing else None,
+        battery=known(health.battery) if health else None,
+        faults=list(health.faults) if health else [],
+    )  # fmt: skip
+
+
+def records(message: robot.Records) -> page.Records:
+    """The records on the robot."""
+    files = [page.RecordFile(name=r.name, bytes=r.size) for r in message.all]
+    return page.Records(files=files)
+
+
+_ASKS: dict[str, tuple[robot.Ask, int | None]] = {
+    "stop": (robot.Ask.STOP, 0),
+    "reset": (robot.Ask.RESET, 0),
+    "take": (robot.Ask.TAKE, 0),
+    "give": (robot.Ask.GIVE, None),
+    "refuse": (robot.Ask.REFUSE, 0),
+    "acknowledge": (robot.Ask.ACKNOWLEDGE, None),
+    "record": (robot.Ask.RECORD, 1),
+    "record_stop": (robot.Ask.RECORD, 0),
+    "hold": (robot.Ask.MODE, robot.Mode.HOLD),
+    "shared": (robot.Ask.MODE, robot.Mode.SHARED),
+    "automatic": (robot.Ask.MODE, robot.Mode.AUTOMATIC),
+    "manual": (robot.Ask.MODE, robot.Mode.MANUAL),
+}
+
+
+def asked(do: page.Do) -> tuple[robot.Ask, int]:
+    """What the robot is to be asked for."""
+    what, value = _ASKS[do.what]
+    return what, do.value if value is None else int(value)
+
+
+DEVICES: dict[Literal["none", "keyboard", "gamepad", "touch"], robot.Device] = {
+    "none": robot.Device.NONE,
+    "keyboard": robot.Device.KEYBOARD,
+    "gamepad": robot.Device.GAMEPAD,
+    "touch": robot.Device.TOUCH,
+}
+"""The page's words for devices."""

@@ -1,0 +1,64 @@
+// The whole screen.
+import { signal } from '@preact/signals'
+import { MapPanel } from './map/MapPanel'
+import { Alarms } from './panels/Alarms'
+import { Authority } from './panels/Authority'
+import { Camera } from './panels/Camera'
+import { Driver } from './panels/Driver'
+import { LinkPanel } from './panels/LinkPanel'
+import { Login } from './panels/Login'
+import { Modes } from './panels/Modes'
+import { Plots } from './panels/Plots'
+import { Record } from './panels/Record'
+import { Stop } from './panels/Stop'
+import { Timeline } from './panels/Timeline'
+import { TouchPads } from './panels/TouchPads'
+import * as s from './state'
+
+/** On a phone there is room for one of these at a time. */
+const TABS = ['Drive', 'Camera', 'Plots', 'Link'] as const
+const tab = signal<(typeof TABS)[number]>('Drive')
+
+export function App() {
+  if (s.connection.value === 'login') return <Login />
+  const stale = s.welcome.value !== null && s.connection.value !== 'open'
+  return (
+    <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''}`}>
+      <header>
+        <Alarms />
+        <div class="head">
+          <Driver />
+          <Record />
+          <Stop />
+        </div>
+        <Refused />
+        <nav aria-label="Panels">
+          {TABS.map((name) => (
+            <button key={name} type="button" aria-pressed={tab.value === name} onClick={() => (tab.value = name)}>
+              {name}
+            </button>
+          ))}
+        </nav>
+      </header>
+      <MapPanel />
+      <aside>
+        <Modes />
+        <Authority />
+        <Camera />
+        <Plots />
+        <LinkPanel />
+      </aside>
+      <TouchPads />
+      <Timeline />
+    </div>
+  )
+}
+
+const SHOWN_MS = 6000
+
+function Refused() {
+  void s.clock.value
+  const said = s.refused.value
+  const shown = said !== null && performance.now() - said.at < SHOWN_MS
+  return <div class="refused" role="status">{shown && said.text}</div>
+}

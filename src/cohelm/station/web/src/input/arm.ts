@@ -1,0 +1,14 @@
+// Whether a stick is believed: it must have been centred since it came before it steers.
+// The robot keeps the same rule on its side; this one is for the person to see at once.
+
+export type Arming = 'absent' | 'waiting' | 'armed'
+
+const CENTRED = 0.1
+
+/** Next state from whether the device is there, and where it is. */
+export function arm(before: Arming, present: boolean, x: number, psi: number): Arming {
+  if (!present || !Number.isFinite(x) || !Number.isFinite(psi)) return 'absent'
+  const centred = Math.abs(x) < CENTRED && Math.abs(psi) < CENTRED
+  if (before === 'armed') return 'armed'
+  return centred ? 'armed' : 'waiting'
+}

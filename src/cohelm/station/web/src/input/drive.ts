@@ -1,0 +1,122 @@
+// Fifty times a second: which stick is in hand, where it is, and whether it is to be believed.
+import { signal } from '@preact/signals'
+import { heardMs, send } from '../socket'
+import * as s from '../state'
+import { arm, type Arming } from './arm'
+import { padStops, readPad, rumble } from './gamepad'
+import { keysHeld, listenToKeys, readKeys, typing } from './keyboard'
+import type { Device, Reading } from './source'
+import { readTouch, touched } from './touch'
+
+const PERIOD_MS = 20
+const IN_USE = 0.1
+
+export interface Hand extends Reading {
+  device: Device
+  arming: Arming
+  /** Why it is not armed, in words; empty when it is. */
+  why: string
+}
+
+export const hand = signal<Hand>({
+  device: 'none', present: false, x: 0, psi: 0, arming: 'absent', why: 'no stick in use',
+})
+export const speedScale = signal(1)
+
+let n = 0
+let device: Device = 'none'
+let arming: Arming = 'absent'
+let drove = false
+
+export function startDriving(): void {
+  listenToKeys()
+  addEventListener('keydown', (event) => {
+    if (event.code !== 'Space' || typing(event.target)) return
+    event.preventDefault()
+    if (!event.repeat) stop()
+  })
+  // a focused button would take the key's release for a click
+  addEventListener('keyup', (event) => {
+    if (event.code === 'Space' && !typing(event.target)) event.preventDefault()
+  })
+  setInterval(() => turn(performance.now()), PERIOD_MS)
+  addEventListener('blur', () => turn(performance.now()))
+  document.addEventListener('visibilitychange', () => turn(performance.now()))
+}
+
+export function stop(): void {
+  send({ type: 'do', what: 'stop', value: 0 })
+}
+
+/** Take this device; it must be centred before it steers. */
+export function choose(which: Device): void {
+  device = which
+  arming = 'absent'
+}
+
+function turn(now: number): void {
+  const readings: Record<Device, Reading> = {
+    none: { present: false, x: 0, psi: 0 },
+    keyboard: readKeys(now),
+    gamepad: readPad(),
+    touch: readTouch(),
+  }
+  if (padStops()) stop()
+  pick(readings)
+  const reading = readings[device]
+  const away = elsewhere()
+  const drives = s.youDrive.value
+  // a new driver starts from the centre, whatever was held before
+  if (drives && !drove) arming = 'absent'
+  drove = drives
+  const present = reading.present && away === ''
+  arming = arm(arming, present, reading.x, reading.psi)
+  const why = device === 'none' ? 'no stick in use' : away || reason(reading)
+  hand.value = { ...reading, present, device, arming, why }
+  send({
+    type: 'stick', n: ++n, heard_ms: heardMs, x: present ? reading.x : 0,
+    psi: present ? reading.psi : 0, valid: present, armed: arming === 'armed',
+    device, speed_scale: speedScale.value,
+  })
+  if (drives && device === 'gamepad') rumble(s.state.value?.gap_m ?? null, now)
+}
+
+function reason(reading: Reading): string {
+  if (!reading.present) return device === 'gamepad' ? 'the gamepad is gone' : 'gone'
+  return arming === 'waiting' ? 'let it go to the centre first' : ''
+}
+
+/** Why no stick counts just now, or empty. */
+function elsewhere(): string {
+  if (document.visibilityState === 'hidden') return 'this tab is hidden'
+  if (!document.hasFocus()) return 'this window is not in front'
+  if (s.connection.value !== 'open') return 'no connection to the station'
+  return ''
+}
+
+/** The device that a person just began to use; the present one as long as it is deflected. */
+function pick(readings: Record<Device, Reading>): void {
+  const now = readings[device]
+  if (now.present && deflected(now)) return
+  if (keysHeld()) begin('keyboard')
+  else if (deflected(touched.value)) begin('touch')
+  else if (readings.gamepad.present && deflected(readings.gamepad)) begin('gamepad')
+  else if (device === 'none') begin(first(readings))
+}
+
+/** Before anything was touched: what is most likely meant. */
+function first(readings: Record<Device, Reading>): Device {
+  if (readings.gamepad.present) return 'gamepad'
+  return matchMedia('(pointer: coarse)').matches ? 'touch' : 'keyboard'
+}
+
+function begin(which: Device): void {
+  if (which === device) return
+  // keys and pads rest in the centre until they are used: they are armed by that
+  arming = which === 'gamepad' ? 'absent' : 'armed'
+  device = which
+}
+
+function deflected(reading: { x: number; psi: number }): boolean {
+  return Math.abs(reading.x) > IN_USE || Math.abs(reading.psi) > IN_USE
+}

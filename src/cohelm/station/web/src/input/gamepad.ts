@@ -1,0 +1,51 @@
+// A gamepad or joystick of the browser.
+import { settings } from './settings'
+import { shaped } from './shape'
+import type { Reading } from './source'
+
+let stopHeld = false
+
+/** The first pad that is plugged in, or null. */
+export function pad(): Gamepad | null {
+  for (const one of navigator.getGamepads()) if (one?.connected) return one
+  return null
+}
+
+export function readPad(): Reading {
+  const one = pad()
+  const set = settings.value
+  const fore = one?.axes[set.foreAft]
+  const left = one?.axes[set.leftRight]
+  if (one === null || fore === undefined || left === undefined) {
+    return { present: false, x: 0, psi: 0 }
+  }
+  return {
+    present: Number.isFinite(fore) && Number.isFinite(left),
+    x: shaped(set.foreAftTurned ? -fore : fore, set),
+    psi: shaped(set.leftRightTurned ? -left : left, set),
+  }
+}
+
+/** Whether the pad's stop button went down since the last call. */
+export function padStops(): boolean {
+  const held = pad()?.buttons[settings.value.stopButton]?.pressed ?? false
+  const pressed = held && !stopHeld
+  stopHeld = held
+  return pressed
+}
+
+const NEAR_M = 0.6
+const RUMBLE_MS = 200
+let rumbledAt = 0
+
+/** Shake where something is near: the nearer, the stronger. */
+export function rumble(gap: number | null, now: number): void {
+  if (gap === null || gap >= NEAR_M || !settings.value.rumble || now - rumbledAt < RUMBLE_MS) return
+  rumbledAt = now
+  const strength = Math.min(1, 1 - Math.max(gap, 0) / NEAR_M)
+  void pad()
+    ?.vibrationActuator?.playEffect('dual-rumble', {
+      duration: RUMBLE_MS, strongMagnitude: strength, weakMagnitude: strength * 0.5,
+    })
+    .catch(() => undefined)
+}

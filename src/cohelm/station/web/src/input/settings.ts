@@ -1,0 +1,70 @@
+// How the person likes the stick, remembered by the browser.
+import { signal } from '@preact/signals'
+import { clamp } from './shape'
+
+export interface Settings {
+  /** Axis numbers of the pad, and whether they are turned round. */
+  foreAft: number
+  leftRight: number
+  foreAftTurned: boolean
+  leftRightTurned: boolean
+  deadBand: number
+  curve: number
+  rumble: boolean
+  /** Seconds from centre to full deflection on the keyboard. */
+  ramp: number
+  /** Button of the pad that stops. */
+  stopButton: number
+}
+
+// On a standard pad forward is −1 and left is −1; ours are both +1.
+export const DEFAULTS: Settings = {
+  foreAft: 1, leftRight: 0, foreAftTurned: true, leftRightTurned: true,
+  deadBand: 0.08, curve: 0.3, rumble: true, ramp: 0.4, stopButton: 1,
+}
+
+const KEY = 'cohelm.stick'
+
+/** What was kept, where it makes sense, else the default. */
+export function sound(kept: unknown): Settings {
+  if (typeof kept !== 'object' || kept === null) return DEFAULTS
+  const k = kept as Record<string, unknown>
+  const number = (name: keyof Settings, low: number, high: number): number => {
+    const value = k[name]
+    return typeof value === 'number' && Number.isFinite(value)
+      ? clamp(value, low, high)
+      : (DEFAULTS[name] as number)
+  }
+  const yes = (name: keyof Settings): boolean =>
+    typeof k[name] === 'boolean' ? (k[name] as boolean) : (DEFAULTS[name] as boolean)
+  return {
+    foreAft: Math.round(number('foreAft', 0, 15)),
+    leftRight: Math.round(number('leftRight', 0, 15)),
+    foreAftTurned: yes('foreAftTurned'),
+    leftRightTurned: yes('leftRightTurned'),
+    deadBand: number('deadBand', 0, 0.5),
+    curve: number('curve', 0, 1),
+    rumble: yes('rumble'),
+    ramp: number('ramp', 0.05, 3),
+    stopButton: Math.round(number('stopButton', 0, 31)),
+  }
+}
+
+function load(): Settings {
+  try {
+    return sound(JSON.parse(localStorage.getItem(KEY) ?? 'null'))
+  } catch {
+    return DEFAULTS
+  }
+}
+
+export const settings = signal<Settings>(load())
+
+export function change(part: Partial<Settings>): void {
+  settings.value = sound({ ...settings.value, ...part })
+  try {
+    localStorage.setItem(KEY, JSON.stringify(settings.value))
+  } catch {
+    // not remembered, but used
+  }
+}

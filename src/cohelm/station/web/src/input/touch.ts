@@ -1,0 +1,16 @@
+// Two pads for the thumbs, one for each axis; let go, they are centred.
+import { signal } from '@preact/signals'
+import type { Reading } from './source'
+
+export const touched = signal<{ x: number; psi: number }>({ x: 0, psi: 0 })
+
+export function readTouch(): Reading {
+  return { present: navigator.maxTouchPoints > 0 || everTouched, ...touched.value }
+}
+
+let everTouched = false
+
+export function touch(part: { x?: number; psi?: number }): void {
+  everTouched = true
+  touched.value = { ...touched.value, ...part }
+}

@@ -1,0 +1,190 @@
+// The map, and the person's fingers on it.
+import { signal } from '@preact/signals'
+import { useEffect, useRef } from 'preact/hooks'
+import * as s from '../state'
+import { draw, type Scene } from './draw'
+import * as edit from './edit'
+import { ghost } from './ghost'
+import { points } from './ring'
+import { trail } from './trail'
+import { EditPanel } from './EditPanel'
+import { around, moved, toPixel, toWorld, zoomed, type Point, type Size, type View } from './view'
+
+export const follow = signal(true)
+const view = signal<View>({ x: 0, y: 0, scale: 45 })
+const size: Size = { width: 0, height: 0 }
+/** Frames drawn in the last second, for the tests and the curious. */
+const drawn: number[] = []
+
+let dirty = true
+let seen: { scan: unknown; points: Float64Array } = { scan: null, points: new Float64Array() }
+
+function scene(now: number): Scene {
+  const scan = s.scan.value
+  if (seen.scan !== scan) seen = { scan, points: scan === null ? new Float64Array() : points(scan) }
+  const state = s.state.value
+  const quality = s.link.value
+  const delay = (s.stateAge(now) + (quality?.round_trip_ms ?? 0) / 2) / 1000
+  return {
+    grid: s.grid.value,
+    scan: seen.points,
+    discs: s.discs.value,
+    reference: s.lines.value.reference ?? [],
+    detour: s.lines.value.detour ?? [],
+    trail: trail.value,
+    waypoints: edit.editing.value ? edit.draft.value : (s.lines.value.waypoints ?? []),
+    worst: edit.editing.value ? (s.checked.value?.worst ?? null) : null,
+    chosen: edit.chosen.value,
+    editing: edit.editing.value,
+    state,
+    robot: s.robot.value,
+    ghost: state !== null && !s.isReplay.value && delay > 0.03 ? ghost(state, Math.min(delay, 2)) : null,
+    lost: state?.localised === 'lost' || s.stateAge(now) > 1000,
+  }
+}
+
+function paint(canvas: HTMLCanvasElement, now: number): void {
+  const ctx = canvas.getContext('2d', { alpha: false })
+  if (ctx === null || size.width === 0) return
+  const ratio = devicePixelRatio
+  ctx.setTransform(ratio, 0, 0, ratio, 0, 0)
+  const pose = s.state.value?.pose
+  if (follow.value && pose !== undefined && held.size === 0) {
+    view.value = { ...view.value, x: pose[0], y: pose[1] }
+  }
+  draw(ctx, view.value, size, scene(now))
+  drawn.push(now)
+  while ((drawn[0] ?? now) < now - 1000) drawn.shift()
+  canvas.dataset.fps = String(drawn.length)
+}
+
+const held = new Map<number, Point>()
+let dragged: number | null = null
+let pressed: { at: Point; moved: boolean } | null = null
+
+function at(event: PointerEvent | WheelEvent): Point {
+  return [event.offsetX, event.offsetY]
+}
+
+function down(event: PointerEvent): void {
+  ;(event.currentTarget as Element).setPointerCapture(event.pointerId)
+  held.set(event.pointerId, at(event))
+  pressed = { at: at(event), moved: false }
+  if (!edit.editing.value) return
+  dragged = edit.under(at(event), edit.draft.value.map((p) => toPixel(view.value, size, p)))
+  if (dragged !== null) edit.chosen.value = dragged
+}
+
+function move(event: PointerEvent): void {
+  const before = held.get(event.pointerId)
+  if (before === undefined) return
+  const now = at(event)
+  if (pressed !== null && Math.hypot(now[0] - pressed.at[0], now[1] - pressed.at[1]) > 4) {
+    pressed.moved = true
+  }
+  if (held.size === 2) pinch(event.pointerId, before, now)
+  else if (dragged !== null) edit.move(dragged, toWorld(view.value, size, now))
+  else if (pressed?.moved) {
+    follow.value = false
+    view.value = moved(view.value, now[0] - before[0], now[1] - before[1])
+  }
+  held.set(event.pointerId, now)
+}
+
+function pinch(id: number, before: Point, now: Point): void {
+  const other = [...held].find(([key]) => key !== id)?.[1]
+  if (other === undefined) return
+  const apart = (p: Point) => Math.max(Math.hypot(p[0] - other[0], p[1] - other[1]), 1)
+  const middle: Point = [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2]
+  view.value = zoomed(view.value, size, middle, apart(now) / apart(before))
+}
+
+function up(event: PointerEvent): void {
+  const tap = pressed !== null && !pressed.moved && held.size === 1
+  if (tap && edit.editing.value && dragged === null && event.type === 'pointerup') {
+    edit.add(toWorld(view.value, size, at(event)))
+  }
+  held.delete(event.pointerId)
+  dragged = null
+  pressed = null
+}
+
+function zoom(factor: number): void {
+  view.value = zoomed(view.value, size, [size.width / 2, size.height / 2], factor)
+}
+
+function showAll(): void {
+  follow.value = false
+  const all: Point[] = [...(s.lines.value.reference ?? [])]
+  const pose = s.state.value?.pose
+  if (pose !== undefined) all.push([pose[0], pose[1]])
+  view.value = around(all, size) ?? view.value
+}
+
+/** Where a way-point goes that was not pointed at: a metre ahead of the last, or of the robot. */
+function addByKey(): void {
+  edit.add(toWorld(view.value, size, [size.width / 2, size.height / 2]))
+}
+
+export function MapPanel() {
+  const ref = useRef<HTMLCanvasElement>(null)
+  useEffect(() => {
+    const canvas = ref.current
+    if (canvas === null) return
+    const watch = new ResizeObserver(() => {
+      size.width = canvas.clientWidth
+      size.height = canvas.clientHeight
+      canvas.width = Math.round(size.width * devicePixelRatio)
+      canvas.height = Math.round(size.height * devicePixelRatio)
+      dirty = true
+    })
+    watch.observe(canvas)
+    const wheel = (event: WheelEvent) => {
+      event.preventDefault()
+      view.value = zoomed(view.value, size, at(event), Math.exp(-event.deltaY / 500))
+    }
+    canvas.addEventListener('wheel', wheel, { passive: false })
+    let frame = 0
+    const turn = (now: number) => {
+      if (dirty || s.state.value !== null) paint(canvas, now)
+      frame = requestAnimationFrame(turn)
+    }
+    frame = requestAnimationFrame(turn)
+    return () => {
+      cancelAnimationFrame(frame)
+      watch.disconnect()
+      canvas.removeEventListener('wheel', wheel)
+    }
+  }, [])
+  return (
+    <section class="map" aria-label="Map">
+      <canvas
+        ref={ref} id="map" role="img" aria-label={described()}
+        class={edit.editing.value ? 'editing' : ''}
+        onPointerDown={down} onPointerMove={move} onPointerUp={up} onPointerCancel={up}
+      />
+      <div class="map-buttons" role="toolbar" aria-label="Map view">
+        <button type="button" aria-label="Nearer" onClick={() => zoom(1.4)}>+</button>
+        <button type="button" aria-label="Farther" onClick={() => zoom(1 / 1.4)}>−</button>
+        <button type="button" aria-pressed={follow.value} onClick={() => (follow.value = !follow.value)}>
+          Follow
+        </button>
+        <button type="button" onClick={showAll}>Show all</button>
+        {!s.isReplay.value && !edit.editing.value && (
+          <button type="button" onClick={edit.begin}>Edit way</button>
+        )}
+      </div>
+      {edit.editing.value && <EditPanel onAdd={addByKey} />}
+    </section>
+  )
+}
+
+/** For those who cannot see it. */
+function described(): string {
+  const state = s.state.value
+  if (state === null) return 'Map; the robot has not been heard yet'
+  const [x, y, psi] = state.pose
+  const degrees = Math.round((psi * 180) / Math.PI)
+  const gap = state.gap_m === null ? '' : `, nearest thing ${state.gap_m.toFixed(1)} m away`
+  return `Map; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${gap}`
+}

@@ -1,0 +1,226 @@
+// Draws everything on the map, from the ground up.
+import type { Grid, Pose } from '../binary'
+import * as colour from '../colours'
+import type { Discs, Robot, State } from '../messages'
+import { placed, toPixel, type Point, type Size, type View } from './view'
+
+export interface Scene {
+  grid: Grid | null
+  scan: Float64Array
+  discs: Discs['rows']
+  reference: Point[]
+  detour: Point[]
+  trail: Point[]
+  waypoints: Point[]
+  /** Number of the way-point that was refused. */
+  worst: number | null
+  chosen: number | null
+  editing: boolean
+  state: State | null
+  robot: Robot | null
+  ghost: Pose | null
+  lost: boolean
+}
+
+type Ctx = CanvasRenderingContext2D
+
+export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
+  ctx.fillStyle = '#c4c6c8'
+  ctx.fillRect(0, 0, size.width, size.height)
+  if (scene.grid !== null) drawGrid(ctx, v, size, scene.grid)
+  drawScale(ctx, v, size)
+  line(ctx, v, size, scene.trail, { stroke: colour.faint, width: 1.5 })
+  line(ctx, v, size, scene.reference, { stroke: colour.path, width: 2, dash: [7, 5] })
+  line(ctx, v, size, scene.detour, { stroke: colour.path, width: 2, dash: [2, 4] })
+  drawDiscs(ctx, v, size, scene.discs)
+  drawScan(ctx, v, size, scene.scan)
+  drawWaypoints(ctx, v, size, scene)
+  if (scene.state !== null && scene.robot !== null) drawRobot(ctx, v, size, scene)
+}
+
+function drawGrid(ctx: Ctx, v: View, size: Size, grid: Grid): void {
+  const [ox, oy, psi] = grid.origin
+  const [px, py] = toPixel(v, size, [ox, oy])
+  const cell = grid.resolution * v.scale
+  ctx.save()
+  ctx.imageSmoothingEnabled = cell < 1
+  ctx.translate(px, py)
+  ctx.rotate(-psi)
+  if (psi !== 0) {
+    ctx.drawImage(grid.picture, 0, -grid.height * cell, grid.width * cell, grid.height * cell)
+  } else {
+    drawSeenPart(ctx, size, grid, px, py, cell)
+  }
+  ctx.restore()
+}
+
+/** Only what is on the screen: software rendering pays for every pixel of the source. */
+function drawSeenPart(
+  ctx: Ctx, size: Size, grid: Grid, px: number, py: number, cell: number,
+): void {
+  const top = py - grid.height * cell
+  const c1 = Math.max(Math.floor(-px / cell), 0)
+  const c2 = Math.min(Math.ceil((size.width - px) / cell), grid.width)
+  const r1 = Math.max(Math.floor(-top / cell), 0)
+  const r2 = Math.min(Math.ceil((size.height - top) / cell), grid.height)
+  if (c2 <= c1 || r2 <= r1) return
+  const [w, h] = [c2 - c1, r2 - r1]
+  const y = -grid.height * cell + r1 * cell
+  ctx.drawImage(grid.picture, c1, r1, w, h, c1 * cell, y, w * cell, h * cell)
+}
+
+function drawScale(ctx: Ctx, v: View, size: Size): void {
+  const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20]
+  const metres = steps.find((m) => m * v.scale > 60) ?? 50
+  const y = size.height - 14
+  ctx.strokeStyle = ctx.fillStyle = colour.ink
+  ctx.lineWidth = 2
+  ctx.beginPath()
+  ctx.moveTo(12, y - 5)
+  ctx.lineTo(12, y)
+  ctx.lineTo(12 + metres * v.scale, y)
+  ctx.lineTo(12 + metres * v.scale, y - 5)
+  ctx.stroke()
+  ctx.font = '12px system-ui, sans-serif'
+  ctx.fillText(`${metres} m`, 16, y - 5)
+}
+
+interface Pen {
+  stroke: string
+  width: number
+  dash?: number[]
+}
+
+function line(ctx: Ctx, v: View, size: Size, points: Point[], pen: Pen): void {
+  if (points.length < 2) return
+  ctx.beginPath()
+  for (const [i, point] of points.entries()) {
+    const [x, y] = toPixel(v, size, point)
+    if (i === 0) ctx.moveTo(x, y)
+    else ctx.lineTo(x, y)
+  }
+  ctx.strokeStyle = pen.stroke
+  ctx.lineWidth = pen.width
+  ctx.setLineDash(pen.dash ?? [])
+  ctx.stroke()
+  ctx.setLineDash([])
+}
+
+function drawDiscs(ctx: Ctx, v: View, size: Size, discs: Discs['rows']): void {
+  for (const [x, y, vx, vy, radius, safe] of discs) {
+    const [px, py] = toPixel(v, size, [x, y])
+    circle(ctx, px, py, Math.max(radius * v.scale, 2))
+    ctx.fillStyle = '#6b7278'
+    ctx.fill()
+    if (safe > radius) {
+      circle(ctx, px, py, safe * v.scale)
+      ctx.strokeStyle = '#6b7278'
+      ctx.lineWidth = 1
+      ctx.setLineDash([3, 3])
+      ctx.stroke()
+      ctx.setLineDash([])
+    }
+    if (Math.hypot(vx, vy) > 0.02) {
+      line(ctx, v, size, [[x, y], [x + vx, y + vy]], { stroke: colour.warning, width: 2 })
+    }
+  }
+}
+
+function circle(ctx: Ctx, x: number, y: number, r: number): void {
+  ctx.beginPath()
+  ctx.arc(x, y, r, 0, 2 * Math.PI)
+}
+
+function drawScan(ctx: Ctx, v: View, size: Size, scan: Float64Array): void {
+  ctx.fillStyle = colour.ink
+  const [x0, y0] = [size.width / 2 - v.x * v.scale - 1, size.height / 2 + v.y * v.scale - 1]
+  for (let i = 0; i + 1 < scan.length; i += 2) {
+    ctx.fillRect(x0 + (scan[i] ?? 0) * v.scale, y0 - (scan[i + 1] ?? 0) * v.scale, 2, 2)
+  }
+}
+
+function drawWaypoints(ctx: Ctx, v: View, size: Size, scene: Scene): void {
+  if (scene.editing) {
+    line(ctx, v, size, scene.waypoints, { stroke: colour.person, width: 2, dash: [4, 4] })
+  }
+  for (const [i, point] of scene.waypoints.entries()) {
+    const [x, y] = toPixel(v, size, point)
+    const bad = scene.worst === i
+    circle(ctx, x, y, scene.editing ? 9 : 3)
+    ctx.fillStyle = scene.editing ? '#fff' : colour.path
+    ctx.fill()
+    if (!scene.editing) continue
+    ctx.strokeStyle = bad ? colour.danger : colour.person
+    ctx.lineWidth = scene.chosen === i ? 4 : 2
+    ctx.stroke()
+    ctx.fillStyle = bad ? colour.danger : colour.ink
+    ctx.font = 'bold 11px system-ui, sans-serif'
+    ctx.textAlign = 'center'
+    ctx.fillText(bad ? '!' : String(i + 1), x, y + 4)
+    ctx.textAlign = 'start'
+  }
+}
+
+function outline(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): void {
+  ctx.beginPath()
+  for (const [i, corner] of corners.entries()) {
+    const [x, y] = toPixel(v, size, placed(pose, corner))
+    if (i === 0) ctx.moveTo(x, y)
+    else ctx.lineTo(x, y)
+  }
+  ctx.closePath()
+}
+
+function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
+  const { state, robot, ghost } = scene
+  if (state === null || robot === null) return
+  line(ctx, v, size, [[state.pose[0], state.pose[1]], ...state.ahead], {
+    stroke: colour.person, width: 3,
+  })
+  if (state.reference !== null) drawReference(ctx, v, size, state.reference)
+  if (ghost !== null) {
+    outline(ctx, v, size, ghost, robot.outline)
+    ctx.strokeStyle = colour.person
+    ctx.lineWidth = 1.5
+    ctx.setLineDash([4, 3])
+    ctx.stroke()
+    ctx.setLineDash([])
+  }
+  outline(ctx, v, size, state.pose, robot.outline)
+  ctx.fillStyle = scene.lost ? 'rgba(180, 85, 0, 0.5)' : 'rgba(255, 255, 255, 0.85)'
+  ctx.fill()
+  ctx.strokeStyle = scene.lost ? colour.warning : colour.ink
+  ctx.lineWidth = 2.5
+  ctx.stroke()
+  drawNose(ctx, v, size, state.pose, robot.outline)
+  if (state.culprit !== null) drawCulprit(ctx, v, size, state.culprit)
+}
+
+function drawNose(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): void {
+  const front = Math.max(...corners.map((c) => c[0]))
+  const half = Math.max(...corners.map((c) => c[1])) * 0.6
+  const tip: Point[] = [[front * 0.9, 0], [front * 0.25, half], [front * 0.25, -half]]
+  outline(ctx, v, size, pose, tip)
+  ctx.fillStyle = colour.ink
+  ctx.fill()
+}
+
+function drawReference(ctx: Ctx, v: View, size: Size, pose: Pose): void {
+  const [x, y] = toPixel(v, size, [pose[0], pose[1]])
+  ctx.strokeStyle = colour.path
+  ctx.lineWidth = 2
+  circle(ctx, x, y, 5)
+  ctx.stroke()
+}
+
+function drawCulprit(ctx: Ctx, v: View, size: Size, at: Point): void {
+  const [x, y] = toPixel(v, size, at)
+  ctx.strokeStyle = colour.warning
+  ctx.lineWidth = 3
+  ctx.beginPath()
+  ctx.moveTo(x - 7, y - 7)
+  ctx.lineTo(x + 7, y + 7)
+  ctx.moveTo(x + 7, y - 7)
+  ctx.lineTo(x - 7, y + 7)
+  ctx.stroke()
+}

@@ -1,0 +1,82 @@
+// Way-points in the person's hand: added, dragged, removed, checked by the robot, sent to it.
+import { signal } from '@preact/signals'
+import { send } from '../socket'
+import * as s from '../state'
+import type { Point } from './view'
+
+export const editing = signal(false)
+export const draft = signal<Point[]>([])
+export const chosen = signal<number | null>(null)
+/** Sent and not answered yet. */
+export const waiting = signal(false)
+
+const CHECK_EVERY_MS = 200
+let checkedAt = 0
+let later: ReturnType<typeof setTimeout> | undefined
+
+export function begin(): void {
+  const [first, ...rest] = s.lines.value.waypoints ?? []
+  draft.value = first === undefined ? [] : [first, ...rest]
+  chosen.value = null
+  s.checked.value = null
+  editing.value = true
+}
+
+export function leave(): void {
+  editing.value = false
+  waiting.value = false
+  s.checked.value = null
+}
+
+function changed(points: Point[], choose: number | null): void {
+  draft.value = points
+  chosen.value = choose
+  check()
+}
+
+/** Ask the robot what it thinks, not more often than it can be bothered with. */
+function check(): void {
+  clearTimeout(later)
+  const wait = checkedAt + CHECK_EVERY_MS - performance.now()
+  if (wait > 0) {
+    later = setTimeout(check, wait)
+    return
+  }
+  if (draft.value.length === 0) return
+  checkedAt = performance.now()
+  send({ type: 'waypoints', points: draft.value, only_check: true })
+}
+
+/** A new one after the chosen one, or at the end. */
+export function add(point: Point): void {
+  const at = chosen.value === null ? draft.value.length : chosen.value + 1
+  changed([...draft.value.slice(0, at), point, ...draft.value.slice(at)], at)
+}
+
+export function move(i: number, point: Point): void {
+  changed(draft.value.map((p, k) => (k === i ? point : p)), i)
+}
+
+export function remove(i: number): void {
+  const left = draft.value.filter((_, k) => k !== i)
+  changed(left, left.length === 0 ? null : Math.min(i, left.length - 1))
+}
+
+export function submit(): void {
+  clearTimeout(later)
+  waiting.value = send({ type: 'waypoints', points: draft.value, only_check: false })
+}
+
+/** The way-point under a pixel, or null. */
+export function under(at: Point, pixels: Point[]): number | null {
+  let best: number | null = null
+  let least = 16
+  for (const [i, p] of pixels.entries()) {
+    const d = Math.hypot(p[0] - at[0], p[1] - at[1])
+    if (d < least) {
+      least = d
+      best = i
+    }
+  }
+  return best
+}

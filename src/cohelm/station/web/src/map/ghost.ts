@@ -1,0 +1,32 @@
+// Where the robot will be: by now, and by the time that what the person does now reaches it. Pure.
+import type { Pose } from '../binary'
+import type { State } from '../messages'
+
+/** `pose` after `t` seconds of a constant twist: an exact arc. */
+export function arc(pose: Pose, [v, omega]: [number, number], t: number): Pose {
+  const [x, y, psi] = pose
+  const turned = omega * t
+  if (Math.abs(turned) < 1e-6) {
+    return [x + v * t * Math.cos(psi), y + v * t * Math.sin(psi), psi + turned]
+  }
+  const r = v / omega
+  return [
+    x + r * (Math.sin(psi + turned) - Math.sin(psi)),
+    y - r * (Math.cos(psi + turned) - Math.cos(psi)),
+    psi + turned,
+  ]
+}
+
+/** The pose `delay` seconds after the state was true, along the robot's own prediction if it tells one. */
+export function ghost(s: State, delay: number): Pose {
+  const path = s.ahead
+  if (path.length < 2 || s.ahead_step_s <= 0) return arc(s.pose, s.given, delay)
+  // point 0 is one step ahead or the place itself: the robot says "from now on"
+  const at = Math.min(delay / s.ahead_step_s, path.length - 1)
+  const i = Math.min(Math.floor(at), path.length - 2)
+  const [a, b] = [path[i], path[i + 1]]
+  if (a === undefined || b === undefined) return s.pose
+  const share = at - i
+  const heading = arc(s.pose, s.given, delay)[2]
+  return [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), heading]
+}

@@ -1,0 +1,61 @@
+// How near things are, all round the robot: one number a sector. Pure.
+import type { Pose, Scan } from '../binary'
+import { seenFrom, type Point } from './view'
+
+export const SECTORS = 24
+const NO_RETURN = 65535
+
+/** Beams of a scan as points in the world; no return and too near left out. */
+export function points(scan: Scan): Float64Array {
+  const out = new Float64Array(2 * scan.ranges.length)
+  let k = 0
+  const [x, y, psi] = scan.sensor
+  for (let i = 0; i < scan.ranges.length; i++) {
+    const mm = scan.ranges[i]
+    if (mm === undefined || mm === 0 || mm === NO_RETURN) continue
+    const bearing = psi + scan.first + i * scan.step
+    out[k++] = x + (mm / 1000) * Math.cos(bearing)
+    out[k++] = y + (mm / 1000) * Math.sin(bearing)
+  }
+  return out.subarray(0, k)
+}
+
+/** Distance from the origin of the body to its outline, looking along `bearing` [m]. */
+export function reach(outline: Point[], bearing: number): number {
+  const c = Math.cos(bearing)
+  const s = Math.sin(bearing)
+  let least = Infinity
+  for (let i = 0; i < outline.length; i++) {
+    const a = outline[i]
+    const b = outline[(i + 1) % outline.length]
+    if (a === undefined || b === undefined) continue
+    const ex = b[0] - a[0]
+    const ey = b[1] - a[1]
+    const det = ex * s - ey * c
+    if (Math.abs(det) < 1e-12) continue
+    const t = (ex * a[1] - ey * a[0]) / det
+    const along = (c * a[1] - s * a[0]) / det
+    if (t > 0 && along >= -1e-9 && along <= 1 + 1e-9) least = Math.min(least, t)
+  }
+  return Number.isFinite(least) ? least : 0
+}
+
+/** Gap from the outline to the nearest thing in each sector, sector 0 around straight ahead,
+ * counter-clockwise [m]. */
+export function gaps(
+  pose: Pose, outline: Point[], seen: Float64Array, discs: Array<[number, number, number]>,
+): number[] {
+  const out = new Array<number>(SECTORS).fill(Infinity)
+  const width = (2 * Math.PI) / SECTORS
+  const near = (px: number, py: number, radius: number) => {
+    const [x, y] = seenFrom(pose, [px, py])
+    const bearing = Math.atan2(y, x)
+    const gap = Math.max(Math.hypot(x, y) - radius - reach(outline, bearing), 0)
+    const sector = ((Math.round(bearing / width) % SECTORS) + SECTORS) % SECTORS
+    out[sector] = Math.min(out[sector] ?? Infinity, gap)
+  }
+  for (let i = 0; i + 1 < seen.length; i += 2) near(seen[i] ?? 0, seen[i + 1] ?? 0, 0)
+  for (const [x, y, radius] of discs) near(x, y, radius)
+  return out
+}
+

@@ -1,0 +1,26 @@
+// Where the robot has been, as far as this page saw it, and before that as the robot tells it.
+import { effect, signal } from '@preact/signals'
+import * as s from '../state'
+import type { Point } from './view'
+
+const STEP_M = 0.05
+const MOST = 5000
+
+export const trail = signal<Point[]>([])
+
+effect(() => {
+  const told = s.lines.value.trail
+  if (told !== undefined) trail.value = told.slice(-MOST)
+})
+
+effect(() => {
+  const now = s.state.value
+  if (now === null) return
+  const before = trail.peek()
+  const last = before.at(-1)
+  const here: Point = [now.pose[0], now.pose[1]]
+  const far = last === undefined ? Infinity : Math.hypot(here[0] - last[0], here[1] - last[1])
+  if (far < STEP_M) return
+  // a jump is no way: a replay was moved, or the robot found itself
+  trail.value = far > 2 && last !== undefined ? [here] : [...before.slice(1 - MOST), here]
+})

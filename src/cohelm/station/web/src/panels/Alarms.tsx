@@ -1,0 +1,55 @@
+// The top line: what is wrong, the worst first, and a button to say that it was seen.
+import type { Alarm } from '../messages'
+import { send } from '../socket'
+import * as s from '../state'
+import { hand } from '../input/drive'
+
+const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
+
+interface Shown extends Alarm {
+  /** Ours, and not the robot's: it goes away by itself. */
+  local: boolean
+}
+
+function ours(): Shown[] {
+  const out: Shown[] = []
+  const say = (severity: Alarm['severity'], text: string) =>
+    out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true })
+  const c = s.connection.value
+  if (c === 'closed' || c === 'connecting') {
+    if (s.welcome.value !== null) say('alarm', 'No connection to the station. What you see is old. The robot stops by itself.')
+  } else if (c === 'silent') say('alarm', 'The station is silent. What you see is old.')
+  else if (s.link.value !== null && !s.link.value.connected) {
+    say('alarm', 'No link to the robot. What you see is old. The robot stops by itself.')
+  }
+  if (s.youDrive.value && hand.value.arming !== 'armed') say('warning', `Your stick does not steer: ${hand.value.why}.`)
+  const where = s.state.value?.localised
+  if (where === 'lost') say('alarm', 'The robot does not know where it is.')
+  else if (where === 'poor') say('warning', 'The robot is not sure where it is.')
+  return out
+}
+
+export function Alarms() {
+  const all: Shown[] = [...ours(), ...s.alarms.value.map((a) => ({ ...a, local: false }))]
+  const order = { alarm: 0, warning: 1, notice: 2 }
+  all.sort((a, b) => order[a.severity] - order[b.severity])
+  if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">No alarms</div>
+  return (
+    <div class="alarms" role="alert" aria-label="Alarms">
+      {all.map((alarm) => (
+        <div key={alarm.number} class={`alarm ${alarm.severity} ${alarm.active ? '' : 'gone'}`}>
+          <span aria-hidden="true">{MARK[alarm.severity]}</span>
+          <span>
+            {alarm.text}
+            {!alarm.active && ' (over)'}
+          </span>
+          {!alarm.local && !alarm.acknowledged && (
+            <button type="button" onClick={() => send({ type: 'do', what: 'acknowledge', value: alarm.number })}>
+              Acknowledge
+            </button>
+          )}
+        </div>
+      ))}
+    </div>
+  )
+}

@@ -1,0 +1,118 @@
+// Person and controller: who leads, what was asked, what was given, and why.
+import { useEffect, useRef } from 'preact/hooks'
+import * as colour from '../colours'
+import { hand } from '../input/drive'
+import { DEVICE_NAMES } from '../input/source'
+import { gaps, points, SECTORS } from '../map/ring'
+import * as s from '../state'
+import { metres, speed, yaw } from './words'
+
+const CLOSE_M = 0.25
+const NEAR_M = 0.7
+
+export function Authority() {
+  const state = s.state.value
+  const automatic = state?.automatic ?? null
+  const given = state?.given ?? [0, 0]
+  const asked = state?.asked ?? [0, 0]
+  return (
+    <section class="authority" aria-label="Person and controller">
+      <Dial />
+      <div>
+        <div class="share" role="meter" aria-label="Share of the person in the command" aria-valuemin={0}
+          aria-valuemax={100} aria-valuenow={automatic === null ? 0 : Math.round((1 - automatic) * 100)}>
+          <span>you</span>
+          <div class="bar"><i style={{ width: `${(1 - (automatic ?? 1)) * 100}%` }} /></div>
+          <span>auto</span>
+        </div>
+        <table>
+          <tbody>
+            <tr><th scope="row">asked</th><td>{speed(asked[0])}</td><td>{yaw(asked[1])}</td></tr>
+            <tr><th scope="row">given</th><td>{speed(given[0])}</td><td>{yaw(given[1])}</td></tr>
+          </tbody>
+        </table>
+        <p class={`why ${state?.why ? 'abnormal' : ''}`} role="status">{state?.why || 'as asked'}</p>
+        <p>
+          nearest <b class={near(state?.gap_m ?? null)}>{metres(state?.gap_m)}</b>
+        </p>
+        {!s.isReplay.value && <Stick />}
+      </div>
+    </section>
+  )
+}
+
+function near(gap: number | null): string {
+  return gap !== null && gap < CLOSE_M ? 'abnormal' : ''
+}
+
+function Stick() {
+  const { device, arming, why } = hand.value
+  return (
+    <p class="device">
+      {DEVICE_NAMES[device]}: <b>{arming === 'armed' ? 'ready' : why}</b>
+    </p>
+  )
+}
+
+/** The stick's dot inside a ring that shows how near things are all round. */
+function Dial() {
+  const ref = useRef<HTMLCanvasElement>(null)
+  useEffect(() => {
+    const timer = setInterval(() => ref.current && drawDial(ref.current), 66)
+    return () => clearInterval(timer)
+  }, [])
+  return (
+    <canvas ref={ref} class="dial" width={320} height={320} role="img"
+      aria-label="Stick, and how near things are around the robot; forward is up" />
+  )
+}
+
+function drawDial(canvas: HTMLCanvasElement): void {
+  const ctx = canvas.getContext('2d')
+  const state = s.state.value
+  const robot = s.robot.value
+  if (ctx === null) return
+  ctx.clearRect(0, 0, 320, 320)
+  ctx.translate(160, 160)
+  const scan = s.scan.value
+  const seen = scan === null ? new Float64Array() : points(scan)
+  const bodies = s.discs.value.map((d): [number, number, number] => [d[0], d[1], d[4]])
+  const all = state === null || robot === null
+    ? new Array<number>(SECTORS).fill(Infinity)
+    : gaps(state.pose, robot.outline, seen, bodies)
+  for (const [i, gap] of all.entries()) {
+    const middle = -Math.PI / 2 - (i * 2 * Math.PI) / SECTORS
+    const half = Math.PI / SECTORS - 0.02
+    // nearer is thicker as well as another colour
+    const width = gap < CLOSE_M ? 34 : gap < NEAR_M ? 22 : 8
+    ctx.beginPath()
+    ctx.arc(0, 0, 154 - width / 2, middle - half, middle + half)
+    ctx.lineWidth = width
+    ctx.strokeStyle = gap < CLOSE_M ? colour.danger : gap < NEAR_M ? colour.warning : '#a5aaae'
+    ctx.stroke()
+  }
+  ctx.strokeStyle = '#a5aaae'
+  ctx.lineWidth = 2
+  ctx.strokeRect(-80, -80, 160, 160)
+  ctx.beginPath()
+  ctx.moveTo(-80, 0)
+  ctx.lineTo(80, 0)
+  ctx.moveTo(0, -80)
+  ctx.lineTo(0, 80)
+  ctx.stroke()
+  const h = hand.value
+  const [x, psi] = s.isReplay.value ? (state?.stick ?? [0, 0]) : [h.x, h.psi]
+  ctx.beginPath()
+  ctx.arc(-psi * 80, -x * 80, 14, 0, 2 * Math.PI)
+  ctx.lineWidth = 5
+  ctx.strokeStyle = colour.ink
+  ctx.stroke()
+  // filled where the robot really uses it
+  if (state !== null && (s.isReplay.value || s.youDrive.value)) {
+    ctx.beginPath()
+    ctx.arc(-state.stick[1] * 80, -state.stick[0] * 80, 8, 0, 2 * Math.PI)
+    ctx.fillStyle = colour.person
+    ctx.fill()
+  }
+  ctx.setTransform(1, 0, 0, 1, 0, 0)
+}

@@ -1,0 +1,97 @@
+// The newest picture, how old it is, and the way the robot will go drawn into it.
+import { useEffect, useRef } from 'preact/hooks'
+import * as colour from '../colours'
+import { seenFrom, type Point } from '../map/view'
+import type { Camera as Lens } from '../messages'
+import { send } from '../socket'
+import * as s from '../state'
+import { project } from './project'
+import { ms } from './words'
+
+const OLD_MS = 500
+
+export function Camera() {
+  const ref = useRef<HTMLCanvasElement>(null)
+  useEffect(() => s.frame.subscribe((frame) => {
+    if (frame !== null && ref.current !== null) void show(ref.current)
+  }), [])
+  void s.clock.value
+  if (s.robot.value?.camera == null) {
+    return <section class="camera none" aria-label="Camera"><p>This robot has no camera.</p></section>
+  }
+  const frame = s.frame.value
+  const age = frame === null ? null : frame.ageMs + performance.now() - frame.at
+  const old = age === null || age > OLD_MS
+  return (
+    <section class="camera" aria-label="Camera">
+      <canvas ref={ref} id="camera" width={640} height={480} role="img" aria-label="Picture of the robot's camera" />
+      {!s.isReplay.value && (
+        <span class={`age ${old ? 'abnormal' : ''}`}>{frame === null ? 'no picture yet' : `${ms(age)} old`}</span>
+      )}
+    </section>
+  )
+}
+
+let busy = false
+
+async function show(canvas: HTMLCanvasElement): Promise<void> {
+  const frame = s.frame.value
+  if (busy || frame === null) return
+  busy = true
+  try {
+    const picture = await createImageBitmap(new Blob([frame.jpeg], { type: 'image/jpeg' }))
+    if (canvas.width !== picture.width || canvas.height !== picture.height) {
+      canvas.width = picture.width
+      canvas.height = picture.height
+    }
+    const ctx = canvas.getContext('2d', { alpha: false })
+    if (ctx !== null) {
+      ctx.drawImage(picture, 0, 0)
+      const lens = s.robot.value?.camera
+      if (lens != null) drawWay(ctx, canvas, lens, frame.pose)
+      canvas.dataset.number = String(frame.number)
+      canvas.dataset.ageMs = String(Math.round(frame.ageMs + performance.now() - frame.at))
+    }
+    picture.close()
+  } catch (error) {
+    console.error('picture', error)
+  } finally {
+    busy = false
+    send({ type: 'got', stream: 'frame' })
+  }
+}
+
+/** Both edges of the strip that the robot will sweep, on the floor. */
+function drawWay(
+  ctx: CanvasRenderingContext2D, size: { width: number; height: number }, lens: Lens,
+  pose: [number, number, number],
+): void {
+  const state = s.state.value
+  const outline = s.robot.value?.outline ?? []
+  if (state === null || state.ahead.length < 2) return
+  const half = Math.max(...outline.map((c) => Math.abs(c[1])))
+  ctx.lineWidth = Math.max(2, size.width / 200)
+  ctx.strokeStyle = colour.person
+  for (const side of [-half, half]) {
+    ctx.beginPath()
+    let drawing = false
+    for (const point of beside(state.ahead, side)) {
+      const at = project(lens, size, seenFrom(pose, point))
+      if (at === null) continue
+      if (drawing) ctx.lineTo(at[0], at[1])
+      else ctx.moveTo(at[0], at[1])
+      drawing = true
+    }
+    ctx.stroke()
+  }
+}
+
+/** The path moved sideways by `d`. */
+function beside(path: Point[], d: number): Point[] {
+  return path.map((p, i) => {
+    const a = path[Math.max(i - 1, 0)] ?? p
+    const b = path[Math.min(i + 1, path.length - 1)] ?? p
+    const long = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1
+    return [p[0] - (d * (b[1] - a[1])) / long, p[1] + (d * (b[0] - a[0])) / long]
+  })
+}

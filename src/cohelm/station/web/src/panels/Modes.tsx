@@ -1,0 +1,86 @@
+// Mode, speed, and the settings of the stick.
+import { signal } from '@preact/signals'
+import { choose, hand, speedScale } from '../input/drive'
+import { pad } from '../input/gamepad'
+import { change, DEFAULTS, settings } from '../input/settings'
+import { DEVICE_NAMES, type Device } from '../input/source'
+import type { State } from '../messages'
+import { send } from '../socket'
+import * as s from '../state'
+import { percent } from './words'
+
+const MODES: Array<[State['mode'], string, string]> = [
+  ['hold', 'Hold', 'stand still'],
+  ['shared', 'Shared', 'the controller follows the way; you take over as far as you deflect the stick'],
+  ['automatic', 'Auto', 'the controller alone'],
+  ['manual', 'Manual', 'the stick alone; obstacles are still avoided'],
+]
+const open = signal(false)
+
+export function Modes() {
+  if (s.isReplay.value) return null
+  const now = s.state.value?.mode
+  return (
+    <section class="modes" aria-label="How to drive">
+      <div role="radiogroup" aria-label="Mode" class="segments">
+        {MODES.map(([mode, name, meaning]) => (
+          <button key={mode} type="button" role="radio" aria-checked={now === mode} title={meaning}
+            disabled={!s.youDrive.value} onClick={() => send({ type: 'do', what: mode, value: 0 })}>
+            {name}
+          </button>
+        ))}
+      </div>
+      <label class="speed">
+        speed {percent(speedScale.value)}
+        <input type="range" min="0.1" max="1" step="0.1" value={speedScale.value} disabled={!s.youDrive.value}
+          aria-label="Share of the full speed"
+          onInput={(event) => (speedScale.value = event.currentTarget.valueAsNumber)} />
+      </label>
+      <button type="button" aria-expanded={open.value} onClick={() => (open.value = !open.value)}>Stick settings</button>
+      {open.value && <StickSettings />}
+    </section>
+  )
+}
+
+function StickSettings() {
+  const set = settings.value
+  const axes = pad()?.axes.length ?? 4
+  const numbers = Array.from({ length: axes }, (_, i) => i)
+  const axis = (name: 'foreAft' | 'leftRight', label: string) => (
+    <label>{label}
+      <select value={set[name]} onChange={(e) => change({ [name]: Number(e.currentTarget.value) })}>
+        {numbers.map((i) => <option key={i} value={i}>axis {i}</option>)}
+      </select>
+    </label>
+  )
+  const tick = (name: 'foreAftTurned' | 'leftRightTurned' | 'rumble', label: string) => (
+    <label><input type="checkbox" checked={set[name]} onChange={(e) => change({ [name]: e.currentTarget.checked })} /> {label}</label>
+  )
+  const slide = (name: 'deadBand' | 'curve' | 'ramp', label: string, least: number, most: number) => (
+    <label>{label} {set[name].toFixed(2)}
+      <input type="range" min={least} max={most} step="0.01" value={set[name]} onInput={(e) => change({ [name]: e.currentTarget.valueAsNumber })} />
+    </label>
+  )
+  return (
+    <div class="settings" role="dialog" aria-label="Stick settings">
+      <label>device
+        <select value={hand.value.device} onChange={(e) => choose(e.currentTarget.value as Device)}>
+          {(['keyboard', 'gamepad', 'touch'] as const).map((d) => <option key={d} value={d}>{DEVICE_NAMES[d]}</option>)}
+        </select>
+      </label>
+      <p>{pad()?.id ?? 'No gamepad; plug one in and press a button on it.'}</p>
+      {axis('foreAft', 'fore-aft')}{tick('foreAftTurned', 'turned round')}
+      {axis('leftRight', 'left-right')}{tick('leftRightTurned', 'turned round')}
+      {slide('deadBand', 'dead band', 0, 0.5)}{slide('curve', 'fine near the centre', 0, 1)}
+      {slide('ramp', 'keyboard: seconds to full', 0.05, 2)}
+      {tick('rumble', 'rumble near obstacles')}
+      <label>stop button
+        <input type="number" min="0" max="31" value={set.stopButton} onChange={(e) => change({ stopButton: e.currentTarget.valueAsNumber })} />
+      </label>
+      <div class="row">
+        <button type="button" onClick={() => change(DEFAULTS)}>Defaults</button>
+        <button type="button" onClick={() => (open.value = false)}>Close</button>
+      </div>
+    </div>
+  )
+}

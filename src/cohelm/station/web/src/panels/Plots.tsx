@@ -1,0 +1,123 @@
+// The last half minute of what matters.
+import { useEffect, useRef } from 'preact/hooks'
+import uPlot from 'uplot'
+import 'uplot/dist/uPlot.min.css'
+import * as colour from '../colours'
+import type { State } from '../messages'
+import * as s from '../state'
+
+const SPAN_S = 30
+const EVERY_MS = 250
+const KEPT = 900
+
+interface Curve {
+  name: string
+  of: (state: State) => number | null
+  stroke: string
+  dash?: number[]
+}
+
+interface Chart {
+  title: string
+  curves: Curve[]
+  range?: [number, number]
+}
+
+const CHARTS: Chart[] = [
+  {
+    title: 'v [m/s]',
+    curves: [
+      { name: 'asked', of: (x) => x.asked[0], stroke: colour.faint, dash: [5, 4] },
+      { name: 'given', of: (x) => x.given[0], stroke: colour.ink },
+    ],
+  },
+  {
+    title: 'ω [rad/s]',
+    curves: [
+      { name: 'asked', of: (x) => x.asked[1], stroke: colour.faint, dash: [5, 4] },
+      { name: 'given', of: (x) => x.given[1], stroke: colour.ink },
+    ],
+  },
+  { title: 'E_P', curves: [{ name: 'error', of: (x) => x.e_p, stroke: colour.ink }] },
+  {
+    title: 'clearance [m], h [m²]',
+    curves: [
+      { name: 'clearance', of: (x) => x.gap_m, stroke: colour.ink },
+      { name: 'h', of: (x) => x.h_m2, stroke: colour.faint, dash: [5, 4] },
+    ],
+    range: [0, 2],
+  },
+  { title: 'automatic share e^(−V_h)', curves: [{ name: 'share', of: (x) => x.automatic, stroke: colour.ink }], range: [0, 1.02] },
+]
+
+const kept: State[] = []
+s.state.subscribe((state) => {
+  if (state === null) return
+  // a replay that was moved back begins anew
+  if (kept.length > 0 && state.t_s < (kept.at(-1)?.t_s ?? 0)) kept.length = 0
+  kept.push(state)
+  if (kept.length > KEPT) kept.splice(0, kept.length - KEPT)
+})
+
+function data(chart: Chart): uPlot.AlignedData {
+  const now = kept.at(-1)?.t_s ?? 0
+  const rows = kept.filter((state) => state.t_s > now - SPAN_S)
+  return [rows.map((r) => r.t_s - now), ...chart.curves.map((c) => rows.map(c.of))]
+}
+
+function made(chart: Chart, into: HTMLElement): uPlot {
+  const options: uPlot.Options = {
+    width: into.clientWidth || 260,
+    height: 82,
+    legend: { show: false },
+    cursor: { show: false },
+    padding: [4, 6, 0, 0],
+    scales: { x: { time: false, range: [-SPAN_S, 0] }, y: chart.range ? { range: chart.range } : {} },
+    axes: [
+      { show: true, size: 16, font: '10px system-ui', stroke: colour.faint, grid: { show: false }, ticks: { show: false },
+        values: (_, at) => at.map((v) => (v === 0 ? 'now' : `${v} s`)) },
+      { show: true, size: 34, font: '10px system-ui', stroke: colour.ink, grid: { stroke: '#cfd2d4', width: 1 }, ticks: { show: false } },
+    ],
+    series: [{}, ...chart.curves.map((c) => ({
+      label: c.name, stroke: c.stroke, width: 1.5, points: { show: false }, ...(c.dash ? { dash: c.dash } : {}),
+    }))],
+  }
+  return new uPlot(options, data(chart), into)
+}
+
+function One({ chart }: { chart: Chart }) {
+  const ref = useRef<HTMLDivElement>(null)
+  useEffect(() => {
+    const into = ref.current
+    if (into === null) return
+    const plot = made(chart, into)
+    const timer = setInterval(() => {
+      if (into.clientWidth === 0 || document.visibilityState === 'hidden') return
+      if (plot.width !== into.clientWidth) plot.setSize({ width: into.clientWidth, height: 82 })
+      plot.setData(data(chart))
+    }, EVERY_MS)
+    return () => {
+      clearInterval(timer)
+      plot.destroy()
+    }
+  }, [])
+  return (
+    <figure>
+      <figcaption>
+        {chart.title}
+        {chart.curves.length > 1 && chart.curves.map((c) => (
+          <span key={c.name} class={c.dash ? 'dashed' : ''}> {c.dash ? '╌' : '─'} {c.name}</span>
+        ))}
+      </figcaption>
+      <div ref={ref} role="img" aria-label={`${chart.title} over the last ${SPAN_S} seconds`} />
+    </figure>
+  )
+}
+
+export function Plots() {
+  return (
+    <section class="plots" aria-label="Plots">
+      {CHARTS.map((chart) => <One key={chart.title} chart={chart} />)}
+    </section>
+  )
+}

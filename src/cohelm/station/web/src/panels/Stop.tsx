@@ -1,0 +1,24 @@
+// STOP: always there, for everybody. It is software, and says so.
+import { send } from '../socket'
+import * as s from '../state'
+import { stop } from '../input/drive'
+
+export function Stop() {
+  if (s.isReplay.value) return null
+  const why = s.state.value?.stopped ?? ''
+  return (
+    <div class="stop">
+      {why !== '' && (
+        <div class="stopped" role="status">
+          <span><b>Stopped:</b> {why}</span>
+          <button type="button" disabled={!s.youDrive.value} onClick={() => send({ type: 'do', what: 'reset', value: 0 })}>
+            Let it drive
+          </button>
+        </div>
+      )}
+      <button type="button" class="stop-button" aria-label="Stop the robot. Software stop; also the space bar" onClick={stop}>
+        STOP<small>software stop · Space</small>
+      </button>
+    </div>
+  )
+}

@@ -1,0 +1,39 @@
+// Two pads for two thumbs: the left one forward and back, the right one left and right.
+import { touch, touched } from '../input/touch'
+import { clamp } from '../input/shape'
+import * as s from '../state'
+
+function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {
+  const value = touched.value[axis]
+  const drag = (event: PointerEvent) => {
+    const pad = event.currentTarget as HTMLElement
+    if (!pad.hasPointerCapture(event.pointerId)) return
+    const box = pad.getBoundingClientRect()
+    const half = (axis === 'x' ? box.height : box.width) / 2 - 24
+    const from = axis === 'x' ? box.top + box.height / 2 - event.clientY : box.left + box.width / 2 - event.clientX
+    touch({ [axis]: clamp(from / half, -1, 1) })
+  }
+  const release = () => touch({ [axis]: 0 })
+  const shift = axis === 'x' ? `translateY(${-value * 42}px)` : `translateX(${-value * 42}px)`
+  return (
+    <div
+      class={`pad ${axis}`} role="slider" aria-label={label} aria-valuemin={-100} aria-valuemax={100}
+      aria-valuenow={Math.round(value * 100)}
+      onPointerDown={(event) => { event.currentTarget.setPointerCapture(event.pointerId); drag(event) }}
+      onPointerMove={drag} onPointerUp={release} onPointerCancel={release} onLostPointerCapture={release}
+    >
+      <i style={{ transform: shift }} />
+      <span>{axis === 'x' ? '▲ ▼' : '◀ ▶'}</span>
+    </div>
+  )
+}
+
+export function TouchPads() {
+  if (s.isReplay.value || !s.youDrive.value) return null
+  return (
+    <div class="pads">
+      <Pad axis="x" label="Forward and back" />
+      <Pad axis="psi" label="Left and right" />
+    </div>
+  )
+}

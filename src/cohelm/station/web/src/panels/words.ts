@@ -1,0 +1,37 @@
+// Numbers as people read them.
+
+export function metres(value: number | null | undefined): string {
+  return value == null ? '–' : `${value.toFixed(2)} m`
+}
+
+export function speed(value: number): string {
+  return `${tidy(value)} m/s`
+}
+
+export function yaw(value: number): string {
+  return `${tidy(value)} rad/s`
+}
+
+/** Two digits, and no minus in front of nothing. */
+export function tidy(value: number): string {
+  const text = value.toFixed(2)
+  return text === '-0.00' ? '0.00' : text.replace('-', '−')
+}
+
+export function ms(value: number | null | undefined): string {
+  return value == null || !Number.isFinite(value) ? '–' : `${Math.round(value)} ms`
+}
+
+export function percent(value: number | null | undefined): string {
+  return value == null ? '–' : `${(value * 100).toFixed(value < 0.1 ? 1 : 0)} %`
+}
+
+export function bytes(value: number): string {
+  return value < 1e6 ? `${(value / 1e3).toFixed(0)} kB` : `${(value / 1e6).toFixed(1)} MB`
+}
+
+export function minutes(seconds: number): string {
+  const whole = Math.max(0, Math.floor(seconds))
+  const rest = String(whole % 60).padStart(2, '0')
+  return `${Math.floor(whole / 60)}:${rest}`
+}

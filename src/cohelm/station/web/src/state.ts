@@ -1,0 +1,40 @@
+// What the page knows, as signals: the socket writes them, the panels read them.
+import { computed, signal } from '@preact/signals'
+import type { Frame, Grid, Scan } from './binary'
+import type * as m from './messages'
+
+/** How the page stands to the station. */
+export type Connection = 'connecting' | 'open' | 'silent' | 'closed' | 'login'
+
+export const connection = signal<Connection>('connecting')
+export const welcome = signal<m.Welcome | null>(null)
+export const robot = signal<m.Robot | null>(null)
+export const state = signal<m.State | null>(null)
+export const who = signal<m.Who | null>(null)
+export const alarms = signal<m.Alarm[]>([])
+export const discs = signal<m.Discs['rows']>([])
+export const lines = signal<Partial<Record<m.Line['what'], Array<[number, number]>>>>({})
+export const link = signal<m.Link | null>(null)
+export const records = signal<m.RecordFile[]>([])
+export const playing = signal<m.Playing | null>(null)
+export const checked = signal<m.Checked | null>(null)
+export const refused = signal<{ text: string; at: number } | null>(null)
+export const pageMs = signal<number | null>(null)
+
+export const grid = signal<Grid | null>(null)
+export const scan = signal<Scan | null>(null)
+export const frame = signal<Frame | null>(null)
+
+/** When the newest state came [ms, performance.now()]; its age is counted on from there. */
+export const stateAt = signal(0)
+/** Ticks four times a second, for what ages while nothing comes. */
+export const clock = signal(0)
+
+export const isReplay = computed(() => welcome.value?.replay_s != null)
+export const youDrive = computed(() => who.value?.you_drive === true && connection.value === 'open')
+
+/** How old what is shown is [ms]. */
+export function stateAge(now: number): number {
+  const s = state.value
+  return s === null ? Infinity : s.age_ms + (now - stateAt.value)
+}

@@ -1,0 +1,70 @@
+"""One server and one browser for a module of tests; skipped where one of them is not there."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+
+from cohelm.core.errors import CohelmError
+from cohelm.drive.simulated import SimulatedRobot
+from cohelm.scenario import build, load
+from cohelm.station.app import pages
+from cohelm.station.serve import Server
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+STALE = 1.5
+"""Tests share their machine: a page that is late is not a page that is gone."""
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    try:
+        pages()
+    except CohelmError as error:
+        pytest.skip(str(error))
+    robot = SimulatedRobot(build.setup(load.scenario("lab-avoid", [], None)), "sally", None)
+    made = Server(robot.connect, "127.0.0.1", 0, stale=STALE)
+    robot.start()
+    thread = threading.Thread(target=made.run, daemon=True)
+    thread.start()
+    yield made
+    made.stop()
+    thread.join(10.0)
+    robot.close()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    if not CHROMIUM.exists():
+        pytest.skip(f"no browser at {CHROMIUM}; Debian: apt-get install chromium")
+    with sync_playwright() as playwright:
+        made = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield made
+        made.close()
+
+
+@pytest.fixture
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    made = browser.new_context(viewport={"width": 1280, "height": 800})
+    made.set_default_timeout(15_000)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(context: BrowserContext, server: Server) -> Iterator[Page]:
+    """A page of the station, in which nothing goes wrong."""
+    made = context.new_page()
+    wrong: list[str] = []
+    made.on("pageerror", lambda error: wrong.append(str(error)))
+    made.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    made.goto(server.address)
+    made.get_by_role("group", name="Who drives").get_by_role("status").wait_for()
+    yield made
+    assert wrong == []

@@ -1,0 +1,40 @@
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from cohelm.station import typescript
+from cohelm.station.messages import Stick, from_page
+
+WEB = Path(__file__).parents[2] / "src" / "cohelm" / "station" / "web" / "src"
+
+
+def test_the_pages_types_are_those_of_the_server() -> None:
+    made = (WEB / "messages.ts").read_text(encoding="utf-8")
+    assert made == typescript.text(), "run: python -m cohelm.station.typescript > .../messages.ts"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "[]", "null", "{}", '{"type":"stick"}',
+        '{"type":"dance"}', '{"type":"do","what":"fly"}',
+        '{"type":"do","what":"give","value":-1}', '{"type":"do","what":"give","value":1.5}',
+        '{"type":"waypoints","points":[],"only_check":true}',
+        '{"type":"waypoints","points":[[NaN,0]],"only_check":true}',
+        '{"type":"waypoints","points":[[1e9,0]],"only_check":true}',
+        '{"type":"got","stream":"map"}', '{"type":"play","playing":true,"speed":0}',
+    ],
+)  # fmt: skip
+def test_what_is_no_message_is_refused(text: str) -> None:
+    with pytest.raises(ValidationError):
+        from_page(text)
+
+
+def test_a_deflection_beyond_the_stick_is_refused() -> None:
+    good = Stick(n=1, heard_ms=0.0, x=1.0, psi=-1.0, valid=True, armed=True, device="touch",
+                 speed_scale=1.0)  # fmt: skip
+    assert from_page(good.model_dump_json()) == good
+    for x in ("1.001", "-2", "NaN", "Infinity", "1e400", '"1"', "null"):
+        with pytest.raises(ValidationError):
+            from_page(good.model_dump_json().replace('"x":1.0', f'"x":{x}'))
