@@ -14,6 +14,7 @@ from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Robot
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.twin.robot import Twin
 from cohelm.sim.world import World, world
 
 
@@ -43,5 +44,9 @@ ADAPTERS: dict[str, Adapter] = {
     "kinematic": Adapter(lambda: Kinematic(sally(), START, room(), seed=3)),
     "kinematic, real time": Adapter(
         lambda: Kinematic(sally(), START, room(), seed=3, pace=OnTheWall()), real_time=True
+    ),
+    "twin": Adapter(lambda: Twin(sally(), START, room(), seed=3)),
+    "twin, real time": Adapter(
+        lambda: Twin(sally(), START, room(), seed=3, pace=OnTheWall()), real_time=True
     ),
 }

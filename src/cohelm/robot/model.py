@@ -48,6 +48,10 @@ class RobotModel(Schema):
     """Distance between the two driven wheels."""
     wheel_radius_m: Positive
     """Radius of the driven wheels."""
+    height_m: Positive = 0.5
+    """Height of the body."""
+    mass_kg: Positive = 40.0
+    """Mass, all in all."""
     limits: LimitsModel = LimitsModel()
     """Speed and acceleration limits."""
     delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0

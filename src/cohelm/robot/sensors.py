@@ -33,6 +33,10 @@ class LidarModel(Schema):
     """Standard deviation of a range."""
     dropout: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     """Share of beams that return nothing although they hit something."""
+    sweep_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """From a scan's first beam to its last; 0 for all at one instant."""
+    latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """From a scan's last beam to its reading."""
     mount_x_m: float = 0.0
     """Where it is mounted: forward of the body's origin."""
     mount_y_m: float = 0.0
@@ -44,6 +48,8 @@ class LidarModel(Schema):
     def _ordered(self) -> Self:
         if self.range_min_m >= self.range_max_m:
             raise ValueError("range_min_m must be smaller than range_max_m")
+        if self.sweep_s * self.rate_hz > 1.0:
+            raise ValueError("sweep_s must not be longer than the time between two scans")
         return self
 
     def lidar(self) -> Lidar:

@@ -34,6 +34,15 @@ def scan(
     included. Scan `number` of `seed` is always the same. All beams are NaN where the pose is not
     finite. A wall seen exactly end-on has no width; what is not finite is not seen.
     """
+    sight(pose, lidar, discs, walls, grid, ranges)
+    measure(lidar, seed, number, ranges)
+
+
+@jit
+def sight(
+    pose: Pose, lidar: Lidar, discs: Floats, walls: Floats, grid: Grid, ranges: Floats
+) -> None:
+    """True distances along the beams, as in `scan`, before the sensor has its say."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     x = pose.x + c * lidar.mount.x - s * lidar.mount.y
     y = pose.y + s * lidar.mount.x + c * lidar.mount.y
@@ -55,7 +64,6 @@ def scan(
             dx, dy = lidar.beams[i, 0], lidar.beams[i, 1]
             reach = min(ranges[i], lidar.range_max)
             ranges[i] = min(ranges[i], cast(grid, x, y, c * dx - s * dy, s * dx + c * dy, reach))
-    _measure(lidar, seed, number, ranges)
 
 
 @jit
@@ -139,9 +147,11 @@ def _within(lidar: Lidar, low: float, high: float, turn: int) -> tuple[int, int]
 
 
 @jit
-def _measure(lidar: Lidar, seed: int, number: int, ranges: Floats) -> None:
-    """Turn true distances into what the sensor reports."""
+def measure(lidar: Lidar, seed: int, number: int, ranges: Floats) -> None:
+    """Turn true distances into what the sensor reports; NaN stays NaN."""
     for i in range(len(ranges)):
+        if ranges[i] != ranges[i]:
+            continue
         if ranges[i] > lidar.range_max:
             ranges[i] = math.inf
             continue

@@ -1,0 +1,4 @@
+"""The physics twin: the robot and its world in MuJoCo, behind the same port as the others.
+
+Needs the extra `twin`; `settings` and `cells` do without.
+"""

@@ -1,0 +1,230 @@
+"""Physics in compiled steps: drives, MuJoCo, movers, and what is kept of the truth.
+
+MuJoCo's own `mj_step` is called from compiled code, so that a step costs what physics costs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit
+from cohelm.core.types import RADIUS, Floats, Ints, Pose, Twist, X, Y, wrap
+from cohelm.robot.footprint import disc_clearance
+from cohelm.robot.limits import Limits, achievable
+from cohelm.sim.twin.engine import address, mj_step
+from cohelm.sim.world import NOWHERE, World, clearance, place
+
+_STANDS = 0.01  # slower than this, a robot whose drives rest is standing [m/s]
+_FELT = 0.25  # the servo adds up its error only while it is this small [rad/s]
+_ADDED = 0.2  # share of the lag's rate with which it does
+
+STATE = np.dtype(
+    [
+        ("step", "i8"),  # steps made
+        ("x", "f8"), ("y", "f8"), ("psi", "f8"),  # true pose, heading not wrapped
+        ("v", "f8"), ("omega", "f8"),  # true twist, body frame
+        ("side", "f8"),  # true speed to the left: slip [m/s]
+        ("asked_v", "f8"), ("asked_omega", "f8"),  # what arrived at the drives
+        ("driven_v", "f8"), ("driven_omega", "f8"),  # what the drives aim at now
+        ("hold_left", "f8"), ("hold_right", "f8"),  # what the servos have added up [rad/s]
+        ("left", "f8"), ("right", "f8"), ("yaw", "f8"),  # since the last odometry [m, m, rad]
+        ("energy", "f8"),  # put in by the drives, none given back [J]
+        ("gap", "f8"), ("since", "f8"),  # clearance when last looked, and motion since [m]
+        ("least", "f8"), ("least_moving", "f8"),  # smallest clearance, and while moving [m]
+        ("touched", "i8"), ("touched_moving", "i8"),  # contacts begun, and by a moving robot
+        ("standing", "?"),  # it came to rest and its drives rest since
+        ("touching", "?"), ("force", "f8"),  # now, and the largest force so far [N]
+        ("tilt", "f8"),  # of the body's axis from the vertical [rad]
+    ],
+    align=True,
+)  # fmt: skip
+"""The twin between two steps."""
+
+
+class Views(NamedTuple):
+    """MuJoCo's own arrays, by reference, and where its structs lie."""
+
+    model: int
+    data: int
+    qpos: Floats
+    qvel: Floats
+    ctrl: Floats
+    mocap: Floats
+    sensors: Floats
+
+
+def views(model: Any, data: Any) -> Views:
+    """The arrays of a simulation; both arguments must outlive them."""
+    return Views(
+        address(model), address(data), data.qpos, data.qvel, data.ctrl,
+        np.asarray(data.mocap_pos).reshape(-1, 3), data.sensordata,
+    )  # fmt: skip
+
+
+class Movers(NamedTuple):
+    """Discs that move, each by its own clock: it stands still while somebody is in its way."""
+
+    which: Ints
+    """(m,) rows of the discs."""
+    clock: Floats
+    """(m,) [s]"""
+    paths: World
+    """Every disc as a world of its own."""
+
+
+class Trail(NamedTuple):
+    """Where robot and movers were in the last steps; step k is in row k % len."""
+
+    poses: Floats
+    """(n, 3)"""
+    places: Floats
+    """(n, m, 2)"""
+
+
+class Wheels(NamedTuple):
+    """The drives as numbers."""
+
+    radius: float
+    """[m]"""
+    lag: float
+    """[s]"""
+    gain: float
+    """Of the servo [N m s]."""
+    torque: float
+    """Largest [N m]."""
+
+
+@jit
+def advance(
+    last: int, deadline: int, step: float, views: Views, state: NDArray[np.void], orders: Floats,
+    limits: Limits, wheels: Wheels, outline: Floats, reach: float, discs: Floats, walls: Floats,
+    movers: Movers, trail: Trail,
+) -> None:  # fmt: skip
+    """Physics up to step `last`.
+
+    orders: (k, 3), commands (step of arrival, v, omega) in order. From `deadline` on the robot
+    brakes: nobody has told it anything for too long. state: (1,) of STATE, written to, as are
+    discs, movers' clocks and trail.
+    """
+    s = state[0]
+    head = 0
+    while s.step < last:
+        while head < len(orders) and orders[head, 0] <= s.step:
+            s.asked_v, s.asked_omega = orders[head, 1], orders[head, 2]
+            head += 1
+        if s.step >= deadline:
+            s.asked_v, s.asked_omega = 0.0, 0.0
+        _drive(step, views, s, limits, wheels)
+        mj_step(views.model, views.data)
+        s.step += 1
+        moved = _observe(step, views, s, limits, wheels, reach)
+        shift = _walk(step, views, s, outline, discs, movers)
+        row = s.step % len(trail.poses)
+        trail.poses[row, 0], trail.poses[row, 1], trail.poses[row, 2] = s.x, s.y, s.psi
+        for m in range(len(movers.which)):
+            trail.places[row, m, 0] = discs[movers.which[m], X]
+            trail.places[row, m, 1] = discs[movers.which[m], Y]
+        _score(s, views, moved + shift, outline, reach, discs, walls)
+
+
+@jit
+def _drive(step: float, views: Views, s: Any, limits: Limits, wheels: Wheels) -> None:
+    """The drives' ramp within the limits, and the servos' set points [rad/s]."""
+    driven = achievable(
+        Twist(s.asked_v, s.asked_omega), Twist(s.driven_v, s.driven_omega), limits, step
+    )
+    s.driven_v, s.driven_omega = driven.v, driven.omega
+    turn = 0.5 * limits.track * driven.omega
+    left, right = (driven.v - turn) / wheels.radius, (driven.v + turn) / wheels.radius
+    if driven.v == 0.0 and driven.omega == 0.0:
+        s.hold_left = s.hold_right = 0.0  # friction holds a robot that stands
+    else:
+        gain = _ADDED / wheels.lag * step
+        error = left - views.qvel[6]
+        s.hold_left += gain * error if abs(error) < _FELT else 0.0
+        error = right - views.qvel[7]
+        s.hold_right += gain * error if abs(error) < _FELT else 0.0
+    views.ctrl[0], views.ctrl[1] = left + s.hold_left, right + s.hold_right
+
+
+@jit
+def _observe(
+    step: float, views: Views, s: Any, limits: Limits, wheels: Wheels, reach: float
+) -> float:
+    """The true state after a step; how far any point of the outline has moved at most [m]."""
+    q = views.qpos
+    psi = math.atan2(2.0 * (q[3] * q[6] + q[4] * q[5]), 1.0 - 2.0 * (q[5] * q[5] + q[6] * q[6]))
+    turned = wrap(psi - s.psi)
+    moved = math.hypot(q[0] - s.x, q[1] - s.y) + reach * abs(turned)
+    s.x, s.y, s.psi = q[0], q[1], s.psi + turned
+    c, sn = math.cos(psi), math.sin(psi)
+    s.v = c * views.qvel[0] + sn * views.qvel[1]
+    s.side = -sn * views.qvel[0] + c * views.qvel[1]
+    s.omega = views.qvel[5]
+    s.left += views.qvel[6] * wheels.radius * step
+    s.right += views.qvel[7] * wheels.radius * step
+    s.yaw += turned
+    s.tilt = math.acos(min(max(1.0 - 2.0 * (q[4] * q[4] + q[5] * q[5]), -1.0), 1.0))
+    for i in range(2):
+        # the torque at the end of the step, as the integrator takes it
+        torque = wheels.gain * (views.ctrl[i] - views.qvel[6 + i])
+        torque = min(max(torque, -wheels.torque), wheels.torque)
+        s.energy += max(torque * views.qvel[6 + i], 0.0) * step
+    return moved
+
+
+@jit
+def _walk(
+    step: float, views: Views, s: Any, outline: Floats, discs: Floats, movers: Movers
+) -> float:
+    """Movers on by one step, but not deeper into the robot; the farthest way of any [m]."""
+    farthest = 0.0
+    pose = Pose(s.x, s.y, s.psi)
+    for m in range(len(movers.which)):
+        i = movers.which[m]
+        x, y, radius = discs[i, X], discs[i, Y], discs[i, RADIUS]
+        place(discs[i : i + 1], i, movers.paths, movers.clock[m] + step)
+        touching = disc_clearance(pose, outline, x, y, radius)
+        if touching <= 0.0:
+            then = disc_clearance(pose, outline, discs[i, X], discs[i, Y], radius)
+            if then < touching:
+                place(discs[i : i + 1], i, movers.paths, movers.clock[m])
+                continue
+        movers.clock[m] += step
+        farthest = max(farthest, math.hypot(discs[i, X] - x, discs[i, Y] - y))
+        views.mocap[m, 0], views.mocap[m, 1] = discs[i, X], discs[i, Y]
+    return farthest
+
+
+@jit
+def _score(
+    s: Any, views: Views, moved: float, outline: Floats, reach: float, discs: Floats,
+    walls: Floats,
+) -> None:  # fmt: skip
+    """Clearance where a new smallest one is possible, and contacts as physics felt them."""
+    if s.driven_v != 0.0 or s.driven_omega != 0.0:
+        s.standing = False
+    elif math.hypot(s.v, s.side) + reach * abs(s.omega) < _STANDS:
+        s.standing = True  # and stays so, even if somebody nudges it
+    moving = not s.standing
+    s.since += moved
+    if s.gap - s.since < (s.least_moving if moving else s.least):
+        s.gap = clearance(Pose(s.x, s.y, s.psi), outline, reach, discs, walls, NOWHERE)
+        s.since = 0.0
+        s.least = min(s.least, s.gap)
+        if moving:
+            s.least_moving = min(s.least_moving, s.gap)
+    felt = views.sensors[0] > 0.0
+    if felt:
+        force = 0.0
+        for i in range(1, 4):
+            force += views.sensors[i] * views.sensors[i]
+        s.force = max(s.force, math.sqrt(force))
+        if not s.touching:
+            s.touched += 1
+            s.touched_moving += moving
+    s.touching = felt

@@ -1,0 +1,295 @@
+"""The twin as a robot behind the port: MuJoCo's physics, sensors with their errors, delays."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Twist, is_finite
+from cohelm.robot.limits import achievable
+from cohelm.robot.model import RobotModel
+from cohelm.robot.pace import AsFast, Pace
+from cohelm.robot.port import Frame, Health, Readings, Scan
+from cohelm.sim.grid import NO_GRID, Grid, borders
+from cohelm.sim.lidar import measure
+from cohelm.sim.odometer import Odometer
+from cohelm.sim.twin.engine import mujoco
+from cohelm.sim.twin.mjcf import mjcf, servo_gain, torque_limit
+from cohelm.sim.twin.physics import STATE, Movers, Trail, Wheels, advance, views
+from cohelm.sim.twin.settings import TwinModel
+from cohelm.sim.twin.sweep import rows, sweep
+from cohelm.sim.world import NOWHERE, World, clearance, moves, place, world
+
+STEP = 0.005
+"""Physics moves on in steps of this, or a little less: a whole number of them make 10 ms [s]."""
+_SETTLING = 100  # steps in which the robot sinks onto its wheels before time begins
+_CHUNK = 64  # steps that are made in one go at most
+_TIPPED = math.radians(20.0)
+_ORIGIN, _DEFAULT = Pose(0.0, 0.0, 0.0), TwinModel()
+
+
+class Truth(NamedTuple):
+    """What no sensor says: for scores and tests, never for the loop."""
+
+    stamp: float
+    pose: Pose
+    """In the world frame; the heading is not wrapped."""
+    twist: Twist
+    side: float
+    """Speed to the left: the wheels slip sideways [m/s]."""
+    clearance: float
+    """Real outline to the nearest disc or wall, now; from geometry [m]."""
+    least: float
+    """The smallest there was so far [m]."""
+    least_moving: float
+    """The smallest there was while the robot moved: below 0 it drove into something [m]."""
+    touched: int
+    """Contacts that began, as physics felt them."""
+    touched_moving: int
+    """Of those, contacts of a moving robot."""
+    touching: bool
+    """Whether there is one now."""
+    force: float
+    """The largest force of a contact so far [N]."""
+    energy: float
+    """What the drives have put in; braking gives nothing back [J]."""
+
+
+class Twin:
+    """A robot of steel and rubber, as far as MuJoCo goes.
+
+    What it hits holds it back. Movers (index 0 of `around`) run with the robot's clock, but stop
+    when they walk into it; they are never pushed aside. Runs are equal to the last bit for equal
+    seeds and calls, with the pace `AsFast`.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        start: Pose = _ORIGIN,
+        around: World | None = None,
+        *,
+        grid: Grid = NO_GRID,
+        seed: int = 0,
+        pace: Pace | None = None,
+        timeout: float = 0.5,
+        settings: TwinModel = _DEFAULT,
+        step: float = STEP,
+    ) -> None:
+        """timeout: without a new command for so long the robot stops by itself [s]."""
+        self._model = model = settings.fitted(model)
+        self._step, self._seed, self._grid = step, seed, grid
+        self._limits, self._outline, self._reach = model.bounds(), model.outline, model.reach
+        around = world(([], np.empty((0, 4)))) if around is None else around
+        self._walls = np.vstack((around.walls, borders(grid)))
+        self._seen_walls = around.walls
+        self._discs = np.empty((len(around.discs), 6))
+        place(self._discs, 0, around, 0.0)
+        solo = around._replace(
+            first=np.arange(len(self._discs) + 1), wall_first=np.zeros(len(self._discs) + 1, int)
+        )
+        moving = [i for i in range(len(self._discs)) if moves(i, solo)]
+        self._movers = Movers(np.array(moving, dtype=np.int64), np.zeros(len(moving)), solo)
+        text = mjcf(model, settings, step, self._discs, moving, around.walls, grid)
+        try:
+            self.mujoco: Any = mujoco.MjModel.from_xml_string(text)
+        except ValueError as error:
+            raise CohelmError(f"MuJoCo can not build the twin's world: {error}") from error
+        self.data: Any = mujoco.MjData(self.mujoco)
+        self._settle(start)
+        self._views = views(self.mujoco, self.data)
+        self._wheels = Wheels(
+            model.wheel_radius_m, settings.wheel_lag_s, servo_gain(model, settings),
+            torque_limit(model, settings),
+        )  # fmt: skip
+        self._state = np.zeros(1, dtype=STATE)
+        s = self._state[0]
+        s["x"], s["y"], s["psi"] = start
+        s["gap"], s["since"] = -NOWHERE, 0.0  # look at once
+        s["least"] = s["least_moving"] = NOWHERE
+        self._timeout = self._steps(timeout)
+        self._delay = self._steps(model.delay_s)
+        self._told = 0
+        self._orders: deque[tuple[int, float, float]] = deque()
+        self._pace = AsFast() if pace is None else pace
+        self._odometer = Odometer(model.odometry, seed)
+        self._odometry = self._odometer.start(0.0)
+        self._next_odometry = self._at(model.odometry.rate_hz, 1)
+        self._lidar = None if model.lidar is None else model.lidar.lidar()
+        self._sweep = 0 if model.lidar is None else self._steps(model.lidar.sweep_s)
+        self._latency = 0 if model.lidar is None else self._steps(model.lidar.latency_s)
+        self._scans: deque[tuple[int, Scan]] = deque()
+        self._scan: Scan | None = None
+        self._number, self._next_scan = 0, self._sweep
+        size = rows(self._sweep * step, step) + _CHUNK
+        self._trail = Trail(np.empty((size, 3)), np.empty((size, len(moving), 2)))
+        self._trail.poses[:] = start
+        self._trail.places[:] = self._discs[moving, :2]
+        self._closed = False
+        self._happen()
+
+    @property
+    def model(self) -> RobotModel:
+        """Outline, limits, sensors."""
+        return self._model
+
+    def now(self) -> float:
+        """Seconds since the robot was made."""
+        self._open()
+        return self._pace.due()
+
+    def wait(self, until: float) -> None:
+        """Let time pass; the world is only worked out when somebody looks."""
+        self._open()
+        self._pace.wait(until)
+
+    def read(self) -> Readings:
+        """What the sensors say as of now."""
+        self._catch_up()
+        while self._scans and self._scans[0][0] <= self._state[0]["step"]:
+            self._scan = self._scans.popleft()[1]
+        return Readings(self._odometry, self._scan, self._frame(), self._health())
+
+    def send(self, twist: Twist) -> Twist:
+        """Ask for a twist; it reaches the drives after the robot's delay."""
+        self._catch_up()
+        self._told = int(self._state[0]["step"])
+        if not (is_finite(twist.v) and is_finite(twist.omega)):
+            twist = Twist(0.0, 0.0)
+        free = self._limits._replace(
+            acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
+        )
+        possible = achievable(twist, Twist(0.0, 0.0), free, self._step)
+        self._orders.append((self._told + self._delay, possible.v, possible.omega))
+        return possible
+
+    def stop(self) -> None:
+        """Brake; what was on its way to the drives no longer matters."""
+        self._catch_up()
+        self._orders.clear()
+        self._orders.append((int(self._state[0]["step"]) + self._delay, 0.0, 0.0))
+
+    def close(self) -> None:
+        """Nothing may be asked of it any more."""
+        self._closed = True
+
+    def truth(self) -> Truth:
+        """How it really is."""
+        self._catch_up()
+        s = self._state[0]
+        pose = Pose(float(s["x"]), float(s["y"]), float(s["psi"]))
+        gap = clearance(pose, self._outline, self._reach, self._discs, self._walls, NOWHERE)
+        return Truth(
+            int(s["step"]) * self._step, pose, Twist(float(s["v"]), float(s["omega"])),
+            float(s["side"]), gap, float(s["least"]), float(s["least_moving"]),
+            int(s["touched"]), int(s["touched_moving"]), bool(s["touching"]),
+            float(s["force"]), float(s["energy"]),
+        )  # fmt: skip
+
+    def push(self, x: float, y: float, psi: float) -> None:
+        """Somebody lifts the robot and puts it down so far off [m, m, rad], in the world frame;
+        wheels and gyro notice nothing."""
+        self._catch_up()
+        s, q = self._state[0], self.data.qpos
+        s["x"], s["y"], s["psi"] = s["x"] + x, s["y"] + y, s["psi"] + psi
+        q[0], q[1] = s["x"], s["y"]
+        c, h = math.cos(psi), math.sin(psi)
+        v = self.data.qvel
+        v[0], v[1] = c * v[0] - h * v[1], h * v[0] + c * v[1]
+        _turn(q, float(s["psi"]))
+        s["gap"], s["since"] = -NOWHERE, 0.0
+
+    def _settle(self, start: Pose) -> None:
+        """Put the robot down, far from everything in time, and let it sink onto its wheels."""
+        d = self.data
+        d.qpos[0], d.qpos[1] = start.x, start.y
+        _turn(d.qpos, start.psi)
+        mujoco.mj_step(self.mujoco, d, _SETTLING)
+        d.qpos[0], d.qpos[1] = start.x, start.y
+        _turn(d.qpos, start.psi)
+        d.qpos[7:9] = 0.0
+        d.qvel[:] = 0.0
+        d.time = 0.0
+        mujoco.mj_forward(self.mujoco, d)
+
+    def _steps(self, seconds: float) -> int:
+        return round(seconds / self._step)
+
+    def _at(self, rate: float, number: int) -> int:
+        """The step of reading `number` of a sensor that gives `rate` a second, number 0 at 0."""
+        return math.ceil(number / (rate * self._step) - 1e-6)
+
+    def _open(self) -> None:
+        if self._closed:
+            raise CohelmError("the robot is closed: make a new one")
+
+    def _catch_up(self) -> None:
+        """Move the world on to now."""
+        self._open()
+        due = math.floor(self._pace.due() / self._step + 1e-6)
+        step = int(self._state[0]["step"])
+        while step < due:
+            last = min(due, self._next_odometry, step + _CHUNK)
+            if self._lidar is not None:
+                last = min(last, self._next_scan)
+            orders = np.array(self._orders, dtype=np.float64).reshape(-1, 3)
+            advance(
+                last, self._told + self._timeout, self._step, self._views, self._state, orders,
+                self._limits, self._wheels, self._outline, self._reach, self._discs, self._walls,
+                self._movers, self._trail,
+            )  # fmt: skip
+            step = last
+            while self._orders and self._orders[0][0] < step:
+                self._orders.popleft()
+            self._happen()
+
+    def _happen(self) -> None:
+        """What the sensors do at this step."""
+        step, s = int(self._state[0]["step"]), self._state[0]
+        if step >= self._next_odometry:
+            rate = self._model.odometry.rate_hz
+            dt = step * self._step - self._odometry.stamp
+            self._odometry = self._odometer.reading(
+                step * self._step, dt, float(s["left"]), float(s["right"]), float(s["yaw"])
+            )
+            s["left"] = s["right"] = s["yaw"] = 0.0
+            self._next_odometry = self._after(step, rate)
+        if self._lidar is not None and self._model.lidar is not None and step >= self._next_scan:
+            ranges = np.empty(len(self._lidar.beams))
+            began = step - self._sweep
+            sweep(
+                began, self._sweep, self._trail, self._lidar, self._discs.copy(), self._movers,
+                self._seen_walls, self._grid, ranges,
+            )  # fmt: skip
+            measure(self._lidar, self._seed, self._number, ranges)
+            ranges.flags.writeable = False
+            stamp, length = began * self._step, self._sweep * self._step
+            self._scans.append((step + self._latency, Scan(stamp, self._number, ranges, length)))
+            self._number += 1
+            self._next_scan = self._sweep + self._after(began, self._model.lidar.rate_hz)
+
+    def _after(self, step: int, rate: float) -> int:
+        """The first reading's step after this one."""
+        number = math.floor(step * self._step * rate + 1e-6) + 1
+        return max(self._at(rate, number), step + 1)
+
+    def _frame(self) -> Frame | None:
+        return None
+
+    def _health(self) -> Health:
+        s = self._state[0]
+        stamp = int(s["step"]) * self._step
+        if not math.isfinite(s["x"] + s["y"] + s["psi"]):
+            return Health(stamp, math.nan, ("physics came to a pose that is not finite",))
+        if s["tilt"] > _TIPPED:
+            return Health(stamp, math.nan, ("the robot has tipped over: set it upright",))
+        return Health(stamp, math.nan, ())
+
+
+def _turn(qpos: Any, psi: float) -> None:
+    """Set the heading of a free joint, upright."""
+    qpos[3:7] = math.cos(0.5 * psi), 0.0, 0.0, math.sin(0.5 * psi)

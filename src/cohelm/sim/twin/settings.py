@@ -1,0 +1,62 @@
+"""What a user may say of the twin: the ground, the drives, and other sensors' errors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from cohelm.core.schema import Schema
+from cohelm.robot.model import RobotModel
+
+_AtLeast0 = Annotated[float, Field(ge=0.0)] | None
+
+
+class TwinModel(Schema):
+    """The physics of the twin; sensor errors replace the robot's own where they are given."""
+
+    friction: Annotated[float, Field(gt=0.0, le=5.0)] = 0.8
+    """Coefficient of friction between the driven wheels and the floor; low makes them slip."""
+    wheel_lag_s: Annotated[float, Field(ge=0.005, le=1.0)] = 0.02
+    """Time constant with which a wheel follows the speed that its drive is told."""
+    torque_margin: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
+    """Largest torque of a drive, as a multiple of what the wheels' largest acceleration takes."""
+    rolling_resistance: Annotated[float, Field(ge=0.0, le=1.0)] = 0.01
+    """Force that rolling takes, as a share of the weight."""
+    lidar_noise_m: _AtLeast0 = None
+    """Standard deviation of a range, instead of the robot's own."""
+    lidar_dropout: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
+    """Share of beams that return nothing, instead of the robot's own."""
+    lidar_rate_hz: Annotated[float, Field(gt=0.0)] | None = None
+    """Scans per second, instead of the robot's own."""
+    lidar_sweep_s: _AtLeast0 = None
+    """From a scan's first beam to its last, instead of the robot's own."""
+    lidar_latency_s: _AtLeast0 = None
+    """From a scan's last beam to the reading, instead of the robot's own."""
+    odometry_distance_error: _AtLeast0 = None
+    """Standard deviation of each wheel's constant scale error, instead of the robot's own."""
+    odometry_slip: _AtLeast0 = None
+    """Random error of each wheel's way [m per square root of m], instead of the robot's own."""
+    gyro_drift_degps: _AtLeast0 = None
+    """Standard deviation of the constant error of the yaw rate, instead of the robot's own."""
+    gyro_noise_degps: _AtLeast0 = None
+    """Standard deviation of each reading of the yaw rate, instead of the robot's own."""
+
+    def fitted(self, robot: RobotModel) -> RobotModel:
+        """The robot with the sensor errors that are given here."""
+        odometry = _given(
+            distance_error=self.odometry_distance_error, slip=self.odometry_slip,
+            gyro_drift_degps=self.gyro_drift_degps, gyro_noise_degps=self.gyro_noise_degps,
+        )  # fmt: skip
+        lidar = _given(
+            noise_m=self.lidar_noise_m, dropout=self.lidar_dropout, rate_hz=self.lidar_rate_hz,
+            sweep_s=self.lidar_sweep_s, latency_s=self.lidar_latency_s,
+        )  # fmt: skip
+        changed: dict[str, Any] = {"odometry": robot.odometry.model_copy(update=odometry)}
+        if robot.lidar is not None:
+            changed["lidar"] = robot.lidar.model_copy(update=lidar)
+        return robot.model_copy(update=changed)
+
+
+def _given(**values: float | None) -> dict[str, float]:
+    return {key: value for key, value in values.items() if value is not None}

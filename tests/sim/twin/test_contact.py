@@ -1,0 +1,112 @@
+"""What the twin hits holds it back, and geometry and physics agree on when."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.model import RobotModel
+from cohelm.sim.grid import grid
+from cohelm.sim.twin.engine import mujoco
+from cohelm.sim.twin.robot import Twin
+from tests.sim.twin.drives import brake, disc, drive, sally, scene
+
+AGREE = 0.003  # geometry and physics may differ by so much on where a contact begins [m]
+
+
+def test_a_wall_holds_the_robot_back():
+    robot = Twin(sally(), around=scene(walls=[[1.0, -3.0, 1.0, 3.0]]))
+    truth = drive(robot, Twist(0.5, 0.0), 3.0)[-1]
+    assert truth.touching
+    assert truth.clearance == pytest.approx(0.0, abs=AGREE)
+    assert truth.least_moving <= 0.0
+    assert truth.touched_moving >= 1
+    assert truth.force > 50.0
+    assert abs(truth.twist.v) < 0.02
+
+
+def test_a_robot_that_stops_in_front_of_a_wall_touches_nothing():
+    robot = Twin(sally(), around=scene(walls=[[1.0, -3.0, 1.0, 3.0]]))
+    drive(robot, Twist(0.5, 0.0), 0.7)
+    truth = brake(robot)
+    assert truth.clearance > 0.05
+    assert truth.least == pytest.approx(truth.clearance, abs=1e-3)
+    assert (truth.touched, truth.force) == (0, 0.0)
+
+
+def outlines() -> list[RobotModel]:
+    wedge = [[0.5, 0.0], [0.2, 0.3], [-0.3, 0.2], [-0.3, -0.2], [0.2, -0.3]]
+    return [sally(), sally(footprint_m=wedge, name="wedge")]
+
+
+@pytest.mark.parametrize("model", outlines(), ids=lambda m: m.name)
+def test_physics_and_geometry_agree_on_what_touches(model):
+    rng = np.random.default_rng(7)
+    bodies = [disc(*rng.uniform(-2, 2, 2), rng.uniform(0.05, 0.4)) for _ in range(4)]
+    bodies.append(disc(1.5, -1.5, 0.2, 0.3, 0.0))
+    solid = np.zeros((8, 8), dtype=bool)
+    solid[2:5, 3:6] = True
+    robot = Twin(
+        model, Pose(9.0, 9.0, 0.0),
+        scene(*bodies, walls=[[-2.0, 1.0, 0.5, 2.0], [0.0, -2.5, 0.1, -1.5]]),
+        grid=grid(solid, 0.1, Pose(0.5, 0.2, 0.3)),
+    )  # fmt: skip
+    body = mujoco.mj_name2id(robot.mujoco, mujoco.mjtObj.mjOBJ_GEOM, "body")
+    touched = 0
+    for _ in range(400):
+        x, y, psi = rng.uniform([-2.5, -2.5, -3.1], [2.5, 2.5, 3.1])
+        was = robot.truth().pose
+        robot.push(x - was.x, y - was.y, psi - was.psi)
+        gap = robot.truth().clearance
+        mujoco.mj_forward(robot.mujoco, robot.data)
+        found = any(body in (c.geom1, c.geom2) for c in robot.data.contact)
+        if abs(gap) > AGREE:
+            assert found == (gap < 0.0), (x, y, psi, gap)
+        touched += found
+    assert 50 < touched < 350
+
+
+def test_who_walks_into_a_standing_robot_stops_there_and_goes_on_when_it_leaves():
+    robot = Twin(sally(), around=scene(disc(2.0, 0.0, 0.25, -1.0, 0.0)))
+    truth = brake(robot, 4.0)
+    assert truth.touched >= 1
+    assert truth.touched_moving == 0
+    assert -0.01 < truth.least <= 0.0
+    assert truth.least_moving > 0.0
+    assert math.hypot(truth.pose.x, truth.pose.y) < 0.03  # a nudge, not a shove
+    drive(robot, Twist(-1.0, 0.0), 1.0)
+    assert robot.truth().clearance < 0.3  # on its heels
+    assert robot.truth().pose.x < -0.4
+
+
+def test_who_is_driven_into_is_a_contact_of_a_moving_robot():
+    robot = Twin(sally(), around=scene(disc(2.0, 0.0, 0.25, -0.5, 0.0)))
+    truth = drive(robot, Twist(0.5, 0.0), 2.0)[-1]
+    assert truth.touched_moving >= 1
+    assert truth.least_moving <= 0.0
+
+
+def test_movers_out_of_reach_go_their_way():
+    robot = Twin(sally(), around=scene(disc(-3.0, 2.0, 0.25, 1.0, 0.5)))
+    gap = math.hypot(-2.0 + 0.36, 2.5 - 0.29) - 0.25
+    assert brake(robot, 1.0).clearance == pytest.approx(gap, abs=0.01)
+
+
+def test_a_world_that_physics_can_not_bear_is_refused():
+    specks = np.zeros((400, 400), dtype=bool)
+    specks[::2, ::2] = True
+    with pytest.raises(CohelmError, match=r"40000 boxes and cylinders.*coarser map"):
+        Twin(sally(), around=scene(), grid=grid(specks, 0.05, Pose(0.0, 0.0, 0.0)))
+
+
+def test_a_robot_that_was_pushed_over_says_so():
+    robot = Twin(sally())
+    brake(robot, 0.1)
+    robot.data.qpos[2] = 0.5
+    robot.data.qpos[3:7] = math.cos(0.8), math.sin(0.8), 0.0, 0.0
+    robot.wait(robot.now() + 0.1)
+    health = robot.read().health
+    assert health is not None
+    assert "tipped over" in health.faults[0]
