@@ -3,12 +3,21 @@
 A new adapter adds itself to `ADAPTERS`; the suite then holds it to the port's promises.
 """
 
+import atexit
+import shutil
+import tempfile
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.types import Pose
+from cohelm.core.period import PERIOD
+from cohelm.core.types import Pose, Twist
+from cohelm.record.drive import DriveFile
+from cohelm.record.replay import Replayed
+from cohelm.robot.keep.kept import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Robot
@@ -40,8 +49,40 @@ def room() -> World:
 
 START = Pose(0.0, 0.0, 0.0)
 
+
+def recorded(path: Path, seconds: float) -> Path:
+    """A drive on a curve, written down as the loop does it."""
+    robot = Kinematic(sally(), START, room(), seed=4)
+    row = np.zeros((), dtype=PERIOD)
+    row["v_given"], row["omega_given"] = 0.3, 0.4
+    with path.open("wb") as file:
+        drive = DriveFile(file, sally(), 1_700_000_000_000_000_000)
+        last = -1
+        while robot.now() < seconds:
+            robot.send(Twist(0.3, 0.4))
+            readings = robot.read()
+            drive.write(readings.odometry)
+            if readings.scan.number > last:
+                drive.write(readings.scan)
+                last = readings.scan.number
+            row["t"] = robot.now()
+            drive.period(row)
+            robot.wait(robot.now() + 0.02)
+        drive.write(Event(robot.now(), "loop", "the end"))
+        drive.finish()
+    return path
+
+
+@cache
+def _replayed() -> Path:
+    folder = Path(tempfile.mkdtemp())
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return recorded(folder / "drive.mcap", 3.0)
+
+
 ADAPTERS: dict[str, Adapter] = {
     "kinematic": Adapter(lambda: Kinematic(sally(), START, room(), seed=3)),
+    "replayed": Adapter(lambda: Replayed(_replayed()), obeys=False),
     "kinematic, real time": Adapter(
         lambda: Kinematic(sally(), START, room(), seed=3, pace=OnTheWall()), real_time=True
     ),

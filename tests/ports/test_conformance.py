@@ -229,6 +229,19 @@ def test_stop_brakes_to_standing_and_again_does_no_harm(robot, adapter):
     assert math.hypot(again.pose.x - first.pose.x, again.pose.y - first.pose.y) <= STILL
 
 
+def test_stop_called_again_and_again_is_no_slower(robot, adapter):
+    if not adapter.obeys:
+        pytest.skip("it moves as it did")
+    drive(robot, Twist(0.6, 0.2), 0.8)
+    end = robot.now() + braking(robot)
+    while robot.now() < end:
+        robot.stop()
+        robot.wait(robot.now() + 0.01)
+    odometry = robot.read().odometry
+    assert odometry is not None
+    assert abs(odometry.twist.v) <= STILL
+
+
 def test_it_stops_by_itself_when_nothing_is_sent(robot, adapter):
     if not adapter.obeys:
         pytest.skip("it moves as it did")

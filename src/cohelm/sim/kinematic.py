@@ -132,10 +132,12 @@ class Kinematic:
         return possible
 
     def stop(self) -> None:
-        """Brake; what was on its way to the wheels no longer matters."""
+        """Brake; what is still on its way to the wheels no longer matters, but for a stop."""
         self._catch_up()
+        still = Twist(0.0, 0.0)
+        under_way = [at for at, twist in self._coming if twist == still]
         self._coming.clear()
-        self._coming.append((self._tick + self._delay, Twist(0.0, 0.0)))
+        self._coming.append((min([self._tick + self._delay, *under_way]), still))
 
     def close(self) -> None:
         """Nothing may be asked of it any more."""

@@ -1,0 +1,134 @@
+"""A recorded drive as a robot behind the port: it senses again what it sensed then."""
+
+from __future__ import annotations
+
+import bisect
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Twist, wrap
+from cohelm.record.messages import attachment, messages
+from cohelm.robot.model import RobotModel
+from cohelm.robot.pace import AsFast, Pace
+from cohelm.robot.port import Health, Odometry, Readings, Scan
+
+
+class Replayed:
+    """Plays `/odom`, `/scan` and `/cmd_vel` of a record; time 0 is its first odometry reading.
+
+    It does not obey: `send` and `stop` answer with, and change nothing of, what was driven. After
+    the record's end nothing new comes.
+    """
+
+    def __init__(
+        self, path: Path, model: RobotModel | None = None, *, pace: Pace | None = None
+    ) -> None:
+        """model: of a robot whose record does not describe it.
+
+        Raises CohelmError for a file that is no record, or holds no odometry, or no robot.
+        """
+        self._model = model or recorded_model(path)
+        self._pace = AsFast() if pace is None else pace
+        self._closed = False
+        self._odometry, self._scans, self._driven = _read(path)
+        self._stamps = [o.stamp for o in self._odometry]
+        self._ends = [s.stamp + s.duration for s in self._scans]
+        self._turns = [t for t, _ in self._driven]
+
+    @property
+    def model(self) -> RobotModel:
+        """Outline, limits, sensors."""
+        return self._model
+
+    @property
+    def duration(self) -> float:
+        """Of the record [s]."""
+        return self._stamps[-1]
+
+    def now(self) -> float:
+        """Seconds since the record's first odometry."""
+        self._open()
+        return self._pace.due()
+
+    def wait(self, until: float) -> None:
+        """Let time pass."""
+        self._open()
+        self._pace.wait(until)
+
+    def read(self) -> Readings:
+        """What was newest then."""
+        now = self.now() + 1e-9
+        k = bisect.bisect_right(self._stamps, now)
+        s = bisect.bisect_right(self._ends, now)
+        return Readings(
+            self._odometry[k - 1] if k else None, self._scans[s - 1] if s else None, None,
+            Health(self.now(), math.nan, ()),
+        )  # fmt: skip
+
+    def send(self, twist: Twist) -> Twist:
+        """What was driven then."""
+        k = bisect.bisect_right(self._turns, self.now() + 1e-9)
+        return self._driven[k - 1][1] if k else Twist(0.0, 0.0)
+
+    def stop(self) -> None:
+        """What is past can not be stopped."""
+        self._open()
+
+    def close(self) -> None:
+        """Nothing may be asked of it any more."""
+        self._closed = True
+
+    def _open(self) -> None:
+        if self._closed:
+            raise CohelmError("the robot is closed: make a new one")
+
+
+def recorded_model(path: Path) -> RobotModel:
+    """The robot that a record describes. CohelmError where it describes none."""
+    data = attachment(path, "robot.json")
+    if data is None:
+        raise CohelmError(f"{path} does not say which robot it is of: name the robot's YAML file")
+    try:
+        return RobotModel.model_validate(json.loads(data))
+    except (ValidationError, ValueError) as error:
+        raise CohelmError(f"{path}: its description of the robot is damaged: {error}") from error
+
+
+def _read(path: Path) -> tuple[list[Odometry], list[Scan], list[tuple[float, Twist]]]:
+    odometry: list[Odometry] = []
+    scans: list[Scan] = []
+    driven: list[tuple[float, Twist]] = []
+    zero, psi = -1, 0.0
+    for topic, stamp, m in messages(path, ("/odom", "/scan", "/cmd_vel")):
+        zero = stamp if zero < 0 and topic == "/odom" else zero
+        t = (stamp - zero) * 1e-9
+        if zero < 0:
+            continue
+        if topic == "/odom":
+            psi += wrap(_yaw(m.pose.pose.orientation) - psi)  # goes on round and round, as it came
+            place, twist = m.pose.pose.position, m.twist.twist
+            now = Odometry(t, Pose(place.x, place.y, psi), Twist(twist.linear.x, twist.angular.z))
+            if not odometry or t > odometry[-1].stamp:
+                odometry.append(now)
+        elif topic == "/scan":
+            n = len(m.ranges)
+            ranges = np.asarray(m.ranges, dtype=np.float64)
+            ranges = np.clip(
+                ranges, m.range_min, m.range_max, where=np.isfinite(ranges), out=ranges
+            )
+            scans.append(Scan(t, len(scans), ranges, float(m.time_increment) * max(n - 1, 1)))
+        else:
+            driven.append((t, Twist(m.twist.linear.x, m.twist.angular.z)))
+    if not odometry:
+        raise CohelmError(f"{path} holds no odometry (/odom): give the record of a drive")
+    return odometry, scans, driven
+
+
+def _yaw(q: Any) -> float:
+    return 2.0 * math.atan2(q.z, q.w)

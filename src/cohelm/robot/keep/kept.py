@@ -1,0 +1,211 @@
+"""A robot behind its gate: nothing reaches the wheels but through here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from cohelm.core.types import Twist
+from cohelm.robot.gate import gate as gates
+from cohelm.robot.gate.bounds import Bounds
+from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
+from cohelm.robot.gate.modes import Mode, latched
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Readings, Robot
+
+STANDS_V, STANDS_OMEGA = 0.02, 0.03
+"""A robot whose odometry says less than this stands [m/s, rad/s]."""
+
+
+class Event(NamedTuple):
+    """Something worth a line in the record."""
+
+    stamp: float
+    """The robot's clock [s]."""
+    who: str
+    """gate, loop, recorder..."""
+    text: str
+    serious: bool = False
+    """Whether somebody should look at it."""
+
+
+class Keeper(Protocol):
+    """What the loop is given instead of a robot. One thread; only `wait` takes time."""
+
+    @property
+    def model(self) -> RobotModel:
+        """Of the robot."""
+        ...
+
+    @property
+    def gate(self) -> Gate:
+        """As of the last call."""
+        ...
+
+    def now(self) -> float:
+        """The robot's clock [s]."""
+        ...
+
+    def wait(self, until: float) -> None:
+        """Let time pass."""
+        ...
+
+    def read(self) -> Readings:
+        """The newest of everything."""
+        ...
+
+    def propose(self, proposal: Proposal) -> Passed:
+        """Ask for a twist; what the robot will really try, and why it differs."""
+        ...
+
+    def stop(self, reason: str) -> None:
+        """Latched."""
+        ...
+
+    def fault(self, reason: str) -> None:
+        """Latched."""
+        ...
+
+    def reset(self) -> str:
+        """Let go of a stop or fault; why not, or nothing."""
+        ...
+
+    def drive(self, mode: Mode) -> str:
+        """Choose who drives; why not, or nothing."""
+        ...
+
+    def close(self) -> None:
+        """Stop the robot and let it go."""
+        ...
+
+
+def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> Rules:
+    """The gate's rules for a robot, and for a loop with this period [s]."""
+    limits = model.bounds()
+    return Rules(
+        Bounds(*limits), age=max(0.1, 3.0 * period), watchdog=max(watchdog, 2.0 * period),
+        period=period, jitter=0.5 * period,
+    )  # fmt: skip
+
+
+class Kept:
+    """A robot and its gate in this process. In simulated time its watchdog is as good as one in
+    a process of its own; in real time it can not outlive this process."""
+
+    def __init__(
+        self, robot: Robot, rules: Rules, told: Callable[[Event], None] | None = None
+    ) -> None:
+        self._robot, self._rules = robot, rules
+        self._told = told or _nobody
+        self._gate = Gate()
+        self._latched_at = math.nan
+
+    @property
+    def model(self) -> RobotModel:
+        """Of the robot."""
+        return self._robot.model
+
+    @property
+    def gate(self) -> Gate:
+        """As of now."""
+        return self._gate
+
+    def now(self) -> float:
+        """The robot's clock."""
+        return self._robot.now()
+
+    def wait(self, until: float) -> None:
+        """Let time pass; the watchdog barks meanwhile."""
+        bark = gates.due(self._gate, self._rules)
+        if bark < until:
+            self._robot.wait(bark + 1e-6)
+            self.tick()
+        self._robot.wait(until)
+
+    def read(self) -> Readings:
+        """The newest of everything; a robot that has a fault does not drive."""
+        readings = self._robot.read()
+        if readings.health is not None and readings.health.faults:
+            self.fault(f"the robot says: {readings.health.faults[0]}")
+        self._stands(readings)
+        return readings
+
+    def propose(self, proposal: Proposal) -> Passed:
+        """Through the gate to the wheels."""
+        gate, passed = gates.propose(self._gate, proposal, self._robot.now(), self._rules)
+        return self._out(gate, passed)
+
+    def tick(self) -> Passed:
+        """Nothing was proposed: the watchdog looks."""
+        gate, passed = gates.tick(self._gate, self._robot.now(), self._rules)
+        return self._out(gate, passed)
+
+    def stop(self, reason: str) -> None:
+        """Latched, and at once."""
+        self._now(gates.stop(self._gate, reason))
+
+    def fault(self, reason: str) -> None:
+        """Latched, and at once."""
+        self._now(gates.fault(self._gate, reason))
+
+    def reset(self) -> str:
+        """Let go, into IDLE."""
+        gate, said = gates.reset(self._gate, self._robot.now(), self._rules)
+        self._now(gate)
+        return said
+
+    def drive(self, mode: Mode) -> str:
+        """Choose who drives."""
+        gate, said = gates.drive(self._gate, mode, self._robot.now(), self._rules)
+        self._now(gate)
+        return said
+
+    def close(self) -> None:
+        """Stop the robot and let it go."""
+        self._robot.stop()
+        self._robot.close()
+
+    def _now(self, gate: Gate) -> None:
+        self._changed(gate)
+        if latched(gate.mode):
+            self._robot.stop()
+
+    def _out(self, gate: Gate, passed: Passed) -> Passed:
+        self._changed(gate)
+        if latched(gate.mode):
+            self._robot.stop()
+            return passed
+        tried = self._robot.send(passed.out)
+        if tried == passed.out:
+            return passed
+        return Passed(tried, passed.reason or "the robot does not do more")
+
+    def _changed(self, gate: Gate) -> None:
+        before, self._gate = self._gate, gate
+        if gate.mode != before.mode:
+            now = self._robot.now()
+            serious = latched(gate.mode)
+            said = f"{before.mode.name} -> {gate.mode.name}"
+            self._told(Event(now, "gate", f"{said}: {gate.reason}" if serious else said, serious))
+            self._latched_at = now if serious else math.nan
+
+    def _stands(self, readings: Readings) -> None:
+        """After a latched stop: say once when the robot has come to stand."""
+        odometry = readings.odometry
+        if odometry is None or not odometry.stamp > self._latched_at:
+            return
+        v, omega = odometry.twist
+        if abs(v) < STANDS_V and abs(omega) < STANDS_OMEGA:
+            after = odometry.stamp - self._latched_at
+            self._told(Event(odometry.stamp, "gate", f"stands, {after:.2f} s after"))
+            self._latched_at = math.nan
+
+
+def _nobody(_: Event) -> None:
+    """Nobody listens."""
+
+
+def standing(twist: Twist) -> bool:
+    """Whether a measured twist is that of a robot that stands."""
+    return abs(twist.v) < STANDS_V and abs(twist.omega) < STANDS_OMEGA

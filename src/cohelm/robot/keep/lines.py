@@ -1,0 +1,63 @@
+"""A line to the recorder that makes nobody wait: what does not fit is dropped, and counted."""
+
+from __future__ import annotations
+
+import pickle
+import socket
+from typing import Any
+
+LARGEST = 180_000
+"""Bytes of one message: it must fit into the socket's buffer."""
+
+
+def line() -> tuple[socket.socket, socket.socket]:
+    """Both ends of a line: messages arrive whole, in order."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
+    return ours, theirs
+
+
+class Line:
+    """Says things to the recorder, if there is one."""
+
+    def __init__(self, end: socket.socket | None) -> None:
+        self._end = end
+        self.dropped = 0
+        """Messages for which there was no room."""
+        self.broken = ""
+        """Why nothing can be said any more; empty while it can."""
+        if end is not None:
+            end.setblocking(False)
+
+    def __call__(self, message: Any) -> None:
+        """Say it, or drop it."""
+        if self._end is None or self.broken:
+            return
+        try:
+            self._end.send(pickle.dumps(message, protocol=5))
+        except BlockingIOError:
+            self.dropped += 1
+        except OSError as error:
+            self.broken = f"the recorder is gone ({error.strerror})"
+
+    def heard(self) -> Any:
+        """What the recorder says, or None."""
+        if self._end is None or self.broken:
+            return None
+        try:
+            data = self._end.recv(LARGEST)
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            self.broken = f"the recorder is gone ({error.strerror})"
+            return None
+        if not data:
+            self.broken = "the recorder is gone"
+            return None
+        return pickle.loads(data)
+
+    def close(self) -> None:
+        """Nothing more will be said."""
+        if self._end is not None:
+            self._end.close()
+            self._end = None

@@ -1,0 +1,113 @@
+"""A drive's record: read back as it was, by ROS 2's own definitions, whole or cut short."""
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.period import PERIOD
+from cohelm.core.types import Pose, Twist
+from cohelm.record.drive import TOPICS, DriveFile, periods
+from cohelm.record.messages import messages
+from cohelm.record.replay import Replayed, recorded_model
+from cohelm.robot.keep.kept import Event
+from cohelm.robot.port import Odometry
+from cohelm.sim.kinematic import Kinematic
+from tests.ports.adapters import recorded, room, sally
+
+EPOCH = 1_700_000_000_000_000_000
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    return recorded(tmp_path_factory.mktemp("drive") / "drive.mcap", 3.0)
+
+
+def test_the_replayed_drive_senses_what_the_driven_one_did(drive):
+    robot = Kinematic(sally(), around=room(), seed=4)
+    again = Replayed(drive)
+    assert again.model == robot.model
+    for k in range(100):
+        robot.send(Twist(0.3, 0.4))
+        then, now = robot.read(), again.read()
+        assert now.odometry.stamp == pytest.approx(then.odometry.stamp, abs=2e-9)
+        assert now.odometry.pose == pytest.approx(then.odometry.pose, abs=1e-9)
+        assert now.odometry.twist == pytest.approx(then.odometry.twist, abs=1e-12)
+        assert now.scan.number == then.scan.number
+        assert np.allclose(now.scan.ranges, then.scan.ranges, rtol=1e-6)
+        for one in (robot, again):
+            one.wait(0.02 * (k + 1))
+
+
+def test_what_it_is_told_changes_nothing(drive):
+    robot = Replayed(drive)
+    robot.wait(1.0)
+    robot.stop()
+    assert robot.send(Twist(9.0, 9.0)) == Twist(0.3, 0.4)
+    assert robot.read().odometry.twist.v > 0.2
+
+
+def test_after_its_end_nothing_new_comes(drive):
+    robot = Replayed(drive)
+    assert robot.duration == pytest.approx(3.0, abs=0.03)
+    robot.wait(99.0)
+    assert robot.read().odometry.stamp == pytest.approx(robot.duration)
+
+
+def test_another_reader_understands_every_message(drive):
+    with drive.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        seen = {channel.topic for _, channel, _, _ in reader.iter_decoded_messages()}
+    assert seen == set(TOPICS)
+
+
+def test_a_period_comes_back_to_the_last_bit(tmp_path):
+    row = np.zeros((), dtype=PERIOD)
+    for i, name in enumerate(PERIOD.names):
+        row[name] = i + 0.1 if PERIOD[name] == np.float64 else i % 2
+    row["sigma"], row["gap"] = np.nan, np.inf
+    path = tmp_path / "one.mcap"
+    with path.open("wb") as file:
+        made = DriveFile(file, sally(), EPOCH)
+        made.period(row)
+        made.write(Event(1.0, "gate", "AUTOMATIC -> STOPPED: why", True))
+        made.finish()
+    (back,) = periods([m for _, _, m in messages(path, ("/period",))])
+    assert back.tobytes() == row.tobytes()
+    ((_, stamp, said),) = messages(path, ("/rosout",))
+    assert (stamp, said.name, said.level) == (EPOCH + 10**9, "gate", 40)
+    assert said.msg == "AUTOMATIC -> STOPPED: why"
+
+
+def test_a_drive_that_was_cut_short_is_read_as_far_as_it_goes(drive, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(drive.read_bytes()[: drive.stat().st_size // 2])
+    assert 0.2 < Replayed(cut).duration < 2.9
+
+
+def test_what_is_no_record_is_said_so(tmp_path):
+    text = tmp_path / "text.mcap"
+    text.write_text("nothing of the kind, and long enough to be read as something")
+    with pytest.raises(CohelmError, match="not an MCAP file"):
+        Replayed(text)
+    with pytest.raises(CohelmError, match="can not be read"):
+        Replayed(tmp_path / "none.mcap")
+
+
+def test_a_record_without_odometry_or_robot_is_refused_with_the_cure(drive, tmp_path):
+    empty = tmp_path / "empty.mcap"
+    with empty.open("wb") as file:
+        DriveFile(file, sally(), EPOCH).finish()
+    assert recorded_model(empty) == sally()
+    with pytest.raises(CohelmError, match="holds no odometry"):
+        Replayed(empty)
+
+
+def test_a_drive_holds_only_what_belongs_in_it(tmp_path):
+    with (tmp_path / "x.mcap").open("wb") as file:
+        made = DriveFile(file, sally(), EPOCH)
+        with pytest.raises(TypeError, match="does not hold a str"):
+            made.write("nonsense")
+        made.write(Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)))
+        made.finish()
