@@ -32,7 +32,8 @@ def console(*, stderr: bool = False) -> Any:
     """Where a person reads: stdout, or stderr for what is not the result."""
     from rich.console import Console
 
-    return Console(stderr=stderr, soft_wrap=stderr, highlight=False)
+    # ":DE:" in a fingerprint is no flag
+    return Console(stderr=stderr, soft_wrap=stderr, highlight=False, emoji=False)
 
 
 def print_json(value: Mapping[str, Any]) -> None:

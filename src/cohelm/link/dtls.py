@@ -31,12 +31,44 @@ class Refused(Exception):
 
 
 def context(keys: Keys, server: bool) -> SSL.Context:
-    """An end that shows its certificate and accepts exactly those it trusts."""
+    """DTLS 1.2: an end that shows its certificate and accepts exactly those it trusts."""
     made = SSL.Context(SSL.DTLS_SERVER_METHOD if server else SSL.DTLS_CLIENT_METHOD)
     made.set_cipher_list(CIPHERS)
     # The MTU is ours, not the socket's; nobody may start a new handshake inside an old one.
     made.set_options(SSL.OP_NO_QUERY_MTU | SSL.OP_NO_RENEGOTIATION | SSL.OP_NO_TICKET)
     made.set_session_cache_mode(SSL.SESS_CACHE_OFF)
+    _certify(made, keys)
+    if server:
+        secret = os.urandom(32)
+
+        def cookie(of: SSL.Connection) -> bytes:
+            return hmac.digest(secret, repr(of.get_app_data()).encode(), hashlib.sha256)[:16]
+
+        made.set_cookie_generate_callback(cookie)
+        made.set_cookie_verify_callback(lambda of, shown: hmac.compare_digest(shown, cookie(of)))
+    return made
+
+
+def stream_context(keys: Keys) -> SSL.Context:
+    """TLS 1.3, for bulk, with the same certificates; either end."""
+    made = SSL.Context(SSL.TLS_METHOD)
+    made.set_min_proto_version(SSL.TLS1_3_VERSION)
+    made.set_options(SSL.OP_NO_TICKET)
+    made.set_session_cache_mode(SSL.SESS_CACHE_OFF)
+    _certify(made, keys)
+    return made
+
+
+def shown_by(peer: SSL.Connection) -> tuple[str, str]:
+    """Fingerprint and name of the certificate the other end has shown."""
+    shown = peer.get_peer_certificate(as_cryptography=True)
+    if shown is None:
+        raise Refused("no certificate was shown")
+    names = shown.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
+    return fingerprint(shown.public_bytes(Encoding.PEM)), str(names[0].value) if names else ""
+
+
+def _certify(made: SSL.Context, keys: Keys) -> None:
     own = x509.load_pem_x509_certificate(keys.certificate)
     key: Any = load_pem_private_key(keys.key, None)
     made.use_certificate(own)
@@ -61,15 +93,6 @@ def context(keys: Keys, server: bool) -> SSL.Context:
             return False
 
     made.set_verify(SSL.VERIFY_PEER | SSL.VERIFY_FAIL_IF_NO_PEER_CERT, accepted)
-    if server:
-        secret = os.urandom(32)
-
-        def cookie(of: SSL.Connection) -> bytes:
-            return hmac.digest(secret, repr(of.get_app_data()).encode(), hashlib.sha256)[:16]
-
-        made.set_cookie_generate_callback(cookie)
-        made.set_cookie_verify_callback(lambda of, shown: hmac.compare_digest(shown, cookie(of)))
-    return made
 
 
 class Channel:
@@ -101,7 +124,7 @@ class Channel:
         except SSL.WantReadError:
             return False
         except SSL.Error as error:
-            raise Refused(_said(error)) from None
+            raise Refused(said(error)) from None
         return True
 
     def start(self) -> None:
@@ -111,13 +134,8 @@ class Channel:
         except SSL.WantReadError:
             return
         except SSL.Error as error:
-            raise Refused(_said(error)) from None
-        shown = self._ssl.get_peer_certificate(as_cryptography=True)
-        if shown is None:
-            raise Refused("no certificate was shown")
-        pem = shown.public_bytes(Encoding.PEM)
-        names = shown.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
-        self.peer, self.name = fingerprint(pem), str(names[0].value) if names else ""
+            raise Refused(said(error)) from None
+        self.peer, self.name = shown_by(self._ssl)
         self.up = True
 
     def take(self, datagram: bytes) -> list[bytes]:
@@ -139,14 +157,14 @@ class Channel:
             except SSL.ZeroReturnError:
                 raise Refused("the other end closed the connection") from None
             except SSL.Error as error:
-                raise Refused(_said(error)) from None
+                raise Refused(said(error)) from None
 
     def seal(self, message: bytes) -> list[bytes]:
         """The datagrams that carry a message to the other end."""
         try:
             self._ssl.send(message)
         except SSL.Error as error:
-            raise Refused(_said(error)) from None
+            raise Refused(said(error)) from None
         return self.waiting()
 
     def waiting(self) -> list[bytes]:
@@ -169,7 +187,7 @@ class Channel:
                 self._ssl.DTLSv1_handle_timeout()
                 left = self._ssl.DTLSv1_get_timeout()
         except SSL.Error as error:
-            raise Refused(_said(error)) from None
+            raise Refused(said(error)) from None
         return left
 
     def close(self) -> list[bytes]:
@@ -201,7 +219,7 @@ def _records(flight: bytes) -> list[bytes]:
     return datagrams
 
 
-def _said(error: SSL.Error) -> str:
+def said(error: SSL.Error) -> str:
     """OpenSSL's reasons as a phrase."""
     reasons = [str(entry[-1]) for entry in error.args[0]] if error.args else []
     return "; ".join(reason for reason in reasons if reason) or type(error).__name__

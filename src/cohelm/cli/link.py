@@ -1,0 +1,88 @@
+"""Commands of the link between station and robot: pair."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cohelm.cli.app import app
+from cohelm.cli.tell import Json, plain, print_json, print_table, say
+
+pair = typer.Typer(
+    help="Who may drive: make, install, list and remove the keys of robot and stations.",
+    no_args_is_help=True,
+)
+app.add_typer(pair, name="pair")
+
+
+@pair.command()
+def new(
+    station: Annotated[
+        str, typer.Argument(metavar="NAME", help="What the station is to be called.")
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(help="What this robot is to be called, when it is paired for the first time."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="Where to write it; else NAME.pair."),
+    ] = None,
+) -> None:
+    """On the robot: let a station in.
+
+    Writes a file that holds the station's key. Bring it to the station on a way that nobody else
+    can read (a USB stick, scp), install it there with `cohelm pair install`, and delete it.
+    """
+    from cohelm.link import keys
+
+    keys.robot(robot)
+    path = out or Path(f"{station}.pair")
+    own = keys.let_in(station, path)
+    say(f"robot {plain(own.name)} lets {plain(station)} in from its next start on; on the station:")
+    print(f"cohelm pair install {path}")
+    say(f"the robot shows this certificate: {keys.fingerprint(own.certificate)}")
+
+
+@pair.command()
+def install(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `cohelm pair new` wrote.")],
+) -> None:
+    """On the station: install a key for a robot. The file can be deleted then."""
+    from cohelm.link import keys
+
+    name = keys.install(file)
+    print(f"cohelm station --robot HOST --name {name}")
+    shown = keys.fingerprint(keys.station(name).trusted[0])
+    say(f"paired with robot {plain(name)}, which shows this certificate: {shown}")
+    say(f"now delete the file: rm {plain(str(file))}")
+
+
+@pair.command(name="list")
+def listed(as_json: Json = False) -> None:
+    """Who is paired here: stations this robot lets in, and robots this station may drive."""
+    from cohelm.link import keys
+
+    rows = [
+        *(("station let in", name, shown) for name, shown in keys.stations()),
+        *(("robot", name, shown) for name, shown in keys.robots()),
+    ]
+    if as_json:
+        print_json({"pairs": [{"what": w, "name": n, "sha256": s} for w, n, s in rows]})
+    elif rows:
+        print_table(f"paired here, in {keys.home()}", ("what", "name", "certificate"), rows)
+    else:
+        say(f"nothing is paired here, in {plain(str(keys.home()))}")
+
+
+@pair.command()
+def remove(
+    station: Annotated[str, typer.Argument(metavar="NAME", help="The station to shut out.")],
+) -> None:
+    """On the robot: let a station in no more, from the robot's next start on."""
+    from cohelm.link import keys
+
+    keys.shut_out(station)
+    say(f"{plain(station)} is not let in any more, once the robot is started again")

@@ -1,0 +1,318 @@
+"""The robot's end of bulk: pictures, maps, paths and records down, way-points up.
+
+One thread for all stations, on the TCP port with the number of the datagrams' UDP port. What is
+published again before it has left is replaced: a slow path gets fewer pictures, not older ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import secrets
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from cohelm.core.errors import CohelmError
+from cohelm.link import udp
+from cohelm.link.codec import Malformed
+from cohelm.link.dtls import Refused, stream_context
+from cohelm.link.keys import Keys
+from cohelm.link.messages import (
+    Answer,
+    Checked,
+    Client,
+    Clients,
+    Fetch,
+    FromRobot,
+    Map,
+    Picture,
+    Piece,
+    Place,
+    Polyline,
+    RecordInfo,
+    Records,
+    Waypoints,
+)  # fmt: skip
+from cohelm.link.pace import Pace
+from cohelm.link.robot_end import RobotEnd
+from cohelm.link.stream import Stream
+from cohelm.link.wire import Header, encode, from_operator
+
+MOST_STREAMS = 24
+_STRANGERS = 8
+_PATIENCE = 5.0  # [s], for a handshake
+_LARGEST_UP = 65_536
+_PIECE = 32_768
+_LAST = (Picture, Map)  # the big ones, after all others
+_log = logging.getLogger("cohelm.link")
+
+
+class Proposed(NamedTuple):
+    """What a station proposes; the loop checks it and says what it thinks with `reply`."""
+
+    client: int
+    name: str
+    what: Waypoints | Place
+
+
+class _Station:
+    """A stream to one station."""
+
+    def __init__(self, stream: Stream, address: udp.Address, now: float) -> None:
+        self.stream, self.address, self.since = stream, address, now
+        self.session: int | None = None
+        self.sequence = 0
+        self.pace = Pace(now)
+        self.replies: deque[FromRobot] = deque(maxlen=64)
+        self.slots: dict[object, FromRobot] = {}
+        self.fetched: tuple[str, IO[bytes]] | None = None
+
+
+class RobotBulk:
+    """Listens as long as it is open; a context manager."""
+
+    def __init__(self, end: RobotEnd, keys: Keys, records: Path | None = None) -> None:
+        """records: the folder whose files stations may fetch; None: none."""
+        self._end = end
+        self._records = records
+        self._clock: Callable[[], float] = time.monotonic
+        self._context = stream_context(keys)
+        self._listener = _listening(end.address)
+        self._session = secrets.randbits(64)
+        self._lock = threading.Lock()
+        self._bell = udp.Bell()
+        self._stations: list[_Station] = []
+        self._published: dict[object, FromRobot] = {}
+        self._proposed: deque[Proposed] = deque(maxlen=64)
+        self._known: dict[int, str] = {}
+        self._open = True
+        self._thread = threading.Thread(target=self._run, name="link bulk", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> RobotBulk:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Break off."""
+        self._open = False
+        self._bell.ring()
+        self._thread.join(2.0)
+
+    # ---- for the loop ------------------------------------------------------------------
+
+    def publish(self, message: FromRobot) -> None:
+        """To all stations, and to those that come later; replaces the earlier of its kind."""
+        key = _slot(message)
+        with self._lock:
+            self._published[key] = message
+            for station in self._stations:
+                station.slots[key] = message
+        self._bell.ring()
+
+    def proposed(self) -> tuple[Proposed, ...]:
+        """New since the last call."""
+        with self._lock:
+            new = tuple(self._proposed)
+            self._proposed.clear()
+        return new
+
+    def reply(self, client: int, said: Checked) -> None:
+        """To one station."""
+        with self._lock:
+            for station in self._stations:
+                if self._number(station) == client:
+                    station.replies.append(said)
+        self._bell.ring()
+
+    # ---- the thread --------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            while self._open:
+                self._turn()
+        except Exception:
+            _log.exception("the bulk end of the link broke down; driving is not affected")
+        finally:
+            for station in self._stations:
+                station.stream.close()
+            self._listener.close()
+            self._bell.close()
+
+    def _turn(self) -> None:
+        waiting = select.poll()
+        for source in (self._bell, self._listener):
+            waiting.register(source, select.POLLIN)
+        busy = False
+        for station in self._stations:
+            # What is held back by its pace is tried again soon, not when the socket could.
+            held = not station.stream.idle or bool(station.slots or station.replies)
+            busy = busy or held or station.fetched is not None
+            waiting.register(station.stream.socket, select.POLLIN)
+        waiting.poll(10.0 if busy else 200.0)
+        self._bell.silence()
+        self._accept()
+        self._announce()
+        now = self._clock()
+        for station in list(self._stations):
+            try:
+                self._serve(station, now)
+            except Refused as refused:
+                self._leave(station, str(refused))
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                sock, address = self._listener.accept()
+            except OSError:
+                return
+            self._take_in(sock, address)
+
+    def _take_in(self, sock: socket.socket, address: udp.Address) -> None:
+        strangers = [s for s in self._stations if not s.stream.up]
+        if len(strangers) >= _STRANGERS:
+            self._leave(strangers[0], "pushed out by newer handshakes")
+        if len(self._stations) >= MOST_STREAMS:
+            sock.close()
+            return
+        stream = Stream(self._context, sock, server=True, most=_LARGEST_UP)
+        with self._lock:
+            self._stations.append(_Station(stream, address, self._clock()))
+
+    def _announce(self) -> None:
+        known = self._end.clients()
+        if known != self._known:
+            self._known = known
+            self.publish(Clients(tuple(Client(n, name) for n, name in sorted(known.items()))))
+
+    def _serve(self, station: _Station, now: float) -> None:
+        was_up = station.stream.up
+        for data in station.stream.pull():
+            self._message(station, data)
+        if station.stream.up and not was_up:
+            with self._lock:
+                station.slots.update(self._published)
+        if not station.stream.up and now - station.since > _PATIENCE:
+            raise Refused("the handshake took too long")
+        times = self._end.round_trips().get(self._number(station) or 0)
+        if times is not None:
+            station.pace.saw(*times, now)
+        allowed = station.pace.allowed(now) if station.stream.up else 1 << 16
+        while allowed > 0:
+            if station.stream.idle and station.stream.up:
+                following = self._next(station)
+                if following is not None:
+                    station.sequence += 1
+                    stamp = self._end.clock()
+                    header = Header(self._session, station.sequence, stamp, float("nan"), 0.0)
+                    station.stream.put(encode(header, following))
+            count = station.stream.push(allowed)
+            station.pace.sent(count)
+            allowed -= count
+            if count == 0:
+                break
+
+    def _next(self, station: _Station) -> FromRobot | None:
+        """What is to be sent next: replies, small things, big things, pieces of a record."""
+        with self._lock:
+            if station.replies:
+                return station.replies.popleft()
+            if station.slots:
+                key = min(station.slots, key=lambda k: isinstance(station.slots[k], _LAST))
+                return station.slots.pop(key)
+        if station.fetched is None:
+            return None
+        name, file = station.fetched
+        offset = file.tell()
+        data = file.read(_PIECE)
+        if not data:
+            file.close()
+            station.fetched = None
+        return Piece(name, offset, data)
+
+    def _message(self, station: _Station, data: bytes) -> None:
+        try:
+            header, message = from_operator(data, bulk=True)
+        except Malformed as malformed:
+            raise Refused(str(malformed)) from None
+        station.session = header.session
+        if isinstance(message, Fetch):
+            self._fetch(station, message)
+        elif isinstance(message, Waypoints | Place):
+            client = self._number(station)
+            to_try = isinstance(message, Waypoints) and message.only_check
+            if client is None or (not to_try and client != self._end.driver):
+                refusal = Checked(Answer(message.number, False, "you do not drive"), 65535)
+                station.replies.append(refusal)
+            else:
+                with self._lock:
+                    self._proposed.append(Proposed(client, station.stream.name, message))
+
+    def _fetch(self, station: _Station, asked: Fetch) -> None:
+        there = listed(self._records)
+        if not asked.name:
+            station.replies.append(Records(there))
+            return
+        if station.fetched is not None:
+            station.fetched[1].close()
+            station.fetched = None
+        if self._records is None or asked.name not in {info.name for info in there}:
+            station.replies.append(Piece(asked.name, 0, b""))
+            return
+        with contextlib.suppress(OSError):
+            station.fetched = (asked.name, (self._records / asked.name).open("rb"))
+
+    def _number(self, station: _Station) -> int | None:
+        if station.session is None:
+            return None
+        return self._end.client_of(station.stream.peer, station.session)
+
+    def _leave(self, station: _Station, why: str) -> None:
+        who = station.stream.name or f"a stranger at {station.address[0]}"
+        _log.info("bulk to %s ended: %s", who, why)
+        with self._lock:
+            self._stations.remove(station)
+        if station.fetched is not None:
+            station.fetched[1].close()
+        station.stream.close()
+
+
+def listed(folder: Path | None) -> tuple[RecordInfo, ...]:
+    """The records in a folder, newest first."""
+    if folder is None or not folder.is_dir():
+        return ()
+    found: list[RecordInfo] = []
+    for path in folder.glob("*.mcap"):
+        with contextlib.suppress(OSError):
+            about = path.stat()
+            found.append(RecordInfo(path.name, about.st_size, about.st_mtime))
+    return tuple(sorted(found, key=lambda info: info.started, reverse=True)[:1000])
+
+
+def _slot(message: FromRobot) -> object:
+    return (Polyline, message.what) if isinstance(message, Polyline) else type(message)
+
+
+def _listening(address: udp.Address) -> socket.socket:
+    family = socket.AF_INET6 if ":" in str(address[0]) else socket.AF_INET
+    made = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(address[:2])
+        made.listen(64)
+    except OSError as error:
+        made.close()
+        raise CohelmError(
+            f"can not listen on {address[0]} port {address[1]} ({error.strerror}): is another "
+            f"robot running here? Choose another port with --port"
+        ) from None
+    made.setblocking(False)
+    return made

@@ -1,0 +1,146 @@
+"""The station's end of bulk: what the robot publishes in, way-points and wishes out."""
+
+from __future__ import annotations
+
+import logging
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from cohelm.link import udp
+from cohelm.link.codec import Malformed
+from cohelm.link.dtls import Refused, stream_context
+from cohelm.link.keys import Keys
+from cohelm.link.messages import Fetch, FromOperator, FromRobot, Picture
+from cohelm.link.stream import Stream
+from cohelm.link.wire import LARGEST_BULK, Header, encode, from_robot
+
+_PATIENCE = 10.0  # [s], for a connection
+_AGAIN = 1.0  # [s], until the next one is tried
+_MOST_NEWS = 4096
+_log = logging.getLogger("cohelm.link")
+
+
+class StationBulk:
+    """Keeps connected as long as it is open; a context manager."""
+
+    def __init__(
+        self, keys: Keys, host: str, port: int, session: int,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        """session: that of the StationEnd, by which the robot knows whose stream this is."""
+        self._context = stream_context(keys)
+        self._family, self._to = udp.resolved(host, port, socket.SOCK_STREAM)
+        self._session = session
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._bell = udp.Bell()
+        self._news: deque[FromRobot] = deque(maxlen=_MOST_NEWS)
+        self._picture: Picture | None = None
+        self._outbox: deque[FromOperator] = deque(maxlen=64)
+        self._sequence = 0
+        self.connected = False
+        self._open = True
+        self._thread = threading.Thread(target=self._run, name="link bulk", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> StationBulk:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Break off."""
+        self._open = False
+        self._bell.ring()
+        self._thread.join(2.0)
+
+    def send(self, message: FromOperator) -> None:
+        """Send it as soon as there is a connection."""
+        with self._lock:
+            self._outbox.append(message)
+        self._bell.ring()
+
+    def news(self) -> list[FromRobot]:
+        """What has come since the last call, in order, but for pictures."""
+        with self._lock:
+            new = list(self._news)
+            self._news.clear()
+        return new
+
+    def picture(self) -> Picture | None:
+        """The newest picture; each is handed out once."""
+        with self._lock:
+            newest, self._picture = self._picture, None
+        return newest
+
+    def _run(self) -> None:
+        while self._open:
+            try:
+                self._connection()
+            except Refused as refused:
+                _log.info("no bulk from the robot: %s", refused)
+            except Exception:
+                _log.exception("the bulk end of the link broke down; it begins anew")
+            self.connected = False
+            self._wait(_AGAIN)
+        self._bell.close()
+
+    def _wait(self, seconds: float) -> None:
+        until = self._clock() + seconds
+        while self._open and self._clock() < until:
+            time.sleep(0.05)
+
+    def _connection(self) -> None:
+        sock = socket.socket(self._family, socket.SOCK_STREAM)
+        sock.settimeout(_PATIENCE)
+        try:
+            sock.connect(self._to)
+        except OSError as error:
+            sock.close()
+            raise Refused(error.strerror or "the robot does not answer") from None
+        stream = Stream(self._context, sock, server=False, most=LARGEST_BULK)
+        began = self._clock()
+        hello: FromOperator | None = Fetch("")  # says which session this is, and asks for the list
+        try:
+            while self._open:
+                waiting = select.poll()
+                waiting.register(self._bell, select.POLLIN)
+                mask = select.POLLIN | (select.POLLOUT if stream.blocked else 0)
+                waiting.register(stream.socket, mask)
+                stream.push()
+                waiting.poll(100.0)
+                self._bell.silence()
+                for data in stream.pull():
+                    self._message(data)
+                if not stream.up and self._clock() - began > _PATIENCE:
+                    raise Refused("the handshake took too long")
+                self.connected = stream.up
+                if stream.up and stream.idle:
+                    if hello is not None:
+                        following, hello = hello, None
+                    else:
+                        with self._lock:
+                            following = self._outbox.popleft() if self._outbox else None
+                    if following is not None:
+                        self._sequence += 1
+                        now = self._clock()
+                        header = Header(self._session, self._sequence, now, float("nan"), 0.0)
+                        stream.put(encode(header, following))
+        finally:
+            stream.close()
+
+    def _message(self, data: bytes) -> None:
+        try:
+            _, message = from_robot(data, bulk=True)
+        except Malformed as malformed:
+            raise Refused(str(malformed)) from None
+        with self._lock:
+            if isinstance(message, Picture):
+                self._picture = message
+            else:
+                self._news.append(message)

@@ -1,0 +1,177 @@
+"""Bulk over real sockets on this machine."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.link.keys import Keys, pair_here
+from cohelm.link.messages import (
+    Answer,
+    Ask,
+    Checked,
+    Clients,
+    Fetch,
+    Health,
+    Line,
+    Picture,
+    Piece,
+    Place,
+    Polyline,
+    Records,
+    Waypoints,
+)  # fmt: skip
+from cohelm.link.pace import FASTEST, SLOWEST, TARGET, Pace
+from cohelm.link.robot_bulk import RobotBulk
+from cohelm.link.robot_end import RobotEnd
+from cohelm.link.station_bulk import StationBulk
+from cohelm.link.station_end import StationEnd
+from tests.link.ends import STATUS, until
+
+pytestmark = pytest.mark.xdist_group("realtime")
+HERE = "127.0.0.1"
+
+
+class Both:
+    def __init__(self, folder) -> None:
+        self.robot_keys, self.keys = pair_here()
+        self.robot = RobotEnd(self.robot_keys, HERE, 0)
+        self.down = RobotBulk(self.robot, self.robot_keys, folder)
+        self.port = self.robot.address[1]
+        self.station = StationEnd(self.keys, HERE, self.port)
+        self.up = self.stream(self.keys, self.station.session)
+        self.news: list[object] = []
+
+    def stream(self, keys: Keys, session: int) -> StationBulk:
+        return StationBulk(keys, HERE, self.port, session)
+
+    def turn(self) -> None:
+        self.robot.tell(STATUS)
+        self.robot.heard()
+        self.news += self.up.news()
+
+    def got(self, of: type) -> list:
+        return [message for message in self.news if type(message) is of]
+
+    def drive(self) -> None:
+        number = self.station.ask(Ask.TAKE)
+        until(lambda: self.station.answer(number), turn=self.turn)
+
+
+@pytest.fixture
+def both(tmp_path):
+    both = Both(tmp_path)
+    until(lambda: both.station.status() and both.up.connected, turn=both.turn)
+    yield both
+    for part in (both.up, both.station, both.down, both.robot):
+        part.close()
+
+
+def test_what_is_published_comes_to_all_and_to_who_comes_later(both):
+    line = Polyline(Line.REFERENCE, np.random.default_rng(1).random((5000, 2), np.float32))
+    both.down.publish(line)
+    both.down.publish(Health(0.5, ("the left wheel squeaks",), 0.2, 1e9))
+    until(lambda: both.got(Polyline) and both.got(Health), turn=both.turn)
+    assert np.array_equal(both.got(Polyline)[0].points, line.points)
+    with both.stream(both.keys, 77) as late:
+        news: list[object] = []
+        until(lambda: any(type(m) is Polyline for m in news), turn=lambda: news.extend(late.news()))
+    until(lambda: both.got(Clients), turn=both.turn)
+    assert both.got(Clients)[-1].all[0].name == "local"
+
+
+def test_of_pictures_only_the_newest_is_sent_and_shown(both):
+    for number in range(50):
+        both.down.publish(Picture(number, 1.0, Pose(0.0, 0.0, 0.0), os.urandom(20_000)))
+    seen = []
+    until(
+        lambda: seen and seen[-1].number == 49,
+        turn=lambda: seen.extend(p for p in [both.up.picture()] if p),
+    )
+    assert [p.number for p in seen] == sorted({p.number for p in seen})
+    assert len(seen) < 25
+    assert both.up.picture() is None
+
+
+def test_way_points_come_from_the_driver_alone_and_are_answered(both):
+    way = np.array([[1.0, 2.0], [3.0, 4.0]])
+    both.up.send(Waypoints(1, way, False))
+    until(lambda: both.got(Checked), turn=both.turn)
+    assert both.got(Checked)[0] == Checked(Answer(1, False, "you do not drive"), 65535)
+    both.drive()
+    both.up.send(Waypoints(2, way, False))
+    both.up.send(Place(3, Pose(1.0, 2.0, 0.5)))
+    proposed = []
+    until(lambda: len(proposed) == 2, turn=lambda: proposed.extend(both.down.proposed()))
+    assert np.array_equal(proposed[0].what.points, way)
+    assert proposed[1].what.pose == Pose(1.0, 2.0, 0.5)
+    both.down.reply(proposed[0].client, Checked(Answer(2, False, "0.1 m from a wall"), 1))
+    until(lambda: len(both.got(Checked)) == 2, turn=both.turn)
+    assert both.got(Checked)[1].worst == 1
+
+
+def test_who_only_watches_may_have_way_points_checked(both):
+    both.up.send(Waypoints(1, np.zeros((2, 2)), True))
+    until(both.down.proposed, turn=both.turn)
+
+
+def test_a_record_is_fetched_whole_and_nothing_else_can_be(both, tmp_path):
+    content = os.urandom(700_000)
+    (tmp_path / "run.mcap").write_bytes(content)
+    (tmp_path / "secret.txt").write_text("no")
+    both.up.send(Fetch(""))
+    until(lambda: [r for r in both.got(Records) if r.all], turn=both.turn)
+    assert [info.name for info in both.got(Records)[-1].all] == ["run.mcap"]
+    both.up.send(Fetch("run.mcap"))
+    until(lambda: any(not p.data for p in both.got(Piece)), turn=both.turn)
+    assert b"".join(p.data for p in both.got(Piece)) == content
+    for name in ("secret.txt", "../run.mcap", "/etc/passwd", "nothing.mcap"):
+        both.news.clear()
+        both.up.send(Fetch(name))
+        until(lambda: both.got(Piece), turn=both.turn)
+        assert both.got(Piece) == [Piece(name, 0, b"")]
+
+
+def test_an_unpaired_station_gets_nothing(both):
+    stranger = pair_here("stranger")[1]._replace(trusted=both.keys.trusted)
+    both.down.publish(Health(0.5, (), 0.2, 1e9))
+    with both.stream(stranger, 5) as stream:
+        time.sleep(0.5)
+        assert not stream.news()
+    wrong_robot = both.keys._replace(trusted=pair_here()[1].trusted)
+    with both.stream(wrong_robot, 5) as stream:
+        time.sleep(0.5)
+        assert not stream.connected
+
+
+def test_slow_and_silent_strangers_do_not_keep_a_station_out(both):
+    held = [socket.create_connection((HERE, both.port)) for _ in range(30)]
+    for sock in held:
+        sock.send(b"\x16\x03")
+    with both.stream(both.keys, 9) as late:
+        until(lambda: late.connected, within=5.0)
+    both.down.publish(Health(0.25, (), 0.2, 1e9))
+    until(lambda: both.got(Health), turn=both.turn)
+    for sock in held:
+        sock.close()
+
+
+def test_bulk_slows_down_when_the_datagrams_wait_and_speeds_up_when_not():
+    pace, now = Pace(0.0), 0.0
+    for _ in range(100):
+        now += 0.11
+        pace.saw(0.1, 0.1, now)
+    assert pace.rate == FASTEST
+    for _ in range(100):
+        now += 0.11
+        pace.saw(0.1 + 3.0 * TARGET, 0.1, now)
+    assert pace.rate == SLOWEST
+    assert pace.allowed(now + 100.0) <= 2048  # a pause is not made up for
+    before = pace.rate
+    pace.saw(float("nan"), 0.1, now + 1.0)
+    assert pace.rate == before

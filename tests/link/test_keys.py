@@ -1,0 +1,162 @@
+"""Pairing: who is let in, and what is refused with a sentence."""
+
+from __future__ import annotations
+
+import stat
+
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.link import keys
+from cohelm.link.dtls import Channel, Refused, context
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path, monkeypatch):
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
+    return tmp_path / "keys"
+
+
+@pytest.fixture
+def moved(tmp_path, monkeypatch):
+    """From the robot's machine to the station's."""
+
+    def move() -> None:
+        monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "station keys"))
+
+    return move
+
+
+def shaken(robot: keys.Keys, station: keys.Keys) -> tuple[Channel, Channel]:
+    """Both ends of a connection, or Refused."""
+    server = Channel(context(robot, server=True), server=True)
+    client = Channel(context(station, server=False), server=False)
+    client.start()
+    greeted = False
+    for _ in range(10):
+        for datagram in client.waiting():
+            if greeted:
+                server.take(datagram)
+            elif server.greeted(datagram, ("there", 1)):
+                greeted = True
+                server.start()
+        for datagram in server.waiting():
+            client.take(datagram)
+    assert server.up
+    assert client.up
+    return server, client
+
+
+def test_a_paired_station_is_let_in_and_both_know_each_other(tmp_path, moved):
+    keys.robot("sally")
+    keys.let_in("anna", tmp_path / "anna.pair")
+    robot = keys.robot()
+    moved()
+    assert keys.install(tmp_path / "anna.pair") == "sally"
+    server, client = shaken(robot, keys.station())
+    assert (server.name, client.name) == ("anna", "sally")
+    assert server.peer == keys.fingerprint(keys.station("sally").certificate)
+    assert client.seal(b"hello")
+    assert server.take(client.seal(b"x" * 1150)[0]) == [b"x" * 1150]
+
+
+def test_a_station_that_was_shut_out_is_refused(tmp_path, moved):
+    keys.let_in("anna", tmp_path / "anna.pair")
+    keys.let_in("ben", tmp_path / "ben.pair")
+    keys.shut_out("anna")
+    assert [name for name, _ in keys.stations()] == ["ben"]
+    robot = keys.robot()
+    moved()
+    keys.install(tmp_path / "anna.pair")
+    with pytest.raises(Refused, match="certificate"):
+        shaken(robot, keys.station())
+
+
+def test_a_station_takes_no_other_robot_for_its_own_even_one_that_stole_its_certificate():
+    robot, station = keys.pair_here()
+    impostor, _ = keys.pair_here()
+    with pytest.raises(Refused, match="certificate"):
+        shaken(impostor._replace(trusted=robot.trusted), station)
+    with pytest.raises(Refused, match="certificate"):  # a station does not pass for a robot
+        shaken(station._replace(trusted=(station.certificate,)), station)
+
+
+def test_a_certificate_signed_by_a_paired_station_is_not_let_in():
+    """Pinned is pinned: a station can not let others in."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+
+    robot, station = keys.pair_here()
+    stranger = keys.made("stranger", "station")
+    inner = x509.load_pem_x509_certificate(stranger[0])
+    issuer = x509.load_pem_x509_certificate(station.certificate)
+    key = serialization.load_pem_private_key(station.key, None)
+    signed = (
+        x509.CertificateBuilder().subject_name(inner.subject).issuer_name(issuer.subject)
+        .public_key(inner.public_key()).serial_number(7)
+        .not_valid_before(inner.not_valid_before_utc).not_valid_after(inner.not_valid_after_utc)
+        .sign(key, hashes.SHA256())
+    )  # fmt: skip
+    pem = signed.public_bytes(serialization.Encoding.PEM)
+    with pytest.raises(Refused, match="certificate"):
+        shaken(robot, station._replace(certificate=pem, key=stranger[1]))
+
+
+def test_only_the_owner_can_read_what_is_secret(tmp_path, home, moved):
+    keys.let_in("anna", tmp_path / "anna.pair")
+    secret = [tmp_path / "anna.pair", home / "robot" / "robot.key"]
+    moved()
+    keys.install(tmp_path / "anna.pair")
+    secret += (tmp_path / "station keys").rglob("*.key")
+    assert len(secret) == 3
+    for path in secret:
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    secret[-1].chmod(0o644)
+    with pytest.raises(CohelmError, match="chmod 600"):
+        keys.station()
+
+
+def test_what_can_not_be_paired_is_said_with_its_cure(tmp_path, moved):
+    with pytest.raises(CohelmError, match="cohelm pair new"):
+        keys.station()
+    for name in ("", "../x", "a b", "x" * 33, ".hidden"):
+        with pytest.raises(CohelmError, match="can not be a name"):
+            keys.let_in(name, tmp_path / "x.pair")
+    keys.let_in("anna", tmp_path / "anna.pair")
+    with pytest.raises(CohelmError, match="pair remove anna"):
+        keys.let_in("anna", tmp_path / "again.pair")
+    with pytest.raises(CohelmError, match="name another file"):
+        keys.let_in("ben", tmp_path / "anna.pair")
+    assert [name for name, _ in keys.stations()] == ["anna"]
+    with pytest.raises(CohelmError, match="is called"):
+        keys.robot("other")
+    with pytest.raises(CohelmError, match="let in: anna"):
+        keys.shut_out("ben")
+    (tmp_path / "bad.pair").write_bytes(b"-----BEGIN nonsense")
+    with pytest.raises(CohelmError, match="does not hold a pairing"):
+        keys.install(tmp_path / "bad.pair")
+    with pytest.raises(CohelmError, match="can not be read"):
+        keys.install(tmp_path / "none.pair")
+    moved()
+    keys.install(tmp_path / "anna.pair")
+    with pytest.raises(CohelmError, match="no robot 'x'"):
+        keys.station("x")
+
+
+def test_a_robot_set_up_anew_is_not_taken_for_the_old_one(tmp_path, monkeypatch, moved):
+    for where in ("one", "two"):
+        monkeypatch.setenv("COHELM_KEYS", str(tmp_path / where))
+        keys.robot("sally")
+        keys.let_in("anna", tmp_path / f"{where}.pair")
+    moved()
+    keys.install(tmp_path / "one.pair")
+    with pytest.raises(CohelmError, match="another robot called 'sally'"):
+        keys.install(tmp_path / "two.pair")
+    assert keys.install(tmp_path / "one.pair") == "sally"
+
+
+def test_damaged_certificates_are_said(tmp_path, home):
+    keys.let_in("anna", tmp_path / "anna.pair")
+    (home / "robot" / "robot.pem").write_text("damaged")
+    with pytest.raises(CohelmError, match="pair again"):
+        keys.robot()
