@@ -86,7 +86,7 @@ ADAPTERS: dict[str, Adapter] = {
     "kinematic, real time": Adapter(
         lambda: Kinematic(sally(), START, room(), seed=3, pace=OnTheWall()), real_time=True
     ),
-    "twin": Adapter(lambda: Twin(sally(), START, room(), seed=3)),
+    "twin": Adapter(lambda: Twin(sally(), START, room(), seed=3, camera="none")),
     "twin, real time": Adapter(
         lambda: Twin(sally(), START, room(), seed=3, pace=OnTheWall()), real_time=True
     ),

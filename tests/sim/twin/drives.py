@@ -14,7 +14,8 @@ ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 def sally(**changes: object) -> RobotModel:
-    return RobotModel.model_validate({**robot("sally").model_dump(), **changes})
+    """Sally, without her camera unless there are changes to it."""
+    return RobotModel.model_validate({**robot("sally").model_dump(), "camera": None, **changes})
 
 
 def disc(x: float, y: float, radius: float, vx: float = 0.0, vy: float = 0.0) -> Body:

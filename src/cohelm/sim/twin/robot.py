@@ -7,16 +7,18 @@ from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, is_finite
 from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import AsFast, Pace
-from cohelm.robot.port import Frame, Health, Readings, Scan
+from cohelm.robot.port import Health, Readings, Scan
 from cohelm.sim.grid import NO_GRID, Grid, borders
 from cohelm.sim.lidar import measure
 from cohelm.sim.odometer import Odometer
+from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, servo_gain, torque_limit
 from cohelm.sim.twin.physics import STATE, Movers, Trail, Wheels, advance, views
@@ -79,8 +81,12 @@ class Twin:
         timeout: float = 0.5,
         settings: TwinModel = _DEFAULT,
         step: float = STEP,
+        camera: Kind = "auto",
     ) -> None:
-        """timeout: without a new command for so long the robot stops by itself [s]."""
+        """timeout: without a new command for so long the robot stops by itself [s].
+
+        camera: who draws, if the robot has one. In real time it draws in a thread of its own.
+        """
         self._model = model = settings.fitted(model)
         self._step, self._seed, self._grid = step, seed, grid
         self._limits, self._outline, self._reach = model.bounds(), model.outline, model.reach
@@ -129,6 +135,11 @@ class Twin:
         self._trail = Trail(np.empty((size, 3)), np.empty((size, len(moving), 2)))
         self._trail.poses[:] = start
         self._trail.places[:] = self._discs[moving, :2]
+        self._eye: Eye | None = None
+        self._frames, self._next_frame = 0, 0
+        if model.camera is not None and camera != "none":
+            size = (model.camera.width, model.camera.height)
+            self._eye = Eye(self.mujoco, *size, camera, not isinstance(self._pace, AsFast))
         self._closed = False
         self._happen()
 
@@ -152,7 +163,10 @@ class Twin:
         self._catch_up()
         while self._scans and self._scans[0][0] <= self._state[0]["step"]:
             self._scan = self._scans.popleft()[1]
-        return Readings(self._odometry, self._scan, self._frame(), self._health())
+        return Readings(
+            self._odometry, self._scan, None if self._eye is None else self._eye.newest(),
+            self._health(),
+        )  # fmt: skip
 
     def send(self, twist: Twist) -> Twist:
         """Ask for a twist; it reaches the drives after the robot's delay."""
@@ -175,6 +189,8 @@ class Twin:
 
     def close(self) -> None:
         """Nothing may be asked of it any more."""
+        if self._eye is not None and not self._closed:
+            self._eye.close()
         self._closed = True
 
     def truth(self) -> Truth:
@@ -189,6 +205,24 @@ class Twin:
             int(s["touched"]), int(s["touched_moving"]), bool(s["touching"]),
             float(s["force"]), float(s["energy"]),
         )  # fmt: skip
+
+    @property
+    def draws(self) -> str:
+        """Who draws the camera's pictures."""
+        return "nobody" if self._eye is None else self._eye.says
+
+    def picture(
+        self, width: int, height: int, view: str = "above", kind: Kind = "auto"
+    ) -> NDArray[np.uint8]:
+        """Robot and world from outside, `above` or `behind`, (height, width, 3) RGB."""
+        self._catch_up()
+        artist = camera(self.mujoco, width, height, kind, view, OUTSIDE)
+        try:
+            mujoco.mj_kinematics(self.mujoco, self.data)
+            mujoco.mj_camlight(self.mujoco, self.data)
+            return artist.draw(self.data)
+        finally:
+            artist.close()
 
     def push(self, x: float, y: float, psi: float) -> None:
         """Somebody lifts the robot and puts it down so far off [m, m, rad], in the world frame;
@@ -236,6 +270,8 @@ class Twin:
             last = min(due, self._next_odometry, step + _CHUNK)
             if self._lidar is not None:
                 last = min(last, self._next_scan)
+            if self._eye is not None:
+                last = min(last, self._next_frame)
             orders = np.array(self._orders, dtype=np.float64).reshape(-1, 3)
             advance(
                 last, self._told + self._timeout, self._step, self._views, self._state, orders,
@@ -272,13 +308,21 @@ class Twin:
             self._number += 1
             self._next_scan = self._sweep + self._after(began, self._model.lidar.rate_hz)
 
+        if self._eye is not None and self._model.camera is not None and step >= self._next_frame:
+            self._eye.offer(self._shot())
+            self._frames += 1
+            self._next_frame = self._after(step, self._model.camera.rate_hz)
+
+    def _shot(self) -> Shot:
+        return Shot(
+            int(self._state[0]["step"]) * self._step, self._frames, self.data.qpos.copy(),
+            self.data.mocap_pos.copy(),
+        )  # fmt: skip
+
     def _after(self, step: int, rate: float) -> int:
         """The first reading's step after this one."""
         number = math.floor(step * self._step * rate + 1e-6) + 1
         return max(self._at(rate, number), step + 1)
-
-    def _frame(self) -> Frame | None:
-        return None
 
     def _health(self) -> Health:
         s = self._state[0]
