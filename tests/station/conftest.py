@@ -1,17 +1,13 @@
 """One server and one browser for a module of tests; skipped where one of them is not there."""
 
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
-from cohelm.core.errors import CohelmError
-from cohelm.drive.simulated import SimulatedRobot
-from cohelm.scenario import build, load
-from cohelm.station.app import pages
 from cohelm.station.serve import Server
+from tests.station.servers import served
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [
@@ -24,19 +20,8 @@ STALE = 1.5
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    try:
-        pages()
-    except CohelmError as error:
-        pytest.skip(str(error))
-    robot = SimulatedRobot(build.setup(load.scenario("lab-avoid", [], None)), "sally", None)
-    made = Server(robot.connect, "127.0.0.1", 0, stale=STALE)
-    robot.start()
-    thread = threading.Thread(target=made.run, daemon=True)
-    thread.start()
-    yield made
-    made.stop()
-    thread.join(10.0)
-    robot.close()
+    with served(stale=STALE) as made:
+        yield made
 
 
 @pytest.fixture(scope="module")

@@ -2,35 +2,89 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.tell import say
+from cohelm.cli.tell import plain, say
 
-Port = Annotated[int, typer.Option(min=0, max=65535, help="Port of the web page; 0: a free one.")]
-Host = Annotated[str, typer.Option(help="Address to listen on; others than loopback need a login.")]
+if TYPE_CHECKING:
+    from cohelm.station.robot_link import Connect
+
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes a free one.")]
+Host = Annotated[
+    str,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Where to listen. Anything but loopback asks for the token in the address printed.",
+    ),
+]
+Tls = Annotated[bool, typer.Option("--tls", help="HTTPS, with a certificate made here.")]
 
 
 @app.command()
 def station(
-    scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="Drive a simulated robot in this scenario.")
-    ] = "lab-avoid",
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="HOST[:PORT]", help="The robot to drive; it must be paired."),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="The robot's name, where several are paired here.")
+    ] = None,
+    replay: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Show a record, or the folder it is in.")
+    ] = None,
     host: Host = "127.0.0.1",
     port: Port = 8765,
+    tls: Tls = False,
 ) -> None:
-    """Open the operator's station: a web page to drive from."""
-    from cohelm.drive.simulated import SimulatedRobot
-    from cohelm.scenario import build, load
-    from cohelm.station.serve import Server
+    """Open the operator's station: a web page to drive from, or to see a record again.
 
-    robot = SimulatedRobot(build.setup(load.scenario(scenario, [], None)), scenario, None)
-    server = Server(robot.connect, host, port)
-    robot.start()
-    say(f"station: {server.address}")
-    try:
-        server.run()
-    finally:
-        robot.close()
+    Opens no browser; it prints the address of the page. Ctrl-C ends it.
+    """
+    from cohelm.core.errors import CohelmError
+
+    if (robot is None) == (replay is None):
+        raise CohelmError(
+            "name a robot (--robot HOST) or a record (--replay FILE); "
+            "for a simulated robot on this machine: cohelm drive"
+        )
+    serve(_recorded(replay) if replay is not None else _linked(robot or "", name), host, port, tls)
+
+
+def _recorded(path: Path) -> Connect:
+    from cohelm.drive.film import RunFilm
+    from cohelm.drive.replayed import Replaying
+
+    film = RunFilm(path / "record.mcap" if path.is_dir() else path)
+    return lambda _: Replaying(film)
+
+
+def _linked(robot: str, name: str | None) -> Connect:
+    from cohelm.link import keys
+    from cohelm.link.udp import PORT
+    from cohelm.station.linked import Linked, address
+
+    own = keys.station(name)
+    host, port = address(robot, PORT)
+    return lambda _: Linked(own, host, port)
+
+
+def serve(connect: Connect, host: str, port: int, tls: bool) -> None:
+    """Serve the page, and say where it is."""
+    from cohelm.link import keys
+    from cohelm.station.serve import Server
+    from cohelm.station.tls import certificate
+
+    files = None
+    if tls:
+        path, key, shown = certificate(keys.home(), host)
+        files = (path, key)
+        say(f"the browser will warn once, and must show this SHA-256 fingerprint:\n{shown}")
+    server = Server(connect, host, port, files)
+    print(server.address, flush=True)
+    say("open this address in a browser; Ctrl-C ends the station")
+    server.run()
+    say(plain("the station is closed"))

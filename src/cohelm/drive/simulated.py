@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 import threading
 import time
-import zlib
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -17,10 +15,11 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Stick, Twist
+from cohelm.drive.walls import drawn
 from cohelm.law.reference import Reference, desired, through
 from cohelm.law.track import pose_error
 from cohelm.link import messages as m
-from cohelm.link.wire import MOST_BEAMS
+from cohelm.link.station_end import WholeScan
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.robot.sensors import LidarModel
@@ -29,7 +28,7 @@ from cohelm.sim.lidar import scan
 from cohelm.sim.loop import State, at_rest, turn
 from cohelm.sim.run import Setup
 from cohelm.sim.world import NOWHERE, clearance, place
-from cohelm.station.robot_link import Hear, Quality
+from cohelm.station.robot_link import News, Quality
 
 PERIOD = 0.02
 ANSWER_WITHIN = 10.0
@@ -42,10 +41,15 @@ _NOTHING = m.Command(_CENTRED, False, False, m.Device.NONE, 1.0, ())
 class _Client:
     number: int
     name: str
-    hear: Hear
     command: m.Command = _NOTHING
-    answers: deque[m.Answer] = field(default_factory=lambda: deque(maxlen=3))
+    answers: dict[int, m.Answer] = field(default_factory=dict[int, m.Answer])
     requests: int = 0
+    heard: dict[object, News] = field(default_factory=dict[object, News])
+
+    def hear(self, message: m.FromRobot | WholeScan, stamp: float) -> None:
+        """Keep the newest of each kind."""
+        slot = (type(message), message.what if isinstance(message, m.Polyline) else 0)
+        self.heard[slot] = News(message, stamp, 0.0)
 
 
 class SimulatedRobot:
@@ -55,7 +59,7 @@ class SimulatedRobot:
         self.setup, self.name = setup, name
         self._lidar = (lidar or LidarModel()).lidar()
         self._scan_every = max(1, round(1.0 / (10.0 * PERIOD)))
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()
         self._clients: dict[int, _Client] = {}
         self._count = 0
         self._driver = self._asking = 0
@@ -83,14 +87,14 @@ class SimulatedRobot:
         self._open = False
         self._thread.join(2.0)
 
-    def connect(self, name: str, hear: Hear) -> SimulatedLink:
+    def connect(self, name: str) -> SimulatedLink:
         """One more operator."""
-        with self._lock:
+        with self.lock:
             self._count += 1
-            client = _Client(self._count, name, hear)
+            client = _Client(self._count, name)
             self._clients[client.number] = client
             for message in self._first():
-                hear(message, self._time, 0.0)
+                client.hear(message, self._time)
         return SimulatedLink(self, client)
 
     # ---- what is told ------------------------------------------------------------------
@@ -104,7 +108,7 @@ class SimulatedRobot:
                 min(limits.speed, 1.5), min(limits.yaw_rate, 2.0), 0.3, "stop",
                 (nan, nan, nan, nan),
             ),
-            self._map(), *self._lines(), m.Records(()),
+            drawn(self.setup.around.walls, np.zeros((1, 2))), *self._lines(), m.Records(()),
         ]  # fmt: skip
 
     def _lines(self) -> list[m.Polyline]:
@@ -114,25 +118,9 @@ class SimulatedRobot:
         knots = np.array([desired(r, t, False)[:2] for t in r.knots], dtype=np.float32)
         return [m.Polyline(m.Line.REFERENCE, line), m.Polyline(m.Line.WAYPOINTS, knots)]
 
-    def _map(self) -> m.Map:
-        walls, cell = self.setup.around.walls, 0.05
-        points = np.vstack((walls[:, :2], walls[:, 2:], [[-2.0, -2.0], [2.0, 2.0]]))
-        low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
-        width, height = (np.ceil((high - low) / cell)).astype(int)
-        cells = np.zeros((height, width), dtype=np.uint8)
-        for x1, y1, x2, y2 in walls:
-            n = int(math.hypot(x2 - x1, y2 - y1) / (0.5 * cell)) + 2
-            along = np.linspace((x1, y1), (x2, y2), n)
-            at = ((along - low) / cell).astype(int)
-            cells[at[:, 1], at[:, 0]] = 100
-        return m.Map(
-            1, Pose(float(low[0]), float(low[1]), 0.0), cell, int(width), int(height), 0, 0,
-            int(width), int(height), zlib.compress(cells.tobytes()),
-        )  # fmt: skip
-
-    def _tell(self, message: m.FromRobot) -> None:
+    def _tell(self, message: m.FromRobot | WholeScan) -> None:
         for client in list(self._clients.values()):
-            client.hear(message, self._time, 0.0)
+            client.hear(message, self._time)
 
     def _status(self, client: _Client, s: _Now) -> m.Status:
         driver = self._clients.get(self._driver)
@@ -149,7 +137,7 @@ class SimulatedRobot:
             Pose(*desired(self._reference, self._progress, False)[:3]),
             min(self._progress / self._reference.duration, 1.0), math.inf, "",
             m.Localised.EXACT, nan, False, m.Timing(0.0, 0, 0.0, 0.0, 0.0, 0),
-            tuple(self._alarms[:4]), tuple(client.answers),
+            tuple(self._alarms[:4]), (),
             tuple(arc(pose, self._given, 0.2 * k)[:2] for k in range(1, 11)), 0.2,
         )  # fmt: skip
 
@@ -160,7 +148,7 @@ class SimulatedRobot:
         k = 0
         while self._open:
             next_at = max(next_at + PERIOD, time.monotonic() - 0.1)
-            with self._lock:
+            with self.lock:
                 self._turn(k)
             k += 1
             time.sleep(max(next_at - time.monotonic(), 0.0))
@@ -207,7 +195,7 @@ class SimulatedRobot:
         gap = clearance(pose, setup.outline, reach, discs, setup.around.walls, NOWHERE)
         said = _Now(why, valid, wish.authority_x, wish.h, gap, pose_error(pose, reference))
         for client in list(self._clients.values()):
-            client.hear(self._status(client, said), self._time, 0.0)
+            client.hear(self._status(client, said), self._time)
         if k % 5 == 0:
             self._tell(m.Discs(k, discs[:40].astype(np.float32)))
         if k % self._scan_every == 0:
@@ -237,11 +225,7 @@ class SimulatedRobot:
             pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y,
             pose.psi + mount.psi,
         )  # fmt: skip
-        for start in range(0, len(mm), MOST_BEAMS):
-            self._tell(
-                m.ScanPart(k, self._time, sensor, len(mm), start, self._lidar.first,
-                           self._lidar.step, mm[start : start + MOST_BEAMS])
-            )  # fmt: skip
+        self._tell(WholeScan(k, self._time, sensor, self._lidar.first, self._lidar.step, mm))
 
     def _alarm(self, text: str) -> None:
         self._alarm_count += 1
@@ -257,10 +241,10 @@ class SimulatedRobot:
 
     def ask(self, client: _Client, what: m.Ask, value: int) -> int:
         """Do a request now."""
-        with self._lock:
+        with self.lock:
             client.requests += 1
             granted, why = self._ask(client, what, value)
-            client.answers.append(m.Answer(client.requests, granted, why))
+            client.answers[client.requests] = m.Answer(client.requests, granted, why)
             return client.requests
 
     def _ask(self, client: _Client, what: m.Ask, value: int) -> tuple[bool, str]:
@@ -295,11 +279,11 @@ class SimulatedRobot:
 
     def propose(self, client: _Client, points: Floats, only_check: bool) -> int:
         """Check a way, and take it."""
-        with self._lock:
+        with self.lock:
             client.requests += 1
             made, why, worst = self._way(points)
             client.hear(
-                m.Checked(m.Answer(client.requests, made is not None, why), worst), self._time, 0.0
+                m.Checked(m.Answer(client.requests, made is not None, why), worst), self._time
             )
             if made is not None and not only_check and self._driver == client.number:
                 self._reference, self._progress = made, 0.0
@@ -324,7 +308,7 @@ class SimulatedRobot:
 
     def leave(self, client: _Client) -> None:
         """A client goes."""
-        with self._lock:
+        with self.lock:
             self._clients.pop(client.number, None)
             if self._driver == client.number:
                 self._lease(self._asking)
@@ -348,6 +332,17 @@ class SimulatedLink:
     def __init__(self, robot: SimulatedRobot, client: _Client) -> None:
         self._robot, self._client = robot, client
 
+    def news(self) -> list[News]:
+        """All that is new."""
+        with self._robot.lock:
+            new = list(self._client.heard.values())
+            self._client.heard.clear()
+        return new
+
+    def answer(self, number: int) -> m.Answer | None:
+        """At once."""
+        return self._client.answers.get(number)
+
     def steer(
         self, stick: Stick, valid: bool, armed: bool, device: m.Device, speed_scale: float
     ) -> None:
@@ -365,11 +360,11 @@ class SimulatedLink:
 
     def fetch(self, name: str) -> None:
         """It has no records."""
-        self._client.hear(m.Piece(name, 0, b"") if name else m.Records(()), 0.0, 0.0)
+        self._client.hear(m.Piece(name, 0, b"") if name else m.Records(()), 0.0)
 
     def quality(self) -> Quality:
         """Perfect."""
-        return Quality(True, "this process", 0.0, 0.0, 0.0)
+        return Quality(True, "this process", "", 0.0, 0.0, 0.0)
 
     def close(self) -> None:
         """Leave."""

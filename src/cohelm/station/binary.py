@@ -10,9 +10,9 @@ import math
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cohelm.link.messages import Map, Picture, ScanPart
+from cohelm.link.messages import Map, Picture
+from cohelm.link.station_end import WholeScan
 
 MAP, SCAN, FRAME = 1, 2, 3
 _MAP = struct.Struct("<II4d6I")
@@ -29,17 +29,19 @@ def map_part(part: Map) -> bytes:
     return head + part.cells
 
 
-def scan(part: ScanPart, ranges: NDArray[np.uint16], age_s: float) -> bytes:
-    """A whole scan; `part` is any of its parts, `ranges` all of its beams [mm]."""
+def scan(whole: WholeScan, age: float) -> bytes:
+    """A scan. age: since it was taken [s]."""
+    ranges = np.ascontiguousarray(whole.ranges, dtype="<u2")
     head = _SCAN.pack(
-        SCAN, part.number, *part.sensor, part.first, part.step, _finite(age_s) * 1e3, len(ranges), 0
-    )
-    return head + np.ascontiguousarray(ranges, dtype="<u2").tobytes()
+        SCAN, whole.number, *whole.sensor, whole.first, whole.step, _finite(age) * 1e3,
+        len(ranges), 0,
+    )  # fmt: skip
+    return head + ranges.tobytes()
 
 
-def frame(picture: Picture, age_s: float) -> bytes:
+def frame(picture: Picture, age: float) -> bytes:
     """A picture of the camera, with the pose it was taken from."""
-    head = _FRAME.pack(FRAME, picture.number, *picture.pose, _finite(age_s) * 1e3)
+    head = _FRAME.pack(FRAME, picture.number, *picture.pose, _finite(age) * 1e3)
     return head + picture.jpeg
 
 

@@ -7,24 +7,20 @@ who it was; meanwhile its stick counts as gone.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import math
-import threading
 import time
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cohelm.core.types import Stick
 from cohelm.link import messages as robot
+from cohelm.link.station_end import WholeScan
 from cohelm.station import binary, messages as page, view
 from cohelm.station.doors import Rate
 from cohelm.station.outbox import Outbox
-from cohelm.station.robot_link import Connect, Replayed
+from cohelm.station.robot_link import Connect, News, Replayed
 
 BEAT = 0.04
 """Between two beats to a page [s]."""
@@ -34,12 +30,14 @@ LINK_EVERY = 0.25
 """[s]"""
 SEND_WITHIN = 5.0
 """A page that takes nothing for so long is let go [s]."""
-_CENTRED = Stick(0.0, 0.0)
+_POLL = 0.01
+_REPEAT = 0.05
+_NO_STICK = (Stick(0.0, 0.0), False, False, robot.Device.NONE, 1.0)
 _log = logging.getLogger("cohelm.station")
 
 
 class Operator:
-    """All calls from the event loop's thread, but for `_hear`."""
+    """All calls come from the event loop's thread."""
 
     def __init__(self, key: str, name: str, connect: Connect, stale: float) -> None:
         self.key, self.name, self.stale = key, name, stale
@@ -50,61 +48,45 @@ class Operator:
         """When its last page went away."""
         self.names: dict[int, str] = {}
         self.others: list[str] = []
-        self._loop = asyncio.get_running_loop()
-        self._lock = threading.Lock()
-        self._heard: dict[object, tuple[Any, float, float]] = {}
-        """Message, the robot's clock then, our clock then; by slot."""
-        self._news = asyncio.Event()
         self._outbox = Outbox()
         self._kept: dict[object, str | bytes] = {}
-        self._scan: tuple[int, NDArray[np.uint16], int] = (-1, np.empty(0, np.uint16), 0)
-        self._status: tuple[robot.Status, float, float] | None = None
-        """The newest, the robot's clock and ours when it was so."""
+        self._status: News | None = None
+        self._status_at = 0.0
+        """Our clock when the newest status was true [s]."""
         self._shown: object = None
         self._health: robot.Health | None = None
-        self._stick_at = -math.inf
+        self._steered: tuple[Stick, bool, bool, robot.Device, float] = _NO_STICK
+        self._stick_at = self._steered_at = -math.inf
         self._stick_n = -1
         self._state_at = self._link_at = self._beat_at = -math.inf
         self._page_ms: float | None = None
-        self._answered = 0
         self._asked: dict[int, str] = {}
         self._proposed: dict[int, bool] = {}
-        self.link = connect(name, self._hear)
+        self.link = connect(name)
 
     # ---- the robot's side --------------------------------------------------------------
 
-    def _hear(self, message: robot.FromRobot, stamp: float, age: float) -> None:
-        """From the link's thread: keep the newest of each kind, and wake the writer."""
-        slot: object = type(message)
-        if isinstance(message, robot.ScanPart):
-            slot = (robot.ScanPart, message.start)
-        elif isinstance(message, robot.Polyline):
-            slot = (robot.Polyline, message.what)
-        elif isinstance(message, robot.Map):
-            slot = (robot.Map, message.column, message.row)
-        elif isinstance(message, robot.Checked):
-            slot = (robot.Checked, message.answer.number)
-        with self._lock:
-            self._heard[slot] = (message, stamp, time.monotonic() - age)
-        with contextlib.suppress(RuntimeError):  # the loop is closed: the station is going down
-            self._loop.call_soon_threadsafe(self._news.set)
+    def _listen(self) -> None:
+        """What the robot told, into what the page is to be sent."""
+        for news in self.link.news():
+            self._take(news)
+        for number, what in list(self._asked.items()):
+            answer = self.link.answer(number)
+            if answer is None:
+                continue
+            del self._asked[number]
+            if not answer.granted:
+                self._say(page.Refused(what=what.replace("_", " "), why=answer.reason))
 
-    def _digest(self) -> None:
-        """What was heard, into what the page is to be sent."""
-        with self._lock:
-            heard, self._heard = self._heard, {}
-        now = time.monotonic()
-        for slot, (message, stamp, at) in heard.items():
-            self._take(slot, message, stamp, now - at)
-
-    def _take(self, slot: object, message: Any, stamp: float, age: float) -> None:
+    def _take(self, news: News) -> None:
+        message, _, age = news
         match message:
             case robot.Status():
-                self._status = (message, stamp, time.monotonic() - age)
+                self._status = news
+                self._status_at = time.monotonic() - (0.0 if math.isnan(age) else age)
                 self.client = message.lease.you
-                self._answers(message.answers)
-            case robot.ScanPart():
-                self._part(message, age)
+            case WholeScan():
+                self._outbox.put("scan", binary.scan(message, age))
             case robot.Picture():
                 self._outbox.put("frame", binary.frame(message, age))
             case robot.Discs():
@@ -112,8 +94,10 @@ class Operator:
             case robot.Hello():
                 self._keep("robot", view.hello(message).model_dump_json())
             case robot.Polyline():
+                slot = (robot.Polyline, message.what)
                 self._keep(slot, view.line(message).model_dump_json())
             case robot.Map():
+                slot = (robot.Map, message.column, message.row)
                 self._keep(slot, binary.map_part(message))
             case robot.Records():
                 self._keep("records", view.records(message).model_dump_json())
@@ -128,27 +112,6 @@ class Operator:
         """What a page that comes later must be told too."""
         self._kept[slot] = message
         self._outbox.put(slot, message)
-
-    def _part(self, part: robot.ScanPart, age: float) -> None:
-        """Put the parts of a scan together; beams of a lost part stay without return."""
-        number, ranges, have = self._scan
-        if part.number != number or part.beams != len(ranges):
-            number, ranges, have = part.number, np.full(part.beams, 65535, np.uint16), 0
-        end = min(part.start + len(part.ranges), part.beams)
-        ranges[part.start : end] = part.ranges[: end - part.start]
-        have += end - part.start
-        self._scan = (number, ranges, have)
-        if have >= part.beams:
-            self._outbox.put("scan", binary.scan(part, ranges, age))
-
-    def _answers(self, answers: tuple[robot.Answer, ...]) -> None:
-        for answer in answers:
-            if answer.number <= self._answered:
-                continue
-            self._answered = answer.number
-            what = self._asked.pop(answer.number, "")
-            if not answer.granted and what:
-                self._say(page.Refused(what=what.replace("_", " "), why=answer.reason))
 
     def _checked(self, message: robot.Checked) -> None:
         number, ok, why = message.answer
@@ -223,7 +186,6 @@ class Operator:
                 self._proposed[number] = message.only_check
             case page.Got():
                 self._outbox.credit(message.stream)
-                self._news.set()
             case page.Play():
                 if isinstance(self.link, Replayed):
                     self.link.play(message.playing, message.speed, message.seek_s)
@@ -236,22 +198,27 @@ class Operator:
         self._stick_n, self._stick_at = stick.n, now
         before = self._page_ms
         self._page_ms = age * 1e3 if before is None else 0.9 * before + 0.1 * age * 1e3
-        self.link.steer(
-            Stick(stick.x, stick.psi), stick.valid, stick.armed, view.DEVICES[stick.device],
-            stick.speed_scale,
+        device = view.DEVICES[stick.device]
+        self._steered = (
+            Stick(stick.x, stick.psi), stick.valid, stick.armed, device, stick.speed_scale
         )  # fmt: skip
+        self._steer(now)
+
+    def _steer(self, now: float) -> None:
+        self._steered_at = now
+        self.link.steer(*self._steered)
 
     def watch(self, now: float) -> None:
-        """Called at 50 Hz: a stick that is not heard of any more is gone."""
+        """Called at 50 Hz: goes on with the newest stick while it may, then it is gone."""
         if now - self._stick_at > self.stale:
-            self.link.steer(_CENTRED, False, False, robot.Device.NONE, 1.0)
+            self._steered = _NO_STICK
+        if now - self._steered_at > _REPEAT:
+            self._steer(now)
 
     async def _write(self, socket: WebSocket) -> None:
         while True:
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._news.wait(), BEAT / 2)
-            self._news.clear()
-            self._digest()
+            await asyncio.sleep(_POLL)
+            self._listen()
             self._due(time.monotonic())
             for message in self._outbox.take():
                 sent = socket.send_text if isinstance(message, str) else socket.send_bytes
@@ -269,22 +236,32 @@ class Operator:
         if now - self._beat_at >= BEAT:
             self._beat_at = now
             self._say(page.Beat(at_ms=now * 1e3, page_ms=self._page_ms))
-        status = self._status
-        if status is not None and now - self._state_at >= FRAME_RATE:
-            said, stamp, at = status
-            if status is not self._shown:
-                self._shown, self._state_at = status, now
-                self._outbox.put("state", view.state(said, stamp, now - at).model_dump_json())
-            everybody = view.who(said.lease, self.names, self.others)
-            self._outbox.put("who", everybody.model_dump_json(), changed_only=True)
-            alarms = view.alarms(said.alarms).model_dump_json()
-            self._outbox.put("alarms", alarms, changed_only=True)
+        if self._status is not None and now - self._state_at >= FRAME_RATE:
+            self._tell_state(self._status, now)
         if now - self._link_at >= LINK_EVERY:
             self._link_at = now
-            timing = status[0].timing if status else None
-            age = now - status[2] if status else math.nan
+            timing = self._now.timing if self._now is not None else None
+            age = now - self._status_at if self._status is not None else math.nan
             quality = view.link(self.link.quality(), timing, age, self._health)
             self._outbox.put("link", quality.model_dump_json())
             if isinstance(self.link, Replayed):
                 at, playing, speed = self.link.place
                 self._say(page.Playing(at_s=at, playing=playing, speed=speed))
+
+    @property
+    def _now(self) -> robot.Status | None:
+        status = None if self._status is None else self._status.message
+        return status if isinstance(status, robot.Status) else None
+
+    def _tell_state(self, news: News, now: float) -> None:
+        status = self._now
+        if status is None:
+            return
+        if news is not self._shown:
+            self._shown, self._state_at = news, now
+            state = view.state(status, news.stamp, now - self._status_at)
+            self._outbox.put("state", state.model_dump_json())
+        everybody = view.who(status.lease, self.names, self.others)
+        self._outbox.put("who", everybody.model_dump_json(), changed_only=True)
+        alarms = view.alarms(status.alarms).model_dump_json()
+        self._outbox.put("alarms", alarms, changed_only=True)

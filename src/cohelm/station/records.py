@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncGenerator
 
-from cohelm.link.messages import FromRobot, Piece
+from cohelm.link.messages import Piece
 from cohelm.station.robot_link import Connect
 
 PIECE_WITHIN = 10.0
 """A robot that sends nothing for so long has given up [s]."""
+_POLL = 0.02
 
 
 async def pieces(connect: Connect, name: str) -> AsyncGenerator[bytes]:
@@ -18,20 +20,21 @@ async def pieces(connect: Connect, name: str) -> AsyncGenerator[bytes]:
     Raises TimeoutError where nothing comes any more: a download that breaks off is seen as
     broken off.
     """
-    loop = asyncio.get_running_loop()
-    queue: asyncio.Queue[Piece] = asyncio.Queue()
-
-    def hear(message: FromRobot, stamp: float, age: float) -> None:
-        if isinstance(message, Piece) and message.name == name:
-            loop.call_soon_threadsafe(queue.put_nowait, message)
-
-    link = connect("a download", hear)
+    link = connect("a download")
     try:
         link.fetch(name)
+        since = time.monotonic()
         while True:
-            piece = await asyncio.wait_for(queue.get(), PIECE_WITHIN)
-            if not piece.data:
-                return
-            yield piece.data
+            for news in link.news():
+                piece = news.message
+                if not isinstance(piece, Piece) or piece.name != name:
+                    continue
+                if not piece.data:
+                    return
+                since = time.monotonic()
+                yield piece.data
+            if time.monotonic() - since > PIECE_WITHIN:
+                raise TimeoutError(f"the robot sent no more of {name}")
+            await asyncio.sleep(_POLL)
     finally:
         link.close()

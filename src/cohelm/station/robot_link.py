@@ -6,11 +6,18 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from cohelm.core.types import Stick
-from cohelm.link.messages import Ask, Device, FromRobot
+from cohelm.link.messages import Answer, Ask, Device, FromRobot
+from cohelm.link.station_end import WholeScan
 
-Hear = Callable[[FromRobot, float, float], None]
-"""Called with every message of the robot, the robot's clock when it was sent [s], and its age [s];
-from any thread. Returns at once."""
+
+class News(NamedTuple):
+    """Something the robot told."""
+
+    message: FromRobot | WholeScan
+    stamp: float
+    """The robot's clock then [s]."""
+    age: float
+    """How long ago that was [s]; NaN: not known."""
 
 
 class Quality(NamedTuple):
@@ -19,6 +26,8 @@ class Quality(NamedTuple):
     connected: bool
     name: str
     """What the robot is reached by."""
+    why: str
+    """Why it is not connected; empty while it is."""
     round_trip: float
     """[s]"""
     loss: float
@@ -28,7 +37,11 @@ class Quality(NamedTuple):
 
 
 class RobotLink(Protocol):
-    """One operator's own way to the robot. Calls return at once and may come from any thread."""
+    """One operator's own way to the robot. Calls return at once."""
+
+    def news(self) -> list[News]:
+        """What has come since the last call; of what only the newest counts, the newest."""
+        ...
 
     def steer(
         self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
@@ -37,7 +50,11 @@ class RobotLink(Protocol):
         ...
 
     def ask(self, what: Ask, value: int = 0) -> int:
-        """Ask for something once; its number, which comes back in `Status.answers`."""
+        """Ask for something once; returns the number of its answer."""
+        ...
+
+    def answer(self, number: int) -> Answer | None:
+        """What became of what was asked; None: nothing yet."""
         ...
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
@@ -53,7 +70,7 @@ class RobotLink(Protocol):
         ...
 
     def close(self) -> None:
-        """Leave; nothing is heard afterwards."""
+        """Leave."""
         ...
 
 
@@ -90,5 +107,5 @@ class Replayed(Protocol):
         ...
 
 
-Connect = Callable[[str, Hear], RobotLink]
+Connect = Callable[[str], RobotLink]
 """Makes the link of one operator, who goes by this name."""

@@ -3,7 +3,7 @@
 
 export type Arming = 'absent' | 'waiting' | 'armed'
 
-const CENTRED = 0.1
+const CENTRED = 0.05
 
 /** Next state from whether the device is there, and where it is. */
 export function arm(before: Arming, present: boolean, x: number, psi: number): Arming {

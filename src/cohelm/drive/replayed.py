@@ -1,0 +1,103 @@
+"""A record behind `RobotLink`: every page has its own place in it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from cohelm.core.types import Stick
+from cohelm.drive.film import Film
+from cohelm.link.messages import Answer, Ask, Checked, Device
+from cohelm.station.robot_link import News, Place, Quality
+
+_EVERY = 0.03
+_NO = "this is a record; nothing can be done to it any more"
+
+
+class Replaying:
+    """Plays a film, from the beginning at first; at the end it stops."""
+
+    def __init__(self, film: Film, clock: Callable[[], float] = time.monotonic) -> None:
+        self._film, self._clock = film, clock
+        self._place = Place(0.0, True, 1.0)
+        self._since = clock()
+        self._told_at = -1.0
+        self._first = True
+        self._new = True
+        self._number = 0
+        self._refused: list[News] = []
+
+    @property
+    def duration(self) -> float:
+        """Of the film [s]."""
+        return self._film.duration
+
+    @property
+    def start(self) -> float:
+        """The robot's clock at its beginning [s]."""
+        return self._film.start
+
+    @property
+    def place(self) -> Place:
+        """Where it is now."""
+        at, playing, speed = self._place
+        if playing:
+            at += (self._clock() - self._since) * speed
+            if at >= self.duration:
+                self._place = Place(self.duration, False, speed)
+                return self._place
+        return Place(at, playing, speed)
+
+    def play(self, playing: bool, speed: float, at: float | None) -> None:
+        """Go on from here, or from `at`; from the beginning where it was at the end."""
+        now = self.place
+        where = now.at if at is None else min(max(at, 0.0), self.duration)
+        if playing and at is None and not now.playing and where >= self.duration:
+            where = 0.0
+        self._place, self._since = Place(where, playing, speed), self._clock()
+        self._new = True
+
+    def news(self) -> list[News]:
+        """What the robot told at this place."""
+        out, self._refused = self._refused, []
+        if self._first:
+            self._first = False
+            out += [News(message, self.start, 0.0) for message in self._film.first()]
+        now = self._clock()
+        if self._new or now - self._told_at >= _EVERY:
+            self._new = False
+            self._told_at = now
+            out += self._film.at(self.place.at)
+        return out
+
+    def steer(
+        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
+    ) -> None:
+        """Nothing to steer."""
+
+    def ask(self, what: Ask, value: int = 0) -> int:
+        """Refused."""
+        self._number += 1
+        return self._number
+
+    def answer(self, number: int) -> Answer | None:
+        """Always the same."""
+        return Answer(number, False, _NO)
+
+    def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
+        """Refused."""
+        self._number += 1
+        answer = Answer(self._number, False, _NO)
+        self._refused.append(News(Checked(answer, 65535), self.start, 0.0))
+        return self._number
+
+    def fetch(self, name: str) -> None:
+        """There is nothing to fetch: the record is here."""
+
+    def quality(self) -> Quality:
+        """There is no link."""
+        nan = float("nan")
+        return Quality(True, "a record", "", nan, nan, nan)
+
+    def close(self) -> None:
+        """Nothing to do."""

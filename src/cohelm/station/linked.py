@@ -1,0 +1,97 @@
+"""The way to a robot over the real link: datagrams and bulk of one operator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from urllib.parse import urlsplit
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.link.keys import Keys
+from cohelm.link.messages import Answer, Ask, Device, Fetch, Waypoints
+from cohelm.link.station_bulk import StationBulk
+from cohelm.link.station_end import StationEnd
+from cohelm.station.robot_link import News, Quality
+
+
+def address(text: str, port: int) -> tuple[str, int]:
+    """Host and port of HOST, HOST:PORT or [HOST]:PORT. CohelmError for anything else."""
+    try:
+        parts = urlsplit(f"//{text}" if text.count(":") < 2 or "[" in text else f"//[{text}]")
+        if not parts.hostname or parts.path or parts.username is not None:
+            raise ValueError
+        return parts.hostname, parts.port or port
+    except ValueError:
+        raise CohelmError(
+            f"{text!r} is no HOST[:PORT], as in robot.local or 10.0.0.5:7447"
+        ) from None
+
+
+class Linked:
+    """`RobotLink` over the network. The robot's clock is only known once it was heard."""
+
+    def __init__(self, keys: Keys, host: str, port: int) -> None:
+        self._end = StationEnd(keys, host, port)
+        self._bulk = StationBulk(keys, host, port, self._end.session)
+        self._name = f"{host}:{port}"
+        self._proposals = 0
+        self._told: object = None
+        self._scan: object = None
+        self._discs: object = None
+
+    def news(self) -> list[News]:
+        """What has come since the last call."""
+        out: list[News] = []
+        told, scan, discs = self._end.status(), self._end.scan(), self._end.discs()
+        now = math.nan if told is None else told.stamp + told.age
+        if told is not None and told.status is not self._told:
+            self._told = told.status
+            out.append(News(told.status, told.stamp, told.age))
+        if scan is not None and scan is not self._scan:
+            self._scan = scan
+            out.append(News(scan, scan.taken, now - scan.taken))
+        if discs is not None and discs is not self._discs:
+            self._discs = discs
+            out.append(News(discs, now, 0.0))
+        picture = self._bulk.picture()
+        if picture is not None:
+            out.append(News(picture, picture.taken, now - picture.taken))
+        return out + [News(message, now, 0.0) for message in self._bulk.news()]
+
+    def steer(
+        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
+    ) -> None:
+        """What the person wants now."""
+        self._end.steer(stick, valid, armed, device, speed_scale)
+
+    def ask(self, what: Ask, value: int = 0) -> int:
+        """Ask for something once."""
+        return self._end.ask(what, value)
+
+    def answer(self, number: int) -> Answer | None:
+        """What became of it."""
+        return self._end.answer(number)
+
+    def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
+        """Way-points."""
+        self._proposals += 1
+        way = np.array(points, dtype=np.float64).reshape(-1, 2)
+        self._bulk.send(Waypoints(self._proposals, way, only_check))
+        return self._proposals
+
+    def fetch(self, name: str) -> None:
+        """A record, or the list of them."""
+        self._bulk.send(Fetch(name))
+
+    def quality(self) -> Quality:
+        """How good the link is."""
+        s = self._end.state()
+        return Quality(s.connected, self._name, s.why, s.round_trip, s.lost, s.offset)
+
+    def close(self) -> None:
+        """Say good-bye."""
+        self._end.close()
+        self._bulk.close()

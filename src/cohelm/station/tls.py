@@ -1,0 +1,108 @@
+"""A certificate for the web page, made on this machine: for tablets on the same network.
+
+No authority signs it, so a browser warns once; the fingerprint that is printed at the start is what
+the browser must show. It is kept, so that a browser that accepted it does not ask again.
+"""
+
+from __future__ import annotations
+
+import datetime
+import ipaddress
+import os
+import socket
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from cohelm.core.errors import CohelmError
+from cohelm.link.keys import fingerprint
+
+DAYS = 397
+"""Browsers refuse certificates that hold longer."""
+_RENEW = datetime.timedelta(days=30)
+
+
+def certificate(folder: Path, host: str) -> tuple[Path, Path, str]:
+    """Files of certificate and key for `host`, and the fingerprint; made where there are none.
+
+    Raises CohelmError where the folder can not be written.
+    """
+    path, key = folder / "station-web.pem", folder / "station-web.key"
+    names = _names(host)
+    try:
+        if not _good(path, key, names):
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            _make(path, key, names)
+        return path, key, fingerprint(path.read_bytes())
+    except OSError as error:
+        raise CohelmError(
+            f"{folder}: no certificate can be kept there ({error.strerror}); name another folder "
+            f"with the variable COHELM_KEYS"
+        ) from None
+
+
+def _names(host: str) -> list[x509.GeneralName]:
+    """What a browser may call this machine."""
+    names = {"localhost", socket.gethostname()}
+    addresses = {"127.0.0.1", "::1"}
+    try:
+        addresses.add(str(ipaddress.ip_address(host)))
+    except ValueError:
+        names.add(host)
+    if host in ("0.0.0.0", "::"):
+        addresses.discard(host)
+        addresses.update(_own_addresses())
+    return [
+        *(x509.DNSName(name) for name in sorted(names)),
+        *(x509.IPAddress(ipaddress.ip_address(a)) for a in sorted(addresses)),
+    ]
+
+
+def _own_addresses() -> set[str]:
+    try:
+        found = socket.getaddrinfo(socket.gethostname(), None)
+    except OSError:
+        return set()
+    return {str(entry[4][0]).partition("%")[0] for entry in found}
+
+
+def _good(path: Path, key: Path, names: list[x509.GeneralName]) -> bool:
+    """Whether what is there can still be used, for all these names."""
+    if not (path.exists() and key.exists()):
+        return False
+    try:
+        kept = x509.load_pem_x509_certificate(path.read_bytes())
+        there = kept.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except (ValueError, x509.ExtensionNotFound):
+        return False
+    now = datetime.datetime.now(datetime.UTC)
+    return kept.not_valid_after_utc - now > _RENEW and set(names) <= set(there)
+
+
+def _make(path: Path, key_path: Path, names: list[x509.GeneralName]) -> None:
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "cohelm station")])
+    now = datetime.datetime.now(datetime.UTC)
+    made = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - datetime.timedelta(days=1))
+        .not_valid_after(now + datetime.timedelta(days=DAYS - 1))
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(x509.SubjectAlternativeName(names), critical=False)
+        .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    secret = key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    key_path.unlink(missing_ok=True)
+    with os.fdopen(os.open(key_path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(secret)
+    path.write_bytes(made.public_bytes(serialization.Encoding.PEM))
