@@ -153,8 +153,9 @@ class Judgement(NamedTuple):
     """How well a whole scan agrees with the map, as shares of the beams the map tells about.
 
     agree: ends at a wall. short: something is in front of it, a person perhaps. through: it
-    passed where the map has a wall, or did not return from one. log: how likely, as a sum of
-    logarithms for fifteen independent beams. told: number of beams.
+    passed where the map has a wall, or did not return from one. log: how likely the scan is, by
+    the number of things that contradict, not of their beams: one wide wall is one error of the
+    map, three are a wrong place. told: number of beams.
     """
 
     agree: float
@@ -166,8 +167,13 @@ class Judgement(NamedTuple):
 
 _NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
 _SPREAD = 0.06  # standard deviation of its distance for the likelihood [m]
-_SHORT, _THROUGH, _MISSING = -1.8, -3.5, -2.0  # log likelihoods
-_INDEPENDENT = 15.0
+_INDEPENDENT = 15.0  # beams of a scan, as far as their distances go
+_RUN = 3  # fewer neighbouring beams are an edge, not a thing
+_EDGE = -0.2  # log likelihoods: of such an edge,
+_SHORT, _WIDE_SHORT = -1.5, -0.02  # a thing that is not on the map, and each of its beams,
+_THROUGH, _WIDE_THROUGH = -3.0, -0.05  # a wall that is not there, and each beam through it
+_UNKNOWN = -1.0  # a thing seen where the map knows nothing
+_AGREE, _IN_FRONT, _BEHIND, _SILENT, _BEYOND = 0, 1, 2, 3, 4
 
 
 @jit
@@ -177,37 +183,68 @@ def judge(known: Known, lidar: Lidar, pose: Pose, ranges: Floats, every: int) ->
     x = pose.x + c * lidar.mount.x - s * lidar.mount.y
     y = pose.y + s * lidar.mount.x + c * lidar.mount.y
     c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
-    agree, short, through, told = 0, 0, 0, 0
-    log = 0.0
+    counts = np.zeros(5, np.int64)
+    log, near_log = 0.0, 0.0
+    before, run = _SILENT, 0
     for i in range(0, len(ranges), every):
         r = ranges[i]
         if not r > 0.0:
             continue
         dx = c * lidar.beams[i, 0] - s * lidar.beams[i, 1]
         dy = s * lidar.beams[i, 0] + c * lidar.beams[i, 1]
-        wall = expected(known, x, y, dx, dy, lidar.range_max)
-        if r < math.inf:
-            near = gap_at(known, x + r * dx, y + r * dy)
-            if near < _NEAR:
-                agree += 1
-                told += 1
-                log += max(-0.5 * (near / _SPREAD) ** 2, -1.5)
-                continue
-        if math.isnan(wall):
-            continue
-        if r == math.inf:
-            if wall < 0.9 * lidar.range_max:
-                through += 1
-                told += 1
-                log += _MISSING
-            continue
-        told += 1
-        if r < wall:
-            short += 1
-            log += _SHORT
+        near = gap_at(known, x + r * dx, y + r * dy) if r < math.inf else math.nan
+        if near < _NEAR:
+            verdict = _AGREE
+            near_log += max(-0.5 * (near / _SPREAD) ** 2, -1.5)
         else:
-            through += 1
-            log += _THROUGH
+            verdict = _against(expected(known, x, y, dx, dy, lidar.range_max), r, lidar.range_max)
+        counts[verdict] += 1
+        if verdict == before:
+            run += 1
+            continue
+        log += _cost(before, run, every)
+        before, run = verdict, 1
+    log += _cost(before, run, every)
+    told = counts[_AGREE] + counts[_IN_FRONT] + counts[_BEHIND]
     if told == 0:
-        return Judgement(0.0, 0.0, 0.0, -10.0 * _INDEPENDENT, 0)
-    return Judgement(agree / told, short / told, through / told, log * _INDEPENDENT / told, told)
+        return Judgement(0.0, 0.0, 0.0, -1e3, 0)
+    return Judgement(
+        counts[_AGREE] / told, counts[_IN_FRONT] / told, counts[_BEHIND] / told,
+        log + near_log * _INDEPENDENT / told, told,
+    )  # fmt: skip
+
+
+@jit
+def _against(wall: float, r: float, farthest: float) -> int:
+    """What a beam says that did not end near a wall; wall: how far it should have come [m]."""
+    if math.isnan(wall):
+        return _SILENT if r == math.inf else _BEYOND
+    if r == math.inf:
+        return _BEHIND if wall < 0.9 * farthest else _SILENT
+    return _IN_FRONT if r < wall else _BEHIND
+
+
+@jit
+def _cost(verdict: int, run: int, every: int) -> float:
+    """The log likelihood of neighbouring beams that say the same."""
+    if verdict in (_AGREE, _SILENT):
+        return 0.0
+    if run * every < _RUN:
+        return _EDGE
+    if verdict == _BEYOND:
+        return _UNKNOWN
+    if verdict == _IN_FRONT:
+        return _SHORT + _WIDE_SHORT * run * every
+    return _THROUGH + _WIDE_THROUGH * run * every
+
+
+@jit
+def free_at(known: Known, x: float, y: float) -> bool:
+    """Whether the map shows free ground at a world point."""
+    c, s = math.cos(known.origin.psi), math.sin(known.origin.psi)
+    dx, dy = x - known.origin.x, y - known.origin.y
+    u, v = (c * dx + s * dy) / known.resolution, (-s * dx + c * dy) / known.resolution
+    rows, columns = known.gap.shape
+    if not (0.0 <= u < columns and 0.0 <= v < rows):
+        return False
+    return known.gap[int(v), int(u)] > 0.0 and not known.unknown[int(v), int(u)]

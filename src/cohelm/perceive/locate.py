@@ -18,7 +18,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose, wrap
 from cohelm.perceive.frames import between, compose
-from cohelm.perceive.known import Judgement, Known, judge
+from cohelm.perceive.known import Judgement, Known, free_at, judge
 from cohelm.perceive.match import Care, align
 from cohelm.perceive.search import Search, candidates, looked, search
 from cohelm.perceive.surfaces import normals
@@ -43,12 +43,14 @@ class Caution(NamedTuple):
     """and no other pose comes within this of its log likelihood,"""
     travelled: float = 0.5
     """or, with half that margin, after this way [m] or twice the angle [rad]."""
+    least: float = -12.0
+    """and this log likelihood, which allows for some four things that are not on the map,"""
     sure: float = 0.1
     """Nor is a pose believed less certain than this standard deviation [m]."""
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40
-    places: int = 220
+    places: int = 80
     """Places looked at in one slice."""
     points: int = 360
     """Points of a sweep that are matched, at most."""
@@ -138,9 +140,9 @@ class Locator:
                 self._found = candidates(self._search, self.caution.hypotheses)
                 self._search = None
             return self.located
-        for pose in self._found[:8]:
+        for pose in self._found[:4]:
             self._consider(pose, points, across, ranges)
-        self._found = self._found[8:]
+        self._found = self._found[4:]
         if not self._found:
             self._searched = None
             self._settle()
@@ -151,12 +153,12 @@ class Locator:
         spread = joint[:3, :3]
         prior = _inverse(spread)
         fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
-        judged = self._judge(fit.pose, sweep.ranges)
+        judged = self._judge(fit.pose, sweep.ranges, self._every)
         if not self._fair(judged, self.caution.fair):
             loose = np.diag([4.0, 4.0, 16.0])
             wider = self.care._replace(reach=0.6)
             other = align(self.known.surfaces, points, across, foretold, loose, wider)
-            again = self._judge(other.pose, sweep.ranges)
+            again = self._judge(other.pose, sweep.ranges, self._every)
             if again.log > judged.log + 1.0 and self._fair(again, self.caution.good):
                 # pushed: what the odometry missed says nothing about its scale
                 fit, judged, foretold = other, again, other.pose
@@ -199,7 +201,7 @@ class Locator:
             prior = _inverse(joint[:3, :3])
             fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
             one.pose, one.covariance = fit.pose, _updated(joint, fit.information)[:3, :3]
-            one.judged = self._judge(fit.pose, sweep.ranges)
+            one.judged = self._judge(fit.pose, sweep.ranges, 1)
             if fresh:
                 one.log, one.latest = one.log + one.latest, one.judged.log
             else:
@@ -232,8 +234,9 @@ class Locator:
         loose = np.diag([1.0, 1.0, 4.0])
         wide = self.care._replace(reach=0.6, rounds=30)
         fit = align(self.known.surfaces, points, across, guess, loose, wide)
-        judged = self._judge(fit.pose, ranges)
-        if judged.agree < 0.4 or judged.through > 0.35:
+        judged = self._judge(fit.pose, ranges, 1)
+        free = free_at(self.known, fit.pose.x, fit.pose.y)
+        if not free or judged.agree < 0.4 or judged.through > 0.35:
             return
         joint = _joined(np.diag([0.3, 0.3, 0.1]) ** 2, 1e-4)
         covariance = _updated(joint, fit.information)[:3, :3]
@@ -248,14 +251,18 @@ class Locator:
 
     def _settle(self) -> None:
         """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
-        alive = [h for h in self._hypotheses if h.judged.agree > 0.35 and h.judged.through < 0.4]
+        alive = [
+            h for h in self._hypotheses
+            if h.judged.agree > 0.35 and h.judged.through < 0.4
+            and free_at(self.known, h.pose.x, h.pose.y)
+        ]  # fmt: skip
         alive.sort(key=lambda h: -(h.log + h.latest))
         kept: list[_Hypothesis] = []
         for one in alive:
-            close = kept and kept[0].log + kept[0].latest - one.log - one.latest > 15.0
+            close = kept and kept[0].log + kept[0].latest - one.log - one.latest > 20.0
             if not close and not any(_same(one.pose, other.pose) for other in kept):
                 kept.append(one)
-        self._hypotheses = kept[:16]
+        self._hypotheses = kept[:8]
         best = kept[0] if kept else None
         if best is None or not self._fair(best.judged, self.caution.fair):
             self._everywhere = True
@@ -271,7 +278,12 @@ class Locator:
         sigma = math.sqrt(float(np.linalg.eigvalsh(best.covariance[:2, :2])[-1]))
         if lead < wanted:
             why = f"{len(kept)} places on the map look alike: drive on a little"
-        elif not self._fair(best.judged, c.good) or best.judged.agree < c.seen:
+        elif (
+            not self._fair(best.judged, c.good)
+            or best.judged.agree < c.seen
+            or best.judged.log < c.least
+            or best.judged.told < 0.5 * len(self.lidar.beams)
+        ):
             why = "too much of what the LiDAR sees is not on the map"
         elif sigma > c.sure:
             why = "too few features are in view to say where along them the robot is"
@@ -285,8 +297,8 @@ class Locator:
         self._search, self._searched, self._found, self._hypotheses = None, None, [], []
         self._doubts = 0
 
-    def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
-        return judge(self.known, self.lidar, pose, ranges, self._every)
+    def _judge(self, pose: Pose, ranges: Floats, every: int) -> Judgement:
+        return judge(self.known, self.lidar, pose, ranges, every)
 
     def _fair(self, judged: Judgement, least: float) -> bool:
         unblocked = 1.0 - judged.short

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist
@@ -13,13 +14,15 @@ from cohelm.perceive.frames import between, compose, inverse
 from cohelm.perceive.known import Known
 from cohelm.perceive.locate import Located, Locator
 from cohelm.perceive.memory import Care as Remembering, View, renew
+from cohelm.perceive.movers import MOVES, NONE, RADIUS, TX, TY, Care as Watching, bodies, follow
 from cohelm.perceive.sweep import Sweep, sweep
 from cohelm.perceive.trail import EMPTY, extended, pose_at
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.sensors import Lidar
 
 NOTHING: Floats = np.empty((0, 2))
-NOBODY: Floats = np.empty((0, 6))
+_APART = 0.06  # sweeps nearer in time are not asked who moves: too little has happened [s]
 
 
 class Seen(NamedTuple):
@@ -65,7 +68,7 @@ class Perception:
 
     def __init__(
         self, model: RobotModel, known: Known | None = None, start: Pose | None = None,
-        remembering: Remembering | None = None,
+        remembering: Remembering | None = None, watching: Watching | None = None,
     ) -> None:  # fmt: skip
         """Raises CohelmError for a robot without a LiDAR."""
         if model.lidar is None:
@@ -81,6 +84,8 @@ class Perception:
         self._scanned = -math.inf
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
         self._placed = start is None
+        self._watching = watching or Watching()
+        self._movers = NONE
         self._located: Located | None = None
         self._matched = Pose(0.0, 0.0, 0.0)  # odometry pose of the newest scan
 
@@ -122,11 +127,32 @@ class Perception:
         seen: Sweep = sweep(self.lidar, ranges, scan.stamp, scan.duration, self._trail)
         self._scanned = scan.stamp + scan.duration
         pose = pose_at(self._trail, self._scanned)
-        self._points = renew(self._points, pose, self._view, seen.ranges, self._care)
+        if self._scanned - self._movers.stamp > _APART:
+            self._movers = follow(
+                self._movers, self.lidar, seen, pose, self._scanned, self._watching
+            )
+            if self._movers.mine.any():
+                seen = self._without(seen, self._movers.mine)
+        points = renew(self._points, pose, self._view, seen.ranges, self._care)
+        self._points = self._outside(points)
         if self._locator is not None:
             self._located = self._locator.correct(seen, pose)
             self._map_odom = compose(self._located.pose, inverse(pose))
             self._matched = pose
+
+    def _without(self, seen: Sweep, mine: NDArray[np.bool_]) -> Sweep:
+        """The sweep without the points of movers: they tell nothing about what stands."""
+        ranges = seen.ranges.copy()
+        ranges[_shadow(self.lidar, seen.points[mine])] = math.nan
+        return Sweep(seen.points[~mine], seen.beams[~mine], ranges)
+
+    def _outside(self, points: Floats) -> Floats:
+        """Points that no mover covers: what was remembered of it before it was known to move."""
+        for x, y, radius in self._movers.tracks[self._movers.tracks[:, MOVES] > 0][
+            :, [TX, TY, RADIUS]
+        ]:
+            points = points[np.hypot(points[:, 0] - x, points[:, 1] - y) > radius + 0.05]
+        return points
 
     def _said(self, now: float) -> Seen:
         if len(self._trail):
@@ -141,14 +167,26 @@ class Perception:
             )
         if located is None:
             located = Located(here, np.zeros((3, 3)), 1.0, False, "")
+        discs, agility = bodies(self._movers, now, self._watching)
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
-            twist=self._twist, map_odom=self._map_odom, points=self._points, discs=NOBODY,
-            agility=np.empty(0), odometry_stamp=stamp, scan_stamp=self._scanned,
+            twist=self._twist, map_odom=self._map_odom, points=self._points, discs=discs,
+            agility=agility, odometry_stamp=stamp, scan_stamp=self._scanned,
         )  # fmt: skip
 
 
 def seen_from(seen: Seen, pose: Pose) -> Pose:
     """A pose of the map as it is in `odom`, by what is known now."""
     return between(seen.map_odom, pose)
+
+
+def _shadow(lidar: Lidar, points: Floats) -> NDArray[np.int64]:
+    """The beams that body-frame points are seen in."""
+    c, s = math.cos(lidar.mount.psi), math.sin(lidar.mount.psi)
+    dx, dy = points[:, 0] - lidar.mount.x, points[:, 1] - lidar.mount.y
+    bearing = np.arctan2(-s * dx + c * dy, c * dx + s * dy) - lidar.first
+    beams = np.rint(
+        np.where(bearing < -0.5 * lidar.step, bearing + 2.0 * math.pi, bearing) / lidar.step
+    )
+    return beams[(beams >= 0) & (beams < len(lidar.beams))].astype(np.int64)
