@@ -8,15 +8,13 @@ its shortest by more than `TARGET`, and speeds up while it does not (as LEDBAT, 
 from __future__ import annotations
 
 import math
-from collections import deque
 
 TARGET = 0.025
 """Waiting that bulk may cause [s]."""
 SLOWEST, FASTEST = 10e3, 50e6
 """[byte/s]"""
-_GAIN = 0.2
-_EVERY = 0.1  # [s], between two changes
-_RECENT = 4  # round trips, whose least is taken: jitter is not a queue
+_FASTER, _SLOWER = 0.1, 0.3
+_EVERY = 0.1  # [s], between two changes; of the round trips in between the least is taken
 
 
 class Pace:
@@ -27,19 +25,20 @@ class Pace:
         """[byte/s]"""
         self._tokens = 0.0
         self._filled = self._changed = now
-        self._recent: deque[float] = deque(maxlen=_RECENT)
+        self._least = math.inf
 
     def saw(self, round_trip: float, shortest: float, now: float) -> None:
         """Newest and shortest round trip of the datagrams [s]; NaN where there is none."""
+        if math.isfinite(round_trip - shortest):
+            self._least = min(self._least, round_trip)  # jitter is no queue
         if now - self._changed < _EVERY:
             return
-        self._changed = now
-        if not math.isfinite(round_trip - shortest):
+        least, self._least, self._changed = self._least, math.inf, now
+        if math.isinf(least):
             return
-        self._recent.append(round_trip)
-        waiting = min(self._recent) - shortest
-        change = max(-1.0, min(1.0, 1.0 - waiting / TARGET))
-        self.rate = max(SLOWEST, min(FASTEST, self.rate * (1.0 + _GAIN * change)))
+        change = max(-1.0, min(1.0, 1.0 - (least - shortest) / TARGET))
+        self.rate *= 1.0 + (_FASTER if change > 0.0 else _SLOWER) * change
+        self.rate = max(SLOWEST, min(FASTEST, self.rate))
 
     def allowed(self, now: float) -> int:
         """Bytes that may be sent now; a pause is not made up for."""

@@ -142,8 +142,8 @@ class RobotBulk:
         except Exception:
             _log.exception("the bulk end of the link broke down; driving is not affected")
         finally:
-            for station in self._stations:
-                station.stream.close()
+            for station in list(self._stations):
+                self._leave(station, "the robot's end is closed")
             self._listener.close()
             self._bell.close()
 

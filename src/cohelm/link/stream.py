@@ -22,7 +22,8 @@ class Stream:
         sock.setblocking(False)
         with contextlib.suppress(OSError):
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 131_072)
+            # What is in the kernel can not be held back any more, and datagrams wait behind it.
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 32_768)
             # A path that died without a word is noticed within seconds, and tried anew.
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 5)

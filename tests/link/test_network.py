@@ -1,0 +1,249 @@
+"""Both ends over a bad network of real packets (namespaces; skipped where not permitted)."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Stick
+from cohelm.link import hand
+from cohelm.link.keys import pair_here
+from cohelm.link.messages import Ask, Device, Mode, Piece
+from cohelm.link.robot_bulk import RobotBulk
+from cohelm.link.robot_end import STALE, RobotEnd
+from cohelm.link.station_bulk import StationBulk
+from cohelm.link.station_end import StationEnd
+from tests.link import net
+from tests.link.ends import STATUS, until
+
+WHY_NOT = net.why_not()
+pytestmark = [
+    pytest.mark.xdist_group("realtime"),
+    pytest.mark.skipif(bool(WHY_NOT), reason=f"no bad network can be made: {WHY_NOT}"),
+]
+DT = 0.02
+
+
+class Used(NamedTuple):
+    """One step of the robot's loop."""
+
+    now: float
+    made: float
+    """When the command that was used was made, by the same clock; NaN: none was used."""
+    age: float
+    """How old the robot took it to be."""
+    brake: bool
+    stopped: str
+
+
+class Drive:
+    """A robot loop and a station that steers, each in its thread; the stick says when."""
+
+    def __init__(self, network: net.Network) -> None:
+        robot_keys, keys = pair_here()
+        with network.robot():
+            self.robot = RobotEnd(robot_keys, net.ROBOT, 7660)
+            self.bulk = None
+        with network.station():
+            self.station = StationEnd(keys, net.ROBOT, 7660)
+        self.network, self.robot_keys, self.keys = network, robot_keys, keys
+        self.used: list[Used] = []
+        self.made: dict[float, float] = {}
+        self.state = hand.State(mode=Mode.SHARED, stopped="")
+        self.centred = True
+        self._open = True
+        self._threads = [threading.Thread(target=t) for t in (self._loop, self._person)]
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        self._open = False
+        for thread in self._threads:
+            thread.join()
+        self.station.close()
+        self.robot.close()
+
+    def _person(self) -> None:
+        number = 0
+        while self._open:
+            number += 1
+            x = 0.0 if self.centred else 0.2 + 0.5 * (number % 4096) / 4096
+            x = float(np.float32(x))
+            self.made[x] = time.monotonic()
+            self.station.steer(Stick(x, 0.0), True, True, Device.SCRIPT)
+            time.sleep(DT)
+
+    def _loop(self) -> None:
+        while self._open:
+            heard = self.robot.heard()
+            for asked in heard.asked:
+                self.state, granted, why = hand.ask(
+                    self.state, asked.request, asked.name, heard.command
+                )
+                self.robot.answer(asked.client, asked.request.number, granted, why)
+            now = time.monotonic()
+            result = hand.step(self.state, heard.command, heard.driver, now)
+            self.state = result.state
+            made = self.made.get(result.stick.x, math.nan) if result.stick.x else math.nan
+            self.used.append(Used(now, made, heard.age, result.brake, self.state.stopped))
+            self.robot.tell(STATUS)
+            time.sleep(DT)
+
+    def ask(self, what: Ask, value: int = 0) -> None:
+        while True:
+            number = self.station.ask(what, value)
+            until(lambda number=number: self.station.answer(number))
+            answer = self.station.answer(number)
+            if answer.granted or "drive already" in answer.reason:
+                return
+
+    def start(self) -> None:
+        until(lambda: self.station.state().connected)
+        until(self.station.status)
+        self.ask(Ask.TAKE)
+        until(lambda: self.used[-1].age < STALE)
+        self.ask(Ask.RESET)
+        self.centred = False
+        until(lambda: not math.isnan(self.used[-1].made))
+
+    def since(self, began: float) -> list[Used]:
+        return [step for step in self.used if step.now >= began]
+
+
+@pytest.fixture
+def network():
+    with net.Network() as network:
+        yield network
+
+
+@pytest.fixture
+def drive(network):
+    drive = Drive(network)
+    yield drive
+    drive.close()
+
+
+def true_ages(steps: list[Used]) -> list[float]:
+    return [step.now - step.made for step in steps if not math.isnan(step.made)]
+
+
+@pytest.mark.parametrize("loss", [0.02, 0.10])
+def test_with_delay_jitter_and_loss_commands_arrive_young_and_none_is_used_old(
+    drive, network, loss
+):
+    network.be(delay=0.05, jitter=0.01, loss=loss, duplicate=0.05, rate=4e6)
+    drive.start()
+    began = time.monotonic()
+    time.sleep(3.0)
+    steps = drive.since(began)
+    ages = sorted(true_ages(steps))
+    assert len(ages) > 0.8 * len(steps)
+    assert ages[len(ages) // 2] < 0.12
+    assert ages[-1] <= STALE + 0.05  # by a clock both share; the robot can not know better
+    told = [s.age - (s.now - s.made) for s in steps if not math.isnan(s.made)]
+    assert max(map(abs, told)) < 0.06  # half the shortest round trip
+    state = drive.station.state()
+    assert 0.08 < state.round_trip < 0.25
+    assert abs(state.lost - loss) < 0.10
+
+
+def test_after_a_black_out_nothing_old_is_used_and_driving_goes_on_without_reconnecting(
+    drive, network
+):
+    network.be(delay=0.05, jitter=0.01)
+    drive.start()
+    session = drive.station._way
+    began = time.monotonic()
+    network.be(loss=1.0)
+    time.sleep(3.0)
+    network.be(delay=0.05, jitter=0.01)
+    dark = drive.since(began)
+    first_brake = next(step.now for step in dark if step.brake)
+    assert first_brake - began < hand.Rules().watchdog + 0.06 + 2 * DT  # 60 ms were under way
+    assert dark[-1].stopped == "the link to the driver was lost"
+    until(lambda: drive.used[-1].age < STALE, within=1.0)
+    assert drive.used[-1].brake  # it stays, until the driver says otherwise
+    drive.centred = True
+    time.sleep(0.3)
+    drive.ask(Ask.RESET)
+    drive.centred = False
+    until(lambda: not math.isnan(drive.used[-1].made), within=2.0)
+    assert drive.station._way is session
+    assert max(true_ages(drive.since(began))) <= STALE + 0.05
+
+
+def test_a_network_that_hoards_for_three_seconds_and_then_delivers_all_moves_nothing(
+    drive, network
+):
+    """A full buffer: every packet arrives in order, 3 s late, at once."""
+    drive.start()
+    began = time.monotonic()
+    network.be(hoard=1.0)
+    time.sleep(3.0)
+    network.be()
+    time.sleep(1.0)
+    ages = true_ages(drive.since(began))
+    assert max(ages) <= STALE + 0.05
+    assert drive.robot.counts["too old"] + drive.robot.counts["out of order"] > 50
+
+
+def test_forged_replayed_and_reordered_packets_are_not_used(drive, network):
+    network.be(delay=0.02, jitter=0.02, duplicate=0.3, corrupt=0.2, replay=0.3)
+    drive.start()
+    began = time.monotonic()
+    time.sleep(2.0)
+    made = [step.made for step in drive.since(began) if not math.isnan(step.made)]
+    assert made == sorted(made)  # never back to an earlier command
+    assert len(made) > 80
+    assert drive.robot.counts["malformed"] == 0  # what was forged never came that far
+
+
+def test_a_record_fetched_over_a_thin_line_does_not_delay_commands_or_status(
+    drive, network, tmp_path
+):
+    (tmp_path / "run.mcap").write_bytes(bytes(np.random.default_rng(1).bytes(3_000_000)))
+    with network.robot():
+        down = RobotBulk(drive.robot, drive.robot_keys, tmp_path)
+    with network.station():
+        up = StationBulk(drive.keys, net.ROBOT, 7660, drive.station.session)
+    network.be(delay=0.025, rate=4e6, queue=200_000)
+    try:
+        drive.start()
+        until(lambda: up.connected)
+        from cohelm.link.messages import Fetch
+
+        up.send(Fetch("run.mcap"))
+        got, ages, down_ages = 0, [], []
+        began = time.monotonic()
+        while time.monotonic() - began < 4.0:
+            got += sum(len(m.data) for m in up.news() if isinstance(m, Piece))
+            told = drive.station.status()
+            down_ages.append(told.age)
+            time.sleep(DT)
+        ages = sorted(true_ages(drive.since(began)))
+        assert got > 300_000  # it does flow
+        assert ages[int(0.99 * len(ages))] < 0.15
+        assert sorted(down_ages)[int(0.95 * len(down_ages))] < 0.20  # a full queue is 0.4 s
+    finally:
+        up.close()
+        down.close()
+
+
+def test_stop_pressed_in_a_black_out_is_done_when_it_ends_and_other_requests_are_not(
+    drive, network
+):
+    drive.start()
+    network.be(loss=1.0)
+    mode = drive.station.ask(Ask.MODE, Mode.AUTOMATIC)
+    stop = drive.station.ask(Ask.STOP)
+    time.sleep(1.5)
+    network.be()
+    until(lambda: drive.station.answer(stop), within=3.0)
+    assert drive.station.answer(mode).reason == "the robot did not answer in time"
+    assert drive.state.mode is Mode.SHARED
+    assert drive.state.stopped
