@@ -24,6 +24,7 @@ _PER_TURN = 16
 """Strangers' datagrams looked at before the clients' are looked at again."""
 _HANDSHAKES = 20.0  # begun per second, all together
 _UNDER_WAY = 8
+_MOST_REASONS = 64
 _PATIENCE = 5.0  # [s], for a handshake
 _log = logging.getLogger("cohelm.link")
 
@@ -85,6 +86,8 @@ class Door:
 
     def refuse(self, address: Address, why: str) -> None:
         """Count it, and log it, though not more than one of a kind a second."""
+        if why not in self.counts and len(self.counts) > _MOST_REASONS:
+            why = "other reasons"
         self.counts[why] += 1
         now = self._clock()
         if now - self._logged.get(why, -1.0) >= 1.0:

@@ -117,9 +117,11 @@ class Channel:
         Keeps nothing of a datagram that is not: a flood of hellos costs an answer each, and only
         who really has the address it claims gets further. Raises Refused for what is no hello.
         """
+        if not datagram:
+            return False
         self._ssl.set_app_data(address)
-        self._ssl.bio_write(datagram)
         try:
+            self._ssl.bio_write(datagram)
             self._ssl.DTLSv1_listen()
         except SSL.WantReadError:
             return False
@@ -143,8 +145,13 @@ class Channel:
 
         Raises Refused when the other end is not let in or has closed the connection.
         """
-        self._ssl.bio_write(datagram)
         messages: list[bytes] = []
+        if not datagram:
+            return messages
+        try:
+            self._ssl.bio_write(datagram)
+        except SSL.Error as error:
+            raise Refused(said(error)) from None
         if not self.up:
             self.start()
             if not self.up:
@@ -220,6 +227,9 @@ def _records(flight: bytes) -> list[bytes]:
 
 
 def said(error: SSL.Error) -> str:
-    """OpenSSL's reasons as a phrase."""
-    reasons = [str(entry[-1]) for entry in error.args[0]] if error.args else []
-    return "; ".join(reason for reason in reasons if reason) or type(error).__name__
+    """OpenSSL's first reason as a phrase."""
+    # ([(library, function, reason), ...],), or for a SysCallError (number, reason)
+    found: str | list[tuple[str, str, str]] = error.args[-1] if error.args else ""
+    if not isinstance(found, str):
+        found = found[0][-1] if found else ""
+    return found or type(error).__name__

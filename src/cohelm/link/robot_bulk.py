@@ -138,9 +138,11 @@ class RobotBulk:
     def _run(self) -> None:
         try:
             while self._open:
-                self._turn()
-        except Exception:
-            _log.exception("the bulk end of the link broke down; driving is not affected")
+                try:
+                    self._turn()
+                except Exception:  # a mistake of ours must not end it for all stations
+                    _log.exception("a mistake in the robot's end of bulk; it goes on")
+                    time.sleep(0.01)
         finally:
             for station in list(self._stations):
                 self._leave(station, "the robot's end is closed")

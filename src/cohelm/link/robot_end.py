@@ -85,6 +85,7 @@ class _Client:
         self.stamp = math.nan
         self.used_age = math.nan
         self.dropped = 0
+        self.complained = -math.inf
         self.done = 0
         """Number of the last request that was looked at."""
         self.answers: deque[Answer] = deque(maxlen=3)
@@ -203,9 +204,12 @@ class RobotEnd:
     def _run(self) -> None:
         try:
             while self._open:
-                self._turn()
-        except Exception:
-            _log.exception("the robot's end of the link broke down; no command is heard any more")
+                try:
+                    self._turn()
+                except Exception:  # a mistake of ours must not leave the robot deaf
+                    self.counts["mistakes of the link"] += 1
+                    _log.exception("a mistake in the robot's end of the link; it goes on")
+                    time.sleep(0.01)
         finally:
             for client in list(self._clients.values()):
                 udp.send(client.socket, client.channel.close())
@@ -262,9 +266,11 @@ class RobotEnd:
         try:
             header, message = from_operator(data)
         except Malformed as malformed:
-            client.dropped += 1
-            self.counts["malformed"] += 1
-            _log.warning("from %s: %s", client.channel.name, malformed)
+            self._not_used(client, "malformed")
+            now = self.clock()
+            if now - client.complained >= 1.0:
+                client.complained = now
+                _log.warning("from %s: %s", client.channel.name, malformed)
             return
         if not isinstance(message, Command):  # datagrams up are nothing else
             return

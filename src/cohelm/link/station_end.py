@@ -222,10 +222,12 @@ class StationEnd:
     def _run(self) -> None:
         try:
             while self._open:
-                self._turn()
-        except Exception:
-            _log.exception("the station's end of the link broke down")
-            self._why = "the link broke down: see the log"
+                try:
+                    self._turn()
+                except Exception:  # a mistake of ours must not cut the person off
+                    _log.exception("a mistake in the station's end of the link; it goes on")
+                    self._why = "a mistake in the link: see the log"
+                    time.sleep(0.01)
         finally:
             for way in (self._way, self._next):
                 if way is not None:
