@@ -53,3 +53,15 @@ def page(context: BrowserContext, server: Server) -> Iterator[Page]:
     made.get_by_role("group", name="Who drives").get_by_role("status").wait_for()
     yield made
     assert wrong == []
+
+
+@pytest.fixture
+def browser_phone(browser: Browser) -> Iterator[BrowserContext]:
+    """A phone held upright."""
+    made = browser.new_context(
+        viewport={"width": 390, "height": 780}, device_scale_factor=2, is_mobile=True,
+        has_touch=True,
+    )  # fmt: skip
+    made.set_default_timeout(15_000)
+    yield made
+    made.close()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.simulated import SimulatedRobot
+from cohelm.drive.trial import SimulatedRobot
 from cohelm.link.messages import Status
 from cohelm.scenario import build, load
 from cohelm.station.app import pages

@@ -1,22 +1,207 @@
-"""A person drives in a browser."""
+"""A person drives in a browser: with keys, a gamepad, two thumbs."""
+
+from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import BrowserContext, Locator, Page, expect
+
+from cohelm.station.serve import Server
 
 pytestmark = pytest.mark.xdist_group("browser")
+PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
+
+
+def who(page: Page) -> Locator:
+    return page.get_by_role("group", name="Who drives")
+
+
+def given(page: Page) -> Locator:
+    return page.get_by_role("row", name="given")
+
+
+def device(page: Page) -> Locator:
+    return page.locator(".device")
+
+
+def drive(page: Page, mode: str = "Manual") -> None:
+    """Take the robot and have it listen to the stick."""
+    page.get_by_role("button", name="Take over").click()
+    expect(who(page)).to_contain_text("You drive")
+    let = page.get_by_role("button", name="Let it drive")
+    if let.is_visible():
+        let.click()
+    page.get_by_role("radio", name=mode).click()
+    expect(page.get_by_role("radio", name=mode)).to_be_checked()
+
+
+def release(page: Page) -> None:
+    page.get_by_role("button", name="Release").click()
+    expect(who(page)).to_contain_text("Nobody drives")
 
 
 def test_take_over_drive_with_the_keyboard_and_let_go(page: Page) -> None:
-    who = page.get_by_role("group", name="Who drives")
-    expect(who).to_contain_text("Nobody drives")
-    page.get_by_role("button", name="Take over").click()
-    expect(who).to_contain_text("You drive")
-    page.get_by_role("radio", name="Manual").click()
-    expect(page.get_by_role("radio", name="Manual")).to_be_checked()
-    given = page.get_by_role("row", name="given")
+    expect(who(page)).to_contain_text("Nobody drives")
+    drive(page)
+    page.keyboard.down("ArrowLeft")
+    expect(given(page)).to_contain_text("0.50 rad/s")
+    page.keyboard.up("ArrowLeft")
+    expect(given(page)).to_contain_text("0.00 rad/s")
+    release(page)
+
+
+def test_keys_in_a_field_do_not_steer(page: Page) -> None:
+    drive(page)
+    page.get_by_role("button", name="Stick settings").click()
+    page.get_by_label("stop button").focus()
     page.keyboard.down("ArrowUp")
-    expect(given).to_contain_text("0.25 m/s")
+    page.wait_for_timeout(600)
+    expect(given(page)).to_contain_text("0.00 m/s")
     page.keyboard.up("ArrowUp")
-    expect(given).to_contain_text("0.00 m/s")
-    page.get_by_role("button", name="Release").click()
-    expect(who).to_contain_text("Nobody drives")
+    release(page)
+
+
+@pytest.mark.parametrize("how", ["button", "space", "space on a button"])
+def test_stop_stops_and_only_the_driver_lets_it_drive_again(page: Page, how: str) -> None:
+    drive(page)
+    page.keyboard.down("ArrowLeft")
+    expect(given(page)).not_to_contain_text("0.00 rad/s")
+    if how == "button":
+        page.get_by_role("button", name="Stop the robot").click()
+    else:
+        if how == "space on a button":
+            page.get_by_role("button", name="Release").focus()
+        page.keyboard.press("Space")
+    expect(given(page)).to_contain_text("0.00 rad/s")
+    expect(page.locator(".stopped")).to_be_visible()
+    page.keyboard.up("ArrowLeft")
+    expect(who(page)).to_contain_text("You drive")
+    release(page)
+    expect(page.get_by_role("button", name="Let it drive")).to_be_disabled()
+    drive(page)
+    expect(page.locator(".stopped")).to_be_hidden()
+    release(page)
+
+
+def test_a_gamepad_must_be_centred_before_it_steers(context: BrowserContext, page: Page) -> None:
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate("testPad.plug([-1, 0, 0, 0])")
+    drive(page)
+    expect(device(page)).to_contain_text("gamepad: let it go to the centre first")
+    expect(page.get_by_role("alert", name="Alarms")).to_contain_text("Your stick does not steer")
+    expect(given(page)).to_contain_text("0.00 rad/s")
+    page.evaluate("testPad.deflect(0, 0)")
+    expect(device(page)).to_contain_text("gamepad: ready")
+    page.evaluate("testPad.deflect(0, 1)")
+    expect(given(page)).to_contain_text("0.50 rad/s")
+    page.evaluate("testPad.deflect(0, -1)")
+    expect(given(page)).to_contain_text("−0.50 rad/s")
+    page.evaluate("testPad.deflect(0, 0)")
+    expect(given(page)).to_contain_text("0.00 rad/s")
+    release(page)
+
+
+def test_a_gamepad_that_is_unplugged_is_not_a_centred_one(page: Page) -> None:
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate("testPad.plug()")
+    drive(page)
+    expect(device(page)).to_contain_text("gamepad: ready")
+    page.evaluate("testPad.deflect(0, 1)")
+    expect(given(page)).to_contain_text("0.50 rad/s")
+    page.evaluate("testPad.unplug()")
+    alarms = page.get_by_role("alert", name="Alarms")
+    expect(alarms).to_contain_text("the gamepad is gone")
+    expect(given(page)).to_contain_text("0.00 rad/s")
+    expect(page.locator(".stopped")).to_be_visible()
+    alarm = alarms.locator(".alarm").filter(has=page.get_by_role("button", name="Acknowledge"))
+    alarm.get_by_role("button").first.click()
+    # with the pad back in its place, and centred, the driver lets it go on
+    page.evaluate("testPad.plug()")
+    expect(device(page)).to_contain_text("gamepad: ready")
+    page.get_by_role("button", name="Let it drive").click()
+    expect(page.locator(".stopped")).to_be_hidden()
+    release(page)
+
+
+def test_the_stop_button_of_the_gamepad_stops(page: Page) -> None:
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate("testPad.plug()")
+    drive(page)
+    page.evaluate("testPad.press(1, true)")
+    expect(page.locator(".stopped")).to_be_visible()
+    release(page)
+
+
+def test_the_sticks_settings_are_remembered(page: Page) -> None:
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate("testPad.plug()")
+    page.get_by_role("button", name="Stick settings").click()
+    page.get_by_label("dead band").fill("0.5")
+    page.get_by_label("turned round").first.uncheck()
+    page.reload()
+    page.evaluate("testPad.plug()")
+    page.get_by_role("button", name="Stick settings").click()
+    expect(page.get_by_label("dead band")).to_have_value("0.5")
+    expect(page.get_by_label("turned round").first).not_to_be_checked()
+    drive(page)
+    page.evaluate("testPad.deflect(0, 0.45)")
+    page.wait_for_timeout(400)
+    expect(given(page)).to_contain_text("0.00 rad/s")
+    release(page)
+
+
+@pytest.mark.parametrize("how", ["hidden", "blurred"])
+def test_a_tab_that_is_not_looked_at_does_not_steer(page: Page, how: str) -> None:
+    drive(page)
+    page.keyboard.down("ArrowLeft")
+    expect(given(page)).to_contain_text("0.50 rad/s")
+    if how == "hidden":
+        page.evaluate(
+            "Object.defineProperty(document, 'visibilityState', {value: 'hidden'});"
+            "document.dispatchEvent(new Event('visibilitychange'))"
+        )
+    else:
+        page.evaluate("document.hasFocus = () => false; dispatchEvent(new Event('blur'))")
+    expect(given(page)).to_contain_text("0.00 rad/s")
+    expect(page.locator(".stopped")).to_be_visible()
+    release(page)
+
+
+def test_two_thumbs_on_a_phone(browser_phone: BrowserContext, server: Server) -> None:
+    page = browser_phone.new_page()
+    page.goto(server.address)
+    page.get_by_role("button", name="Take over").tap()
+    expect(who(page)).to_contain_text("You drive")
+    let = page.get_by_role("button", name="Let it drive")
+    if let.is_visible():
+        let.tap()
+    page.get_by_role("radio", name="Manual").tap()
+    screen = page.viewport_size
+    assert screen is not None
+    for name in ("Stop the robot", "Release"):
+        box = page.get_by_role("button", name=name).bounding_box()
+        assert box is not None
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= screen["width"]
+        assert box["height"] >= 34
+    assert page.evaluate("document.documentElement.scrollWidth") <= screen["width"]
+    pad = page.get_by_role("slider", name="Left and right").bounding_box()
+    assert pad is not None
+    x, y = pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2
+    touch = browser_phone.new_cdp_session(page)
+    touch.send("Input.dispatchTouchEvent", _touch("touchStart", x, y))
+    touch.send("Input.dispatchTouchEvent", _touch("touchMove", x - 60, y))
+    expect(given(page)).to_contain_text("0.50 rad/s")
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    expect(given(page)).to_contain_text("0.00 rad/s")
+    for panel in ("Camera", "Plots", "Link", "Drive"):
+        page.get_by_role("navigation").get_by_role("button", name=panel).tap()
+        expect(page.get_by_role("button", name="Stop the robot")).to_be_in_viewport()
+    release(page)
+
+
+def _touch(kind: str, x: float, y: float) -> dict[str, object]:
+    return {"type": kind, "touchPoints": [{"x": x, "y": y, "id": 1}]}

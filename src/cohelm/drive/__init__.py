@@ -1,1 +1,5 @@
-"""Where both ends are put together: robot, loop, link, record and station."""
+"""Where both ends are put together: robot, gate, loop, record, and who sits at the stick.
+
+`simulated` the robot of a scenario; `recorder` the record, in a process of its own; `session` all
+of it, started and ended in the right order.
+"""

@@ -39,6 +39,11 @@ export function startDriving(): void {
   addEventListener('keyup', (event) => {
     if (event.code === 'Space' && !typing(event.target)) event.preventDefault()
   })
+  // a browser shows a pad when a button of it is pressed: somebody wants to use it
+  addEventListener('gamepadconnected', () => {
+    if (hand.value.present && deflected(hand.value)) return
+    choose('gamepad')
+  })
   setInterval(() => turn(performance.now()), PERIOD_MS)
   addEventListener('blur', () => turn(performance.now()))
   document.addEventListener('visibilitychange', () => turn(performance.now()))

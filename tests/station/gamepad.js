@@ -1,0 +1,37 @@
+// A gamepad that a test holds in its hand: window.testPad.
+(() => {
+  let pad = null
+  const tell = (type) => {
+    const event = new Event(type)
+    event.gamepad = pad
+    dispatchEvent(event)
+  }
+  window.testPad = {
+    rumbles: [],
+    plug(axes = [0, 0, 0, 0]) {
+      const buttons = Array.from({ length: 17 }, () => ({ pressed: false, touched: false, value: 0 }))
+      const vibrationActuator = {
+        effects: ['dual-rumble'],
+        playEffect: (type, how) => {
+          window.testPad.rumbles.push(how)
+          return Promise.resolve('complete')
+        },
+      }
+      pad = { id: 'Test pad', index: 0, connected: true, mapping: 'standard', timestamp: 0, axes, buttons, vibrationActuator }
+      tell('gamepadconnected')
+    },
+    // forward and left are positive here, as on the robot
+    deflect(forward, left) {
+      pad.axes = [-left, -forward, 0, 0]
+    },
+    press(number, down) {
+      pad.buttons[number] = { pressed: down, touched: down, value: down ? 1 : 0 }
+    },
+    unplug() {
+      pad.connected = false
+      tell('gamepaddisconnected')
+      pad = null
+    },
+  }
+  navigator.getGamepads = () => [null, pad, null, null]
+})()
