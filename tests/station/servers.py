@@ -20,17 +20,20 @@ from cohelm.station.serve import Server
 @contextmanager
 def served(
     host: str = "127.0.0.1", certificate: tuple[Path, Path] | None = None,
-    stale: float | None = None, connect: Connect | None = None,
+    stale: float | None = None, connect: Connect | None = None, port: int = 0,
 ) -> Iterator[Server]:  # fmt: skip
     try:
         pages()
     except CohelmError as error:
         pytest.skip(str(error))
     if connect is None:
-        with robot() as simulated, served(host, certificate, stale, simulated.connect) as server:
+        with (
+            robot() as simulated,
+            served(host, certificate, stale, simulated.connect, port) as server,
+        ):
             yield server
         return
-    server = Server(connect, host, 0, certificate, stale)
+    server = Server(connect, host, port, certificate, stale)
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     try:

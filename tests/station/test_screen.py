@@ -1,0 +1,243 @@
+"""What the screen says and does beside driving."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
+
+from cohelm.drive.film import RunFilm
+from cohelm.drive.replayed import Replaying
+from cohelm.scenario import build, load
+from cohelm.station.serve import Server
+from cohelm.study import single
+from tests.station.servers import robot, served
+from tests.station.test_driving import drive, given, release, who
+
+pytestmark = pytest.mark.xdist_group("browser")
+
+
+def open_page(context: BrowserContext, server: Server) -> Page:
+    page = context.new_page()
+    page.goto(server.address)
+    page.get_by_role("group", name="Who drives").get_by_role("status").wait_for()
+    return page
+
+
+def test_a_second_browser_asks_the_driver_who_keeps_it_then_hands_it_over(
+    page: Page, browser: Browser, server: Server
+) -> None:
+    drive(page)
+    context = browser.new_context()
+    other = open_page(context, server)
+    expect(who(other)).to_contain_text("operator")
+    expect(who(other)).to_contain_text("drives")
+    other.get_by_role("button", name="Ask for it").click()
+    question = page.get_by_role("alert").filter(has_text="asks for the robot")
+    expect(question).to_be_visible()
+    page.get_by_role("button", name="Keep").click()
+    expect(question).to_be_hidden()
+    expect(other.get_by_role("button", name="Ask for it")).to_be_visible()
+    other.get_by_role("button", name="Ask for it").click()
+    page.get_by_role("button", name="Hand over").click()
+    expect(who(other)).to_contain_text("You drive")
+    expect(page.get_by_role("button", name="Ask for it")).to_be_visible()
+    # who watches may stop, but not choose a mode
+    expect(page.get_by_role("radio", name="Manual")).to_be_disabled()
+    page.keyboard.press("Space")
+    expect(other.locator(".stopped")).to_be_visible()
+    release(other)
+    context.close()
+
+
+def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
+    page: Page, context: BrowserContext, server: Server
+) -> None:
+    drive(page)
+    second = open_page(context, server)
+    expect(second.get_by_role("button", name="Ask for it")).to_be_visible()
+    page.keyboard.down("ArrowLeft")
+    expect(given(page)).to_contain_text("0.50 rad/s")
+    page.reload()
+    expect(who(page)).to_contain_text("You drive")
+    expect(given(page)).to_contain_text("0.00 rad/s")  # its stick was gone meanwhile
+    expect(page.locator(".stopped")).to_be_visible()
+    release(page)
+    second.close()
+
+
+def test_way_points_are_added_dragged_checked_and_sent(page: Page) -> None:
+    drive(page, "Hold")
+    page.get_by_role("button", name="Show all").click()
+    page.get_by_role("button", name="Edit way").click()
+    panel = page.get_by_role("dialog", name="Edit the way")
+    panel.get_by_role("button", name="Clear").click()
+    canvas = page.locator("#map")
+    box = canvas.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.click(x, y)
+    page.mouse.click(x + 60, y)
+    items = panel.get_by_role("listitem")
+    expect(items).to_have_count(2)
+    before = panel.get_by_label("Way-point 2, y in metres").input_value()
+    page.mouse.move(x + 60, y)
+    page.mouse.down()
+    page.mouse.move(x + 60, y + 30, steps=4)
+    page.mouse.up()
+    expect(panel.get_by_label("Way-point 2, y in metres")).not_to_have_value(before)
+    # into the wall between room and corridor
+    panel.get_by_label("Way-point 2, x in metres").fill("6")
+    panel.get_by_label("Way-point 2, y in metres").fill("3")
+    panel.get_by_label("Way-point 2, y in metres").press("Enter")
+    expect(panel.get_by_role("status")).to_contain_text("Refused")
+    expect(panel.locator("li.bad")).to_have_count(1)
+    for name, value in (("1, x", "0"), ("1, y", "-0.75"), ("2, x", "3"), ("2, y", "-2")):
+        panel.get_by_label(f"Way-point {name} in metres").fill(value)
+        panel.get_by_label(f"Way-point {name} in metres").press("Enter")
+    expect(panel.get_by_role("status")).to_contain_text("can go this way")
+    panel.get_by_role("button", name="Send").click()
+    expect(panel.get_by_role("status")).to_contain_text("took the new way")
+    panel.get_by_role("button", name="Close").click()
+    release(page)
+
+
+def test_everything_has_a_name_and_nothing_comes_from_elsewhere(
+    context: BrowserContext, server: Server
+) -> None:
+    asked: list[str] = []
+    context.route("**/*", lambda route: _noted(route, asked))
+    page = open_page(context, server)
+    drive(page)
+    page.get_by_role("button", name="Stick settings").click()
+    nameless = page.evaluate(
+        """() => [...document.querySelectorAll('button, input, select, canvas, [role=slider]')]
+        .filter(e => !e.parentElement.closest('[role=img]'))
+        .filter(e => !(e.ariaLabel || e.textContent.trim() || e.closest('label')?.textContent))
+        .map(e => e.outerHTML)"""
+    )
+    assert nameless == []
+    release(page)
+    assert asked
+    assert all(url.startswith(server.address) for url in asked), asked
+
+
+def _noted(route: Route, asked: list[str]) -> None:
+    asked.append(route.request.url)
+    route.continue_()
+
+
+def test_all_can_be_done_with_the_keyboard_alone(page: Page) -> None:
+    expect(who(page)).to_contain_text("Nobody drives")
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.textContent") == "Take over":
+            break
+    page.keyboard.press("Enter")
+    expect(who(page)).to_contain_text("You drive")
+    reached = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.textContent.trim()"))
+    assert {"Manual", "Release", "Edit way", "Stick settings", "● Record"} <= reached
+    assert any(name.startswith("STOP") for name in reached)
+    release(page)
+
+
+def test_the_station_dies_and_comes_back_while_the_page_stays_open(
+    context: BrowserContext,
+) -> None:
+    with robot() as simulated:
+        with served(connect=simulated.connect) as server:
+            page = open_page(context, server)
+            port = server.port
+        expect(page.get_by_role("alert", name="Alarms")).to_contain_text(
+            "No connection to the station"
+        )
+        with served(connect=simulated.connect, port=port):
+            expect(page.get_by_role("alert", name="Alarms")).to_be_hidden(timeout=20_000)
+            expect(who(page)).to_contain_text("Nobody drives")
+
+
+def test_the_token_is_asked_for_and_the_printed_address_has_it(browser: Browser) -> None:
+    with served(host="0.0.0.0") as server:
+        context = browser.new_context()
+        page = context.new_page()
+        page.goto(f"http://127.0.0.1:{server.port}/")
+        page.get_by_label("Token").fill("guess")
+        page.get_by_role("button", name="Enter").click()
+        expect(page.get_by_role("alert")).to_contain_text("not the token")
+        page.get_by_label("Token").fill(server.token or "")
+        page.get_by_role("button", name="Enter").click()
+        expect(who(page)).to_contain_text("Nobody drives")
+        context.close()
+        context = browser.new_context()
+        page = context.new_page()
+        page.goto(f"http://127.0.0.1:{server.port}/#token={server.token}")
+        expect(who(page)).to_contain_text("Nobody drives")
+        assert "token" not in page.url
+        context.close()
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    single.recorded(build.setup(load.scenario("lab-shared")), folder, lambda what, share: None)
+    return folder / single.RECORD
+
+
+@pytest.fixture
+def cinema(record: Path) -> Iterator[Server]:
+    film = RunFilm(record)
+    with served(connect=lambda _: Replaying(film)) as server:
+        yield server
+
+
+def test_a_record_is_shown_with_a_timeline_at_any_speed(
+    context: BrowserContext, cinema: Server
+) -> None:
+    page = context.new_page()
+    page.goto(cinema.address)
+    bar = page.get_by_role("contentinfo", name="Replay")
+    place = bar.get_by_role("slider", name="Place in the record, seconds")
+    expect(place).to_be_visible()
+    expect(page.get_by_role("button", name="Stop the robot")).to_be_hidden()
+    bar.get_by_role("button", name="Pause").click()
+    place.fill("44")
+    expect(bar).to_contain_text("0:44")
+    # the person leads there (Fig. 11)
+    share = page.get_by_role("meter", name="Share of the person in the command")
+    expect(share).not_to_have_attribute("aria-valuenow", "0")
+    place.fill("20")
+    expect(share).to_have_attribute("aria-valuenow", "0")
+    bar.get_by_label("speed").select_option("16")
+    bar.get_by_role("button", name="Play").click()
+    expect(bar).to_contain_text("0:58", timeout=10_000)
+    expect(bar.get_by_role("button", name="Play")).to_be_visible()  # at the end it stops
+
+
+def test_the_pages_are_small() -> None:
+    import gzip
+
+    from cohelm.station.app import pages
+
+    size = sum(
+        len(gzip.compress(file.read_bytes()))
+        for file in pages().rglob("*")
+        if file.is_file() and not file.name.startswith(".")
+    )
+    assert size < 150_000, f"{size} bytes gzipped"
+
+
+def test_the_station_as_a_command_prints_its_address_and_ends_quietly(record: Path) -> None:
+    command = [sys.executable, "-m", "cohelm", "station", "--replay", str(record), "--port", "0"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("http://127.0.0.1:")
+        process.terminate()
+        _, said = process.communicate(timeout=20)
+    assert "Traceback" not in said
