@@ -14,9 +14,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from cohelm.core.errors import CohelmError
+from cohelm.link.udp import address
 from cohelm.station import serve
 from cohelm.station.doors import is_loopback, own_name
-from cohelm.station.linked import address
 from cohelm.station.serve import Server
 from cohelm.station.tls import certificate
 from tests.station.servers import served

@@ -86,3 +86,48 @@ def remove(
 
     keys.shut_out(station)
     say(f"{plain(station)} is not let in any more, once the robot is started again")
+
+
+@app.command()
+def stick(
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="HOST[:PORT]", help="The robot to drive; it must be paired."),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="The robot's name, where several are paired here.")
+    ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DEVICE",
+            help="/dev/input/event..., the number of a gamepad, or a stick file (CSV); else the "
+            "first that is found.",
+        ),
+    ] = None,
+    k_s: Annotated[
+        float, typer.Option(min=0.0, max=10.0, help="Constant of the spring (35); 10 is stiffest.")
+    ] = 5.0,
+    listing: Annotated[bool, typer.Option("--list", help="Only list the devices here.")] = False,
+) -> None:
+    """Drive with a stick of this machine, with force feedback where it has it.
+
+    A station without a screen, in a process of its own: open `cohelm station` beside it to see,
+    and hand the lease over there. Buttons: 1 stop, 2 reset, 3 shared or automatic, 4 take the
+    lease or give it back. Ctrl-C ends it.
+    """
+    from cohelm.core.errors import CohelmError
+    from cohelm.link.sticks import choose
+
+    if listing:
+        for line in choose.listed():
+            print(line)
+        return
+    if robot is None:
+        raise CohelmError("name a robot (--robot HOST), or list the devices here with --list")
+    from cohelm.link import keys
+    from cohelm.link.sticks.at_helm import drive
+    from cohelm.link.udp import PORT, address
+
+    own = keys.station(name)
+    drive(choose.opened(device), own, address(robot, PORT), k_s, lambda text: say(plain(text)))

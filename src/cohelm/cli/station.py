@@ -64,8 +64,8 @@ def _recorded(path: Path) -> Connect:
 
 def _linked(robot: str, name: str | None) -> Connect:
     from cohelm.link import keys
-    from cohelm.link.udp import PORT
-    from cohelm.station.linked import Linked, address
+    from cohelm.link.udp import PORT, address
+    from cohelm.station.linked import Linked
 
     own = keys.station(name)
     host, port = address(robot, PORT)

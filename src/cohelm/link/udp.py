@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 from typing import Any
+from urllib.parse import urlsplit
 
 from cohelm.core.errors import CohelmError
 
@@ -13,6 +14,19 @@ PORT = 7660
 """UDP for what must be fresh, TCP for what must be complete."""
 _EXPEDITED = 0xB8  # DSCP EF: before bulk, where a router cares (RFC 3246)
 _LARGEST = 2048
+
+
+def address(text: str, port: int) -> tuple[str, int]:
+    """Host and port of HOST, HOST:PORT or [HOST]:PORT. CohelmError for anything else."""
+    try:
+        parts = urlsplit(f"//{text}" if text.count(":") < 2 or "[" in text else f"//[{text}]")
+        if not parts.hostname or parts.path or parts.username is not None:
+            raise ValueError
+        return parts.hostname, parts.port or port
+    except ValueError:
+        raise CohelmError(
+            f"{text!r} is no HOST[:PORT], as in robot.local or 10.0.0.5:7447"
+        ) from None
 
 
 def resolved(host: str, port: int, kind: socket.SocketKind) -> tuple[int, Address]:

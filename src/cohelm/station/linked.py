@@ -4,30 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from urllib.parse import urlsplit
 
 import numpy as np
 
-from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Ask, Device, Fetch, Waypoints
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 from cohelm.station.robot_link import News, Quality
-
-
-def address(text: str, port: int) -> tuple[str, int]:
-    """Host and port of HOST, HOST:PORT or [HOST]:PORT. CohelmError for anything else."""
-    try:
-        parts = urlsplit(f"//{text}" if text.count(":") < 2 or "[" in text else f"//[{text}]")
-        if not parts.hostname or parts.path or parts.username is not None:
-            raise ValueError
-        return parts.hostname, parts.port or port
-    except ValueError:
-        raise CohelmError(
-            f"{text!r} is no HOST[:PORT], as in robot.local or 10.0.0.5:7447"
-        ) from None
 
 
 class Linked:

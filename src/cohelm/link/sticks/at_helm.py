@@ -1,0 +1,87 @@
+"""The life of `cohelm stick`: connect, take the lease, pass the stick on, and say what happens."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from cohelm.link.keys import Keys
+from cohelm.link.messages import Ask, Hello
+from cohelm.link.station_bulk import StationBulk
+from cohelm.link.station_end import StationEnd, Told
+from cohelm.link.sticks.helm import Helm, Limits
+from cohelm.link.sticks.port import CENTRED, Reading, StickDevice
+
+PERIOD = 0.01
+"""[s]; the hand feels more than 50 Hz, and the link sends the newest."""
+_UNKNOWN = Limits(1.0, 1.0)
+
+
+def drive(
+    device: StickDevice, keys: Keys, to: tuple[str, int], k_s: float, say: Callable[[str], None],
+    until: Callable[[], bool] = lambda: False,
+) -> None:  # fmt: skip
+    """Until the stick is over, `until` says so, or Ctrl-C."""
+    told = _Sayer(say)
+    try:
+        with StationEnd(keys, *to) as end, StationBulk(keys, *to, end.session) as bulk:
+            say(f"{device.name}{' with force feedback' if device.force else ''}, to {to[0]}")
+            limits = _limits(bulk)
+            asked = False
+            helm = Helm(end, device, limits, k_s)
+            following = time.monotonic()
+            while not until():
+                reading = helm.turn(time.monotonic())
+                status = end.status()
+                if status is not None and not asked:
+                    asked = True
+                    end.ask(Ask.TAKE)
+                told.changes(end, status, reading)
+                if not reading.valid:
+                    break  # a stick that is gone does not come back to this process
+                following = max(following + PERIOD, time.monotonic())
+                time.sleep(max(0.0, following - time.monotonic()))
+            end.steer(CENTRED, False, False, device.kind)
+            time.sleep(2.0 * PERIOD)  # so that the robot hears that the stick is gone
+    finally:
+        device.close()
+
+
+def _limits(bulk: StationBulk) -> Limits:
+    """What the robot says of itself; it is the first thing it says."""
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end:
+        for message in bulk.news():
+            if isinstance(message, Hello) and message.v_max > 0.0 and message.omega_max > 0.0:
+                return Limits(message.v_max, message.omega_max)
+        time.sleep(0.02)
+    return _UNKNOWN
+
+
+class _Sayer:
+    """Says what has changed, once."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._last: dict[str, str] = {}
+
+    def changes(self, end: StationEnd, told: Told | None, reading: Reading) -> None:
+        """Compare with what was said last."""
+        state = end.state()
+        self._tell("link", "linked" if state.connected else f"no link: {state.why}")
+        self._tell("stick", "" if reading.valid else reading.why)
+        if told is None:
+            return
+        status = told.status
+        mine = status.lease.driver == status.lease.you
+        self._tell(
+            "lease", "you drive" if mine else f"{status.lease.driver_name or 'nobody'} drives"
+        )
+        self._tell("mode", f"mode: {status.mode.name.lower()}")
+        self._tell("stop", f"stopped: {status.stopped}" if status.stopped else "")
+        self._tell("arming", f"stick: {status.arming.name.lower()}" if mine else "")
+
+    def _tell(self, what: str, text: str) -> None:
+        if self._last.get(what, "") != text and text:
+            self._say(text)
+        self._last[what] = text

@@ -1,0 +1,81 @@
+"""What the person feels: the spring of (35), and a cue from the guard. Pure.
+
+The cue pushes the stick towards what the robot really does, where the guard holds it back. It is
+bounded, so that a hand always wins; damped and limited in how fast it changes, so that hand,
+network and guard do not swing each other up; and it fades with the age of what it is made from,
+for an old push is about where the robot was.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cohelm.core.types import Stick, Twist
+from cohelm.link.sticks.port import CENTRED, Feel
+
+STIFFEST = 10.0
+"""The spring constant k_s for which the device gives all the stiffness it has (Table II: 5)."""
+
+
+class CueRules(NamedTuple):
+    """How the cue behaves."""
+
+    strongest: float = 0.4
+    """Share of the device's force that the cue may use, on each axis."""
+    gain: float = 0.8
+    """Push for a speed held back by the robot's whole speed."""
+    slowness: float = 0.08
+    """Time constant of the damping [s]."""
+    steepest: float = 3.0
+    """Largest change of the push [1/s]."""
+    fresh: float = 0.1
+    """Age of the status up to which the cue is whole [s]."""
+    gone: float = 0.4
+    """Age from which there is none [s]."""
+
+
+def spring(k_s: float) -> float:
+    """The spring f = k_s x (35) as a share of the stiffest; k_s >= 0."""
+    return min(max(k_s / STIFFEST, 0.0), 1.0)
+
+
+def wanted(asked: Twist, given: Twist, speed: float, yaw_rate: float, rules: CueRules) -> Stick:
+    """The push for what is held back now: from what is asked to what is given.
+
+    speed, yaw_rate: the robot's largest, > 0 [m/s, rad/s].
+    """
+    return Stick(
+        _bounded(rules.gain * (given.v - asked.v) / speed, rules.strongest),
+        _bounded(rules.gain * (given.omega - asked.omega) / yaw_rate, rules.strongest),
+    )
+
+
+def faded(push: Stick, age: float, rules: CueRules) -> Stick:
+    """The same, by the age of what it was made from [s]; NaN is older than everything."""
+    left = (rules.gone - age) / (rules.gone - rules.fresh)
+    share = min(max(left, 0.0), 1.0) if math.isfinite(left) else 0.0
+    return Stick(push.x * share, push.psi * share)
+
+
+def damped(before: Stick, push: Stick, dt: float, rules: CueRules) -> Stick:
+    """The push `dt` later, on its way from `before` to `push`."""
+    share = 1.0 - math.exp(-dt / rules.slowness)
+    most = rules.steepest * dt
+    return Stick(
+        before.x + _bounded(share * (push.x - before.x), most),
+        before.psi + _bounded(share * (push.psi - before.psi), most),
+    )
+
+
+def shake(feel: Feel) -> float:
+    """How strongly a device without force shakes instead, in [0, 1]."""
+    return min(1.0, math.hypot(*feel.push))
+
+
+def _bounded(value: float, most: float) -> float:
+    return min(max(value, -most), most) if math.isfinite(value) else 0.0
+
+
+STILL = CENTRED
+"""The push to begin with."""

@@ -1,0 +1,74 @@
+"""A stick of this machine at the helm of a robot: a station without a screen."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cohelm.link.messages import Ask, Mode
+from cohelm.link.station_end import StationEnd, Told
+from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, spring, wanted
+from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
+
+_CENTRED = 0.05
+
+
+class Limits(NamedTuple):
+    """What the cue takes as the robot's whole speed."""
+
+    speed: float
+    """[m/s]"""
+    yaw_rate: float
+    """[rad/s]"""
+
+
+class Helm:
+    """Passes a stick on, 50 times a second or faster, and lets it be felt."""
+
+    def __init__(
+        self, end: StationEnd, device: StickDevice, limits: Limits, k_s: float,
+        rules: CueRules | None = None,
+    ) -> None:  # fmt: skip
+        """k_s: constant of the spring (35)."""
+        self._end, self._device, self._limits = end, device, limits
+        self._spring = spring(k_s)
+        self._rules = rules or CueRules()
+        self._push = STILL
+        self._armed = False
+        self._last = math.nan
+
+    def turn(self, now: float) -> Reading:
+        """Once. now: a steady clock [s]."""
+        reading = self._device.read()
+        told = self._end.status()
+        for button in reading.pressed:
+            self._pressed(button, told)
+        # Armed by being seen centred, as the robot does it too: two ends, one rule.
+        centred = max(map(abs, reading.stick)) <= _CENTRED
+        self._armed = reading.valid and (self._armed or centred)
+        self._end.steer(reading.stick, reading.valid, self._armed, self._device.kind)
+        self._device.feel(self._felt(told, now))
+        return reading
+
+    def _felt(self, told: Told | None, now: float) -> Feel:
+        dt = now - self._last if now > self._last else 0.0
+        self._last = now
+        push = STILL
+        if told is not None and told.status.lease.you == told.status.lease.driver:
+            speed, yaw_rate = self._limits
+            push = wanted(told.status.asked, told.status.given, speed, yaw_rate, self._rules)
+            push = faded(push, told.age, self._rules)
+        self._push = damped(self._push, push, dt, self._rules)
+        return Feel(self._spring, self._push)
+
+    def _pressed(self, button: Button, told: Told | None) -> None:
+        if button is Button.STOP:
+            self._end.ask(Ask.STOP)
+        elif button is Button.RESET:
+            self._end.ask(Ask.RESET)
+        elif told is not None and button is Button.MODE:
+            shared = told.status.mode is Mode.SHARED
+            self._end.ask(Ask.MODE, Mode.AUTOMATIC if shared else Mode.SHARED)
+        elif told is not None and button is Button.LEASE:
+            drives = told.status.lease.driver == told.status.lease.you
+            self._end.ask(Ask.GIVE if drives else Ask.TAKE)

@@ -1,0 +1,105 @@
+"""Gamepads and joysticks through SDL (pygame), which shake where they can not push."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from typing import Any
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.link.messages import Device
+from cohelm.link.sticks.feel import shake
+from cohelm.link.sticks.port import CENTRED, NOTHING, Button, Feel, Reading
+
+_SHAKE = 200  # [ms]; renewed before it ends, and ends by itself when this program does
+_STEP = 0.02
+
+
+def _sdl() -> Any:
+    """Pygame without a window; it greets on stdout unless told not to."""
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
+    import pygame
+
+    if not pygame.joystick.get_init():
+        pygame.display.init()
+        pygame.joystick.init()
+    return pygame
+
+
+def found() -> list[str]:
+    """Names of the devices that SDL knows; their place in the list opens them."""
+    pygame = _sdl()
+    pygame.event.pump()
+    count = pygame.joystick.get_count()
+    return [pygame.joystick.Joystick(index).get_name() for index in range(count)]
+
+
+class SdlStick:
+    """One device, from opening to closing."""
+
+    kind = Device.GAMEPAD
+    force = False
+
+    def __init__(self, index: int = 0) -> None:
+        """index: its place in `found()`. Raises CohelmError where there is no stick."""
+        self._pygame = _sdl()
+        self._pygame.event.pump()
+        count: int = self._pygame.joystick.get_count()
+        if not 0 <= index < count:
+            raise CohelmError(f"there is no stick number {index}: {count} are plugged in")
+        self._stick: Any = self._pygame.joystick.Joystick(index)
+        self.name: str = self._stick.get_name()
+        if self._stick.get_numaxes() < 2:
+            raise CohelmError(f"{self.name} has no two axes and is no stick")
+        self._why = ""
+        self._down: set[int] = set()
+        self._felt = NOTHING
+        self._since = 0
+
+    def read(self) -> Reading:
+        """How it stands now."""
+        if not self._why:
+            self._pygame.event.pump()
+            if not self._stick.get_init():
+                self._why = "it is closed"
+            elif self._gone():
+                self._why = "it was unplugged"
+        if self._why:
+            return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
+        stick = Stick(_share(-self._stick.get_axis(1)), _share(-self._stick.get_axis(0)))
+        most = min(self._stick.get_numbuttons(), len(Button))
+        down = {number for number in range(most) if self._stick.get_button(number)}
+        pressed = tuple(Button(number) for number in sorted(down - self._down))
+        self._down = down
+        return Reading(stick, True, "", pressed)
+
+    def feel(self, feel: Feel) -> None:
+        """Shake by the push, where the device can."""
+        now = self._pygame.time.get_ticks()
+        strong, before = shake(feel), shake(self._felt)
+        due = now - self._since >= _SHAKE // 2 and strong > _STEP
+        if self._why or not (due or abs(strong - before) >= _STEP):
+            return
+        self._felt, self._since = feel, now
+        with contextlib.suppress(Exception):  # a device without motors refuses in its own way
+            self._stick.rumble(strong, strong, _SHAKE)
+
+    def close(self) -> None:
+        """Let go."""
+        if not self._why:
+            with contextlib.suppress(Exception):
+                self._stick.stop_rumble()
+        self._why = "it is closed"
+        self._stick.quit()
+
+    def _gone(self) -> bool:
+        removed = self._pygame.event.get(self._pygame.JOYDEVICEREMOVED)
+        mine = self._stick.get_instance_id()
+        return any(event.instance_id == mine for event in removed)
+
+
+def _share(value: float) -> float:
+    return max(-1.0, min(1.0, value + 0.0))

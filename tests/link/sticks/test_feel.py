@@ -1,0 +1,88 @@
+"""What the hand feels is bounded, damped and fades."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, strategies as st
+
+from cohelm.core.types import Stick, Twist
+from cohelm.link.sticks.feel import (
+    STILL,
+    CueRules,
+    damped,
+    faded,
+    shake,
+    spring,
+    wanted,
+)  # fmt: skip
+from cohelm.link.sticks.port import Feel
+
+RULES = CueRules()
+any_speed = st.floats(allow_nan=True, allow_infinity=True)
+twists = st.builds(Twist, any_speed, any_speed)
+shares = st.floats(-0.4, 0.4)
+pushes = st.builds(Stick, shares, shares)
+
+
+def test_the_spring_is_that_of_the_paper_as_far_as_the_device_can():
+    assert spring(5.0) == 0.5
+    assert spring(20.0) == 1.0
+    assert spring(0.0) == 0.0
+
+
+@given(twists, twists)
+def test_the_cue_never_takes_more_than_its_share_of_the_force(asked, given):
+    push = wanted(asked, given, 1.0, 1.0, RULES)
+    assert max(map(abs, push)) <= RULES.strongest
+
+
+def test_the_cue_points_to_what_the_robot_does_and_is_nothing_where_that_is_asked():
+    held = wanted(Twist(0.5, 0.0), Twist(0.2, 0.3), 1.0, 1.0, RULES)
+    assert held.x < 0.0 < held.psi
+    assert wanted(Twist(0.5, 0.2), Twist(0.5, 0.2), 1.0, 1.0, RULES) == STILL
+
+
+@given(pushes, st.lists(st.floats(0.0, 1.0), min_size=2, max_size=9))
+def test_the_older_the_weaker_and_then_nothing(push, ages):
+    felt = [abs(faded(push, age, RULES).x) for age in sorted(ages)]
+    assert felt == sorted(felt, reverse=True)
+    assert faded(push, RULES.fresh, RULES) == pytest.approx(push)
+    for age in (RULES.gone, 10.0, math.nan, math.inf):
+        assert faded(push, age, RULES) == STILL
+
+
+@given(pushes, pushes, st.floats(0.0, 0.1))
+def test_it_changes_no_faster_than_the_steepest_and_never_overshoots(before, push, dt):
+    after = damped(before, push, dt, RULES)
+    assert abs(after.x - before.x) <= RULES.steepest * dt + 1e-12
+    assert min(before.x, push.x) - 1e-12 <= after.x <= max(before.x, push.x) + 1e-12
+
+
+@pytest.mark.parametrize("delay", [0, 5, 10, 20, 30])
+def test_a_hand_that_lets_go_near_a_wall_is_not_swung_by_the_cue(delay):
+    """Stick, spring and cue with the delay of a round trip (in steps of 10 ms): it comes to rest.
+
+    The stick is a mass on the device's spring; the guard takes away all speed above a half.
+    """
+    dt, mass, friction, stiffness = 0.01, 0.05, 0.6, 1.0
+    x, v, push = 1.0, 0.0, STILL
+    sent, seen = [x] * (delay + 1), []
+    for _ in range(2000):
+        asked = Twist(max(0.0, sent[-1 - delay]), 0.0)
+        given = Twist(min(asked.v, 0.5), 0.0)
+        cue = faded(wanted(asked, given, 1.0, 1.0, RULES), delay * dt, RULES)
+        push = damped(push, cue, dt, RULES)
+        force = 0.3 + push.x - stiffness * x - friction * v  # 0.3: the weight of a tired hand
+        v += force / mass * dt
+        x += v * dt
+        sent.append(x)
+        seen.append(x)
+    end = seen[-500:]
+    assert max(end) - min(end) < 0.01
+
+
+def test_without_force_the_device_shakes_as_strongly_as_it_would_push():
+    assert shake(Feel(1.0, STILL)) == 0.0
+    assert shake(Feel(0.0, Stick(-0.3, 0.4))) == pytest.approx(0.5)

@@ -1,0 +1,155 @@
+"""A stick of this machine at the helm, over the real link."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cohelm.cli import app
+from cohelm.core.types import Stick, Twist
+from cohelm.link import hand, keys as pairing
+from cohelm.link.keys import pair_here
+from cohelm.link.messages import Ask, Device, Hello, Mode
+from cohelm.link.robot_bulk import RobotBulk
+from cohelm.link.robot_end import RobotEnd
+from cohelm.link.stick import Recording
+from cohelm.link.sticks.at_helm import drive
+from cohelm.link.sticks.played import PlayedStick
+from cohelm.link.sticks.port import CENTRED, Button, Feel, Reading
+from tests.link.ends import NAN, STATUS, until
+
+pytestmark = pytest.mark.xdist_group("realtime")
+HERE = "127.0.0.1"
+
+
+class Robot:
+    """Its loop, as far as the driver is concerned."""
+
+    def __init__(self, keys) -> None:
+        self.end = RobotEnd(keys, HERE, 0)
+        self.bulk = RobotBulk(self.end, keys)
+        outline = np.zeros((3, 2), np.float32)
+        self.bulk.publish(Hello("sally", "0", outline, 2.0, 1.0, 0.3, "stop", (NAN, NAN, NAN, NAN)))
+        self.state = hand.State(mode=Mode.SHARED, stopped="")
+        self.hands: list[hand.Hand] = []
+        self.asked: list[Ask] = []
+        self._open = True
+        self._thread = threading.Thread(target=self._loop)
+        self._thread.start()
+
+    def _loop(self) -> None:
+        while self._open:
+            heard = self.end.heard()
+            for asked in heard.asked:
+                self.asked.append(asked.request.what)
+                self.state, granted, why = hand.ask(
+                    self.state, asked.request, asked.name, heard.command
+                )
+                self.end.answer(asked.client, asked.request.number, granted, why)
+            if heard.driver or self.hands:
+                result = hand.step(self.state, heard.command, heard.driver, time.monotonic())
+                self.state = result.state
+                self.hands.append(result)
+            self.end.tell(
+                STATUS._replace(
+                    mode=self.state.mode, stopped=self.state.stopped, arming=self.state.arming,
+                    asked=Twist(1.0, 0.0), given=Twist(0.5, 0.0),
+                )
+            )  # fmt: skip
+            time.sleep(0.02)
+
+    def close(self) -> None:
+        self._open = False
+        self._thread.join()
+        self.bulk.close()
+        self.end.close()
+
+
+@pytest.fixture
+def robot():
+    robot_keys, keys = pair_here()
+    robot = Robot(robot_keys)
+    yield robot, keys
+    robot.close()
+
+
+class Held:
+    """A device in a test's hand, that notes what is felt."""
+
+    name, kind, force = "held", Device.FORCE_STICK, True
+
+    def __init__(self) -> None:
+        self.stick, self.there = CENTRED, True
+        self.buttons: list[Button] = []
+        self.felt: list[Feel] = []
+
+    def read(self) -> Reading:
+        pressed, self.buttons = tuple(self.buttons), []
+        return Reading(self.stick, self.there, "" if self.there else "held: unplugged", pressed)
+
+    def feel(self, feel: Feel) -> None:
+        self.felt.append(feel)
+
+    def close(self) -> None:
+        self.there = False
+
+
+def test_a_stick_takes_the_lease_steers_is_felt_and_its_loss_stops_the_robot(robot):
+    robot, keys = robot
+    held, said = Held(), []
+    thread = threading.Thread(
+        target=drive, args=(held, keys, (HERE, robot.end.address[1]), 5.0, said.append)
+    )
+    thread.start()
+    until(lambda: robot.hands and robot.hands[-1].state.arming == 2)
+    held.stick = Stick(0.5, 0.0)
+    until(lambda: robot.hands[-1].stick == Stick(0.5, 0.0))
+    # half a metre a second of two is held back: a quarter, times the gain
+    until(lambda: held.felt[-1].push.x == pytest.approx(-0.2, abs=0.01))
+    assert held.felt[-1].spring == 0.5
+    held.buttons = [Button.MODE]
+    until(lambda: robot.state.mode is Mode.AUTOMATIC)
+    held.buttons = [Button.STOP]
+    until(lambda: robot.state.stopped)
+    held.stick = CENTRED
+    until(lambda: robot.hands[-1].state.arming == 2)
+    held.buttons = [Button.RESET, Button.MODE]
+    until(lambda: not robot.state.stopped and robot.state.mode is Mode.SHARED)
+    until(lambda: robot.hands[-1].state.arming == 2)
+    held.there = False
+    until(lambda: robot.state.stopped)
+    assert robot.hands[-1].brake
+    thread.join(3.0)
+    assert not thread.is_alive()
+    assert "you drive" in said
+    assert "held: unplugged" in said
+
+
+def test_a_recorded_hand_drives_and_its_end_is_no_centred_stick(robot):
+    robot, keys = robot
+    record = Recording(
+        np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.75, 0.75]), np.array([0.0, -0.5, -0.5])
+    )
+    played = PlayedStick(record, "record", time.monotonic)
+    drive(played, keys, (HERE, robot.end.address[1]), 5.0, lambda _: None)
+    until(lambda: robot.state.stopped)
+    used = {result.stick for result in robot.hands if result.stick != CENTRED}
+    assert used == {Stick(0.75, -0.5)}
+    assert robot.state.stopped in ("the stick was lost", "nobody drives")
+
+
+def test_the_command_says_what_is_missing_and_lists_what_there_is(tmp_path, monkeypatch):
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path))
+    run = CliRunner().invoke
+    assert "--robot" in str(run(app, ["stick"]).exception)
+    assert "paired with no robot" in str(run(app, ["stick", "--robot", HERE]).exception)
+    pairing.let_in("anna", tmp_path / "anna.pair")
+    pairing.install(tmp_path / "anna.pair")
+    missing = run(app, ["stick", "--robot", HERE, "--device", str(tmp_path / "none.csv")])
+    assert "none.csv" in str(missing.exception)
+    pytest.importorskip("pygame")
+    assert run(app, ["stick", "--list"]).exit_code == 0
