@@ -131,7 +131,7 @@ def replayed(hand: int, hands: Replay, t: float) -> Stick:
 
 
 @jit_inline
-def _scrambled(seed: int, k: int) -> float:
+def uniform(seed: int, k: int) -> float:
     """A uniform number in (0, 1) that depends only on seed and k (SplitMix64)."""
     z = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(k)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -143,8 +143,8 @@ def _scrambled(seed: int, k: int) -> float:
 @jit_inline
 def normal(seed: int, k: int) -> float:
     """A standard normal number that depends only on seed and k, whatever thread asks."""
-    radius = math.sqrt(-2.0 * math.log(_scrambled(seed, 2 * k)))
-    return radius * math.cos(2.0 * math.pi * _scrambled(seed, 2 * k + 1))
+    radius = math.sqrt(-2.0 * math.log(uniform(seed, 2 * k)))
+    return radius * math.cos(2.0 * math.pi * uniform(seed, 2 * k + 1))
 
 
 @jit

@@ -1,0 +1,154 @@
+"""The command `campaign`: many episodes of a suite, judged and reported."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cohelm.cli.app import app
+from cohelm.cli.tell import Json, Out, plain, print_json, print_table, progress, say
+from cohelm.core.errors import CohelmError
+
+if TYPE_CHECKING:
+    from cohelm.study.campaign.runner import Plan
+
+
+@app.command()
+def campaign(
+    suite: Annotated[
+        str,
+        typer.Argument(
+            metavar="SUITE",
+            help="lab, random, barn, crowd, adversary or hands; or the folder of a campaign, "
+            "to go on with it as it was asked for.",
+        ),
+    ],
+    law: Annotated[
+        str | None,
+        typer.Option(metavar="LAW", help="guard (the default), paper or none."),
+    ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAW,LAW",
+            help="Several laws on the same episodes, e.g. guard,paper,none; in random also rvo "
+            "and vo, controllers of ir-sim.",
+        ),
+    ] = None,
+    n: Annotated[
+        int | None, typer.Option("--n", metavar="N", help="Episodes; each suite has a default.")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="S", help="Of everything random.")] = 1,
+    jobs: Annotated[
+        int | None, typer.Option(metavar="J", help="Processes; as many as processors by default.")
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Worlds and recordings made by others: needed by barn, crowd and hands.",
+        ),
+    ] = None,
+    out: Out = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Drive on this Dask scheduler instead."),
+    ] = None,
+    replay: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROW",
+            help="With a campaign's folder: drive one row again, NUMBER or LAW/NUMBER, and "
+            "record it.",
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Drive many episodes and count what came of them.
+
+    Rows go to the folder as they come; interrupted or killed, the same command with the same
+    --out goes on. At the end it holds report.html. The folder is out/campaign-SUITE-DATE-TIME
+    unless --out names one.
+    """
+    if importlib.util.find_spec("pyarrow") is None:
+        raise CohelmError("campaigns need Parquet: pip install 'cohelm[campaign]'")
+    if replay is not None:
+        _again(Path(suite), replay, out, as_json)
+        return
+    with progress("starting") as told:
+        from cohelm.study import single
+        from cohelm.study.campaign import report, runner
+
+        folder, plan = _asked(suite, law, compare, n, seed, data, out)
+        plan.prepared()  # what is wrong with it is told before a folder is made
+        folder = folder or single.fresh(f"campaign-{plan.suite}")
+        try:
+            made, rows = runner.run(plan, folder, jobs or _processors(), cluster, told)
+            found = report.outcome(made, plan.laws, rows)
+            page = report.write(found, folder, told)
+        except KeyboardInterrupt:
+            say(
+                "[yellow]interrupted[/yellow]; what was driven is kept, go on with: "
+                f"cohelm campaign {plain(str(folder))}"
+            )
+            raise
+    if as_json:
+        print_json({**found.as_dict(), "out": str(folder), "report": str(page)})
+    else:
+        print_table(f"{plan.suite}, seed {plan.seed}", *report.table(found))
+        say(f"rows and report: {plain(str(page))}")
+
+
+def _asked(
+    suite: str, law: str | None, compare: str | None, n: int | None, seed: int,
+    data: Path | None, out: Path | None,
+) -> tuple[Path | None, Plan]:  # fmt: skip
+    """The folder, if one is named, and the plan, by the command line or by that folder."""
+    from cohelm.study.campaign import runner, store
+    from cohelm.study.campaign.suites import NAMES
+
+    folder = Path(suite)
+    if suite not in NAMES and folder.is_dir():
+        kept = store.read_plan(folder)
+        if kept is None:
+            raise CohelmError(f"{folder}: holds no campaign; give a suite or a campaign's folder")
+        if law or compare or n or data or out:
+            raise CohelmError(
+                f"{folder} is gone on with as it was asked for: leave out --law, --compare, --n, "
+                "--data and --out"
+            )
+        return folder, runner.planned(kept)
+    if law and compare:
+        raise CohelmError("give either --law or --compare, not both")
+    laws = tuple(part.strip() for part in (compare or law or "guard").split(","))
+    return out, runner.Plan(suite, laws, seed, n, data)  # pyright: ignore[reportArgumentType]
+
+
+def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:
+    with progress("driving again"):
+        from cohelm.study.campaign import again
+        from cohelm.study.metrics import plain as values
+
+        found = again.again(folder, which)
+        there = out or folder / "episodes" / f"{found.law}-{found.row.episode}"
+        again.record(found, there)
+    if not found.same:
+        say(
+            "[yellow]warning:[/yellow] this is not what the campaign's row says: code or data "
+            "have changed since"
+        )
+    if as_json:
+        row = values(found.row._asdict())
+        print_json({**row, "same_as_row": found.same, "out": str(there)})
+    else:
+        rows = [(name, str(value)) for name, value in found.row._asdict().items() if value != []]
+        print_table(f"{found.law}/{found.row.episode}", ("quantity", "value"), rows)
+        say(f"record, row and picture: {plain(str(there))}")
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,195 @@
+"""`adversary`: the stick is held by somebody who wants a contact, and nobody else steers.
+
+The generator: Sally or Jackal in turns, at rest at the origin of a field of 6 m, with 4 to 9
+resting discs, 2 to 4 walls of 1 to 4 m and 10 stray points, none nearer than 5 cm; in every second
+episode also 1 to 3 walkers, 2 to 5 m away at first, who use their whole assumed acceleration of
+1 m/s^2 at up to 1.3 m/s, half of the time straight at the robot. For ten seconds the stick is
+deflected by
+- *ram*: at the nearest thing, with fits of *bang* in between;
+- *bang*: full deflections at random;
+- *spin*: full turns and lunges, starting beside a wall;
+- *human*: a recorded person, signs flipped on one axis or on both (where recordings are given);
+- *search*: CMA-ES over sequences of 20 deflections for the smallest gap, of which the worst found
+  is the episode. Every 500th episode is one, and 2000 sequences are driven for it.
+
+There is no goal, so nobody arrives.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import warnings
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose, disc
+from cohelm.law.reference import through
+from cohelm.link.stick import Recording
+from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.scenario.load import robot
+from cohelm.sim.duel import BANG, RAM, SCRIPT, SPIN, Attack, Scene
+from cohelm.sim.run import Setup
+from cohelm.sim.world import Body, world
+from cohelm.study.campaign.case import DT, PAPER, Case, Duel, Law, least_gap, sequence
+
+SEARCH_EVERY = 500
+"""One episode in so many is a search."""
+EVALUATIONS = 2000
+"""Sequences driven in one search."""
+
+_LIMIT = 10.0  # [s]
+_FIELD = 3.0  # half its side [m]
+_CLEAR = 0.05  # round the robot at the start [m]
+_HOLD = 0.5  # for which a searched deflection is held [s]
+_AGILITY, _WALK = 1.0, 1.3
+_HERE = Pose(0.0, 0.0, 0.0)
+_KINDS = ("ram", "bang", "spin", "human")
+
+
+def case(
+    seed: int, number: int, hands: tuple[Recording, ...] = (), search_every: int = SEARCH_EVERY
+) -> Case:
+    """Attack `number` of the campaign with this seed. hands: recorded people, for *human*."""
+    rng = sequence(seed, "adversary", number)
+    model = robot(("sally", "jackal")[number % 2])
+    kind = _KINDS[number // 2 % (4 if hands else 3)]
+    if number % search_every == search_every - 1:
+        kind = "search"
+    scene = _scene(rng, model.outline, model.reach, walkers=number % 4 >= 2, beside=kind == "spin")
+    code = {"ram": RAM, "bang": BANG, "spin": SPIN}.get(kind, SCRIPT)
+    script, hold = np.zeros((1, 2)), _LIMIT
+    if kind == "human":
+        script, hold = _flipped(rng, hands[int(rng.integers(len(hands)))]), DT
+    drawn = [Body(_six(d)) for d in scene.discs]
+    setup = Setup(
+        start=_HERE,
+        reference=through([[0.0, 0.0], [1.0, 0.0]], 1.0),
+        outline=model.outline,
+        limits=model.bounds(),
+        gains=PAPER,
+        around=world((drawn, scene.walls)),
+        dt=DT,
+        duration=_LIMIT,
+        seed=number,
+    )
+    attack = Attack(code, int(rng.integers(2**31)), script, hold)
+    return Case(
+        "adversary", number, f"{kind}, {model.name}", setup, None, Duel(scene, attack)
+    )  # fmt: skip
+
+
+class Found(NamedTuple):
+    """The worst that a search has found."""
+
+    case: Case
+    """With the sequence found as its attack."""
+    gap: float
+    """Smallest gap while the robot moved [m]."""
+    evaluations: int
+
+
+def searched(case: Case, law: Law, evaluations: int = EVALUATIONS) -> Found:
+    """CMA-ES (Hansen 2016) for the sequence of deflections with the smallest gap.
+
+    The same case and law give the same sequence. case: one with a duel.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of optional parts of cma that are not there
+        cma: Any = importlib.import_module("cma")
+    duel = case.duel
+    assert duel is not None
+    knots = round(_LIMIT / _HOLD)
+
+    def fought(x: Floats) -> Case:
+        script = np.clip(np.asarray(x, dtype=np.float64).reshape(knots, 2), -1.0, 1.0)
+        return replace(case, duel=duel.scripted(script, _HOLD))
+
+    options = {
+        "seed": duel.attack.seed % 2**30 + 1,
+        "maxfevals": evaluations,
+        "verbose": -9,
+        "verb_log": 0,
+        "tolfun": 0.0,
+        "tolfunhist": 0.0,
+        "tolx": 0.0,
+        "tolflatfitness": evaluations,
+    }
+    search = cma.CMAEvolutionStrategy(np.zeros(2 * knots), 0.7, options)
+    worst: Floats = np.zeros(2 * knots)
+    least, count = math.inf, 0
+    while count < evaluations:
+        tried: list[Floats] = search.ask()[: evaluations - count]
+        gaps = [least_gap(made, law, made.duel) for made in map(fought, tried) if made.duel]
+        count += len(tried)
+        for x, gap in zip(tried, gaps, strict=True):
+            if gap < least:
+                worst, least = x, gap
+        if len(tried) < search.popsize:
+            break
+        search.tell(tried, gaps)
+    return Found(fought(worst), least, count)
+
+
+def scripted(case: Case, stick: list[float]) -> Case:
+    """The case with a sequence that a search found, as its row keeps it."""
+    assert case.duel is not None
+    return replace(case, duel=case.duel.scripted(np.array(stick).reshape(-1, 2), _HOLD))
+
+
+def _six(row: Floats) -> tuple[float, float, float, float, float, float]:
+    x, y, vx, vy, radius, safe = (float(value) for value in row)
+    return (x, y, vx, vy, radius, safe)
+
+
+def _scene(
+    rng: np.random.Generator, outline: Floats, reach: float, walkers: bool, beside: bool
+) -> Scene:
+    """Things at random, but _CLEAR of the robot; `beside`, one wall lies along it."""
+    discs: list[tuple[float, float, float, float, float, float]] = []
+    walls: list[list[float]] = []
+    points: list[list[float]] = []
+
+    def place() -> tuple[float, float]:
+        x, y = rng.uniform(-_FIELD, _FIELD, 2)
+        return float(x), float(y)
+
+    resting = int(rng.integers(4, 10))
+    while len(discs) < resting:
+        x, y, r = *place(), float(rng.uniform(0.03, 0.4))
+        if disc_clearance(_HERE, outline, x, y, r) > _CLEAR:
+            discs.append(disc(x, y, r, r + reach))
+    if beside:
+        y = float(outline[:, 1].max() + rng.uniform(0.02, 0.1)) * float(rng.choice([-1.0, 1.0]))
+        walls.append([-2.0, y, 2.0, y])
+    wanted = int(rng.integers(2, 5))
+    while len(walls) < wanted:
+        x, y = place()
+        turn, length = rng.uniform(-math.pi, math.pi), rng.uniform(1.0, 4.0)
+        wall = [x, y, x + length * math.cos(turn), y + length * math.sin(turn)]
+        if segment_clearance(_HERE, outline, *wall) > _CLEAR:
+            walls.append(wall)
+    while len(points) < 10:
+        x, y = place()
+        if disc_clearance(_HERE, outline, x, y, 0.0) > _CLEAR:
+            points.append([x, y])
+    count = int(rng.integers(1, 4)) if walkers else 0
+    for _ in range(count):
+        bearing, far = rng.uniform(-math.pi, math.pi), rng.uniform(2.0, 5.0)
+        at = (far * math.cos(bearing), far * math.sin(bearing))
+        course, speed = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, _WALK)
+        discs.append(disc(*at, 0.25, 0.25 + reach, speed * math.cos(course),
+                          speed * math.sin(course)))  # fmt: skip
+    agility = np.array([0.0] * resting + [_AGILITY] * count)
+    return Scene(np.array(discs), agility, _WALK, np.array(walls), np.array(points))
+
+
+def _flipped(rng: np.random.Generator, hand: Recording) -> Floats:
+    """Ten seconds of a recorded hand from anywhere in it, one axis or both the wrong way round."""
+    first, last = float(hand.times[0]), float(hand.times[-1])
+    at = rng.uniform(first, max(last - _LIMIT, first)) + np.arange(0.0, _LIMIT, DT)
+    signs = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))[int(rng.integers(3))]
+    newest = np.clip(np.searchsorted(hand.times, at, side="right") - 1, 0, len(hand.times) - 1)
+    return np.column_stack((signs[0] * hand.x[newest], signs[1] * hand.psi[newest]))

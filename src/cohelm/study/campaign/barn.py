@@ -1,0 +1,83 @@
+"""`barn`: the BARN challenge's worlds on what the LiDAR sees, judged by its rules.
+
+Jackal with 720 beams over 270 degrees, 30 scans a second, 1 cm noise; the given reference path as
+input, nothing known of the cylinders but by scan; 100 s, and arrived within 1 m of the goal. The
+score is the challenge's since 2026. Episode k is world k modulo their number, in order of their
+numbers; every further round is another seed of the sensor's noise.
+
+Not the challenge's own simulation: no Gazebo, no physics, the pose is known exactly. The paper's
+law has no sensor in it: it is given the cylinders as they are.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.law.reference import through
+from cohelm.perceive.band import spread
+from cohelm.robot.sensors import LidarModel
+from cohelm.scenario.load import robot
+from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
+from cohelm.sim.run import Setup
+from cohelm.sim.world import Body, world
+from cohelm.study.campaign.case import DT, PAPER, Case, Goal
+
+SPEED = 1.5
+"""Of the reference, where there is room [m/s]."""
+
+LIDAR = LidarModel(noise_m=0.01, mount_x_m=0.12, rate_hz=30.0)
+"""As the challenge's: 720 beams over 270 degrees."""
+
+
+def read(folder: Path) -> tuple[Barn, ...]:
+    """The worlds in a folder, or in `barn` in it: worlds.json, or pairs as the challenge has them,
+    world_N.world (or .gz) and path_N.npy.
+
+    Raises CohelmError where there are none.
+    """
+    inside = folder / "barn" if (folder / "barn").is_dir() else folder
+    reach = robot("jackal").reach
+    if (inside / "worlds.json").exists():
+        found = read_collection(inside / "worlds.json", reach)
+        return tuple(found[number] for number in sorted(found))
+    pairs = {
+        int(file.name.split(".")[0].removeprefix("world_")): file
+        for file in sorted(inside.rglob("world_*.world*"))
+        if file.name.split(".")[0].removeprefix("world_").isdigit()
+    }
+    worlds: list[Barn] = []
+    for number, file in sorted(pairs.items()):
+        paths = sorted(inside.rglob(f"path_{number}.npy"))
+        if not paths:
+            raise CohelmError(f"{file}: there is no path_{number}.npy in {inside}; fetch it too")
+        worlds.append(read_barn(file, paths[0], reach, number))
+    if not worlds:
+        raise CohelmError(
+            f"{inside}: has neither worlds.json nor world_N.world with path_N.npy; give the folder "
+            "of the BARN challenge's worlds with --data"
+        )
+    return tuple(worlds)
+
+
+def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Case:
+    """Episode `number` of the campaign with this seed."""
+    barn = worlds[number % len(worlds)]
+    jackal = robot("jackal")
+    bodies = [Body((d[0], d[1], 0.0, 0.0, d[4], d[5])) for d in barn.discs.tolist()]
+    setup = Setup(
+        start=barn.start,
+        reference=through(spread(barn.route, 0.5), SPEED),
+        outline=jackal.outline,
+        limits=jackal.bounds(),
+        gains=PAPER._replace(u_d=SPEED),
+        around=world((bodies, barn.walls)),
+        names=tuple(f"cylinder_{i}" for i in range(len(bodies))),
+        dt=DT,
+        duration=barn.time_limit,
+        seed=int(np.random.default_rng([seed, number // len(worlds)]).integers(2**31)),
+    )
+    goal = Goal(*barn.goal, barn.near_goal, barn.optimal_time)
+    return Case("barn", number, f"world {barn.number}", setup, goal)

@@ -1,0 +1,120 @@
+"""One episode, ready to be driven under any law: where, what for, and whose hand it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.trace import ROW, Trace
+from cohelm.core.types import Floats
+from cohelm.law.gains import Gains
+from cohelm.law.guard.step import Rules
+from cohelm.sim import duel as duels
+from cohelm.sim.duel import SCRIPT, Attack, Scene, duel
+from cohelm.sim.run import Setup, pieces
+
+Law = Literal["guard", "paper", "none", "rvo", "vo"]
+LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")
+"""Under which an episode may be driven: the guard, the paper's barrier, no filter at all, and
+two controllers of a peer, ir-sim: reciprocal velocity obstacles, and plain ones."""
+
+DT = 0.02
+"""Control step of every campaign [s]."""
+
+_PIECE = 100
+"""Steps after which a drive looks up whether it has arrived: 2 s."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where an episode ends well."""
+
+    x: float
+    y: float
+    near: float
+    """[m]"""
+    optimal: float = math.nan
+    """The BARN challenge's OT [s], where there is one."""
+
+
+@dataclass(frozen=True)
+class Duel:
+    """An attacker alone with the filter, at its usual care; see `sim.duel`."""
+
+    scene: Scene
+    attack: Attack
+
+    def scripted(self, script: Floats, hold: float) -> Duel:
+        """The same with deflections (k, 2) from a table, each held for `hold` [s]."""
+        return replace(self, attack=Attack(SCRIPT, self.attack.seed, script, hold))
+
+
+@dataclass(frozen=True)
+class Case:
+    """One episode of a suite.
+
+    setup: world, robot, limits, reference, hands; its law is that of `pieces`. goal: None if
+    nobody wants to get anywhere. duel: None if a controller drives.
+    """
+
+    suite: str
+    number: int
+    kind: str
+    """What kind of episode this is, in a few words; the report counts by it."""
+    setup: Setup
+    goal: Goal | None
+    duel: Duel | None = None
+
+
+def under(setup: Setup, law: Law) -> Setup:
+    """The setup with another law's filter, and nothing else changed."""
+    return replace(setup, gains=setup.gains._replace(barrier=law == "paper"))
+
+
+def traced(case: Case, law: Law) -> Iterator[Trace]:
+    """The drive of a case, piece by piece, to its time limit."""
+    if case.duel is not None:
+        return iter((fought(case, law, case.duel),))
+    return pieces(under(case.setup, law), _PIECE)
+
+
+def fought(case: Case, law: Law, chosen: Duel) -> Trace:
+    """The trace of a duel."""
+    n, m = case.setup.steps, len(chosen.scene.discs) + len(chosen.scene.points)
+    rows, h, discs = np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6))
+    _duel(case, law, chosen, rows, h, discs)
+    return Trace(rows, h, discs, tuple(f"thing_{i}" for i in range(m)), DT)
+
+
+_RULES = Rules(dt=DT)
+_RULES = Rules(dt=DT)
+_NO_ROWS, _NO_H, _NO_DISCS = np.zeros(0, dtype=ROW), np.empty((0, 0)), np.empty((0, 0, 6))
+
+
+def least_gap(case: Case, law: Law, chosen: Duel) -> float:
+    """What a duel comes to, without a trace: the smallest gap while the robot moved [m]."""
+    return _duel(case, law, chosen, _NO_ROWS, _NO_H, _NO_DISCS)
+
+
+def _duel(
+    case: Case, law: Law, chosen: Duel, rows: NDArray[np.void], h: Floats, discs: Floats
+) -> float:
+    setup = case.setup
+    code = {"guard": duels.GUARD, "paper": duels.PAPER}.get(law, duels.NO_LAW)
+    return duel(
+        setup.start, chosen.scene, chosen.attack, code, setup.gains, setup.outline, setup.limits,
+        _RULES, setup.steps, rows, h, discs,
+    )  # fmt: skip
+
+
+def sequence(seed: int, suite: str, number: int) -> np.random.Generator:
+    """The random numbers of one episode: by the campaign's seed, the suite and its number only."""
+    return np.random.default_rng([seed, number, *suite.encode()])
+
+
+PAPER = Gains()

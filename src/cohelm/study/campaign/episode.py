@@ -1,0 +1,143 @@
+"""One case driven under one law, and its row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.trace import Trace
+from cohelm.core.types import RADIUS, Floats, Pose, X, Y
+from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.limits import Limits
+from cohelm.scenario.worlds.barn import score
+from cohelm.sim.judge import FAR, Judged, judge
+from cohelm.sim.run import Setup
+from cohelm.study.campaign.case import DT, Case, Law, traced
+from cohelm.study.campaign.row import Row
+from cohelm.study.metrics import BACK_ON_PATH, LEADS_BELOW, settling, spans
+
+STEERING = 0.5
+"""Weight of yaw rate beside speed in `Row.disagreement_mps` [m]."""
+
+_HELD = 0.05
+"""A stick deflected by more than this is held."""
+
+
+def driven(case: Case, law: Law) -> Row:
+    """The row of a case under a law."""
+    return judged(case, law, traced(case, law), case.setup.limits)
+
+
+def judged(case: Case, law: Law, pieces: Iterator[Trace], limits: Limits) -> Row:
+    """The row of a drive, from its trace alone; it is followed until it has arrived.
+
+    limits: those that hold for this robot.
+    """
+    setup = case.setup
+    walls = setup.around.walls
+    seen = Judged()
+    kept: list[NDArray[np.void]] = []
+    last: tuple[NDArray[np.void], Floats] | None = None
+    arrived, nearest = False, ""
+    for piece in pieces:
+        rows, discs = piece.rows, piece.discs
+        if case.goal is not None:
+            far = np.hypot(rows["x"] - case.goal.x, rows["y"] - case.goal.y)
+            there = np.flatnonzero(far < case.goal.near)
+            if there.size:
+                arrived = True
+                rows, discs = rows[: there[0] + 1], discs[: there[0] + 1]
+        kept.append(rows)
+        if last is not None:
+            rows = np.concatenate((last[0], rows))
+            discs = np.concatenate((last[1], discs))
+        before = seen.at, seen.gap
+        seen = judge(seen, rows, discs, setup.outline, walls, limits, piece.dt)
+        if (seen.at, seen.gap) != before:
+            nearest = _nearest(setup, rows, discs, seen, piece.names)
+        last = rows[-1:], discs[-1:]
+        if arrived:
+            break
+    return _row(case, law, np.concatenate(kept), seen, nearest, arrived)
+
+
+def _nearest(
+    setup: Setup, rows: NDArray[np.void], discs: Floats, seen: Judged, names: tuple[str, ...]
+) -> str:
+    """What the outline was nearest to at the time of the smallest gap."""
+    k = int(np.argmin(np.abs(rows["t"] - seen.at)))
+    pose = Pose(float(rows["x"][k]), float(rows["y"][k]), float(rows["psi"][k]))
+    gaps = [
+        disc_clearance(pose, setup.outline, float(d[X]), float(d[Y]), float(d[RADIUS]))
+        for d in discs[k]
+    ]
+    gaps += [segment_clearance(pose, setup.outline, *wall) for wall in setup.around.walls.tolist()]
+    best = int(np.argmin(gaps)) if gaps else 0
+    return "" if seen.gap >= FAR else names[best] if best < len(names) else "wall"
+
+
+def _row(
+    case: Case, law: Law, rows: NDArray[np.void], seen: Judged, nearest: str, arrived: bool
+) -> Row:
+    duration = float(rows["t"][-1])
+    recovery, unrecovered = _recovery(rows)
+    measured = case.duel is None
+    return Row(
+        suite=case.suite,
+        law=law,
+        episode=case.number,
+        kind=case.kind,
+        fault="",
+        arrived=arrived,
+        duration_s=duration,
+        contacts_moving=seen.moving,
+        contacts_standing=seen.standing,
+        min_clearance_m=seen.gap,
+        min_clearance_moving_m=seen.gap_moving,
+        min_clearance_at_s=seen.at,
+        nearest=nearest,
+        limit_excess=seen.excess,
+        score=_score(case, duration, arrived and seen.moving + seen.standing == 0),
+        time_ratio=duration / case.setup.reference.duration if arrived else math.nan,
+        path_length_m=float(np.hypot(np.diff(rows["x"]), np.diff(rows["y"])).sum()),
+        tracking_rms=float(np.sqrt(np.mean(rows["e_p"] ** 2))) if measured else math.nan,
+        human_share=1.0 - 0.5 * float(rows["authority_x"].mean() + rows["authority_psi"].mean()),
+        disagreement_mps=_disagreement(rows),
+        jerk_rms_mps3=_jerk(rows["applied_v"]),
+        recovery_s=recovery if measured else math.nan,
+        unrecovered=unrecovered if measured else 0,
+        filtered_share=float((rows["verdict"] != 0).mean()),
+        stick=[],
+    )
+
+
+def _score(case: Case, duration: float, success: bool) -> float:
+    if case.goal is None or math.isnan(case.goal.optimal):
+        return math.nan
+    return score(case.goal.optimal, duration, success)
+
+
+def _disagreement(rows: NDArray[np.void]) -> float:
+    held = (np.abs(rows["stick_x"]) > _HELD) | (np.abs(rows["stick_psi"]) > _HELD)
+    if not held.any():
+        return math.nan
+    dv = (rows["human_v"] - rows["applied_v"])[held]
+    domega = (rows["human_omega"] - rows["applied_omega"])[held]
+    return float(np.hypot(dv, STEERING * domega).mean())
+
+
+def _jerk(speed: Floats) -> float:
+    change = np.diff(speed, 2) / DT**2
+    return float(np.sqrt(np.mean(change**2))) if change.size else 0.0
+
+
+def _recovery(rows: NDArray[np.void]) -> tuple[float, int]:
+    """Mean time to recover after the person let go, and how often that never happened."""
+    leads = np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW
+    whole = Trace(rows, np.empty((len(rows), 0)), np.empty((len(rows), 0, 6)), (), DT)
+    times = [settling(whole, b, BACK_ON_PATH) for _, b in spans(leads) if b < len(rows)]
+    found = [t for t in times if t < math.inf]
+    return (float(np.mean(found)) if found else math.nan), len(times) - len(found)

@@ -1,0 +1,97 @@
+"""`hands`: recorded people, whose stick was meant for another room, drive the paper's course.
+
+Every recording is played into the scenario lab-shared, whose own simulated person is left out:
+first each from its beginning, then from anywhere in it. The controller leads whenever the hand
+does not. Arrived is who comes within 0.1 m of the end of the reference within three times its
+time; a hand that holds the stick for long may well prevent that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.link import stick as sticks
+from cohelm.link.stick import Recording
+from cohelm.scenario import build, load
+from cohelm.sim.hand import Operator, replay
+from cohelm.sim.run import Setup
+from cohelm.study.campaign.case import DT, Case, sequence
+from cohelm.study.campaign.lab import goal, limited
+
+_MOST_RUNS = 100
+
+
+class Hands(NamedTuple):
+    """What was found of recorded people."""
+
+    names: tuple[str, ...]
+    """File and run."""
+    recordings: tuple[Recording, ...]
+    left_out: tuple[str, ...]
+    """Files that are no sticks, a sentence each."""
+
+
+def read(folder: Path) -> Hands:
+    """Every run of every stick file (CSV, plain or gzip) in a folder, or in `stick` in it.
+
+    Raises CohelmError where there is none.
+    """
+    inside = folder / "stick" if (folder / "stick").is_dir() else folder
+    files = sorted([*inside.glob("*.csv"), *inside.glob("*.csv.gz")])
+    names: list[str] = []
+    found: list[Recording] = []
+    left_out: list[str] = []
+    for file in files:
+        try:
+            names_here, here = _runs(file)
+        except CohelmError as error:
+            left_out.append(f"not read as a stick: {error}")
+            continue
+        names += names_here
+        found += here
+    if not found:
+        raise CohelmError(
+            f"{inside}: no stick file in it can be read; give the folder of CSV files as "
+            "docs/sticks.md describes them with --data"
+        )
+    return Hands(tuple(names), tuple(found), tuple(left_out))
+
+
+def _runs(file: Path) -> tuple[list[str], list[Recording]]:
+    """All runs of a file; of one that holds a single run, that."""
+    names: list[str] = []
+    found: list[Recording] = []
+    for run in range(_MOST_RUNS):
+        try:
+            found.append(sticks.read(f"{file}#{run}"))
+            names.append(f"{file.name}#{run}")
+        except CohelmError:
+            break
+    return (names, found) if found else ([file.name], [sticks.read(file)])
+
+
+def course() -> Setup:
+    """The course without a person at the stick."""
+    setup = build.setup(
+        load.scenario("lab-shared", [f"simulation.step_s={DT}", "simulation.wheel_limits=true"])
+    )
+    return replace(limited(setup, 3.0), operator=Operator())
+
+
+def case(hands: Hands, course: Setup, seed: int, number: int) -> Case:
+    """Drive `number` of the campaign with this seed."""
+    which = number % len(hands.recordings)
+    hand = hands.recordings[which]
+    begin = float(hand.times[0])
+    if number >= len(hands.recordings):
+        rng = sequence(seed, "hands", number)
+        begin += float(rng.uniform(0.0, 0.5) * (hand.times[-1] - hand.times[0]))
+    later = hand.times >= begin
+    times = np.ascontiguousarray(hand.times[later] - begin)
+    setup = replace(course, hands=replay((times, hand.x[later], hand.psi[later])), seed=number)
+    return Case("hands", number, hands.names[which], setup, goal(course))

@@ -1,0 +1,64 @@
+"""`lab`: the paper's course with the robot's real outline and wheels; nobody at the stick.
+
+Episode 0 is the shipped scenario lab-avoid as it stands. In the others the robot starts up to
+0.1 m and 0.2 rad off, and the moving obstacle sets off between 0 and 40 s at 0.1 to 0.4 m/s.
+Both doors, the corridor, and the pass between the two cones are on the way. Arrived is who comes
+within 0.1 m of the end of the reference within twice its time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cohelm.law.reference import Motion, evaluate
+from cohelm.scenario import build, load
+from cohelm.scenario.model import Scenario
+from cohelm.sim.run import Setup
+from cohelm.study.campaign.case import DT, Case, Goal, sequence
+from cohelm.study.metrics import REACHED
+
+
+def scenario() -> Scenario:
+    """The course, under wheel limits and at the campaign's control step."""
+    return load.scenario("lab-avoid", [f"simulation.step_s={DT}", "simulation.wheel_limits=true"])
+
+
+def case(base: Scenario, seed: int, number: int) -> Case:
+    """Course `number` of the campaign with this seed. base: from `scenario`."""
+    setup = build.setup(base if number == 0 else _varied(base, seed, number))
+    kind = "as shipped" if number == 0 else "varied"
+    return Case("lab", number, kind, limited(setup, 2.0), goal(setup))
+
+
+def limited(setup: Setup, times: float) -> Setup:
+    """With so many times the reference's duration to drive it, and no text of a scenario."""
+    return replace(setup, duration=times * setup.reference.duration, scenario="")
+
+
+def goal(setup: Setup) -> Goal:
+    """The end of the reference."""
+    end: Motion = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
+    return Goal(end.x, end.y, REACHED)
+
+
+def _varied(base: Scenario, seed: int, number: int) -> Scenario:
+    rng = sequence(seed, "lab", number)
+    assert base.start is not None
+    dx, dy = rng.uniform(-0.1, 0.1, 2)
+    start = base.start.model_copy(
+        update={
+            "x_m": base.start.x_m + float(dx),
+            "y_m": base.start.y_m + float(dy),
+            "heading_rad": base.start.heading_rad + float(rng.uniform(-0.2, 0.2)),
+        }
+    )
+    off, speed = float(rng.uniform(0.0, 40.0)), float(rng.uniform(0.1, 0.4))
+    obstacles = [
+        o.model_copy(
+            update={"path": o.path.model_copy(update={"start_s": off, "speed_mps": speed})}
+        )
+        if o.path
+        else o
+        for o in base.obstacles
+    ]
+    return base.model_copy(update={"start": start, "obstacles": obstacles})

@@ -1,0 +1,221 @@
+"""What a campaign came to: tables for the terminal, one JSON object, one self-contained page."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Callable, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cohelm.core.errors import CohelmError
+from cohelm.study.campaign.again import drive
+from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.stats import Share, Spread, Summary, summary
+from cohelm.study.campaign.suites import ABOUT, Suite
+from cohelm.study.campaign.text import PAGE
+
+PAGE_NAME, SUMMARY = "report.html", "summary.json"
+
+_PICTURES = 6
+"""Episodes shown of the first law; of each other law a third of it."""
+
+
+class Outcome(NamedTuple):
+    """A whole campaign."""
+
+    suite: Suite
+    laws: tuple[str, ...]
+    rows: dict[str, list[Row]]
+    """By law, in order of their numbers."""
+    summaries: list[Summary]
+
+    def as_dict(self) -> dict[str, Any]:
+        """One object: the first law's numbers, and all laws under `compare` if there are more."""
+        first = self.summaries[0].as_dict()
+        said: dict[str, Any] = {"suite": self.suite.name, "seed": self.suite.seed, **first}
+        if len(self.laws) > 1:
+            said["compare"] = [s.as_dict() for s in self.summaries]
+        said["left_out"] = list(self.suite.notes)
+        return said
+
+
+def outcome(made: Suite, laws: Sequence[str], rows: Sequence[Row]) -> Outcome:
+    """All rows of a campaign, counted."""
+    by_law = {law: [row for row in rows if row.law == law] for law in laws}
+    summaries = [summary(law, by_law[law], goals=made.goals) for law in laws]
+    return Outcome(made, tuple(laws), by_law, summaries)
+
+
+def worst(rows: Sequence[Row], count: int) -> list[Row]:
+    """The worst episodes: faults, then contacts, the deepest first, non-arrivals, small gaps."""
+
+    def badness(row: Row) -> tuple[bool, bool, bool, float]:
+        gap = row.min_clearance_moving_m
+        missed = not row.arrived and math.isfinite(row.tracking_rms)
+        return (
+            not row.fault,
+            row.contacts_moving == 0,
+            not missed,
+            gap if math.isfinite(gap) else math.inf,
+        )
+
+    return sorted(rows, key=badness)[:count]
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Headings and rows: one column for each law."""
+    lines: list[tuple[str, Callable[[Summary], str]]] = [
+        ("episodes", lambda s: f"{s.episodes}" + (f" ({s.faults} failed)" if s.faults else "")),
+        ("arrived without a moving contact", lambda s: _share(s.success)),
+        ("arrived", lambda s: _share(s.arrived)),
+        ("with a moving contact", lambda s: _share(s.moving)),
+        ("walked into while standing", lambda s: _share(s.standing)),
+        ("smallest clearance while moving [m]", lambda s: _least(s.spreads, "moving_")),
+        ("smallest clearance of all [m]", lambda s: _least(s.spreads, "")),
+        ("limits exceeded by", lambda s: f"{s.limit_excess:g}"),
+        ("BARN score (0.5 at most)", lambda s: _number(s.score, 4)),
+        ("time to arrive [s]", lambda s: _spread(s.spreads["duration_s"], 1)),
+        ("time ratio to the reference", lambda s: _spread(s.spreads["time_ratio"], 2)),
+        ("path length [m]", lambda s: _spread(s.spreads["path_length_m"], 1)),
+        ("tracking error, rms of E_P", lambda s: _spread(s.spreads["tracking_rms"], 3)),
+        ("authority of the hand", lambda s: _spread(s.spreads["human_share"], 2)),
+        ("hand against command [m/s]", lambda s: _spread(s.spreads["disagreement_mps"], 2)),
+        ("jerk, rms [m/s³]", lambda s: _spread(s.spreads["jerk_rms_mps3"], 1)),
+        ("release to recovery [s]", lambda s: _recovery(s)),
+        ("share of steps the filter changed", lambda s: _spread(s.spreads["filtered_share"], 2)),
+    ]
+    shown = [
+        (name, *(cell(s) for s in found.summaries))
+        for name, cell in lines
+        if any(cell(s) != "–" for s in found.summaries)
+    ]
+    return ("quantity", *found.laws), shown
+
+
+def by_kind(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """The first law's episodes by their kind."""
+    rows = found.rows[found.laws[0]]
+    kinds = sorted({row.kind for row in rows})
+    lines: list[tuple[str, ...]] = []
+    for kind in kinds:
+        s = summary("", [row for row in rows if row.kind == kind], goals=found.suite.goals)
+        arrived = "–" if s.arrived is None else str(s.arrived.count)
+        gap = _number(s.spreads["min_clearance_moving_m"].least, 4)
+        lines.append(
+            (kind or "not driven", str(s.episodes), arrived, str(s.moving.count),
+             str(s.standing.count), gap)
+        )  # fmt: skip
+    headings = ("kind", "episodes", "arrived", "moving contacts", "walked into", "least gap [m]")
+    return headings, lines
+
+
+def _share(s: Share | None) -> str:
+    if s is None:
+        return "–"
+    return f"{s.count} of {s.of} ({100 * s.low:.2f}–{100 * s.high:.2f} %)"
+
+
+def _spread(s: Spread, digits: int) -> str:
+    if s.of == 0:
+        return "–"
+    return f"{s.median:.{digits}f} ({s.least:.{digits}f}–{s.most:.{digits}f})"
+
+
+def _least(spreads: dict[str, Spread], kind: str) -> str:
+    return _number(spreads[f"min_clearance_{kind}m"].least, 4)
+
+
+def _recovery(s: Summary) -> str:
+    told = _spread(s.spreads["recovery_s"], 1)
+    return f"{told}, {s.unrecovered} never" if s.unrecovered else told
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
+# ------------------------------------------------------------------------------ page
+
+
+def write(found: Outcome, folder: Path, told: Callable[[str, float], None]) -> Path:
+    """Leave summary.json and report.html, with pictures of the worst episodes, in a folder."""
+    shown = [
+        (law, row)
+        for i, law in enumerate(found.laws)
+        for row in worst(found.rows[law], _PICTURES if i == 0 else _PICTURES // 3)
+        if not row.fault
+    ]
+    figures: list[str] = []
+    for k, (law, row) in enumerate(shown):
+        told(f"drawing the worst episodes: {law}/{row.episode}", k / len(shown))
+        figures.append(_figure(found.suite, row))
+    page = PAGE.format(
+        title=escape(f"cohelm campaign: {found.suite.name}, seed {found.suite.seed}"),
+        about=escape(ABOUT[found.suite.name] or "").replace("\n\n", "</p><p>"),
+        laws=_html(*table(found)),
+        kinds=_html(*by_kind(found)),
+        first=escape(found.laws[0]),
+        figures="\n".join(figures),
+        notes=_list("Left out", found.suite.notes)
+        + _list("Not driven: mistakes in cohelm, please report them", _faults(found)),
+    )  # fmt: skip
+    try:
+        text = json.dumps(found.as_dict(), indent=2, allow_nan=False) + "\n"
+        (folder / SUMMARY).write_text(text, encoding="utf-8")
+        (folder / PAGE_NAME).write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise CohelmError(
+            f"{folder}: the report can not be written ({error.strerror}); all rows are kept: free "
+            "some space and give the same command again"
+        ) from error
+    return folder / PAGE_NAME
+
+
+def _figure(made: Suite, row: Row) -> str:
+    from cohelm.study.campaign.pictures import picture  # matplotlib takes a second to import
+
+    again = drive(made.case(row.episode), row)
+    png = base64.b64encode(picture(again.case, again.trace, row)).decode()
+    contact = "moving contact, " if row.contacts_moving else ""
+    arrived = (
+        "" if math.isnan(row.tracking_rms) else ("arrived, " if row.arrived else "not arrived, ")
+    )
+    said = (
+        f"{row.law}/{row.episode} ({row.kind}): {contact}{arrived}{row.duration_s:.1f} s, "
+        f"least gap {row.min_clearance_m:.4f} m at {row.min_clearance_at_s:.1f} s"
+        + (f" to {row.nearest}" if row.nearest else "")
+    )
+    return (
+        f'<figure><img alt="{escape(said)}" src="data:image/png;base64,{png}">'
+        f"<figcaption>{escape(said)}</figcaption></figure>"
+    )
+
+
+def _html(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{escape(h)}</th>" for h in headings)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _faults(found: Outcome) -> tuple[str, ...]:
+    return tuple(
+        f"{law}/{row.episode}: {row.fault}"
+        for law in found.laws
+        for row in found.rows[law]
+        if row.fault
+    )
+
+
+def _list(title: str, said: Sequence[str]) -> str:
+    if not said:
+        return ""
+    items = "".join(f"<li>{escape(one)}</li>" for one in said)
+    return f"<details><summary>{escape(title)} ({len(said)})</summary><ul>{items}</ul></details>"

@@ -1,0 +1,161 @@
+"""`random`: rooms with resting and walking discs, from one wall to the opposite one.
+
+The generator, which any number of episodes come from:
+- a room of 10 to 13 m by 6 to 8 m, four walls; Sally, from 1.2 m off the west wall to 1.2 m off
+  the east one, both anywhere across, the reference a straight line at 0.5 m/s, blind to what
+  stands on it;
+- 6 to 14 resting discs of radius 0.1 to 0.5 m anywhere, but 0.9 m clear of start and goal, and so
+  that a circle of WAY across can be rolled from start to goal between discs and walls: what has
+  no way through can not be asked for;
+- 2 to 5 walkers of radius 0.2 to 0.3 m on splines through random points of the room, at a mean
+  speed of 0.2 to 0.8 m/s, never faster than FASTEST nor with more than AGILITY, 2 m off the start
+  at first. They walk all the time, through resting discs too, and mind nobody;
+- arrived is who comes within 0.3 m of the goal within 120 s.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import ndimage
+
+from cohelm.core.types import Floats, Pose
+from cohelm.law.reference import Reference, through
+from cohelm.robot.model import RobotModel
+from cohelm.scenario.load import robot
+from cohelm.sim.run import Setup
+from cohelm.sim.world import Body, world
+from cohelm.study.campaign.case import DT, PAPER, Case, Goal, sequence
+
+WAY = 1.1
+"""Width of the way that every room has [m]; Sally turns on the spot within 0.93 m."""
+FASTEST = 1.2
+"""Of a walker [m/s]."""
+AGILITY = 1.0
+"""Largest acceleration of a walker [m/s^2]."""
+SPEED = 0.5
+"""Of the reference [m/s]."""
+NEAR = 0.3
+LIMIT = 120.0
+
+_OFF = 1.2  # of start and goal from their walls [m]
+_CELL = 0.05  # of the grid on which a way is looked for [m]
+
+
+def case(seed: int, number: int) -> Case:
+    """Room `number` of the campaign with this seed."""
+    rng = sequence(seed, "random", number)
+    sally = robot("sally")
+    while True:
+        length, width = rng.uniform(10.0, 13.0), rng.uniform(6.0, 8.0)
+        start = np.array([_OFF, rng.uniform(_OFF, width - _OFF)])
+        goal = np.array([length - _OFF, rng.uniform(_OFF, width - _OFF)])
+        resting = _resting(rng, length, width, start, goal)
+        if has_way(resting, length, width, start, goal, 0.5 * WAY):
+            break
+    reach = sally.reach
+    still = [
+        Body((x, y, 0.0, 0.0, r, r + reach)) for x, y, r in resting.tolist()
+    ]  # fmt: skip
+    walkers = [_walker(rng, length, width, start, reach) for _ in range(rng.integers(2, 6))]
+    walls = np.array(
+        [[0, 0, length, 0], [length, 0, length, width], [length, width, 0, width], [0, width, 0, 0]]
+    )
+    heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
+    setup = Setup(
+        start=Pose(float(start[0]), float(start[1]), heading),
+        reference=_straight(start, goal),
+        outline=sally.outline,
+        limits=sally.bounds(),
+        gains=PAPER._replace(u_d=SPEED),
+        around=world(([*still, *walkers], walls)),
+        names=(*(f"disc_{i}" for i in range(len(still))),
+               *(f"walker_{i}" for i in range(len(walkers)))),
+        dt=DT,
+        duration=LIMIT,
+        seed=number,
+    )  # fmt: skip
+    kind = f"{len(walkers)} walkers"
+    return Case("random", number, kind, setup, Goal(float(goal[0]), float(goal[1]), NEAR))
+
+
+def sally() -> RobotModel:
+    """The robot that drives here."""
+    return robot("sally")
+
+
+def _straight(start: Floats, goal: Floats) -> Reference:
+    n = max(round(float(np.hypot(*(goal - start)))), 2)
+    return through(start + np.linspace(0.0, 1.0, n + 1)[:, None] * (goal - start), SPEED)
+
+
+def _resting(
+    rng: np.random.Generator, length: float, width: float, start: Floats, goal: Floats
+) -> Floats:
+    """Resting discs as rows of x, y, radius."""
+    found: list[tuple[float, float, float]] = []
+    wanted = int(rng.integers(6, 15))
+    while len(found) < wanted:
+        x, y, r = rng.uniform(0.0, length), rng.uniform(0.0, width), rng.uniform(0.1, 0.5)
+        if min(math.dist((x, y), start), math.dist((x, y), goal)) > r + 0.9:
+            found.append((x, y, r))
+    return np.array(found)
+
+
+def has_way(
+    discs: Floats, length: float, width: float, start: Floats, goal: Floats, radius: float
+) -> bool:
+    """Whether a circle can be rolled from start to goal between discs (x, y, r) and the walls."""
+    x, y = np.arange(0.0, length, _CELL), np.arange(0.0, width, _CELL)
+    clear = np.minimum(np.minimum(x, length - x)[None, :], np.minimum(y, width - y)[:, None])
+    for cx, cy, r in discs:
+        clear = np.minimum(clear, np.hypot(x[None, :] - cx, y[:, None] - cy) - r)
+    pieces, _ = ndimage.label(clear > radius)
+    at = [pieces[round(p[1] / _CELL), round(p[0] / _CELL)] for p in (start, goal)]
+    return bool(at[0] != 0 and at[0] == at[1])
+
+
+def _walker(
+    rng: np.random.Generator, length: float, width: float, start: Floats, reach: float
+) -> Body:
+    """A walker whose spline fits its bounds, and lasts longer than the episode."""
+    radius, speed = rng.uniform(0.2, 0.3), rng.uniform(0.2, 0.8)
+    low, high = np.full(2, radius), np.array([length, width]) - radius
+    while True:
+        points = rng.uniform(low, high, (1, 2))
+        if math.dist(points[0], start) > 2.0:
+            break
+    path = None
+    while path is None or path.duration < LIMIT + 1.0:
+        more = np.vstack((points, rng.uniform(low, high, (20, 2))))
+        hops = np.hypot(*np.diff(more, axis=0).T)
+        points = more[np.concatenate(([True], hops > 1.5))]
+        path = fitted(points, speed, FASTEST, AGILITY)
+    row = (float(points[0, 0]), float(points[0, 1]), 0.0, 0.0, radius, radius + reach)
+    return Body(row, path)
+
+
+def fitted(points: Floats, speed: float, fastest: float, agility: float) -> Reference:
+    """The spline through points at a speed, slowed so that it fits the bounds everywhere."""
+    path = through(points, speed)
+    top, push = extremes(path)
+    slower = max(top / fastest, math.sqrt(push / agility), 1.0)
+    return path if slower == 1.0 else through(points, speed / slower)
+
+
+def extremes(path: Reference) -> tuple[float, float]:
+    """Largest speed and acceleration of a path of cubics [m/s, m/s^2].
+
+    Acceleration is linear within a piece, so its largest is at a knot; speed is looked at 16
+    times within each.
+    """
+    c, length = path.coeffs, np.diff(path.knots)
+    ends = [
+        np.hypot(6.0 * c[:, 0] * s + 2.0 * c[:, 1], 6.0 * c[:, 4] * s + 2.0 * c[:, 5])
+        for s in (np.zeros(len(c)), length)
+    ]
+    s = np.linspace(0.0, 1.0, 17)[:, None] * length
+    vx = (3.0 * c[:, 0] * s + 2.0 * c[:, 1]) * s + c[:, 2]
+    vy = (3.0 * c[:, 4] * s + 2.0 * c[:, 5]) * s + c[:, 6]
+    return float(np.hypot(vx, vy).max()), float(np.max(ends))

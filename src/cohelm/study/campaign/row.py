@@ -1,0 +1,62 @@
+"""One row per episode: what is counted, in which unit. A table of rows is a campaign."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Row(NamedTuple):
+    """What came of one episode under one law; NaN where there is nothing to measure."""
+
+    suite: str
+    law: str
+    episode: int
+    kind: str
+    fault: str
+    """What went wrong in our own code, if anything did; the numbers are then worth nothing."""
+    arrived: bool
+    duration_s: float
+    """Until arrival, or the whole."""
+    contacts_moving: int
+    """Contacts in which the robot moved, of its own, at some instant."""
+    contacts_standing: int
+    """Contacts in which it stood all the time: it was walked into."""
+    min_clearance_m: float
+    """Smallest gap of the real outline, negative in overlap; at most `sim.judge.FAR`."""
+    min_clearance_moving_m: float
+    """The same while the robot moved."""
+    min_clearance_at_s: float
+    nearest: str
+    """What that was: a disc's name, or "wall"; empty where nothing came near."""
+    limit_excess: float
+    """Most by which a limit of speed, yaw rate, wheels or acceleration was exceeded."""
+    score: float
+    """The BARN challenge's, where the episode has an optimal time."""
+    time_ratio: float
+    """Duration by the reference's own, of those that arrived."""
+    path_length_m: float
+    tracking_rms: float
+    """Of E_P (51), to the reference as it is at that moment [m, rad]."""
+    human_share: float
+    """Mean authority of the hand, in [0, 1]."""
+    disagreement_mps: float
+    """Mean distance of what the wheels did from what the hand asked for, while it asked:
+    sqrt(dv^2 + (0.5 m domega)^2)."""
+    jerk_rms_mps3: float
+    """Of the speed the wheels were given, by second differences."""
+    recovery_s: float
+    """Mean time from a release of the stick until E_P is below 0.03 again."""
+    unrecovered: int
+    """Releases after which it never was."""
+    filtered_share: float
+    """Of all steps, those in which the law's filter changed the command."""
+    stick: list[float]
+    """The deflections that a search has found, fore-aft and left-right in turns, or nothing."""
+
+
+NOT_DRIVEN = Row(
+    "", "", 0, "", "", False, math.nan, 0, 0, math.nan, math.nan, math.nan, "", math.nan, math.nan,
+    math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan, [],
+)  # fmt: skip
+"""What remains of an episode that could not be driven."""

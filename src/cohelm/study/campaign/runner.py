@@ -1,0 +1,239 @@
+"""A whole campaign: what is still to be driven, by whom, and what is kept of it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import active_children, connection, get_context, parent_process
+from pathlib import Path
+from typing import Any
+
+from cohelm.core.errors import CohelmError
+from cohelm.study.campaign.case import LAWS, Law
+from cohelm.study.campaign.drive import chunk, code
+from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.store import Key, Store
+from cohelm.study.campaign.suites import Suite, suite
+
+Progress = Callable[[str, float], None]
+Work = tuple[Law, tuple[int, ...]]
+"""A law, and the numbers of the episodes to drive under it."""
+
+_FLUSH = 1.0  # rows are on the disk after at most so long [s]
+_MOST = 1_000_000
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a campaign is asked for."""
+
+    suite: str
+    laws: tuple[Law, ...]
+    seed: int
+    n: int | None = None
+    """Episodes under each law; None for as many as the suite has by default."""
+    data: Path | None = None
+
+    def prepared(self) -> Suite:
+        """The suite, read and checked against the rest of the plan."""
+        if self.n is not None and not 1 <= self.n <= _MOST:
+            raise CohelmError(f"--n must be between 1 and {_MOST}, got {self.n}")
+        if not 0 <= self.seed < 2**32:
+            raise CohelmError(f"--seed must be between 0 and 2**32 - 1, got {self.seed}")
+        made = suite(self.suite, self.seed, self.data)
+        if not self.laws or len(set(self.laws)) < len(self.laws):
+            raise CohelmError(f"give each law once: {', '.join(made.laws)}")
+        for law in self.laws:
+            if law not in LAWS:
+                raise CohelmError(f"there is no law {law!r}: choose {', '.join(made.laws)}")
+            if law not in made.laws:
+                raise CohelmError(
+                    f"{law} drives in the suite random only, not in {self.suite}: "
+                    f"choose {', '.join(made.laws)}"
+                )
+        return made
+
+    def as_dict(self, episodes: int) -> dict[str, Any]:
+        """As the campaign's folder keeps it."""
+        return {
+            "suite": self.suite,
+            "laws": list(self.laws),
+            "seed": self.seed,
+            "n": episodes,
+            "data": None if self.data is None else str(self.data.resolve()),
+            "code": code(),
+        }
+
+
+def planned(kept: dict[str, Any]) -> Plan:
+    """The plan that a campaign's folder keeps. Raises CohelmError where it is none."""
+    try:
+        data = None if kept["data"] is None else Path(str(kept["data"]))
+        laws = tuple(str(law) for law in kept["laws"])
+        return Plan(str(kept["suite"]), laws, int(kept["seed"]), int(kept["n"]), data)  # pyright: ignore[reportArgumentType]
+    except (KeyError, TypeError, ValueError) as error:
+        raise CohelmError(
+            "campaign.json is not a campaign's plan; choose another folder"
+        ) from error
+
+
+def run(
+    plan: Plan, folder: Path, jobs: int, cluster: str | None, told: Progress
+) -> tuple[Suite, list[Row]]:
+    """Drive what is not yet driven, and return all rows, by law and number.
+
+    Interrupted, killed or on a full disk, the rows written before stay, and the same call goes
+    on with the rest. jobs: processes on this machine. cluster: address of a Dask scheduler to
+    drive on instead.
+    """
+    if jobs < 1:
+        raise CohelmError(f"--jobs must be at least 1, got {jobs}")
+    made = plan.prepared()
+    episodes = plan.n or made.episodes
+    with Store(folder, plan.as_dict(episodes)) as store:
+        work = remaining(plan.laws, episodes, made.chunk, set(store.rows))
+        if work:
+            with workers(made, work, jobs, cluster) as done:
+                _gather(done, store, len(plan.laws) * episodes, told)
+        rows = [store.rows[law, k] for law in plan.laws for k in range(episodes)]
+    return made, rows
+
+
+def remaining(
+    laws: tuple[Law, ...], episodes: int, size: int, there: set[Key]
+) -> list[Work]:  # fmt: skip
+    """What is to be driven yet, in chunks; each episode under all laws before the next."""
+    work: list[Work] = []
+    for first in range(0, episodes, size):
+        for law in laws:
+            numbers = tuple(
+                k for k in range(first, min(first + size, episodes)) if (law, k) not in there
+            )
+            if numbers:
+                work.append((law, numbers))
+    return work
+
+
+@contextmanager
+def workers(
+    made: Suite, work: list[Work], jobs: int, cluster: str | None
+) -> Generator[Iterator[list[Row]]]:
+    """The rows of the work as they come, in any order, from wherever they are driven."""
+    if cluster is not None:
+        try:
+            from cohelm.study.campaign.cluster import driven_on
+        except ImportError as error:
+            raise CohelmError(
+                "--cluster needs Dask, here and on every worker: pip install "
+                "'cohelm[campaign,cluster]'"
+            ) from error
+        with driven_on(cluster, made, work) as rows:
+            yield rows
+    elif jobs == 1:
+        yield (chunk(made, law, numbers) for law, numbers in work)
+    else:
+        with _processes(made, work, jobs) as rows:
+            yield rows
+
+
+def _gather(done: Iterator[list[Row]], store: Store, total: int, told: Progress) -> None:
+    """Keep rows as they come, at most _FLUSH late, whatever ends it."""
+    fresh: list[Row] = []
+    before, begin, flushed = len(store.rows), time.monotonic(), time.monotonic()
+    contacts = sum(row.contacts_moving > 0 for row in store.rows.values())
+    told("driving (the first time, compiling)", before / total)
+    try:
+        for rows in done:
+            fresh += rows
+            contacts += sum(row.contacts_moving > 0 for row in rows)
+            now = time.monotonic()
+            if now - flushed > _FLUSH:
+                store.add(fresh)
+                fresh, flushed = [], now
+            there = len(store.rows) + len(fresh)
+            left = (now - begin) * (total - there) / max(there - before, 1)
+            told(
+                f"{there} of {total}, {contacts} with a moving contact, {_about(left)} left",
+                there / total,
+            )
+    finally:
+        store.add(fresh)
+
+
+def _about(seconds: float) -> str:
+    if seconds < 100.0:
+        return f"about {seconds:.0f} s"
+    return f"about {seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
+
+
+@contextmanager
+def _processes(made: Suite, work: list[Work], jobs: int) -> Generator[Iterator[list[Row]]]:
+    """On processes of this machine, which end when this one does, however it ends."""
+    before = set(active_children())
+    pool = ProcessPoolExecutor(
+        min(jobs, len(work)), get_context("spawn"), _begin, (made,), max_tasks_per_child=None
+    )
+    try:
+        yield _as_they_come(pool, work, 2 * jobs)
+        pool.shutdown()
+    except BaseException:  # Ctrl-C first of all: do not wait for what is being driven
+        pool.shutdown(wait=False, cancel_futures=True)
+        children = set(active_children()) - before
+        for child in children:
+            child.terminate()
+        for child in children:
+            child.join()
+        raise
+
+
+def _as_they_come(
+    pool: ProcessPoolExecutor, work: list[Work], most: int
+) -> Iterator[list[Row]]:  # fmt: skip
+    """Rows as they come, with `most` chunks handed out at any time."""
+    out: set[Future[list[Row]]] = set()
+    queue = iter(work)
+    try:
+        while True:
+            while len(out) < most and (item := next(queue, None)) is not None:
+                out.add(pool.submit(_in_process, *item))
+            if not out:
+                return
+            ended, out = wait(out, return_when=FIRST_COMPLETED)
+            for future in ended:
+                yield future.result()
+    except BrokenProcessPool as error:
+        raise CohelmError(
+            "a process of the campaign was killed from outside, perhaps for want of memory; what "
+            "was driven is kept: give the same command again, perhaps with fewer --jobs"
+        ) from error
+
+
+_suite: Suite | None = None
+"""Of a worker process: what it drives."""
+
+
+def _begin(made: Suite) -> None:
+    """In a worker process: leave Ctrl-C to the parent, and end when it does."""
+    global _suite
+    _suite = made
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)
+
+
+def _in_process(law: Law, numbers: tuple[int, ...]) -> list[Row]:
+    assert _suite is not None
+    return chunk(_suite, law, numbers)

@@ -1,0 +1,182 @@
+"""ir-sim's velocity obstacles as a peer: the same rooms, wheels and judge; its own controller.
+
+`rvo` is its reciprocal velocity obstacles (van den Berg et al. 2008), which count on the others
+to give way by half; `vo` its plain ones, which do not, and so suit people who mind nobody better.
+It knows every disc with its velocity. It is not told of the walls: in a closed room its way of
+treating segments leaves no velocity admissible, and it drives worse than without; contacts with
+walls are judged all the same. It is asked every 0.1 s, its usual step,
+wants the same 0.5 m/s, and is told what its wheels can do (`acce` is its largest change of speed
+in a step). It takes the robot for a circle, 0.1 m larger than the outline's farthest corner, as it
+always does. The robot then moves as ours does: wheel limits, exact arcs, 50 steps a second.
+
+ir-sim runs in a process of its own, for the same reasons as in `study.bench.peers`, where each
+worker keeps one. This module is also what that process runs.
+"""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import importlib.util
+import json
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.trace import ROW, Trace
+from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import achievable
+from cohelm.sim.world import clearance, place
+from cohelm.study.campaign.case import DT, Case, Law
+
+PEERS: tuple[Law, ...] = ("rvo", "vo")
+
+_HOLD = 5  # control steps for which one of its commands is held: 0.1 s
+_SPEED = 0.5  # [m/s]
+
+
+def peer_trace(case: Case, law: Law) -> Trace:
+    """The drive of a case by ir-sim's controller, to arrival or the time limit.
+
+    Raises CohelmError where ir-sim is not installed.
+    """
+    process = _process()
+    assert process.stdin is not None
+    assert process.stdout is not None
+    pickle.dump((case, law), process.stdin)
+    process.stdin.flush()
+    answer = pickle.load(process.stdout)
+    if isinstance(answer, str):
+        raise RuntimeError(answer)
+    rows, discs = answer
+    empty = np.full(discs.shape[:2], np.nan)
+    return Trace(rows, empty, discs, case.setup.names, DT)
+
+
+@cache
+def _process() -> subprocess.Popen[bytes]:
+    """The process with ir-sim in it; it ends with this one."""
+    if importlib.util.find_spec("irsim") is None:
+        raise CohelmError("the laws rvo and vo are ir-sim's: pip install 'cohelm[peers]'")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "cohelm.study.campaign.rvo"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "MPLBACKEND": "Agg"},
+    )
+    atexit.register(_end, process)
+    return process
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            pipe.close()
+
+
+def _drive(irsim: Any, case: Case, mode: str) -> tuple[NDArray[np.void], Floats]:
+    """Rows and discs of a drive; in ir-sim's process."""
+    setup, goal = case.setup, case.goal
+    assert goal is not None
+    m = len(setup.names)
+    discs, rows = np.empty((setup.steps, m, 6)), np.zeros(setup.steps, dtype=ROW)
+    place(discs[0], 0, setup.around, 0.0)
+    env = _world(irsim, case, discs[0], mode)
+    reach = float(np.hypot(*setup.outline.T).max())
+    pose, applied, command = setup.start, Twist(0.0, 0.0), Twist(0.0, 0.0)
+    for k in range(setup.steps):
+        place(discs[k], 0, setup.around, k * DT)
+        if k % _HOLD == 0:
+            command = _asked(env, pose, applied, discs[k])
+        applied = achievable(command, applied, setup.limits, DT)
+        row = rows[k]
+        row["t"], row["x"], row["y"], row["psi"] = k * DT, *pose
+        row["x_d"], row["y_d"], row["e_p"] = goal.x, goal.y, np.nan
+        row["v"], row["omega"] = command
+        row["applied_v"], row["applied_omega"] = applied
+        row["authority_x"] = row["authority_psi"] = 1.0
+        row["clearance"] = clearance(pose, setup.outline, reach, discs[k], setup.around.walls, 2.0)
+        if np.hypot(pose.x - goal.x, pose.y - goal.y) < goal.near:
+            return rows[: k + 1], discs[: k + 1]
+        pose = arc(pose, applied, DT)
+    return rows, discs
+
+
+def _asked(env: Any, pose: Pose, applied: Twist, discs: Floats) -> Twist:
+    """What ir-sim's controller wants with everything where it is now."""
+    for thing, disc in zip(env.obstacle_list, discs, strict=True):
+        if not thing.static:
+            thing.set_state([disc[X], disc[Y], 0.0])
+            thing.set_velocity([disc[VX], disc[VY]])
+    env.robot.set_state([pose.x, pose.y, pose.psi])
+    env.robot.set_velocity([applied.v, applied.omega])
+    v, omega = np.asarray(env.robot.gen_behavior_vel(None), dtype=np.float64).ravel()
+    return Twist(float(v), float(omega))
+
+
+def _world(irsim: Any, case: Case, discs: Floats, mode: str) -> Any:
+    setup, goal = case.setup, case.goal
+    assert goal is not None
+    size = np.ptp(setup.outline, axis=0)
+    window = setup.limits.wheel_acceleration * DT * _HOLD
+    scene = {
+        "world": {
+            "width": 40.0, "height": 40.0, "offset": [-20.0, -20.0], "step_time": DT * _HOLD,
+            "collision_mode": "unobstructed",
+        },
+        "robot": [{
+            "kinematics": {"name": "diff"},
+            "shape": {"name": "rectangle", "length": float(size[0]), "width": float(size[1])},
+            "state": list(setup.start), "goal": [goal.x, goal.y, 0.0],
+            "goal_threshold": goal.near,
+            "vel_min": [-_SPEED, -setup.limits.yaw_rate],
+            "vel_max": [_SPEED, setup.limits.yaw_rate],
+            "behavior": {"name": "rvo", "mode": mode, "vxmax": _SPEED, "vymax": _SPEED,
+                         "acce": window},
+        }],
+        "obstacle": [
+            {"shape": {"name": "circle", "radius": float(d[RADIUS])},
+             "state": [float(d[X]), float(d[Y]), 0.0],
+             **({"kinematics": {"name": "omni"}} if d[VX] or d[VY] else {})}
+            for d in discs
+        ],
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "world.yaml"
+        path.write_text(json.dumps(scene), encoding="utf-8")  # JSON is YAML
+        return irsim.make(str(path), headless=True, log_level="CRITICAL")
+
+
+def _serve() -> None:
+    """Answer one case with one drive until there are no more."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what ir-sim prints must not mix with the answers
+    irsim: Any = importlib.import_module("irsim")
+    while True:
+        try:
+            case, law = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        try:
+            given: object = _drive(irsim, case, law)
+        except Exception as error:  # told in the episode's row
+            given = f"ir-sim failed: {type(error).__name__}: {error}"
+        pickle.dump(given, answers)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    _serve()

@@ -1,0 +1,144 @@
+"""What many rows come to: shares with exact bounds, and the middle and the ends of the rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import beta
+
+from cohelm.study.campaign.row import Row
+from cohelm.study.metrics import plain
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many of how many, with exact two-sided bounds on the probability behind it."""
+
+    count: int
+    of: int
+    low: float
+    high: float
+
+
+def share(count: int, of: int, confidence: float = 0.95) -> Share:
+    """A share with its Clopper-Pearson bounds (1934): exact, whatever the numbers.
+
+    The bounds are quantiles of beta distributions; with none counted the upper one is
+    1 - ((1 - confidence) / 2)^(1 / of). Of nothing, anything is possible.
+    """
+    if of == 0:
+        return Share(0, 0, 0.0, 1.0)
+    tail = 0.5 * (1.0 - confidence)
+    low = float(beta.ppf(tail, count, of - count + 1)) if count > 0 else 0.0
+    high = float(beta.ppf(1.0 - tail, count + 1, of - count)) if count < of else 1.0
+    return Share(count, of, low, high)
+
+
+class Spread(NamedTuple):
+    """Median, both ends and the number of values that were finite."""
+
+    median: float
+    least: float
+    most: float
+    of: int
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """The spread of what is finite; NaN where nothing is."""
+    finite = np.array([v for v in values if math.isfinite(v)])
+    if not finite.size:
+        return Spread(math.nan, math.nan, math.nan, 0)
+    return Spread(float(np.median(finite)), float(finite.min()), float(finite.max()), len(finite))
+
+
+SPREADS: dict[str, Callable[[Row], float]] = {
+    "min_clearance_m": lambda r: r.min_clearance_m,
+    "min_clearance_moving_m": lambda r: r.min_clearance_moving_m,
+    "duration_s": lambda r: r.duration_s if r.arrived else math.nan,
+    "time_ratio": lambda r: r.time_ratio,
+    "path_length_m": lambda r: r.path_length_m,
+    "tracking_rms": lambda r: r.tracking_rms,
+    "human_share": lambda r: r.human_share,
+    "disagreement_mps": lambda r: r.disagreement_mps,
+    "jerk_rms_mps3": lambda r: r.jerk_rms_mps3,
+    "recovery_s": lambda r: r.recovery_s,
+    "filtered_share": lambda r: r.filtered_share,
+}
+"""What is told of all episodes together."""
+
+
+class Summary(NamedTuple):
+    """One law over one suite."""
+
+    law: str
+    episodes: int
+    faults: int
+    arrived: Share | None
+    """None where nobody wants to arrive."""
+    success: Share | None
+    """Of all, those that arrived and had no moving contact."""
+    moving: Share
+    """Episodes with a contact in which the robot moved."""
+    standing: Share
+    """Episodes in which it was walked into."""
+    limit_excess: float
+    score: float
+    """Mean BARN score; NaN where there is none."""
+    unrecovered: int
+    spreads: dict[str, Spread]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As plain values for JSON; what there is not is None."""
+        return plain(
+            {
+                "law": self.law,
+                "episodes": self.episodes,
+                "arrived": None if self.arrived is None else self.arrived.count,
+                "arrived_share": None if self.arrived is None else _bounds(self.arrived),
+                "success": None if self.success is None else self.success.count,
+                "success_share": None if self.success is None else _bounds(self.success),
+                "contacts_moving": self.moving.count,
+                "contacts_moving_share": _bounds(self.moving),
+                "contacts_standing": self.standing.count,
+                "contacts_standing_share": _bounds(self.standing),
+                "min_clearance_m": self.spreads["min_clearance_m"].least,
+                "min_clearance_moving_m": self.spreads["min_clearance_moving_m"].least,
+                "score": self.score,
+                "limit_excess": self.limit_excess,
+                "faults": self.faults,
+                "unrecovered": self.unrecovered,
+                "medians": {name: s.median for name, s in self.spreads.items()},
+            }
+        )
+
+
+def _bounds(s: Share) -> dict[str, float]:
+    return {"share": s.count / s.of if s.of else math.nan, "low": s.low, "high": s.high}
+
+
+def summary(law: str, rows: Sequence[Row], *, goals: bool) -> Summary:
+    """The rows of one law; those that could not be driven count as episodes and as not arrived.
+
+    goals: whether the suite's episodes want to get anywhere.
+    """
+    sound = [row for row in rows if not row.fault]
+    n = len(rows)
+    scored = any(math.isfinite(row.score) for row in sound)
+    scores = [0.0 if row.fault else row.score for row in rows]
+    return Summary(
+        law,
+        n,
+        n - len(sound),
+        share(sum(row.arrived for row in sound), n) if goals else None,
+        share(sum(row.arrived and row.contacts_moving == 0 for row in sound), n) if goals else None,
+        share(sum(row.contacts_moving > 0 for row in sound), n),
+        share(sum(row.contacts_standing > 0 for row in sound), n),
+        max((row.limit_excess for row in sound), default=0.0),
+        float(np.mean(scores)) if scored else math.nan,
+        sum(row.unrecovered for row in sound),
+        {name: spread([of(row) for row in sound]) for name, of in SPREADS.items()},
+    )

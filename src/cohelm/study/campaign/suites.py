@@ -1,0 +1,105 @@
+"""The suites by name: what each needs, how many episodes it has by default, and its cases."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from cohelm.core.errors import CohelmError
+from cohelm.study.campaign import adversary, barn, crowd, hands, lab, rooms
+from cohelm.study.campaign.case import LAWS, Case, Law
+
+NAMES = ("lab", "random", "barn", "crowd", "adversary", "hands")
+
+ABOUT = {
+    "lab": lab.__doc__, "random": rooms.__doc__, "barn": barn.__doc__, "crowd": crowd.__doc__,
+    "adversary": adversary.__doc__, "hands": hands.__doc__,
+}  # fmt: skip
+"""What each suite is, in the words of its module."""
+
+_NEEDS_DATA = ("barn", "crowd", "hands")
+_CHUNKS = {"adversary": 10, "random": 5}
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A suite with what it has read, ready to make any of its cases; it can be pickled."""
+
+    name: str
+    seed: int
+    given: Any
+    """What the suite's module has read or prepared."""
+    episodes: int
+    """How many there are by default."""
+    notes: tuple[str, ...] = ()
+    """What was left out, a sentence each."""
+
+    @property
+    def goals(self) -> bool:
+        """Whether its episodes want to get anywhere."""
+        return self.name != "adversary"
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Under which it can be driven."""
+        return LAWS if self.name == "random" else ("guard", "paper", "none")
+
+    @property
+    def chunk(self) -> int:
+        """Episodes that are handed out at a time."""
+        return _CHUNKS.get(self.name, 1)
+
+    def case(self, number: int) -> Case:
+        """Episode `number`: the same whenever and wherever it is asked for."""
+        if self.name == "lab":
+            return lab.case(self.given, self.seed, number)
+        if self.name == "random":
+            return rooms.case(self.seed, number)
+        if self.name == "barn":
+            return barn.case(self.given, self.seed, number)
+        if self.name == "crowd":
+            return crowd.case(self.given, self.seed, number)
+        if self.name == "hands":
+            return hands.case(self.given[0], self.given[1], self.seed, number)
+        return adversary.case(self.seed, number, self.given)
+
+
+def suite(name: str, seed: int, data: Path | None) -> Suite:
+    """A suite by its name. data: the folder of recordings and worlds made by others.
+
+    Raises CohelmError for a name that there is not, or data that is missing or not usable.
+    """
+    if name not in NAMES:
+        near = get_close_matches(name, NAMES, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise CohelmError(f"there is no suite {name!r}: choose {', '.join(NAMES)}{hint}")
+    if data is not None and not data.is_dir():
+        raise CohelmError(f"--data {data}: there is no such folder")
+    if data is None and name in _NEEDS_DATA:
+        raise CohelmError(
+            f"the suite {name} drives on data made by others, which does not come with cohelm; "
+            "give its folder with --data (docs/campaigns.md says what it is)"
+        )
+    if name == "lab":
+        return Suite(name, seed, lab.scenario(), 20)
+    if name == "random":
+        return Suite(name, seed, None, 1000)
+    if name == "adversary":
+        if data is None:
+            notes = ("no recorded hands among the attackers: --data was not given",)
+            return Suite(name, seed, (), 1000, notes)
+        found = hands.read(data)
+        return Suite(name, seed, found.recordings, 1000, found.left_out)
+    assert data is not None
+    if name == "barn":
+        worlds = barn.read(data)
+        notes = tuple(f"world {w.number}: {said}" for w in worlds for said in w.left_out)
+        return Suite(name, seed, worlds, 3 * len(worlds), notes)
+    if name == "crowd":
+        scenes = crowd.read(data)
+        notes = tuple(said for scene in scenes for said in scene.left_out)
+        return Suite(name, seed, scenes, crowd.STARTS * len(scenes), notes)
+    found = hands.read(data)
+    return Suite(name, seed, (found, hands.course()), 2 * len(found.recordings), found.left_out)

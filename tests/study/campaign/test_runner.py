@@ -1,0 +1,163 @@
+"""Campaigns go on where they stopped, and come out the same however they are driven."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.study.campaign import drive, runner, suites
+from cohelm.study.campaign.runner import Plan, planned, remaining, run
+from cohelm.study.campaign.store import read_plan, read_rows
+
+PLAN = Plan("adversary", ("guard", "none"), 7, 30)
+
+
+def quiet(_doing, _share):
+    pass
+
+
+def text(rows):
+    return [repr(row) for row in rows]  # NaN is equal to itself so
+
+
+def test_the_same_seed_gives_the_same_rows_whatever_the_number_of_processes(tmp_path):
+    _, one = run(PLAN, tmp_path / "one", 1, None, quiet)
+    _, two = run(PLAN, tmp_path / "two", 2, None, quiet)
+    assert text(one) == text(two)
+    assert [(r.law, r.episode) for r in one] == [
+        (law, k) for law in PLAN.laws for k in range(30)
+    ]  # fmt: skip
+    _, other = run(Plan("adversary", ("guard",), 8, 3), tmp_path / "three", 1, None, quiet)
+    assert text(other) != text(one[:3])
+
+
+def test_what_was_interrupted_goes_on_and_nothing_is_driven_twice(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "_FLUSH", 0.0)
+    driven = []
+    real = drive.chunk
+
+    def counted(made, law, numbers):
+        if len(driven) == 3:
+            raise KeyboardInterrupt
+        driven.append((law, numbers))
+        return real(made, law, numbers)
+
+    monkeypatch.setattr(runner, "chunk", counted)
+    with pytest.raises(KeyboardInterrupt):
+        run(PLAN, tmp_path, 1, None, quiet)
+    kept = read_rows(tmp_path)
+    assert len(kept) == 30
+    before = list(driven)
+    driven[:] = []
+    monkeypatch.setattr(runner, "chunk", lambda *w: driven.append(w[1:]) or real(*w))
+    shares = []
+    _, rows = run(PLAN, tmp_path, 1, None, lambda _d, share: shares.append(share))
+    assert shares[0] == pytest.approx(0.5)
+    assert len(before) + len(driven) == len(set(before + driven)) == 6
+    assert text(rows) == text(run(PLAN, tmp_path.with_name("whole"), 1, None, quiet)[1])
+
+
+_KILLED = """
+import sys
+from pathlib import Path
+from cohelm.study.campaign.runner import Plan, run
+if __name__ == "__main__":
+    run(Plan("adversary", ("guard",), 7, 400), Path(sys.argv[1]), 2, None, lambda *_: None)
+"""
+
+
+def test_kill_9_in_the_middle_loses_nothing_and_leaves_nobody_behind(tmp_path):
+    script = tmp_path / "killed.py"
+    script.write_text(_KILLED)
+    there = tmp_path / "there"
+    process = subprocess.Popen([sys.executable, script, there], start_new_session=True)
+    until = time.monotonic() + 120.0
+    while not list(there.glob("rows/part-*.parquet")) and time.monotonic() < until:
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    kept = read_rows(there)
+    assert 0 < len(kept) < 400
+    while _alive(process.pid) and time.monotonic() < until:  # the workers end by themselves
+        time.sleep(0.05)
+    assert not _alive(process.pid)
+    plan = Plan("adversary", ("guard",), 7, 400)
+    _, rows = run(plan, there, 1, None, quiet)
+    assert [row.episode for row in rows] == list(range(400))
+    assert all(repr(rows[k]) == repr(row) for (_, k), row in kept.items())
+    made = plan.prepared()
+    assert text(rows[:10]) == text(drive.chunk(made, "guard", tuple(range(10))))
+
+
+def _alive(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_a_worker_killed_from_outside_is_told_and_the_rest_can_go_on(tmp_path, monkeypatch):
+    from multiprocessing import active_children
+
+    killed = []
+
+    def told(doing, _share):
+        if not killed and " of " in doing:
+            killed.append(os.kill(active_children()[0].pid, signal.SIGKILL))
+
+    with pytest.raises(CohelmError, match="killed from outside.*same command"):
+        run(Plan("adversary", ("guard",), 7, 4000), tmp_path, 2, None, told)
+    assert len(read_rows(tmp_path)) > 0
+    assert not active_children()
+
+
+def test_a_mistake_of_ours_in_one_episode_is_told_in_its_row(tmp_path, monkeypatch):
+    real = suites.rooms.case
+
+    def broken(seed, number):
+        return real(seed, number) if number != 1 else 1 // 0
+
+    monkeypatch.setattr(suites.rooms, "case", broken)
+    _, rows = run(Plan("random", ("none",), 1, 3), tmp_path, 1, None, quiet)
+    assert [bool(row.fault) for row in rows] == [False, True, False]
+    assert rows[1].fault.startswith("ZeroDivisionError: ")
+    assert "test_runner.py" in rows[1].fault
+    assert not rows[1].arrived
+
+
+def test_all_laws_drive_an_episode_before_the_next_ones_come():
+    work = remaining(("guard", "none"), 7, 3, {("guard", 1), ("none", 6)})
+    assert work == [
+        ("guard", (0, 2)), ("none", (0, 1, 2)), ("guard", (3, 4, 5)), ("none", (3, 4, 5)),
+        ("guard", (6,)),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plan", "words"),
+    [
+        (Plan("random", ("guard",), 1, 0), "--n"),
+        (Plan("random", ("guard",), -1), "--seed"),
+        (Plan("random", ("guard", "guard"), 1), "once"),
+        (Plan("random", ("gaurd",), 1), "no law 'gaurd'"),
+        (Plan("lab", ("rvo",), 1), "random only"),
+    ],
+)
+def test_a_plan_that_makes_no_sense_is_refused(plan, words, tmp_path):
+    with pytest.raises(CohelmError, match=words):
+        run(plan, tmp_path / "x", 1, None, quiet)
+    assert not (tmp_path / "x").exists()
+
+
+def test_the_plan_a_folder_keeps_makes_the_same_campaign(tmp_path):
+    run(Plan("random", ("none",), 3, 2), tmp_path, 1, None, quiet)
+    kept = read_plan(tmp_path)
+    assert kept is not None
+    assert planned(kept) == Plan("random", ("none",), 3, 2)
+    with pytest.raises(CohelmError, match="not a campaign's plan"):
+        planned({"suite": "random"})

@@ -1,0 +1,126 @@
+"""The generators keep what their descriptions say."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.robot.footprint import disc_clearance
+from cohelm.scenario.worlds.tracks import Track
+from cohelm.sim.world import place
+from cohelm.study.campaign import crowd, hands, lab, rooms, suites
+
+DATA = Path(__file__).parents[4] / "shared" / "data"
+with_data = pytest.mark.skipif(
+    not DATA.is_dir(), reason="the shared data are not beside this checkout"
+)
+
+
+@pytest.mark.parametrize("number", range(30))
+def test_a_room_can_be_crossed_and_its_walkers_keep_their_bounds(number):
+    case = rooms.case(3, number)
+    setup, goal = case.setup, case.goal
+    assert goal is not None
+    n, discs = len(setup.names), np.empty((3000, len(setup.names), 6))
+    for k in range(3000):
+        place(discs[k], 0, setup.around, 0.04 * k)
+    walks = np.array([name.startswith("walker") for name in setup.names])
+    assert 2 <= walks.sum() <= 5
+    assert 6 <= n - walks.sum() <= 14
+    speed = np.hypot(discs[:, walks, 2], discs[:, walks, 3])
+    push = np.hypot(*np.diff(discs[:, walks, 2:4], axis=0).transpose(2, 0, 1)) / 0.04
+    assert (speed.min(), speed.max() <= rooms.FASTEST + 1e-9) > (0.0, False)
+    assert push.max() <= rooms.AGILITY + 1e-6
+    gaps = [disc_clearance(setup.start, setup.outline, d[0], d[1], d[4]) for d in discs[0]]
+    assert min(gaps) > 0.3
+    length, width = setup.around.walls[:, 2].max(), setup.around.walls[:, 3].max()
+    still = discs[0, ~walks][:, [0, 1, 4]]
+    ends = np.array([setup.start[:2], (goal.x, goal.y)])
+    assert rooms.has_way(still, length, width, ends[0], ends[1], 0.5 * rooms.WAY)
+
+
+def test_a_way_is_no_way_where_it_is_blocked():
+    start, goal = np.array([1.2, 3.0]), np.array([8.8, 3.0])
+    fence = np.array([(5.0, y, 0.3) for y in np.arange(0.0, 6.1, 0.5)])
+    assert not rooms.has_way(fence, 10.0, 6.0, start, goal, 0.5)
+    assert rooms.has_way(fence[:8], 10.0, 6.0, start, goal, 0.5)
+
+
+def test_cases_depend_on_seed_and_number_only():
+    a, b, c = rooms.case(1, 7), rooms.case(1, 7), rooms.case(2, 7)
+    assert a.setup.around.discs.tolist() == b.setup.around.discs.tolist()
+    assert a.setup.around.discs.tolist() != c.setup.around.discs.tolist()
+
+
+def test_the_first_drive_in_the_lab_is_the_scenario_as_shipped():
+    base = lab.scenario()
+    assert base.start is not None
+    first, other = lab.case(base, 1, 0), lab.case(base, 1, 1)
+    assert first.setup.start == (base.start.x_m, base.start.y_m, base.start.heading_rad)
+    assert other.setup.start != first.setup.start
+    assert math.dist(other.setup.start[:2], first.setup.start[:2]) < 0.15
+
+
+def test_nobody_appears_out_of_nothing_within_ten_seconds_of_the_first_sample():
+    t = 0.4 * np.arange(20)
+    track = Track("a", 100.0 + t, np.column_stack((1.2 * t, 0.1 * np.sin(t))))
+    walks = crowd.crowd("scene", [track]).walks
+    assert walks[0].first == pytest.approx(100.0 - crowd._ON - 1.0)
+    path = crowd.walked(track)
+    knots, ends = path.knots, []
+    for s in (1.0, 1.0 + crowd._ON, knots[-1] - 1.0 - 1e-9):
+        m = crowd.evaluate(path.knots, path.coeffs, s)
+        ends.append((m.x, m.vx))
+    assert ends[0][0] == pytest.approx(ends[1][0] - crowd._ON * ends[1][1], abs=1e-6)
+    assert ends[1][0] == pytest.approx(0.0, abs=0.2)
+    assert ends[2][0] == pytest.approx(1.2 * t[-1] + 12.0, abs=0.5)
+
+
+def test_who_runs_is_left_out_and_said_so():
+    t = 0.4 * np.arange(20)
+    runner = Track("fast", t, np.column_stack((4.0 * t, 0.0 * t)))
+    once = Track("once", t[:1], np.zeros((1, 2)))
+    walker = Track("slow", t, np.column_stack((1.0 * t, 0.0 * t)))
+    made = crowd.crowd("s", [runner, once, walker])
+    assert [w.name for w in made.walks] == ["slow"]
+    assert made.left_out == ("s, person fast: up to 4.0 m/s", "s, person once: seen only once")
+
+
+@with_data
+@pytest.mark.parametrize("name", suites.NAMES)
+def test_every_suite_makes_the_same_case_again_after_being_sent_elsewhere(name):
+    import pickle
+
+    made = suites.suite(name, 4, DATA)
+    sent = pickle.loads(pickle.dumps(made))
+    for number in (0, 1, 8):
+        a, b = made.case(number), sent.case(number)
+        assert (a.setup.start, a.kind, a.goal) == (b.setup.start, b.kind, b.goal)
+        assert a.setup.around.discs.tobytes() == b.setup.around.discs.tobytes()
+        assert a.setup.hands.x.tobytes() == b.setup.hands.x.tobytes()
+
+
+@with_data
+def test_recorded_hands_are_all_found_and_what_is_no_stick_is_said():
+    found = hands.read(DATA)
+    assert len(found.recordings) == len(found.names) == 12
+    assert any("f1tenth" in said for said in found.left_out)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("randon", None, "did you mean random"),
+        ("barn", None, "--data"),
+        ("barn", "nowhere", "no such folder"),
+        ("barn", ".", "worlds.json"),
+        ("crowd", ".", "CSV"),
+        ("hands", ".", "stick"),
+    ],
+)
+def test_a_suite_that_can_not_be_made_is_told_with_the_cure(name, data, words, tmp_path):
+    given = None if data is None else tmp_path / data
+    with pytest.raises(CohelmError, match=words):
+        suites.suite(name, 1, given)
