@@ -110,7 +110,7 @@ def test_a_worker_killed_from_outside_is_told_and_the_rest_can_go_on(tmp_path, m
         if not killed and " of " in doing:
             killed.append(os.kill(active_children()[0].pid, signal.SIGKILL))
 
-    with pytest.raises(CohelmError, match="killed from outside.*same command"):
+    with pytest.raises(CohelmError, match=r"killed from outside.*same command"):
         run(Plan("adversary", ("guard",), 7, 4000), tmp_path, 2, None, told)
     assert len(read_rows(tmp_path)) > 0
     assert not active_children()

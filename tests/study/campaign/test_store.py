@@ -67,7 +67,7 @@ def test_a_full_disk_leaves_what_was_written_and_says_so(tmp_path, monkeypatch):
     with Store(tmp_path, PLAN) as s:
         s.add([row(0)])
         monkeypatch.setattr(os, "fsync", full)
-        with pytest.raises(CohelmError, match="No space left.*free some space"):
+        with pytest.raises(CohelmError, match=r"No space left.*free some space"):
             s.add([row(1)])
     monkeypatch.undo()
     assert numbers(tmp_path) == [0]
@@ -107,7 +107,7 @@ def test_rows_without_a_plan_belong_to_nobody(tmp_path):
     with Store(tmp_path, PLAN) as s:
         s.add([row(0)])
     (tmp_path / store.PLAN).unlink()
-    with pytest.raises(CohelmError, match="no campaign.json"), Store(tmp_path, PLAN):
+    with pytest.raises(CohelmError, match=r"no campaign\.json"), Store(tmp_path, PLAN):
         pass
 
 
