@@ -23,7 +23,7 @@ export function App() {
   if (s.connection.value === 'login') return <Login />
   const stale = s.welcome.value !== null && s.connection.value !== 'open'
   return (
-    <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''}`}>
+    <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''} ${s.youDrive.value ? 'driving' : ''}`}>
       <header>
         <Alarms />
         <div class="head">
@@ -45,9 +45,9 @@ export function App() {
         <Modes />
         <Authority />
         <Camera />
-        <Plots />
         <LinkPanel />
       </aside>
+      <Plots />
       <TouchPads />
       <Timeline />
     </div>

@@ -34,8 +34,8 @@ export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   line(ctx, v, size, scene.detour, { stroke: colour.path, width: 2, dash: [2, 4] })
   drawDiscs(ctx, v, size, scene.discs)
   drawScan(ctx, v, size, scene.scan)
-  drawWaypoints(ctx, v, size, scene)
   if (scene.state !== null && scene.robot !== null) drawRobot(ctx, v, size, scene)
+  drawWaypoints(ctx, v, size, scene)
 }
 
 function drawGrid(ctx: Ctx, v: View, size: Size, grid: Grid): void {

@@ -4,6 +4,7 @@ import * as colour from '../colours'
 import { hand } from '../input/drive'
 import { DEVICE_NAMES } from '../input/source'
 import { gaps, points, SECTORS } from '../map/ring'
+import type { State } from '../messages'
 import * as s from '../state'
 import { metres, speed, yaw } from './words'
 
@@ -18,7 +19,7 @@ export function Authority() {
   return (
     <section class="authority" aria-label="Person and controller">
       <Dial />
-      <div>
+      <div class="facts">
         <div class="share" role="meter" aria-label="Share of the person in the command" aria-valuemin={0}
           aria-valuemax={100} aria-valuenow={automatic === null ? 0 : Math.round((1 - automatic) * 100)}>
           <span>you</span>
@@ -27,18 +28,23 @@ export function Authority() {
         </div>
         <table>
           <tbody>
-            <tr><th scope="row">asked</th><td>{speed(asked[0])}</td><td>{yaw(asked[1])}</td></tr>
+            <tr class="asked"><th scope="row">asked</th><td>{speed(asked[0])}</td><td>{yaw(asked[1])}</td></tr>
             <tr><th scope="row">given</th><td>{speed(given[0])}</td><td>{yaw(given[1])}</td></tr>
           </tbody>
         </table>
-        <p class={`why ${state?.why ? 'abnormal' : ''}`} role="status">{state?.why || 'as asked'}</p>
-        <p>
+        <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{state?.why || 'as asked'}</p>
+        <p class="nearest">
           nearest <b class={near(state?.gap_m ?? null)}>{metres(state?.gap_m)}</b>
         </p>
         {!s.isReplay.value && <Stick />}
       </div>
     </section>
   )
+}
+
+/** Whether the robot does something else than it was asked, and not because it is to hold. */
+function abnormal(state: State | null): boolean {
+  return state !== null && state.why !== '' && (state.mode !== 'hold' || state.stopped !== '')
 }
 
 function near(gap: number | null): string {

@@ -9,6 +9,7 @@ import * as s from '../state'
 const SPAN_S = 30
 const EVERY_MS = 250
 const KEPT = 900
+const HEIGHT = 84
 
 interface Curve {
   name: string
@@ -20,7 +21,8 @@ interface Curve {
 interface Chart {
   title: string
   curves: Curve[]
-  range?: [number, number]
+  /** Least and greatest value that are always shown. */
+  shown: [number, number]
 }
 
 const CHARTS: Chart[] = [
@@ -30,6 +32,7 @@ const CHARTS: Chart[] = [
       { name: 'asked', of: (x) => x.asked[0], stroke: colour.faint, dash: [5, 4] },
       { name: 'given', of: (x) => x.given[0], stroke: colour.ink },
     ],
+    shown: [0, 0.5],
   },
   {
     title: 'ω [rad/s]',
@@ -37,17 +40,18 @@ const CHARTS: Chart[] = [
       { name: 'asked', of: (x) => x.asked[1], stroke: colour.faint, dash: [5, 4] },
       { name: 'given', of: (x) => x.given[1], stroke: colour.ink },
     ],
+    shown: [-0.5, 0.5],
   },
-  { title: 'E_P', curves: [{ name: 'error', of: (x) => x.e_p, stroke: colour.ink }] },
+  { title: 'error E_P', curves: [{ name: 'error', of: (x) => x.e_p, stroke: colour.ink }], shown: [0, 0.5] },
   {
-    title: 'clearance [m], h [m²]',
+    title: '',
     curves: [
-      { name: 'clearance', of: (x) => x.gap_m, stroke: colour.ink },
-      { name: 'h', of: (x) => x.h_m2, stroke: colour.faint, dash: [5, 4] },
+      { name: 'clearance [m]', of: (x) => x.gap_m, stroke: colour.ink },
+      { name: 'h [m²]', of: (x) => x.h_m2, stroke: colour.faint, dash: [5, 4] },
     ],
-    range: [0, 2],
+    shown: [0, 1],
   },
-  { title: 'automatic share e^(−V_h)', curves: [{ name: 'share', of: (x) => x.automatic, stroke: colour.ink }], range: [0, 1.02] },
+  { title: 'automatic e^(−V_h)', curves: [{ name: 'share', of: (x) => x.automatic, stroke: colour.ink }], shown: [0, 1] },
 ]
 
 const kept: State[] = []
@@ -65,14 +69,27 @@ function data(chart: Chart): uPlot.AlignedData {
   return [rows.map((r) => r.t_s - now), ...chart.curves.map((c) => rows.map(c.of))]
 }
 
+const MOST = 3
+
+/** The range to draw; far outliers are cut, so that what matters stays readable. */
+function within([least, most]: [number, number], low: number | null, high: number | null): [number, number] {
+  const bottom = Math.min(least, low ?? least)
+  const top = Math.max(most, high ?? most)
+  const edge = MOST * Math.max(Math.abs(least), most)
+  return [Math.max(bottom * 1.05, -edge), Math.min(top * 1.05, edge)]
+}
+
 function made(chart: Chart, into: HTMLElement): uPlot {
   const options: uPlot.Options = {
     width: into.clientWidth || 260,
-    height: 82,
+    height: HEIGHT,
     legend: { show: false },
     cursor: { show: false },
-    padding: [4, 6, 0, 0],
-    scales: { x: { time: false, range: [-SPAN_S, 0] }, y: chart.range ? { range: chart.range } : {} },
+    padding: [4, 14, 0, 0],
+    scales: {
+      x: { time: false, range: [-SPAN_S, 0] },
+      y: { range: (_, low, high) => within(chart.shown, low, high) },
+    },
     axes: [
       { show: true, size: 16, font: '10px system-ui', stroke: colour.faint, grid: { show: false }, ticks: { show: false },
         values: (_, at) => at.map((v) => (v === 0 ? 'now' : `${v} s`)) },
@@ -93,7 +110,7 @@ function One({ chart }: { chart: Chart }) {
     const plot = made(chart, into)
     const timer = setInterval(() => {
       if (into.clientWidth === 0 || document.visibilityState === 'hidden') return
-      if (plot.width !== into.clientWidth) plot.setSize({ width: into.clientWidth, height: 82 })
+      if (plot.width !== into.clientWidth) plot.setSize({ width: into.clientWidth, height: HEIGHT })
       plot.setData(data(chart))
     }, EVERY_MS)
     return () => {
@@ -109,7 +126,7 @@ function One({ chart }: { chart: Chart }) {
           <span key={c.name} class={c.dash ? 'dashed' : ''}> {c.dash ? '╌' : '─'} {c.name}</span>
         ))}
       </figcaption>
-      <div ref={ref} role="img" aria-label={`${chart.title} over the last ${SPAN_S} seconds`} />
+      <div ref={ref} role="img" aria-label={`${chart.title || 'clearance and h'} over the last ${SPAN_S} seconds`} />
     </figure>
   )
 }

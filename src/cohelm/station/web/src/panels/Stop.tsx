@@ -17,7 +17,7 @@ export function Stop() {
         </div>
       )}
       <button type="button" class="stop-button" aria-label="Stop the robot. Software stop; also the space bar" onClick={stop}>
-        STOP<small>software stop · Space</small>
+        STOP<small>software stop<span class="keys"> · Space</span></small>
       </button>
     </div>
   )
