@@ -1,0 +1,67 @@
+"""docs/link.md says what the code does."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cohelm.core.types import Stick
+from cohelm.link import lease, robot_end, station_end, wire
+from cohelm.link.hand import Rules
+from cohelm.link.messages import Ask, Command, Device, Request
+from cohelm.link.sticks.feel import CueRules
+
+PAGE = Path(__file__).parents[2] / "docs" / "link.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+
+
+def test_every_message_is_on_the_page_with_its_kind_and_largest_size():
+    rows = re.findall(r"^\| (\d+) \| (\w+) \| (?:up|down), (\w+) \| (\d+) \|", TEXT, re.MULTILINE)
+    told = {(int(kind), name, way == "datagram", int(size)) for kind, name, way, size in rows}
+    assert told == {
+        (kind, of.__name__, of in wire.DATAGRAMS, wire.largest(of))
+        for kind, (of, _) in wire._LAYOUTS.items()
+    }
+
+
+def test_the_bytes_of_a_command_are_where_the_page_says():
+    command = Command(
+        Stick(0.5, -0.5), True, False, Device.TOUCH, 0.75, (Request(7, Ask.MODE, 2, 1.5),)
+    )
+    data = wire.encode(wire.Header(0x0102030405060708, 9, 2.5, 1.5, 0.25), command)
+    rows = dict(re.findall(r"^\| (\d+) \| (?:u8|u32|u64|f|d) \| (.+?) \|$", TEXT, re.MULTILINE))
+    import struct
+
+    expected = {"0": 1, "1": 1, "2": 0x0102030405060708, "10": 9, "14": 2.5, "22": 1.5, "30": 0.25,
+                "34": 0.5, "38": -0.5, "42": 1, "43": 0, "44": 3, "45": 0.75, "49": 1}  # fmt: skip
+    forms = {"u8": "B", "u32": "I", "u64": "Q", "f": "f", "d": "d"}
+    assert set(rows) == set(expected)
+    for at, value in expected.items():
+        (kind,) = re.findall(rf"^\| {at} \| (u8|u32|u64|f|d) \|", TEXT, re.MULTILINE)
+        assert struct.unpack_from("<" + forms[kind], data, int(at)) == (value,)
+    assert struct.unpack_from("<IBHd", data, 50) == (7, Ask.MODE, 2, 1.5)
+    assert len(data) == 50 + 15
+
+
+@pytest.mark.parametrize("ask", Ask)
+def test_every_request_is_on_the_page(ask):
+    assert f"| {ask.name} {ask.value} |" in TEXT
+
+
+def test_the_numbers_are_those_of_the_code():
+    for said, value in {
+        "an age of | 250 ms": robot_end.STALE,
+        "commands for | 300 ms": Rules().watchdog,
+        "`steer` for 100 ms": station_end.FRESH,
+        "longer ago than | 1 s": robot_end.REQUEST_LIFE,
+        "without asking | 2 s": robot_end.SILENT,
+        "is forgotten | 30 s": robot_end.FORGOTTEN,
+        "for the lease | 10 s": lease.ANSWER_WITHIN,
+        "constant of 80 ms": CueRules().slowness,
+    }.items():
+        assert said in TEXT
+        number, unit = re.findall(r"([\d.]+) (ms|s)\b", said)[-1]
+        assert float(number) * {"ms": 1e-3, "s": 1.0}[unit] == pytest.approx(value)
+    assert f"clients | {robot_end.MOST_CLIENTS}" in TEXT
