@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
-from cohelm.law.barrier import SHAPED
+from cohelm.law.barrier import HEADING, SHAPED
 from cohelm.law.gains import Gains
 from cohelm.robot.limits import unlimited
 from cohelm.sim.batch import LANES, Batch, run_batch
@@ -77,6 +77,8 @@ def test_each_robot_of_a_batch_does_what_it_does_alone():
             assert out[name] == pytest.approx(value, rel=1e-12), (i, name)
         assert out["saturated"] == rows["saturated"].sum()
         assert out["shaped"] == (rows["verdict"] == SHAPED).sum()
+        headed = (rows["verdict"] == SHAPED) & (rows["culprit"] == HEADING)
+        assert out["heading"] == headed.sum()
         assert out["invalid"] == 0
 
 

@@ -103,6 +103,14 @@ def jit_inline(function: F) -> F:
     return _compile(function, forceinline=True, _nrt=False)
 
 
+def jit_apart(function: F) -> F:
+    """As `jit_inline`, but not melted in: for a long loop that the compiler is to vectorise.
+
+    What is melted into its caller has been unrolled before, and is not vectorised any more.
+    """
+    return _compile(function, _nrt=False)
+
+
 def jit_parallel(function: F) -> F:
     """Compile a loop over robots (`numba.prange`) onto all threads."""
     return _compile(function, parallel=True)

@@ -64,7 +64,8 @@ def wrap(angle: float) -> float:
     """The same angle in (-pi, pi] [rad]."""
     if -math.pi < angle <= math.pi:
         return angle  # most of the time, and spares the division
-    inside = angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
+    turns = float(np.ceil((angle - math.pi) / (2.0 * math.pi)))  # math.ceil makes an integer
+    inside = angle - 2.0 * math.pi * turns
     if inside <= -math.pi or inside > math.pi:  # by the last digit
         return math.pi
     return inside

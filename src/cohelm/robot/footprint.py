@@ -8,30 +8,67 @@ depth for a disc whose centre is inside, minus the overlap otherwise).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+from cohelm.core.facing import facing
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import Floats, Pose
+
+
+class Outside(NamedTuple):
+    """How far a point is outside the edges looked at so far."""
+
+    area: float
+    """Straight out from an edge, times its length: nothing is nearer [m^2]; infinite if none."""
+    length: float
+    """Of that edge [m]."""
+    corner: float
+    """Squared, from the nearest corner of an edge that it is beyond [m^2]; infinite if none."""
+
+
+INSIDE = Outside(math.inf, 1.0, math.inf)
+"""No edge looked at yet."""
+
+
+@jit_inline
+def past_edge(
+    so_far: Outside, ax: float, ay: float, bx: float, by: float, px: float, py: float
+) -> Outside:
+    """One edge more, from corner a to b, of a convex outline; the point p. No branches."""
+    ex, ey = bx - ax, by - ay
+    wx, wy = px - ax, py - ay
+    beyond = wx * ey - wy * ex
+    along, square = wx * ex + wy * ey, ex * ex + ey * ey
+    outside = beyond > 0.0  # only such an edge can be the nearest
+    before_it = outside & (0.0 <= along) & (along <= square) & (so_far.area == math.inf)
+    vx, vy = px - bx, py - by
+    corner = vx * vx + vy * vy if along > 0.0 else wx * wx + wy * wy
+    return Outside(
+        beyond if before_it else so_far.area,
+        math.sqrt(square) if before_it else so_far.length,
+        min(so_far.corner, corner) if outside else so_far.corner,
+    )
+
+
+@jit_inline
+def outside_gap(out: Outside) -> float:
+    """The distance, all edges looked at; infinite from inside [m]."""
+    return out.area / out.length if out.area < math.inf else math.sqrt(out.corner)
 
 
 @jit_inline
 def point_gap(outline: Floats, px: float, py: float) -> float:
     """Signed distance from a body-frame point to the outline, negative inside [m]."""
     k = outline.shape[0]
-    nearest = math.inf
+    out = INSIDE
     for i in range(k):
         j = i + 1 if i + 1 < k else 0
-        ex, ey = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
-        wx, wy = px - outline[i, 0], py - outline[i, 1]
-        beyond = wx * ey - wy * ex
-        if beyond > 0.0:  # only such an edge can be the nearest
-            along, square = wx * ex + wy * ey, ex * ex + ey * ey
-            if 0.0 <= along <= square:
-                return beyond / math.sqrt(square)  # straight out from it: nothing is nearer
-            if along > 0.0:
-                wx, wy = px - outline[j, 0], py - outline[j, 1]
-            nearest = min(nearest, wx * wx + wy * wy)  # its nearer corner
-    if nearest < math.inf:
-        return math.sqrt(nearest)
+        out = past_edge(out, outline[i, 0], outline[i, 1], outline[j, 0], outline[j, 1], px, py)
+        if out.area < math.inf:
+            break
+    gap = outside_gap(out)
+    if gap < math.inf:
+        return gap
     depth = math.inf
     for i in range(k):
         j = i + 1 if i + 1 < k else 0
@@ -44,7 +81,7 @@ def point_gap(outline: Floats, px: float, py: float) -> float:
 @jit_inline
 def disc_clearance(pose: Pose, outline: Floats, x: float, y: float, radius: float) -> float:
     """Gap between the outline at `pose` and a disc in the world frame [m]."""
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    c, s = facing(pose.psi)
     dx, dy = x - pose.x, y - pose.y
     return point_gap(outline, c * dx + s * dy, -s * dx + c * dy) - radius
 
@@ -59,7 +96,7 @@ def segment_clearance(
     found by clipping the segment with the outline, and then the clearance is minus the depth
     of the deepest of the clipped part's ends and middle.
     """
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    c, s = facing(pose.psi)
     ax = c * (x1 - pose.x) + s * (y1 - pose.y)
     ay = -s * (x1 - pose.x) + c * (y1 - pose.y)
     bx = c * (x2 - pose.x) + s * (y2 - pose.y)

@@ -43,10 +43,39 @@ def _excess(
     v: float, omega: float, speed: float, yaw_rate: float, wheel: float, track: float
 ) -> float:
     """How many times over the bounds a twist is; 1 inside them."""
-    rim = abs(v) + 0.5 * track * abs(omega)  # the faster wheel
-    if abs(v) <= speed and abs(omega) <= yaw_rate and rim <= wheel:
+    if _inside(v, omega, speed, yaw_rate, wheel, track):
         return 1.0  # most of the time, and spares three divisions
+    rim = abs(v) + 0.5 * track * abs(omega)  # the faster wheel
     return max(abs(v) / speed, abs(omega) / yaw_rate, rim / wheel)
+
+
+@jit_inline
+def _inside(
+    v: float, omega: float, speed: float, yaw_rate: float, wheel: float, track: float
+) -> bool:
+    """Whether a twist is within the bounds; no for one that is not a number. No branches."""
+    rim = abs(v) + 0.5 * track * abs(omega)
+    return (abs(v) <= speed) & (abs(omega) <= yaw_rate) & (rim <= wheel)
+
+
+@jit_inline
+def allowed(command: Twist, before: Twist, limits: Limits, dt: float) -> bool:
+    """Whether `achievable` would pass the command to the last bit, but for a hair. No branches."""
+    v, omega = command.v, command.omega
+    track, wheel = limits.track, limits.wheel_speed
+    dv, domega = v - before.v, omega - before.omega
+    change = limits.wheel_acceleration * dt - _grain(v, omega, before, track)
+    return _inside(v, omega, limits.speed, limits.yaw_rate, wheel, track) & _inside(
+        dv, domega, limits.acceleration * dt, limits.yaw_acceleration * dt,
+        max(change, _NONE), track,
+    )  # fmt: skip
+
+
+@jit_inline
+def _grain(v: float, omega: float, before: Twist, track: float) -> float:
+    """A difference of speeds is as fine as the speeds are [m/s at the rim]."""
+    grain = _ROUNDING * max(abs(v), abs(before.v))
+    return grain + 0.5 * track * (_ROUNDING * max(abs(omega), abs(before.omega)))
 
 
 @jit_inline
@@ -65,9 +94,7 @@ def achievable(command: Twist, before: Twist, limits: Limits, dt: float) -> Twis
     shrink = _INSIDE / over if over > 1.0 else 1.0
     v, omega = command.v * shrink, command.omega * shrink
     dv, domega = v - before.v, omega - before.omega
-    # A difference of speeds is as fine as the speeds are.
-    grain = _ROUNDING * max(abs(v), abs(before.v))
-    grain += 0.5 * track * (_ROUNDING * max(abs(omega), abs(before.omega)))
+    grain = _grain(v, omega, before, track)
     over = _excess(
         dv, domega, limits.acceleration * dt, limits.yaw_acceleration * dt,
         max(limits.wheel_acceleration * dt - grain, _NONE), track,

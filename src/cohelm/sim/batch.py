@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.jit import jit, jit_inline, jit_parallel
-from cohelm.core.types import Desired, Floats, Ints, Pose, Twist
+from cohelm.core.jit import jit, jit_apart, jit_inline, jit_parallel
+from cohelm.core.types import Desired, Floats, Ints, Pose, Stick, Twist
 from cohelm.law.barrier import HEADING
 from cohelm.law.gains import Gains, table
 from cohelm.law.reference import Reference, tabulate
-from cohelm.law.track import pose_error
 from cohelm.law.verdict import INVALID, SHAPED, UNTOUCHED
 from cohelm.robot.limits import Limits
+from cohelm.sim import lanes
 from cohelm.sim.hand import (
     IDLE,
     Operator,
@@ -29,6 +29,7 @@ from cohelm.sim.hand import (
     replay,
     replayed,
 )
+from cohelm.sim.lanes import LANES
 from cohelm.sim.loop import State, turn
 from cohelm.sim.world import NOWHERE, World, clearance, moves, place, world
 
@@ -50,10 +51,6 @@ OUTCOME = np.dtype(
 )  # fmt: skip
 """What is kept of each robot's run."""
 
-
-LANES = 32
-"""Robots that one thread takes through time side by side: while the long chain from pose to
-pose of one robot waits for a number, the processor works on the next."""
 
 FEW = 8
 """Fewer than these are not worth a thread of their own."""
@@ -124,16 +121,8 @@ def run_batch(batch: Batch, threads: int | None = None) -> NDArray[np.void]:
     return outcomes
 
 
-LANE = np.dtype(
-    [
-        ("x", "f8"), ("y", "f8"), ("psi", "f8"),
-        ("v", "f8"), ("omega", "f8"),
-        ("noticed_at", "f8"), ("seen_at", "f8"), ("side", "f8"),
-        ("hand_x", "f8"), ("hand_psi", "f8"),
-    ],
-    align=True,
-)  # fmt: skip
-"""One robot between two steps: its pose, what the wheels do, and its `Person`."""
+PERSON = np.dtype([(name, "f8") for name in Person._fields], align=True)
+"""What the simulated person of one robot has in mind between two steps."""
 
 
 @jit_parallel
@@ -161,22 +150,49 @@ def _run_group(
     n = end - first
     a, b = (0, 1) if len(worlds.first) == 2 else (first, end)
     discs = worlds.discs[worlds.first[a] : worlds.first[b]].copy()
-    queues = np.zeros((n, delay, 2))
-    lanes = np.zeros(n, dtype=LANE)
+    most_discs, most_walls = 0, 0
+    for w in range(a, b):
+        most_discs = max(most_discs, worlds.first[w + 1] - worlds.first[w])
+        most_walls = max(most_walls, worlds.wall_first[w + 1] - worlds.wall_first[w])
+    group = np.zeros(lanes.SIZE)
+    queue = np.zeros(delay * 2 * LANES)
+    people = np.zeros(n, dtype=PERSON)
+    for j in range(LANES):
+        i = first + min(j, n - 1)  # lanes beyond the last robot drive as that one, unscored
+        row = gains[_own(i, len(gains))]
+        lanes.put(group, j, Pose(starts[i, 0], starts[i, 1], starts[i, 2]), Twist(0.0, 0.0))
+        group[lanes.H_MIN + j], group[lanes.CLEARANCE + j] = math.inf, NOWHERE
+        group[lanes.K_X + j], group[lanes.K_PSI + j] = row.k_x, row.k_psi
+        group[lanes.K + j], group[lanes.C + j] = row.K, row.C
+        group[lanes.K_CBF + j] = row.k_cbf
+        group[lanes.SIGN + j] = 1.0 if row.true_sign else -1.0
+        group[lanes.FILTERED + j] = 1.0 if row.barrier else 0.0
+        group[lanes.DEAD_BAND + j] = max(row.dead_band, 0.0)
     for j in range(n):
-        lane, out = lanes[j], outcomes[first + j]
-        lane.x, lane.y, lane.psi = starts[first + j, 0], starts[first + j, 1], starts[first + j, 2]
-        lane.noticed_at, lane.seen_at = IDLE.noticed_at, IDLE.seen_at
-        out.h_min, out.clearance_min = math.inf, NOWHERE
+        people[j].noticed_at, people[j].seen_at = IDLE.noticed_at, IDLE.seen_at
     _steps(
-        first, a, b, lanes, queues, discs, table, dt, worlds, hands, operators, seeds, gains,
+        first, a, b, group, queue, people, discs, np.empty(most_discs * 6 * LANES),
+        np.empty(most_walls * 5 * LANES), table, dt, worlds, hands, operators, seeds, gains,
         limits, outline, reach, outcomes,
     )  # fmt: skip
     for j in range(n):
-        lane, out = lanes[j], outcomes[first + j]
-        out.x, out.y, out.psi = lane.x, lane.y, lane.psi
-        out.e_p_rms = math.sqrt(out.e_p_rms / len(table))
+        out = outcomes[first + j]
+        out.x, out.y, out.psi = (
+            group[lanes.AT_X + j],
+            group[lanes.AT_Y + j],
+            group[lanes.AT_PSI + j],
+        )
+        out.e_p_max, out.e_p_end = (
+            math.sqrt(group[lanes.ERROR_MAX + j]),
+            math.sqrt(group[lanes.ERROR_END + j]),
+        )
+        out.e_p_rms = math.sqrt(group[lanes.ERROR_SUM + j] / len(table))
+        out.h_min, out.clearance_min = group[lanes.H_MIN + j], group[lanes.CLEARANCE + j]
+        out.v_max, out.omega_max = group[lanes.V_MAX + j], group[lanes.OMEGA_MAX + j]
+        out.path = group[lanes.PATH + j]
         out.human /= len(table)
+        out.shaped += int(group[lanes.SHAPED_STEPS + j])
+        out.heading += int(group[lanes.HEADED_STEPS + j])
 
 
 @jit_inline
@@ -185,60 +201,129 @@ def _own(i: int, count: int) -> int:
     return 0 if count == 1 else i
 
 
-@jit_inline
+@jit_apart
 def _steps(
-    first: int, a: int, b: int, lanes: NDArray[np.void], queues: Floats, discs: Floats,
-    table: Floats, dt: float, worlds: World, hands: Replay, operators: NDArray[np.void],
-    seeds: Ints, gains: NDArray[np.void], limits: Limits, outline: Floats, reach: float,
-    outcomes: NDArray[np.void],
+    first: int, a: int, b: int, group: Floats, queue: Floats, people: NDArray[np.void],
+    discs: Floats, spread: Floats, spread_wall: Floats, table: Floats, dt: float, worlds: World,
+    hands: Replay, operators: NDArray[np.void], seeds: Ints, gains: NDArray[np.void],
+    limits: Limits, outline: Floats, reach: float, outcomes: NDArray[np.void],
 ) -> None:  # fmt: skip
-    """All robots of a group through time; `discs` are those of the worlds a ... b - 1.
+    """All robots of a group through time.
 
-    Until the end `e_p_rms` is the sum of squares and `human` the sum of shares. `gains` go into
-    the law row by row as they are: it reads either form, and only what it needs.
+    discs: those of the worlds a ... b - 1, one after the other; `spread` and `spread_wall` hold
+    them once more, as `sim.lanes` reads them.
     """
-    base = worlds.first[a]
-    moving = False
+    base, n, d = worlds.first[a], len(people), len(queue) // (2 * LANES)
+    moving, handled = False, False
     for w in range(a, b):
         moving = moving or moves(w, worlds)
+    for j in range(n):
+        i = first + j
+        hand = _own(i, len(hands.first) - 1)
+        held = hands.first[hand] < hands.first[hand + 1]
+        handled = handled or held or operators[_own(i, len(operators))].active
+    for j in range(LANES):
+        low, high = _walls(first + min(j, n - 1), worlds)
+        lanes.spread_walls(spread_wall, j, worlds.walls[low:high])
     for k in range(len(table)):
         if moving or k == 0:
             for w in range(a, b):
                 place(discs[worlds.first[w] - base : worlds.first[w + 1] - base], w, worlds, k * dt)
+            for j in range(LANES):
+                low, high = _discs(first + min(j, n - 1), worlds, base)
+                lanes.spread_discs(spread, j, discs[low:high])
         desired = Desired(table[k, 0], table[k, 1], table[k, 2], table[k, 3], table[k, 4])
-        for j in range(len(lanes)):
-            i = first + j
-            lane, out = lanes[j], outcomes[i]
-            operator, row = operators[_own(i, len(operators))], gains[_own(i, len(gains))]
-            w = _own(i, len(worlds.first) - 1)
-            near = discs[worlds.first[w] - base : worlds.first[w + 1] - base]
-            walls = worlds.walls[worlds.wall_first[w] : worlds.wall_first[w + 1]]
-            pose, applied = Pose(lane.x, lane.y, lane.psi), Twist(lane.v, lane.omega)
-            if operator.active:
-                person, stick = operate(
-                    Person(lane.noticed_at, lane.seen_at, lane.side, lane.hand_x, lane.hand_psi),
-                    operator, pose, near, worlds.noticed[worlds.first[w] : worlds.first[w + 1]],
-                    k, dt, seeds[_own(i, len(seeds))],
+        if handled:
+            for j in range(n):
+                i, person = first + j, people[j]
+                operator = operators[_own(i, len(operators))]
+                if operator.active:
+                    low, high = _discs(i, worlds, base)
+                    stick = _operated(
+                        person, operator, lanes.pose_of(group, j),
+                        discs[low:high], worlds.noticed[low + base : high + base], k, dt,
+                        seeds[_own(i, len(seeds))],
+                    )  # fmt: skip
+                else:
+                    stick = replayed(_own(i, len(hands.first) - 1), hands, k * dt)
+                group[lanes.STICK_X + j], group[lanes.STICK_PSI + j] = stick.x, stick.psi
+        lanes.gather(group, spread, spread_wall, outline, reach)
+        for j in range(n):
+            if group[lanes.CLOSE + j] != 0.0:
+                low, high = _discs(first + j, worlds, base)
+                bottom, top = _walls(first + j, worlds)
+                group[lanes.CLEARANCE + j] = clearance(
+                    lanes.pose_of(group, j), outline, reach, discs[low:high],
+                    worlds.walls[bottom:top], group[lanes.CLEARANCE + j],
                 )  # fmt: skip
-                lane.noticed_at, lane.seen_at = person.noticed_at, person.seen_at
-                lane.side, lane.hand_x, lane.hand_psi = person.side, person.x, person.psi
-            else:
-                stick = replayed(_own(i, len(hands.first) - 1), hands, k * dt)
-            state = State(pose, applied, stick, 0.0)  # the energy (40) is not kept
-            state, s, limited = turn(k, dt, state, stick, desired, near, row, limits, queues[j])
-            lane.x, lane.y, lane.psi = state.pose.x, state.pose.y, state.pose.psi
-            lane.v, lane.omega = state.applied.v, state.applied.omega
-            e_p = pose_error(pose, desired)
-            out.e_p_max, out.e_p_end = max(out.e_p_max, e_p), e_p
-            out.e_p_rms += e_p * e_p
-            out.h_min = min(out.h_min, s.h)
-            out.clearance_min = clearance(pose, outline, reach, near, walls, out.clearance_min)
-            out.v_max = max(out.v_max, abs(s.v))
-            out.omega_max = max(out.omega_max, abs(s.omega))
-            out.path += abs(lane.v) * dt
-            out.human += 1.0 - s.authority_x
-            out.saturated += limited
-            if s.verdict != UNTOUCHED:
-                out.shaped += s.verdict == SHAPED
-                out.heading += s.verdict == SHAPED and s.culprit == HEADING
-                out.invalid += s.verdict == INVALID
+        if lanes.wishes(group, desired) > 0:
+            lanes.filtered(group, spread)
+        lanes.ordinary(group, queue, k % d if d > 0 else 0, limits, dt)
+        for j in range(n):
+            if group[lanes.ODD + j] != 0.0:
+                i = first + j
+                low, high = _discs(i, worlds, base)
+                _odd_step(
+                    k, dt, j, group, desired, discs[low:high], gains[_own(i, len(gains))], limits,
+                    queue.reshape(d, 2, LANES)[:, :, j], outcomes[i],
+                )  # fmt: skip
+
+
+@jit_inline
+def _discs(i: int, worlds: World, base: int) -> tuple[int, int]:
+    """Robot i's rows of discs, counted from row `base` of all on."""
+    w = _own(i, len(worlds.first) - 1)
+    return worlds.first[w] - base, worlds.first[w + 1] - base
+
+
+@jit_inline
+def _walls(i: int, worlds: World) -> tuple[int, int]:
+    """Robot i's rows of walls."""
+    w = _own(i, len(worlds.first) - 1)
+    return worlds.wall_first[w], worlds.wall_first[w + 1]
+
+
+@jit_inline
+def _operated(
+    person: Any, operator: Any, pose: Pose, discs: Floats, noticed: NDArray[np.bool_], k: int,
+    dt: float, seed: int,
+) -> Stick:  # fmt: skip
+    """One step of a simulated person, kept in a row of PERSON: where the stick is."""
+    mind = Person(person.noticed_at, person.seen_at, person.side, person.x, person.psi)
+    mind, stick = operate(mind, operator, pose, discs, noticed, k, dt, seed)
+    person.noticed_at, person.seen_at = mind.noticed_at, mind.seen_at
+    person.side, person.x, person.psi = mind.side, mind.x, mind.psi
+    return stick
+
+
+@jit_apart
+def _odd_step(
+    k: int, dt: float, j: int, group: Floats, desired: Desired, discs: Floats, gains: Any,
+    limits: Limits, queue: Floats, out: Any,
+) -> None:  # fmt: skip
+    """The step of a robot that `ordinary` left alone; only its pose error is scored yet.
+
+    `gains` goes into the law as the row of a table: it reads either form, and only what it needs.
+    """
+    pose = Pose(group[lanes.AT_X + j], group[lanes.AT_Y + j], group[lanes.AT_PSI + j])
+    stick = Stick(group[lanes.STICK_X + j], group[lanes.STICK_PSI + j])
+    state = State(
+        pose, Twist(group[lanes.V + j], group[lanes.OMEGA + j]), stick, 0.0
+    )  # without energy (40)
+    state, s, limited = turn(k, dt, state, stick, desired, discs, gains, limits, queue)
+    group[lanes.AT_X + j], group[lanes.AT_Y + j], group[lanes.AT_PSI + j] = (
+        state.pose.x,
+        state.pose.y,
+        state.pose.psi,
+    )
+    group[lanes.V + j], group[lanes.OMEGA + j] = state.applied.v, state.applied.omega
+    group[lanes.H_MIN + j] = min(group[lanes.H_MIN + j], s.h)
+    group[lanes.V_MAX + j] = max(group[lanes.V_MAX + j], abs(s.v))
+    group[lanes.OMEGA_MAX + j] = max(group[lanes.OMEGA_MAX + j], abs(s.omega))
+    group[lanes.PATH + j] += abs(state.applied.v) * dt
+    out.human += 1.0 - s.authority_x
+    out.saturated += limited
+    if s.verdict != UNTOUCHED:
+        out.shaped += s.verdict == SHAPED
+        out.heading += s.verdict == SHAPED and s.culprit == HEADING
+        out.invalid += s.verdict == INVALID

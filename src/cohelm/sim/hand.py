@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cohelm.core.facing import facing
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Pose, Stick, X, Y
 
@@ -154,7 +155,7 @@ def operate(
 ) -> tuple[Person, Stick]:  # fmt: skip
     """One step of the simulated person: what they have in mind, and where the stick is."""
     t = k * dt
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    c, s = facing(pose.psi)
     nearest, beside, before = math.inf, 0.0, 0.0
     in_the_way = False
     for i in range(discs.shape[0]):
