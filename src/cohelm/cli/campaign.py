@@ -84,10 +84,11 @@ def campaign(
         from cohelm.study.campaign import report, runner
 
         folder, plan = _asked(suite, law, compare, n, seed, data, out)
-        plan.prepared()  # what is wrong with it is told before a folder is made
+        jobs = _processors() if jobs is None else jobs
+        runner.check(plan, jobs)  # what is wrong is told before a folder is made
         folder = folder or single.fresh(f"campaign-{plan.suite}")
         try:
-            made, rows = runner.run(plan, folder, jobs or _processors(), cluster, told)
+            made, rows = runner.run(plan, folder, jobs, cluster, told)
             found = report.outcome(made, plan.laws, rows)
             page = report.write(found, folder, told)
         except KeyboardInterrupt:

@@ -207,5 +207,6 @@ def _tree(free: NDArray[np.bool_], cost: Floats, root: tuple[int, int]) -> Ints:
     )[1][0]
     found[source] = source
     before = np.full(free.shape, -1, dtype=np.int64)
-    before.flat[cells] = np.where(found >= 0, cells[found], -1)
+    # scipy writes -9999 where no path leads, which few cells have a place for
+    before.flat[cells] = np.where(found >= 0, cells[np.maximum(found, 0)], -1)
     return before

@@ -66,7 +66,7 @@ def _above(axes: Axes, case: Case, trace: Trace, row: Row) -> None:
     _outline(axes, setup.outline, rows[worst], DANGER, 1.8)
     axes.set_xlim(float(rows["x"].min()) - _MARGIN, float(rows["x"].max()) + _MARGIN)
     axes.set_ylim(float(rows["y"].min()) - _MARGIN, float(rows["y"].max()) + _MARGIN)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal")
     axes.tick_params(labelsize=7)
 
 

@@ -93,9 +93,7 @@ def run(
     on with the rest. jobs: processes on this machine. cluster: address of a Dask scheduler to
     drive on instead.
     """
-    if jobs < 1:
-        raise CohelmError(f"--jobs must be at least 1, got {jobs}")
-    made = plan.prepared()
+    made = check(plan, jobs)
     episodes = plan.n or made.episodes
     with Store(folder, plan.as_dict(episodes)) as store:
         work = remaining(plan.laws, episodes, made.chunk, set(store.rows))
@@ -104,6 +102,13 @@ def run(
                 _gather(done, store, len(plan.laws) * episodes, told)
         rows = [store.rows[law, k] for law in plan.laws for k in range(episodes)]
     return made, rows
+
+
+def check(plan: Plan, jobs: int) -> Suite:
+    """The suite of a plan; raises CohelmError for what `run` could not begin with."""
+    if jobs < 1:
+        raise CohelmError(f"--jobs must be at least 1, got {jobs}")
+    return plan.prepared()
 
 
 def remaining(

@@ -1,0 +1,108 @@
+"""`cohelm campaign` as it is meant, and how it answers what can not be done."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+ONE = ("campaign", "adversary", "--law", "guard", "--n", "6", "--seed", "2", "--jobs", "1")
+TWO = ("campaign", "random", "--compare", "none,paper", "--n", "2", "--seed", "2", "--jobs", "1")
+
+
+def test_one_law_says_one_object_with_what_is_counted(cohelm, tmp_path):
+    said = cohelm(*ONE, "--out", "there", "--json")
+    assert said.code == 0
+    got = json.loads(said.out)
+    assert (got["suite"], got["law"], got["episodes"], got["seed"]) == ("adversary", "guard", 6, 2)
+    assert (got["arrived"], got["score"], got["contacts_moving"]) == (None, None, 0)
+    assert got["min_clearance_moving_m"] >= 0.0075
+    assert got["limit_excess"] == 0.0
+    assert got["contacts_moving_share"]["high"] == pytest.approx(1.0 - 0.025 ** (1 / 6))
+    assert "compare" not in got
+    assert json.loads((tmp_path / "there" / "summary.json").read_text()).items() <= got.items()
+
+
+def test_laws_are_put_side_by_side_on_the_same_episodes(cohelm, tmp_path):
+    said = cohelm(*TWO, "--out", "there")
+    assert said.code == 0
+    assert re.search(r"quantity\W+none\W+paper", said.out)
+    got = json.loads(cohelm("campaign", "there", "--json").out)
+    assert [one["law"] for one in got["compare"]] == ["none", "paper"]
+    assert got["law"] == "none"
+    assert got["episodes"] == 2
+    page = (tmp_path / "there" / "report.html").read_text()
+    assert page.count("<img") == 4  # both episodes under both laws
+    assert 'src="http' not in page
+    assert "link " not in page
+
+
+def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, tmp_path):
+    cohelm(*TWO, "--out", "there")
+    got = json.loads(cohelm("campaign", "there", "--replay", "paper/1", "--json").out)
+    assert got["same_as_row"] is True
+    assert (got["law"], got["episode"], got["out"]) == ("paper", 1, "there/episodes/paper-1")
+    scored = json.loads(cohelm("replay", "there/episodes/paper-1", "--json").out)
+    assert scored["duration_s"] == pytest.approx(got["duration_s"])
+    assert scored["path_length_m"] == pytest.approx(got["path_length_m"])
+    again = cohelm("campaign", "there", "--replay", "paper/1")
+    assert again.code == 2
+    assert "never overwrites" in again.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("campaign", "randon"), ["no suite 'randon'", "did you mean random?"]),
+        (("campaign", "barn"), ["--data"]),
+        (("campaign", "random", "--n", "0"), ["--n"]),
+        (("campaign", "random", "--jobs", "0", "--n", "1"), ["--jobs"]),
+        (("campaign", "random", "--law", "gaurd"), ["no law 'gaurd'", "guard"]),
+        (("campaign", "random", "--law", "none", "--compare", "paper"), ["not both"]),
+        (("campaign", "."), ["holds no campaign"]),
+        (("campaign", ".", "--replay", "1"), ["holds no campaign"]),
+        (("campaign", "random", "--replay", "1"), ["random", "holds no campaign"]),
+    ],
+)
+def test_what_can_not_be_done_is_one_sentence(cohelm, tmp_path, arguments, words):
+    said = cohelm(*arguments, "--json")
+    assert (said.code, said.out) == (2, "")
+    assert said.err.startswith("error: ")
+    assert all(word in said.err for word in words)
+    assert "Traceback" not in said.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_of_another_campaign_is_not_touched(cohelm, tmp_path):
+    cohelm(*ONE, "--out", "there")
+    before = sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*"))
+    said = cohelm(*ONE[:-4], "--seed", "3", "--out", "there")
+    assert said.code == 2
+    assert "seed 2 (asked for: 3)" in said.err
+    assert cohelm("campaign", "there", "--n", "7").code == 2
+    said = cohelm("campaign", "there", "--replay", "guard/77")
+    assert (said.code, "no such row" in said.err) == (2, True)
+    assert sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*")) == before
+
+
+def test_ctrl_c_keeps_what_was_driven_and_says_how_to_go_on(cohelm, tmp_path):
+    command = [sys.executable, "-m", "cohelm", "campaign", "adversary", "--law", "none"]
+    process = subprocess.Popen(
+        [*command, "--n", "400", "--jobs", "2", "--out", "there"],
+        cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    until = time.monotonic() + 120.0
+    while not list(tmp_path.glob("there/rows/part-*.parquet")) and time.monotonic() < until:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted" in err
+    assert "cohelm campaign there" in err
+    assert "Traceback" not in err
+    got = json.loads(cohelm("campaign", "there", "--json", "--jobs", "1").out)
+    assert got["episodes"] == 400
