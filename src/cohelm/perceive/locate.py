@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.types import Floats, Pose, wrap
+from cohelm.perceive.drift import SCALE, inverted, joined, moved, updated
 from cohelm.perceive.frames import between, compose
 from cohelm.perceive.known import Judgement, Known, free_at, judge
 from cohelm.perceive.match import Care, align
@@ -30,11 +31,17 @@ class Caution(NamedTuple):
     """When a pose is believed, and when no more."""
 
     fair: float = 0.8
-    """A pose is doubted where fewer beams agree, of those nothing stands in front of."""
+    """A pose is doubted where fewer beams agree, of those nothing stands in front of,"""
     blocked: float = 0.75
-    """Or where more beams than this are blocked by what is not on the map."""
+    """or where more beams than this are blocked by what is not on the map,"""
+    unlikely: float = -20.0
+    """or where the scan's log likelihood is less."""
     patience: int = 3
     """So many doubtful scans in a row mean lost."""
+    odd: float = -4.0
+    """As many scans less likely than this: is there a place near by that fits better?"""
+    pause: int = 15
+    """Which is asked again after so many scans."""
     good: float = 0.9
     """A new pose is believed only where as many beams agree, of those unblocked,"""
     seen: float = 0.5
@@ -99,12 +106,14 @@ class Locator:
         self._hypotheses: list[_Hypothesis] = []
         self._way = self._turned = self._since = 0.0
         self._everywhere = self.start is None
-        self._every = max(1, len(self.lidar.beams) // 120)
+        self._odd = 0
+        self._checking = False  # whether the search only checks a pose that is believed
+        self._likely = 0.0  # log likelihood of the believed pose
         pose = self.start or Pose(0.0, 0.0, 0.0)
         lost = self.start is None
         wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
         reason = "looking for the robot on the map" if lost else ""
-        self._stretch, self._joint = 0.0, _joined(wide, _SCALE * _SCALE)
+        self._stretch, self._joint = 0.0, joined(wide, SCALE * SCALE)
         self.located = Located(pose, wide, 0.0, lost, reason)
 
     def place(self, pose: Pose, sigma: float = 0.3) -> None:
@@ -120,6 +129,7 @@ class Locator:
         self._odometry = odometry
         longer = 1.0 + self._stretch
         step = Pose(longer * step.x, longer * step.y, step.psi)
+        self._base = compose(self._base, step)
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
         every = max(1, -(-len(points) // self.caution.points))
         points, across = points[::every], across[::every]
@@ -149,22 +159,25 @@ class Locator:
         return self.located
 
     def _track(self, step: Pose, sweep: Sweep, points: Floats, across: Floats) -> None:
-        foretold, joint = _moved(self.located.pose, self._joint, step)
+        foretold, joint = moved(self.located.pose, self._joint, step)
         spread = joint[:3, :3]
-        prior = _inverse(spread)
+        prior = inverted(spread)
         fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
-        judged = self._judge(fit.pose, sweep.ranges, self._every)
-        if not self._fair(judged, self.caution.fair):
+        judged = self._judge(fit.pose, sweep.ranges)
+        c = self.caution
+        likely = judged.log >= c.unlikely
+        if not likely or not self._fair(judged, c.fair):
             loose = np.diag([4.0, 4.0, 16.0])
             wider = self.care._replace(reach=0.6)
             other = align(self.known.surfaces, points, across, foretold, loose, wider)
-            again = self._judge(other.pose, sweep.ranges, self._every)
-            if again.log > judged.log + 1.0 and self._fair(again, self.caution.good):
+            again = self._judge(other.pose, sweep.ranges)
+            if again.log > judged.log + 1.0 and self._fair(again, c.good):
                 # pushed: what the odometry missed says nothing about its scale
                 fit, judged, foretold = other, again, other.pose
-                joint = _joined(spread + np.diag([0.3, 0.3, 0.2]) ** 2, float(joint[3, 3]))
-        self._doubts = 0 if self._fair(judged, self.caution.fair) else self._doubts + 1
-        if self._doubts >= self.caution.patience:
+                joint = joined(spread + np.diag([0.3, 0.3, 0.2]) ** 2, float(joint[3, 3]))
+        good = judged.log >= c.unlikely and self._fair(judged, c.fair)
+        self._doubts = 0 if good else self._doubts + 1
+        if self._doubts >= c.patience:
             self._forget()
             self._everywhere = False
             why = "what the LiDAR sees is not what the map shows here"
@@ -177,31 +190,35 @@ class Locator:
         ])  # fmt: skip
         self._stretch += float(joint[3, :3] @ np.linalg.solve(joint[:3, :3], innovation))
         self._stretch = min(max(self._stretch, -0.1), 0.1)
-        self._joint = _updated(joint, fit.information)
+        self._joint = updated(joint, fit.information)
         self.located = Located(fit.pose, self._joint[:3, :3].copy(), judged.agree, False, "")
+        self._likely = judged.log
+        self._odd = self._odd + 1 if judged.log < c.odd else 0
+        if self._odd >= c.patience and self._odd % c.pause == c.patience and not self._searched:
+            self._everywhere, self._checking = False, True
+            self._seek(points, across, sweep)
 
     def _believe(self, pose: Pose, covariance: Floats, share: float) -> None:
         """Track from here on."""
-        self._joint = _joined(covariance, max(float(self._joint[3, 3]), 1e-6))
+        self._joint = joined(covariance, max(float(self._joint[3, 3]), 1e-6))
         self.located = Located(pose, covariance, share, False, "")
 
     def _follow(self, step: Pose, sweep: Sweep, points: Floats, across: Floats) -> None:
         """Lost: move all hypotheses along, and see which still hold."""
-        pose, self._joint = _moved(self.located.pose, self._joint, step)
+        pose, self._joint = moved(self.located.pose, self._joint, step)
         self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
-        self._base = compose(self._base, step)
         self._way += math.hypot(step.x, step.y)
         self._turned += abs(step.psi)
         self._since += math.hypot(step.x, step.y) + 0.5 * abs(step.psi)
         fresh = self._since > 0.15  # a scan from the same spot says nothing new
         for one in self._hypotheses:
-            foretold, joint = _moved(
-                one.pose, _joined(one.covariance, float(self._joint[3, 3])), step
+            foretold, joint = moved(
+                one.pose, joined(one.covariance, float(self._joint[3, 3])), step
             )
-            prior = _inverse(joint[:3, :3])
+            prior = inverted(joint[:3, :3])
             fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
-            one.pose, one.covariance = fit.pose, _updated(joint, fit.information)[:3, :3]
-            one.judged = self._judge(fit.pose, sweep.ranges, 1)
+            one.pose, one.covariance = fit.pose, updated(joint, fit.information)[:3, :3]
+            one.judged = self._judge(fit.pose, sweep.ranges)
             if fresh:
                 one.log, one.latest = one.log + one.latest, one.judged.log
             else:
@@ -217,7 +234,9 @@ class Locator:
     def _seek(self, points: Floats, across: Floats, sweep: Sweep) -> None:
         """Begin a search: near by at first, then everywhere."""
         if len(points) < 20:
-            self.located = self.located._replace(lost=True, reason="the LiDAR sees too little")
+            if self.located.lost:
+                self.located = self.located._replace(reason="the LiDAR sees too little")
+            self._checking = False
             return
         places = self.known.places
         if not self._everywhere:
@@ -234,12 +253,12 @@ class Locator:
         loose = np.diag([1.0, 1.0, 4.0])
         wide = self.care._replace(reach=0.6, rounds=30)
         fit = align(self.known.surfaces, points, across, guess, loose, wide)
-        judged = self._judge(fit.pose, ranges, 1)
+        judged = self._judge(fit.pose, ranges)
         free = free_at(self.known, fit.pose.x, fit.pose.y)
         if not free or judged.agree < 0.4 or judged.through > 0.35:
             return
-        joint = _joined(np.diag([0.3, 0.3, 0.1]) ** 2, 1e-4)
-        covariance = _updated(joint, fit.information)[:3, :3]
+        joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, 1e-4)
+        covariance = updated(joint, fit.information)[:3, :3]
         pose = compose(fit.pose, self._base)
         for other in self._hypotheses:
             if _same(other.pose, pose):
@@ -264,6 +283,12 @@ class Locator:
                 kept.append(one)
         self._hypotheses = kept[:8]
         best = kept[0] if kept else None
+        if self._checking:
+            self._checking = False
+            better = best is not None and best.latest > self._likely + self.caution.margin
+            if best is None or not better or _same(best.pose, self.located.pose):
+                self._hypotheses = []
+                return
         if best is None or not self._fair(best.judged, self.caution.fair):
             self._everywhere = True
             self._hypotheses = []
@@ -281,7 +306,7 @@ class Locator:
         elif (
             not self._fair(best.judged, c.good)
             or best.judged.agree < c.seen
-            or best.judged.log < c.least
+            or (best.judged.log < c.least and lead < 3.0 * c.margin)
             or best.judged.told < 0.5 * len(self.lidar.beams)
         ):
             why = "too much of what the LiDAR sees is not on the map"
@@ -295,10 +320,10 @@ class Locator:
 
     def _forget(self) -> None:
         self._search, self._searched, self._found, self._hypotheses = None, None, [], []
-        self._doubts = 0
+        self._doubts, self._odd, self._checking = 0, 0, False
 
-    def _judge(self, pose: Pose, ranges: Floats, every: int) -> Judgement:
-        return judge(self.known, self.lidar, pose, ranges, every)
+    def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
+        return judge(self.known, self.lidar, pose, ranges, 1)
 
     def _fair(self, judged: Judgement, least: float) -> bool:
         unblocked = 1.0 - judged.short
@@ -308,44 +333,3 @@ class Locator:
 
 def _same(a: Pose, b: Pose) -> bool:
     return math.hypot(a.x - b.x, a.y - b.y) < 0.25 and abs(wrap(a.psi - b.psi)) < 0.2
-
-
-_SCALE = 0.02  # the wheels may measure this share too much or too little, one sigma
-_WANDER = 2e-5  # by which that changes from scan to scan
-
-
-def _moved(pose: Pose, joint: Floats, step: Pose) -> tuple[Pose, Floats]:
-    """A pose after an odometry step in its own frame, and the covariance of x, y, psi, scale."""
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
-    jacobian = np.eye(4)
-    jacobian[0, 2], jacobian[1, 2] = -s * step.x - c * step.y, c * step.x - s * step.y
-    jacobian[0, 3], jacobian[1, 3] = c * step.x - s * step.y, s * step.x + c * step.y
-    way = math.hypot(step.x, step.y)
-    own = np.diag([
-        (0.002 + 0.01 * way) ** 2, (0.002 + 0.02 * way) ** 2,
-        (0.001 + 0.01 * way + 0.03 * abs(step.psi)) ** 2, _WANDER**2,
-    ])  # fmt: skip
-    turn = np.eye(4)
-    turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1] = c, -s, s, c
-    return compose(pose, step), jacobian @ joint @ jacobian.T + turn @ own @ turn.T
-
-
-def _joined(covariance: Floats, scale: float) -> Floats:
-    """Covariance of a pose and of the odometry's scale, independent of each other."""
-    joint = np.zeros((4, 4))
-    joint[:3, :3], joint[3, 3] = covariance, scale
-    return joint
-
-
-_FLOOR = np.diag([0.002, 0.002, 0.0005, 0.0]) ** 2  # the map is no better than this
-
-
-def _updated(joint: Floats, information: Floats) -> Floats:
-    """The covariance after a match; the scale is learnt through what it did to the pose."""
-    gained = np.zeros((4, 4))
-    gained[:3, :3] = information
-    return _inverse(_inverse(joint) + gained) + _FLOOR
-
-
-def _inverse(matrix: Floats) -> Floats:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

@@ -47,6 +47,16 @@ class Replayed:
         return self._model
 
     @property
+    def odometry(self) -> list[Odometry]:
+        """All readings, in the order of time."""
+        return self._odometry
+
+    @property
+    def scans(self) -> list[Scan]:
+        """All scans, in the order of time."""
+        return self._scans
+
+    @property
     def duration(self) -> float:
         """Of the record [s]."""
         return self._stamps[-1]

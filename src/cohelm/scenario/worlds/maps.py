@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
+from cohelm.perceive.known import Known, known
 from cohelm.scenario.worlds.file import contents, faults
 from cohelm.sim.grid import Grid, grid
 
@@ -44,6 +45,10 @@ class OccupancyMap:
         if unknown_is_solid:
             solid |= self.cells == UNKNOWN
         return grid(solid, self.resolution, self.origin)
+
+    def known(self) -> Known:
+        """The same for localisation. CohelmError where nothing is occupied, or nothing free."""
+        return known(self.cells >= OCCUPIED, self.cells == FREE, self.resolution, self.origin)
 
 
 class _Description(BaseModel):
@@ -99,6 +104,21 @@ def read_map(path: Path | str) -> OccupancyMap:
     x, y, yaw = (*about.origin, 0.0)[:3]
     # an image's first row is its top, a map's first row its bottom
     return OccupancyMap(np.flipud(cells).astype(np.int8), about.resolution, Pose(x, y, yaw))
+
+
+def write_map(folder: Path, made: OccupancyMap) -> None:
+    """map.yaml and map.pgm into a folder, as map_server saves them: 0 occupied, 254 free, 205 not
+    known. What is there already is replaced; OSError where the folder can not be written."""
+    pixels = np.full(made.cells.shape, 205, dtype=np.uint8)
+    pixels[made.cells == FREE] = 254
+    pixels[made.cells >= OCCUPIED] = 0
+    Image.fromarray(np.flipud(pixels)).save(folder / "map.pgm")
+    x, y, yaw = (round(value, 6) for value in made.origin)
+    about = {
+        "image": "map.pgm", "mode": "trinary", "resolution": made.resolution,
+        "origin": [x, y, yaw], "negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196,
+    }  # fmt: skip
+    (folder / "map.yaml").write_text(yaml.safe_dump(about, sort_keys=False), encoding="utf-8")
 
 
 def _pixels(path: Path, named_in: str) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

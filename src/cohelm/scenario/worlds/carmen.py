@@ -1,0 +1,160 @@
+"""Logs of CARMEN, in which the classical LiDAR data sets are kept: odometry and scans of a drive.
+
+One message a line, its numbers separated by spaces. Read are `FLASER` (n, n ranges, pose of the
+laser, pose of the robot, time), `RAWLASER1` and `ROBOTLASER1` (with the laser's own description),
+`ODOM` (pose, speed, yaw rate, acceleration, time) and `PARAM`; all else is passed over. The last
+number of a line is its time, and the word before it the host's name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.robot.port import Odometry, Scan
+from cohelm.robot.sensors import LidarModel
+from cohelm.scenario.worlds.file import contents
+
+_FAR = 80.0  # SICK scanners say 81.83 m or so where nothing came back [m]
+
+
+class Drive(NamedTuple):
+    """odometry: in the order of time. scans: whose `number`s count from 0. lidar: as the log, or
+    the convention of its kind, describes it."""
+
+    odometry: list[Odometry]
+    scans: list[Scan]
+    lidar: LidarModel
+
+
+def read_log(path: Path | str) -> Drive:
+    """A drive from a CARMEN log, plain or gzip.
+
+    Scans of another number of beams than most, and lines that are cut short or hold no numbers,
+    are left out. Raises CohelmError where there is no such file, or no scan with a pose in it.
+    """
+    text = contents(path, "a CARMEN log").decode("utf-8", errors="replace")
+    odometry: dict[float, Odometry] = {}
+    found: list[tuple[float, Floats, float, float]] = []  # stamp, ranges, first bearing, step
+    mount = Pose(0.0, 0.0, 0.0)
+    for line in text.splitlines():
+        words = line.split()
+        if not words:
+            continue
+        try:
+            match words[0]:
+                case "ODOM":
+                    _odometry(odometry, _numbers(words[1:6]), float(words[-1]))
+                case "FLASER":
+                    n = int(words[1])
+                    after = _numbers(words[2 + n : 8 + n])
+                    stamp = float(words[-1])
+                    found.append((stamp, _numbers(words[2 : 2 + n]), *_convention(n)))
+                    laser, robot = after[:3], after[3:6]
+                    _odometry(odometry, robot, stamp)
+                    mount = _mount(laser, robot) if len(found) == 1 else mount
+                case "ROBOTLASER1" | "RAWLASER1":
+                    first, step, n = float(words[2]), float(words[4]), int(words[8])
+                    stamp = float(words[-1])
+                    found.append((stamp, _numbers(words[9 : 9 + n]), first, step))
+                    if words[0] == "ROBOTLASER1":
+                        rest = words[9 + n :]
+                        poses = _numbers(rest[1 + int(rest[0]) :][:6])
+                        _odometry(odometry, poses[3:6], stamp)
+                        mount = _mount(poses[:3], poses[3:6]) if len(found) == 1 else mount
+                case _:
+                    pass
+        except (ValueError, IndexError):
+            continue  # a line that is damaged or cut short; the others count
+    if not found or not odometry:
+        raise CohelmError(
+            f"{path}: holds no scan of a CARMEN log with its odometry (FLASER, or ROBOTLASER1, or "
+            "RAWLASER1 beside ODOM): give such a log"
+        )
+    return _drive(odometry, found, mount)
+
+
+def _drive(
+    odometry: dict[float, Odometry], found: list[tuple[float, Floats, float, float]], mount: Pose
+) -> Drive:
+    counts = [len(ranges) for _, ranges, _, _ in found]
+    beams = max(set(counts), key=counts.count)
+    found = sorted((f for f in found if len(f[1]) == beams), key=lambda f: f[0])
+    first, step = found[0][2], found[0][3]
+    scans: list[Scan] = []
+    for stamp, ranges, _, _ in found:
+        if scans and stamp <= scans[-1].stamp:
+            continue
+        seen = np.where(np.isfinite(ranges) & (ranges < _FAR) & (ranges > 0.0), ranges, math.inf)
+        scans.append(Scan(stamp, len(scans), seen, 0.0))
+    middle = first + 0.5 * step * (beams - 1)
+    lidar = LidarModel(
+        beams=beams,
+        field_of_view_deg=min(math.degrees(step) * (beams - 1), 360.0),
+        range_min_m=0.02,
+        range_max_m=_FAR,
+        rate_hz=10.0,
+        mount_x_m=mount.x,
+        mount_y_m=mount.y,
+        mount_yaw_deg=math.degrees(mount.psi + middle),
+    )
+    return Drive([odometry[t] for t in sorted(odometry)], scans, lidar)
+
+
+def _numbers(words: Sequence[str]) -> Floats:
+    return np.array([float(word) for word in words], dtype=np.float64)
+
+
+def _odometry(odometry: dict[float, Odometry], pose: Floats, stamp: float) -> None:
+    if len(pose) < 3 or not np.isfinite(pose).all() or not math.isfinite(stamp):
+        raise ValueError("not a pose")
+    x, y, psi = pose[:3].tolist()
+    # what it says of its speeds is not to be trusted: some drivers write 0, others m/s and deg/s
+    odometry.setdefault(stamp, Odometry(stamp, Pose(x, y, psi), Twist(0.0, 0.0)))
+
+
+def _mount(laser: Floats, robot: Floats) -> Pose:
+    """The laser on the robot, from the first scan's poses of both; at most a robot's size."""
+    c, s = math.cos(robot[2]), math.sin(robot[2])
+    dx, dy = float(laser[0] - robot[0]), float(laser[1] - robot[1])
+    psi = math.remainder(float(laser[2] - robot[2]), 2.0 * math.pi)
+    if math.hypot(dx, dy) > 2.0:
+        return Pose(0.0, 0.0, 0.0)
+    return Pose(c * dx + s * dy, -s * dx + c * dy, psi)
+
+
+def _convention(n: int) -> tuple[float, float]:
+    """First bearing and step of a front laser by its number of beams [rad]: half a turn, from the
+    right, in steps of 1 or 0.5 degrees; with an even number the last is a step short of it."""
+    if n < 2:
+        raise ValueError("a scan has more than one beam")
+    if n in (180, 360):
+        return -0.5 * math.pi, math.pi / n
+    return -0.5 * math.pi, math.pi / (n - 1)
+
+
+def read_relations(path: Path | str) -> list[tuple[float, float, Pose]]:
+    """Pairs of times and the pose of the second seen from the first, as people found them.
+
+    Rows of time 1, time 2, x, y, z, roll, pitch, yaw (Kümmerle et al. 2009, "On measuring the
+    accuracy of SLAM algorithms"). Raises CohelmError where there is no such file or row.
+    """
+    text = contents(path, "a relations file").decode("utf-8", errors="replace")
+    found: list[tuple[float, float, Pose]] = []
+    for line in text.splitlines():
+        words = line.split()
+        if len(words) == 8:
+            try:
+                a, b, x, y, _, _, _, yaw = (float(word) for word in words)
+            except ValueError:
+                continue
+            found.append((a, b, Pose(x, y, yaw)))
+    if not found:
+        raise CohelmError(f"{path}: holds no relation (8 numbers a line): give such a file")
+    return found

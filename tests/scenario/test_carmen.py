@@ -1,0 +1,125 @@
+"""CARMEN logs are read as users have them, damaged lines and all."""
+
+import gzip
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.scenario.worlds.carmen import read_log, read_relations
+
+INTEL = Path(__file__).parents[2].parent / "shared" / "data" / "lidar" / "intel.gfs.log"
+
+
+def flaser(t, n=180, pose=(1.0, 2.0, 0.5), laser=None, ranges=None):
+    ranges = [3.0] * n if ranges is None else ranges
+    front = pose if laser is None else laser
+    numbers = " ".join(map(str, [*ranges, *front, *pose]))
+    return f"FLASER {n} {numbers} {t} host {t}"
+
+
+def written(tmp_path, *lines, name="a.log"):
+    path = tmp_path / name
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_scans_and_odometry_of_a_log(tmp_path):
+    made = read_log(
+        written(
+            tmp_path, "# message_name ...", "PARAM robot_length 0.5 1 host 1",
+            "ODOM 0 0 0 0 0 0 0.5 host 0.5", flaser(1.0), flaser(2.0, pose=(1.5, 2.0, 0.6)),
+        )
+    )  # fmt: skip
+    assert [s.stamp for s in made.scans] == [1.0, 2.0]
+    assert [o.stamp for o in made.odometry] == [0.5, 1.0, 2.0]
+    assert made.odometry[2].pose == (1.5, 2.0, 0.6)
+    assert made.scans[1].number == 1
+    assert made.lidar.beams == 180
+
+
+@pytest.mark.parametrize(
+    ("n", "step", "last"), [(180, 1.0, 89.0), (181, 1.0, 90.0), (361, 0.5, 90.0)]
+)
+def test_a_front_laser_looks_from_right_to_left(tmp_path, n, step, last):
+    lidar = read_log(written(tmp_path, flaser(1.0, n))).lidar.lidar()
+    bearings = np.degrees(lidar.mount.psi + lidar.first + lidar.step * np.arange(n))
+    assert bearings[0] == pytest.approx(-90.0)
+    assert bearings[-1] == pytest.approx(last)
+    assert math.degrees(lidar.step) == pytest.approx(step)
+
+
+def test_a_laser_ahead_of_the_robot_is_mounted_there(tmp_path):
+    pose = (1.0, 2.0, math.pi / 2)
+    lidar = read_log(written(tmp_path, flaser(1.0, pose=pose, laser=(1.0, 2.3, math.pi / 2)))).lidar
+    assert (lidar.mount_x_m, lidar.mount_y_m) == pytest.approx((0.3, 0.0))
+
+
+def test_ranges_beyond_the_scanner_are_no_returns(tmp_path):
+    ranges = [81.83, 5.0, 0.0] + [2.0] * 177
+    (scan,) = read_log(written(tmp_path, flaser(1.0, ranges=ranges))).scans
+    assert scan.ranges[:4].tolist() == [math.inf, 5.0, math.inf, 2.0]
+
+
+def test_the_newer_kind_of_message_describes_its_laser(tmp_path):
+    line = (
+        "ROBOTLASER1 0 -1.0 2.0 0.5 30 0.01 0 5 1 2 3 4 5 0 1.2 0 0 1 0 0 0 0 0.2 0.3 0 "
+        "12.5 host 12.5"
+    )
+    made = read_log(written(tmp_path, line))
+    lidar = made.lidar.lidar()
+    assert lidar.mount.psi + lidar.first == pytest.approx(-1.0)
+    assert lidar.step == pytest.approx(0.5)
+    assert lidar.mount.x == pytest.approx(0.2)
+    assert made.scans[0].ranges.tolist() == [1, 2, 3, 4, 5]
+    assert made.odometry[0].pose == (1.0, 0.0, 0.0)
+
+
+def test_a_raw_scan_takes_its_place_from_the_odometry_beside_it(tmp_path):
+    raw = "RAWLASER1 0 -1.5 3.0 1.5 30 0.01 0 3 1 2 3 0 5.0 host 5.0"
+    made = read_log(written(tmp_path, "ODOM 1 2 3 0 0 0 5.0 host 5.0", raw))
+    assert len(made.scans) == 1
+    assert made.odometry[0].pose == (1.0, 2.0, 3.0)
+
+
+def test_damaged_lines_are_left_out_and_the_others_read(tmp_path):
+    cut = flaser(2.0)[:200]
+    made = read_log(
+        written(
+            tmp_path, flaser(1.0), cut, "FLASER many 1 2", "ODOM nan 0 0 0 0 0 2.5 h 2.5",
+            flaser(3.0, n=90), "", "FLASER", flaser(4.0), flaser(3.5),
+        )
+    )  # fmt: skip
+    assert [s.stamp for s in made.scans] == [1.0, 3.5, 4.0]
+    assert all(np.isfinite(o.pose).all() for o in made.odometry)
+
+
+def test_a_gzip_log_is_read_as_it_is(tmp_path):
+    path = tmp_path / "a.log.gz"
+    path.write_bytes(gzip.compress(flaser(1.0).encode()))
+    assert len(read_log(path).scans) == 1
+
+
+@pytest.mark.parametrize("text", ["", "hello world\n", "ODOM 0 0 0 0 0 0 1 h 1\n"])
+def test_a_file_without_scans_is_refused_in_a_sentence(tmp_path, text):
+    path = tmp_path / "a.log"
+    path.write_text(text)
+    with pytest.raises(CohelmError, match="holds no scan of a CARMEN log"):
+        read_log(path)
+
+
+def test_relations_are_pairs_of_times_and_a_pose(tmp_path):
+    path = written(tmp_path, "1.5 2.5 0.1 -0.2 0 0 0 1.25", "broken")
+    assert read_relations(path) == [(1.5, 2.5, (0.1, -0.2, 1.25))]
+    with pytest.raises(CohelmError, match="holds no relation"):
+        read_relations(written(tmp_path, "nothing", name="b"))
+
+
+@pytest.mark.skipif(not INTEL.exists(), reason="the Intel log is not beside this checkout")
+def test_the_intel_log_is_read_whole():
+    made = read_log(INTEL)
+    assert len(made.scans) == 910
+    assert len(made.odometry) > 10_000
+    assert made.lidar.beams == 180
