@@ -4,7 +4,7 @@ A module here holds a group of commands and adds them to `app`; to add one, impo
 The order of the imports is the order in `cohelm --help`.
 """
 
-from cohelm.cli import campaign, link, map, scenarios, station
+from cohelm.cli import campaign, link, map, robot, scenarios, station
 from cohelm.cli.app import app, main
 
-__all__ = ["app", "campaign", "link", "main", "map", "scenarios", "station"]
+__all__ = ["app", "campaign", "link", "main", "map", "robot", "scenarios", "station"]

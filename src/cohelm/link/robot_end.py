@@ -16,13 +16,13 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from typing import NamedTuple
 
 from cohelm.link import lease, udp
 from cohelm.link.clock import Path
 from cohelm.link.codec import Malformed
 from cohelm.link.door import Door, Guest
 from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.heard import Asked, Heard
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
 from cohelm.link.wire import Header, encode, from_operator
@@ -43,30 +43,6 @@ _log = logging.getLogger("cohelm.link")
 
 _FOR_ALL = frozenset({Ask.STOP, Ask.ACKNOWLEDGE})
 _OF_LEASE = frozenset({Ask.TAKE, Ask.GIVE, Ask.REFUSE})
-
-
-class Asked(NamedTuple):
-    """A request that the loop must do or refuse, and answer."""
-
-    client: int
-    name: str
-    request: Request
-
-
-class Heard(NamedTuple):
-    """What the link knows of the driver's will, now."""
-
-    driver: int
-    """Client number; 0: nobody drives."""
-    name: str
-    command: Command | None
-    """The driver's newest, if it is not stale."""
-    age: float
-    """Of that command [s]; without one, the time since the last one that was used; or NaN."""
-    round_trip: float
-    """To the driver [s]; NaN: not known."""
-    asked: tuple[Asked, ...]
-    """New since the last call, oldest first."""
 
 
 class _Client:

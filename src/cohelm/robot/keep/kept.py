@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from cohelm.core.types import Twist
 from cohelm.robot.gate import gate as gates
@@ -160,6 +160,10 @@ class Kept:
         gate, said = gates.drive(self._gate, mode, self._robot.now(), self._rules)
         self._now(gate)
         return said
+
+    def truth(self) -> Any:
+        """What only a simulated robot knows; None of any other."""
+        return getattr(self._robot, "truth", lambda: None)()
 
     def close(self) -> None:
         """Stop the robot and let it go."""

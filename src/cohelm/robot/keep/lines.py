@@ -20,21 +20,21 @@ def line() -> tuple[socket.socket, socket.socket]:
 class Line:
     """Says things to the recorder, if there is one."""
 
-    def __init__(self, end: socket.socket | None) -> None:
+    def __init__(self, end: socket.socket | None, *, waits: bool = False) -> None:
+        """waits: whether to wait for room instead of dropping, as simulated time may."""
         self._end = end
+        self._how = 0 if waits else socket.MSG_DONTWAIT
         self.dropped = 0
         """Messages for which there was no room."""
         self.broken = ""
         """Why nothing can be said any more; empty while it can."""
-        if end is not None:
-            end.setblocking(False)
 
     def __call__(self, message: Any) -> None:
         """Say it, or drop it."""
         if self._end is None or self.broken:
             return
         try:
-            self._end.send(pickle.dumps(message, protocol=5))
+            self._end.send(pickle.dumps(message, protocol=5), self._how)
         except BlockingIOError:
             self.dropped += 1
         except OSError as error:
@@ -45,7 +45,7 @@ class Line:
         if self._end is None or self.broken:
             return None
         try:
-            data = self._end.recv(LARGEST)
+            data = self._end.recv(LARGEST, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return None
         except OSError as error:

@@ -115,6 +115,8 @@ class KeptElsewhere:
 
     def close(self) -> None:
         """The robot is stopped there, and let go when it stands."""
+        with contextlib.suppress(OSError, CohelmError):
+            self._ask("close", None)
         with contextlib.suppress(OSError):
             self._line.close()
         self._process.join(_BRAKING + 2.0)
@@ -194,6 +196,9 @@ def _attend(line: Connection, kept: Kept, robot: Robot, rules: Rules) -> None:
             answer = kept.reset()
         elif what == "drive":
             answer = kept.drive(with_)
+        elif what == "close":
+            line.send((None, kept.gate, kept.now(), time.monotonic()))
+            return
         elif what == "truth":
             answer = getattr(robot, "truth", lambda: None)()
         line.send((answer, kept.gate, kept.now(), time.monotonic()))

@@ -1,0 +1,122 @@
+"""The command that drives a robot: robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cohelm.cli.app import app
+from cohelm.cli.tell import Json, console, plain, print_json, print_table, say
+
+if TYPE_CHECKING:
+    from cohelm.drive.session import Session
+
+
+@app.command()
+def robot(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT.yaml|SCENARIO",
+            help="A scenario, by file or name, or a robot's YAML file, driven in --scenario.",
+        ),
+    ] = "lab-avoid",
+    scenario: Annotated[
+        str, typer.Option(metavar="SCENARIO", help="Where a robot's YAML file is driven.")
+    ] = "lab-avoid",
+    twin: Annotated[
+        bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
+    ] = False,
+    mode: Annotated[
+        str, typer.Option(help="hold, automatic, shared or manual; by default as the stick is.")
+    ] = "",
+    rate: Annotated[float, typer.Option(min=10.0, max=500.0, help="Periods a second.")] = 50.0,
+    seconds: Annotated[
+        float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
+    ] = None,
+    arrive: Annotated[bool, typer.Option("--arrive", help="End when the route is done.")] = False,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE", help="Record into this MCAP file.")
+    ] = None,
+    carry_on: Annotated[
+        bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
+    ] = False,
+    fast: Annotated[
+        bool, typer.Option("--fast", help="Simulated time: as fast as it can.")
+    ] = False,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the simulated errors.")] = None,
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As in `cohelm run`.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Drive a robot in real time until stopped.
+
+    The robot senses with odometry and LiDAR only, localises on the scenario's walls, follows the
+    route and keeps clear. Ctrl-C stops the robot first, and ends when it stands.
+    """
+    from cohelm.drive.operate import Asked, ended, hands, meant
+    from cohelm.drive.session import Plan, Session
+    from cohelm.loop.loop import Ways
+
+    asked = Asked(name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [])
+    made = meant(asked)
+    chosen, operator = hands(made, mode)
+    plan = Plan(made, rate, record, ways=Ways(carry_on=carry_on))
+    say(f"starting {plain(made.model.name)} in {plain(made.scenario.name)}")
+    with ended() as stop, Session(plan, operator) as session:
+        operator.watches(session.loop.keeper.now)
+        begun = session.loop.keeper.now()
+
+        def until(loop: Any) -> bool:
+            late = seconds is not None and loop.keeper.now() - begun >= seconds
+            return stop.asked != "" or late or (arrive and loop.driver.arrived)
+
+        with _line(session):
+            session.run(until, chosen)
+            session.end(stop.asked or "the drive is over")
+        summary = session.summary()
+    if as_json:
+        print_json(summary)
+    else:
+        print_table(made.scenario.name, ("quantity", "value"), _rows(summary))
+    if summary["faulted"]:
+        raise typer.Exit(1)
+
+
+def _line(session: Session) -> Any:
+    """A line on the terminal that lives as long as the drive; from a thread of its own."""
+    import threading
+    from contextlib import contextmanager
+
+    screen = console(stderr=True)
+
+    @contextmanager
+    def shown() -> Any:
+        over = threading.Event()
+
+        def show() -> None:
+            with screen.status("") as status:
+                while not over.wait(0.5):
+                    status.update(plain(session.line()))
+
+        thread = threading.Thread(target=show, name="live line", daemon=True)
+        if screen.is_terminal:
+            thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            if thread.is_alive():
+                thread.join(1.0)
+
+    return shown()
+
+
+def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    return [
+        (key.replace("_", " "), f"{value:.4g}" if isinstance(value, float) else str(value))
+        for key, value in summary.items()
+    ]

@@ -1,0 +1,114 @@
+"""From what the command line says to what a session needs: robot, hands, and when to end."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.drive.simulated import Kind, Simulated, simulated
+from cohelm.link.messages import Mode
+from cohelm.loop.operator import Nobody, Scripted
+from cohelm.scenario import build
+from cohelm.scenario.hand import StickNone, StickOperator
+from cohelm.sim.hand import replayed
+
+
+class Asked(NamedTuple):
+    """What was said on the command line."""
+
+    name: str
+    scenario: str
+    kind: Kind
+    real_time: bool
+    seed: int | None
+    changes: list[str]
+
+
+def meant(asked: Asked) -> Simulated:
+    """The robot that is meant: of a scenario, or a robot's file in another scenario."""
+    name, changes = asked.name, list(asked.changes)
+    if _is_robot(Path(name)):
+        changes.append(f"robot={Path(name).absolute()}")
+        name = asked.scenario
+    return simulated(name, asked.kind, real_time=asked.real_time, seed=asked.seed, changes=changes)
+
+
+def _is_robot(path: Path) -> bool:
+    """Whether a file describes a robot, not a scenario; what is neither is said when it is read."""
+    if not path.is_file():
+        return False
+    try:
+        data: Any = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
+    except (yaml.YAMLError, OSError, UnicodeDecodeError):
+        return False
+    return isinstance(data, dict) and "footprint_m" in data
+
+
+class Hands(Scripted):
+    """The scenario's stick, played in the robot's time; or nobody's."""
+
+    def __init__(self, hand: Callable[[float], Stick | None], present: bool) -> None:
+        self._watch: Callable[[], float] = lambda: 0.0
+        super().__init__(hand, lambda: self._watch())
+        self._present = present
+
+    def watches(self, clock: Callable[[], float]) -> None:
+        """The script's time 0 is now."""
+        begun = clock()
+        self._watch = lambda: clock() - begun
+
+    def heard(self) -> Any:
+        """As the script says; nothing where there is no stick."""
+        return super().heard() if self._present else Nobody().heard()
+
+
+def hands(made: Simulated, mode: str) -> tuple[Mode, Hands]:
+    """The mode to drive in, and who holds the stick. CohelmError for a mode there is not."""
+    stick = made.scenario.stick
+    present = not isinstance(stick, (StickNone, StickOperator))
+    table = build.setup(made.scenario).hands if present else None
+
+    def hand(t: float) -> Stick | None:
+        return None if table is None else replayed(0, table, t)
+
+    if not mode:
+        return (Mode.SHARED if present else Mode.AUTOMATIC), Hands(hand, present)
+    try:
+        return Mode[mode.upper()], Hands(hand, present)
+    except KeyError as error:
+        known = ", ".join(m.name.lower() for m in Mode)
+        raise CohelmError(f"--mode: there is no mode {mode!r}; there are {known}") from error
+
+
+class End:
+    """Whether somebody wants the drive to end, and how they said so."""
+
+    def __init__(self) -> None:
+        self.asked = ""
+
+
+@contextmanager
+def ended() -> Generator[End]:
+    """Ctrl-C, and being told to terminate, become a wish: the robot must be stopped first."""
+    end = End()
+    words = {
+        signal.SIGINT: "Ctrl-C", signal.SIGTERM: "told to terminate",
+        signal.SIGHUP: "the terminal is gone",
+    }  # fmt: skip
+
+    def wish(number: int, _: object) -> None:
+        end.asked = words[signal.Signals(number)]
+
+    before = {number: signal.signal(number, wish) for number in words}
+    try:
+        yield end
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,184 @@
+"""The record in a process of its own: the loop never waits for a disk, nor ends unexplained.
+
+Loop and keeper have a line each. When both are silent for good, the file is finished. Beside
+`NAME.mcap` stands `NAME.log`, one line for everything that happened, which can still grow when the
+disk is full: room for it is kept in `NAME.reserve` until then.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import pickle
+import select
+import signal
+import socket
+import time
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.period import PERIOD
+from cohelm.record.drive import DriveFile
+from cohelm.robot.keep.kept import Event
+from cohelm.robot.keep.lines import LARGEST, line
+from cohelm.robot.model import RobotModel
+
+_RESERVE = 1 << 16  # bytes kept for the log
+_FLUSH = 0.5  # from one time the file is made good to the next [s]
+
+
+class Recording:
+    """A recorder at work. `loop` and `keeper` are the ends to speak into, as `keep.lines.Line`."""
+
+    def __init__(self, path: Path, model: RobotModel, scenario: str = "") -> None:
+        """Raises CohelmError where the file can not be made; none is ever overwritten."""
+        self.path = path
+        _make(path)
+        self.loop, loops = line()
+        self.keeper, keepers = line()
+        context = multiprocessing.get_context("spawn")
+        self._process = context.Process(
+            target=_record, args=(path, model, scenario, loops, keepers), name="cohelm recorder"
+        )
+        self._process.start()
+        loops.close()
+        keepers.close()
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid or 0
+
+    def begin(self, epoch: int) -> None:
+        """The wall-clock time when the robot's clock was 0 [ns]: the first thing to be said."""
+        self.loop.send(pickle.dumps(epoch))
+
+    def close(self, within: float = 20.0) -> bool:
+        """Wait until the file is finished; whether it was."""
+        for end in (self.loop, self.keeper):
+            with contextlib.suppress(OSError):
+                end.close()
+        self._process.join(within)
+        if self._process.is_alive():
+            self._process.terminate()
+            return False
+        return self._process.exitcode == 0
+
+
+def _make(path: Path) -> None:
+    """The file, empty, so that what is wrong with its place is said at once."""
+    try:
+        path.open("xb").close()
+    except FileExistsError as error:
+        raise CohelmError(f"{path} exists already: choose another name") from error
+    except OSError as error:
+        raise CohelmError(
+            f"{path} can not be made ({error.strerror}): choose a folder you may write to"
+        ) from error
+
+
+class Log:
+    """What happened, a line each; still written when the disk is full."""
+
+    def __init__(self, path: Path) -> None:
+        self._reserve = path.with_suffix(".reserve")
+        self._file = os.open(path.with_suffix(".log"), os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        with contextlib.suppress(OSError):
+            held = os.open(self._reserve, os.O_WRONLY | os.O_CREAT)
+            os.posix_fallocate(held, 0, _RESERVE)
+            os.close(held)
+
+    def __call__(self, event: Event) -> None:
+        """Write it down, at once."""
+        mark = "!" if event.serious else " "
+        said = f"{event.stamp:10.3f} {mark} {event.who}: {event.text}\n".encode()
+        try:
+            os.write(self._file, said)
+        except OSError:
+            self._reserve.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                os.write(self._file, said)
+
+    def close(self) -> None:
+        """Nothing more happens."""
+        self._reserve.unlink(missing_ok=True)
+        os.close(self._file)
+
+
+def _record(
+    path: Path, model: RobotModel, scenario: str, loop: socket.socket, keeper: socket.socket
+) -> None:
+    """The other process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if hasattr(signal, "SIGXFSZ"):
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a file-size limit is an OSError, then
+    log = Log(path)
+    with path.open("wb", buffering=0) as file:
+        _Desk(file, log, model, scenario).sit(loop, keeper)
+    log.close()
+
+
+class _Desk:
+    """Takes messages from the lines and writes them down."""
+
+    def __init__(self, file: IO[bytes], log: Log, model: RobotModel, scenario: str) -> None:
+        self._file, self._log, self._model, self._scenario = file, log, model, scenario
+        self._drive: DriveFile | None = None
+        self._full = ""
+        self._latest = 0.0
+
+    def sit(self, loop: socket.socket, keeper: socket.socket) -> None:
+        """Until both lines are closed."""
+        lines = {loop.fileno(): (loop, "loop"), keeper.fileno(): (keeper, "keeper")}
+        poll = select.poll()
+        for fd in lines:
+            poll.register(fd, select.POLLIN)
+        flushed = time.monotonic()
+        while lines:
+            for fd, _ in poll.poll(500):
+                end, who = lines[fd]
+                data = end.recv(LARGEST)
+                if not data:
+                    poll.unregister(fd)
+                    del lines[fd]
+                    continue
+                self._take(pickle.loads(data), who, loop)
+            if time.monotonic() - flushed > _FLUSH and self._drive is not None:
+                flushed = time.monotonic()
+                self._try(self._drive.flush, loop)
+        if self._drive is not None:
+            self._try(self._drive.finish, None)
+
+    def _take(self, message: Any, who: str, loop: socket.socket) -> None:
+        if isinstance(message, int):
+            self._drive = DriveFile(self._file, self._model, message, self._scenario)
+            return
+        if isinstance(message, Event):
+            self._log(message)
+            self._latest = message.stamp
+        drive = self._drive
+        if drive is None or self._full:
+            return
+        if isinstance(message, bytes):
+            row = np.frombuffer(message, dtype=PERIOD).reshape(())
+            self._try(lambda: drive.period(row), loop)
+        else:
+            self._try(lambda: drive.write(message), loop)
+
+    def _try(self, write: Any, loop: socket.socket | None) -> None:
+        """Write; where that fails, say so in the log and to the loop, and write no more."""
+        if self._full:
+            return
+        try:
+            write()
+        except OSError as error:
+            self._full = f"recording stopped: {error.strerror}"
+            self._log(Event(self._latest, "recorder", self._full, True))
+            if loop is not None:
+                with contextlib.suppress(OSError):
+                    loop.send(pickle.dumps(self._full))

@@ -1,0 +1,207 @@
+"""A drive from its beginning to its end: who is started, in which order, and ended."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cohelm.core.types import Pose
+from cohelm.drive.recorder import Recording
+from cohelm.drive.simulated import Simulated, surveyed
+from cohelm.law.guard.step import Rules as GuardRules
+from cohelm.link.messages import Mode
+from cohelm.loop.driver import Driver
+from cohelm.loop.loop import Loop, Ways
+from cohelm.loop.operator import Nobody, Operator
+from cohelm.loop.planning import Elsewhere, Here
+from cohelm.perceive.known import Known
+from cohelm.perceive.seen import Perception
+from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.step import Settings
+from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.keep.kept import Keeper, Kept, rules, standing
+from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.priority import urgent
+from cohelm.robot.keep.process import KeptElsewhere
+from cohelm.scenario.load import dump
+
+_BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
+_READY = 10.0  # the robot's sensors must speak within this [s]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a session is to be."""
+
+    robot: Simulated
+    rate: float = 50.0
+    """Periods a second, 10 to 500."""
+    record: Path | None = None
+    known: Known | None = None
+    """The map to localise on; by default the scenario's walls."""
+    localise: bool = True
+    """Without, the robot trusts its odometry."""
+    start: Pose | None = None
+    """Where the robot is on the map; by default the scenario's start."""
+    ways: Ways = field(default_factory=Ways)
+    watchdog: float = 0.1
+    """The loop may be so late, or the robot stops [s]."""
+
+    @property
+    def period(self) -> float:
+        """[s]"""
+        return 1.0 / self.rate
+
+
+class Session:
+    """Everything that runs. `close`, or leaving the `with`, stops the robot first."""
+
+    def __init__(self, plan: Plan, operator: Operator | None = None) -> None:
+        """Raises CohelmError where something can not be started; nothing is left running then."""
+        self.plan = plan
+        self.scheduling = "simulated time"
+        robot, real_time = plan.robot, plan.robot.real_time
+        model = robot.model
+        self.recording: Recording | None = None
+        self.keeper: Keeper | None = None
+        self._driver: Driver | None = None
+        try:
+            if plan.record is not None:
+                self.recording = Recording(plan.record, model, dump(robot.scenario))
+            gate = rules(model, plan.period, plan.watchdog)
+            ends = (self.recording.loop, self.recording.keeper) if self.recording else (None, None)
+            if real_time:
+                self.keeper = KeptElsewhere(robot, gate, ends[1])
+            else:
+                self.keeper = Kept(robot(), gate, Line(ends[1], waits=True))
+            if self.recording is not None:
+                if real_time:
+                    self.recording.keeper.close()  # the keeper's process has it
+                self.recording.begin(time.time_ns() - round(self.keeper.now() * 1e9))
+            place = plan.start or robot.start
+            where = plan.known
+            if where is None and plan.localise:
+                where = surveyed(robot.scenario.walls(), robot.start)
+            perception = Perception(model, where, place)
+            self._driver = _driver(plan, real_time)
+            self.loop = Loop(
+                self.keeper, perception, self._driver, operator or Nobody(),
+                Line(ends[0], waits=not real_time),
+                plan.ways._replace(period=plan.period), has_map=where is not None,
+            )  # fmt: skip
+            self._warm()
+            if real_time:
+                self.scheduling = urgent()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def run(self, until: Callable[[Loop], bool], mode: Mode = Mode.HOLD) -> None:
+        """Drive in a mode, as soon as the robot can, until `until` says so."""
+        keeper, begun = self.loop.keeper, self.loop.keeper.now()
+        wanted = mode
+
+        def chosen(loop: Loop) -> bool:
+            nonlocal wanted
+            if wanted != Mode.HOLD:
+                ready = not loop.choose(wanted)
+                late = keeper.now() - begun > _READY
+                wanted = Mode.HOLD if ready or late else wanted
+            return until(loop)
+
+        self.loop.run(chosen)
+
+    def end(self, reason: str) -> None:
+        """Stop the robot, and go on turning until it stands, so that the record has it."""
+        keeper = self.loop.keeper
+        keeper.stop(reason)
+        until = keeper.now() + _BRAKING
+        self.loop.run(
+            lambda loop: (
+                keeper.now() > until or (loop.seen is not None and standing(loop.seen.twist))
+            )
+        )
+
+    def line(self) -> str:
+        """How it goes, for a terminal."""
+        loop, kept = self.loop, self.loop.timing.kept()
+        gate, seen = loop.keeper.gate, loop.seen
+        where = f"at {seen.pose.x:.2f} {seen.pose.y:.2f}" if seen else "nowhere yet"
+        said = f"{loop.mode.name} {gate.mode.name} {gate.reason} {where}"
+        return (
+            f"{said} | {kept.periods} periods, {100.0 * kept.within_2ms:.2f} % within 2 ms, worst "
+            f"{1e3 * kept.late_worst:.1f} ms, work {1e3 * kept.took_median:.1f} ms, "
+            f"{kept.overruns} overruns"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """What became of it, in numbers; read before `close`."""
+        loop, kept, gate = self.loop, self.loop.timing.kept(), self.loop.keeper.gate
+        truth = getattr(loop.keeper, "truth", lambda: None)()
+        least = truth.least_moving if truth is not None else math.nan
+        return {
+            "scenario": self.plan.robot.scenario.name,
+            "robot": self.plan.robot.model.name,
+            "kind": self.plan.robot.kind,
+            "rate_hz": self.plan.rate,
+            "mode": gate.mode.name,
+            "reason": gate.reason,
+            "faulted": gate.mode == GateMode.FAULTED,
+            "arrived": loop.driver.arrived,
+            "least_clearance_moving_m": least if math.isfinite(least) else None,
+            **{key: value for key, value in kept._asdict().items() if value == value},
+            "refused": gate.refused,
+            "record_dropped": loop.dropped,
+            "scheduling": self.scheduling,
+            "record": str(self.plan.record) if self.plan.record else None,
+        }
+
+    def close(self) -> None:
+        """The robot first, then what plans, then the record."""
+        if self.keeper is not None:
+            self.keeper.close()
+        if self._driver is not None:
+            self._driver.close()
+        if self.recording is not None:
+            self.recording.close()
+
+    def _warm(self) -> None:
+        """Compile what a period needs, before the first one is due: a few, standing."""
+        loop = self.loop
+        keeper = loop.keeper
+        end = keeper.now() + (0.5 if self.plan.robot.real_time else 0.1)
+        while keeper.now() < end or loop.seen is None:
+            readings = keeper.read()
+            seen = loop.perception.take(keeper.now(), readings)
+            around = loop.driver.around(seen)
+            loop.driver.rehearse(seen.pose, around)
+            keeper.wait(keeper.now() + self.plan.period)
+            if loop.seen is None:
+                loop.period()
+        if loop.seen is not None:
+            loop.driver.rehearse_plan(loop.seen, keeper)
+
+
+def _driver(plan: Plan, real_time: bool) -> Driver:
+    scenario, model = plan.robot.scenario, plan.robot.model
+    reference = scenario.reference.spline()
+    settings = Settings(
+        outline=model.outline,
+        limits=model.bounds(),
+        gains=scenario.law.gains(scenario.reference.speed_mps),
+        rules=GuardRules(dt=plan.period),
+        spline_speed=scenario.reference.feed_forward == "spline",
+    )
+    pilot = Pilot(reference, settings, delay=model.delay_s)
+    planning = Elsewhere(pilot.planner) if real_time else Here(pilot.planner)
+    return Driver(pilot, settings, model.delay_s, planning)

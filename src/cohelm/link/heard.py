@@ -1,0 +1,31 @@
+"""What the loop is told of the operator, however it came: link, local stick, script."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cohelm.link.messages import Command, Request
+
+
+class Asked(NamedTuple):
+    """A request that the loop must do or refuse, and answer."""
+
+    client: int
+    name: str
+    request: Request
+
+
+class Heard(NamedTuple):
+    """What the link knows of the driver's will, now."""
+
+    driver: int
+    """Client number; 0: nobody drives."""
+    name: str
+    command: Command | None
+    """The driver's newest, if it is not stale."""
+    age: float
+    """Of that command [s]; without one, the time since the last one that was used; or NaN."""
+    round_trip: float
+    """To the driver [s]; NaN: not known."""
+    asked: tuple[Asked, ...]
+    """New since the last call, oldest first."""

@@ -1,0 +1,49 @@
+"""What the person must know: latched until its cause has gone and somebody has acknowledged it."""
+
+from __future__ import annotations
+
+from cohelm.link.messages import Alarm, Severity
+
+
+class Alarms:
+    """A few alarms by name; the same thing happening again is a new number."""
+
+    def __init__(self) -> None:
+        self._all: dict[str, Alarm] = {}
+        self._number = 0
+
+    def on(self, name: str, text: str, severity: Severity = Severity.ALARM) -> bool:
+        """Its cause is there; returns whether that is new."""
+        old = self._all.get(name)
+        if old is not None and old.active:
+            return False
+        self._number += 1
+        self._all[name] = Alarm(self._number, severity, True, False, text)
+        return True
+
+    def off(self, name: str) -> None:
+        """Its cause has gone."""
+        old = self._all.get(name)
+        if old is None or not old.active:
+            return
+        if old.acknowledged:
+            del self._all[name]
+        else:
+            self._all[name] = old._replace(active=False)
+
+    def acknowledge(self, number: int) -> bool:
+        """Somebody has seen alarm `number`, or all (0); whether there was any."""
+        seen = [name for name, a in self._all.items() if number in (0, a.number)]
+        for name in seen:
+            alarm = self._all[name]._replace(acknowledged=True)
+            if alarm.active:
+                self._all[name] = alarm
+            else:
+                del self._all[name]
+        return bool(seen)
+
+    def worst(self) -> tuple[Alarm, ...]:
+        """The worst first, the newest of equals first."""
+        if not self._all:
+            return ()
+        return tuple(sorted(self._all.values(), key=lambda a: (-a.severity, -a.number)))

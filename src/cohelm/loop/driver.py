@@ -1,0 +1,153 @@
+"""What to ask of the wheels in one period: on the route with the person, or the person alone."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose, Stick, Twist
+from cohelm.law.govern import Profile
+from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.reference import Reference, through
+from cohelm.loop.person import CENTRED
+from cohelm.loop.planning import Planning
+from cohelm.perceive.seen import Seen
+from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.step import Decision, Settings
+from cohelm.robot.keep.kept import Keeper
+from cohelm.robot.limits import achievable
+
+_COMPILING = 180.0  # the first plan may take this long [s]
+_EVERY = 0.2  # from one snapshot for the planner to the next [s]
+_OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 8
+"""When the wheels do so much else than they were told, for so many periods, they are believed."""
+
+
+class Driver:
+    """A pilot with what it needs around it. `pilot` None: there is no route to follow."""
+
+    def __init__(
+        self, pilot: Pilot | None, settings: Settings, delay: float, planning: Planning | None
+    ) -> None:
+        """delay: from command to wheels [s]."""
+        self.pilot, self._settings, self._planning = pilot, settings, planning
+        self._alone = _alone(settings, delay)
+        fast = settings.gains._replace(k_hx=1.0, k_hpsi=1.0)
+        self._by_hand = _alone(settings._replace(gains=fast), delay)
+        dt = settings.rules.dt
+        self._delay = round(delay / dt)
+        self._given: deque[Twist] = deque([Twist(0.0, 0.0)] * (self._delay + 1), self._delay + 1)
+        self._twist = Twist(0.0, 0.0)
+        self._off = 0
+        self._planned = -math.inf
+        self._map: tuple[object, ...] = ()
+        self._points: Floats = np.empty((0, 2))
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the route is done."""
+        return self.pilot is not None and self.pilot.arrived
+
+    def moved(self, measured: Twist) -> Twist:
+        """What the robot does now: what it was told, as long as that is about what is measured.
+
+        Wheels measure with noise that would go into every command; and late.
+        """
+        before, dt = self._twist, self._settings.rules.dt
+        off = abs(measured.v - before.v) > _OFF_V or abs(measured.omega - before.omega) > _OFF_OMEGA
+        self._off = self._off + 1 if off else 0
+        self._twist = achievable(self._given[0], before, self._settings.limits, dt)
+        if self._off >= _OFF_FOR and math.isfinite(measured.v + measured.omega):
+            self._twist = measured
+        return self._twist
+
+    def given(self, twist: Twist) -> None:
+        """What the robot was told in this period."""
+        self._given.append(twist)
+
+    def around(self, seen: Seen) -> Surroundings:
+        """What is seen, in the map's frame as the pose has it now: pose and things in it jump
+        together when the robot finds itself elsewhere on the map, and nothing comes nearer."""
+        key = (id(seen.points), seen.map_odom)
+        if key != self._map:
+            self._map, self._points = key, _placed(seen.points, seen.map_odom)
+        discs = seen.discs
+        if len(discs):
+            discs = discs.copy()
+            discs[:, :2] = _placed(discs[:, :2], seen.map_odom)
+            discs[:, 2:4] = _placed(discs[:, 2:4], Pose(0.0, 0.0, seen.map_odom.psi))
+        return Surroundings(discs, seen.agility, np.empty((0, 4)), self._points)
+
+    def follow(self, now: float, pose: Pose, stick: Stick, around: Surroundings) -> Decision:
+        """On the route, shared with the stick. There must be a pilot."""
+        pilot = self.pilot
+        if pilot is None:
+            raise ValueError("there is no route to follow")
+        if self._planning is not None:
+            made = self._planning.plan(now)
+            if made is not None:
+                pilot.take(made, pose, self._twist)
+            if now - self._planned >= _EVERY and self._planning.offer(
+                now, pilot.task(pose, self._twist, around)
+            ):
+                self._planned = now
+        return self._step(pilot, now, pose, stick, around)
+
+    def by_hand(
+        self, now: float, pose: Pose, stick: Stick, around: Surroundings, gently: bool
+    ) -> Decision:
+        """The stick alone; centred, the robot stands. gently: as strong as beside the controller,
+        else so that the whole stick is the whole speed u_d."""
+        return self._step(self._alone if gently else self._by_hand, now, pose, stick, around)
+
+    def _step(
+        self, pilot: Pilot, now: float, pose: Pose, stick: Stick, around: Surroundings
+    ) -> Decision:
+        d = self._delay  # the commands under way, as the robot got them, where this pilot has them
+        for j in range(d):
+            pilot.sent[(pilot.state.k + j) % d] = self._given[j + 1]
+        return pilot.step(now, pose, self._twist, stick, around)
+
+    def rehearse(self, pose: Pose, around: Surroundings) -> None:
+        """Compile what a period may need; changes nothing."""
+        pilots = (self._alone, self._by_hand, *((self.pilot,) if self.pilot else ()))
+        for pilot in pilots:
+            state, sent = pilot.state, pilot.sent.copy()
+            pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, around)
+            pilot.state = state
+            pilot.sent[:] = sent
+
+    def rehearse_plan(self, seen: Seen, keeper: Keeper) -> None:
+        """Have one plan made, and thrown away: what plans compiles too, and takes long over it."""
+        if self.pilot is None or self._planning is None:
+            return
+        task = self.pilot.task(seen.pose, Twist(0.0, 0.0), self.around(seen))
+        end = keeper.now() + _COMPILING
+        self._planning.offer(keeper.now(), task)
+        while self._planning.plan(keeper.now()) is None and keeper.now() < end:
+            keeper.wait(keeper.now() + 0.02)
+
+    def close(self) -> None:
+        """End what plans."""
+        if self._planning is not None:
+            self._planning.close()
+
+
+def _alone(settings: Settings, delay: float) -> Pilot:
+    """A pilot whose automatic part wants nothing: gains 0, and a reference that stands still."""
+    nothing = settings.gains._replace(k_x=0.0, k_psi=0.0)
+    nowhere: Reference = through(np.array([[0.0, 0.0], [1.0, 0.0]]), 1.0)
+    pilot = Pilot(nowhere, settings._replace(gains=nothing), delay=delay)
+    still = Profile(np.zeros_like(pilot.course.paced.rate), pilot.course.paced.duration)
+    pilot.course = pilot.course._replace(paced=still)
+    return pilot
+
+
+def _placed(points: Floats, frame: Pose) -> Floats:
+    """Points of a frame, where they are in the frame that it is in."""
+    if not len(points):
+        return points
+    c, s = math.cos(frame.psi), math.sin(frame.psi)
+    return np.ascontiguousarray(points @ np.array([[c, s], [-s, c]]) + (frame.x, frame.y))

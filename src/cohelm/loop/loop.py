@@ -1,0 +1,302 @@
+"""The loop: one period after the other, each at its time, whatever happens in it."""
+
+from __future__ import annotations
+
+import gc
+import math
+import sys
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.period import PERIOD
+from cohelm.core.types import Twist, wrap
+from cohelm.link.heard import Asked
+from cohelm.link.messages import Arming, Ask, Mode
+from cohelm.loop.alarms import Alarms
+from cohelm.loop.driver import Driver
+from cohelm.loop.operator import Operator
+from cohelm.loop.person import CENTRED, Manner, Person, renewed
+from cohelm.loop.senses import Senses, patience
+from cohelm.loop.telling import Said, predicted, scan_parts, sigma, status
+from cohelm.loop.timing import Timing
+from cohelm.perceive.seen import Perception, Seen
+from cohelm.pilot.step import Decision
+from cohelm.robot.gate.gate import STANDING, Passed, Proposal
+from cohelm.robot.gate.modes import Mode as GateMode, driving, latched
+from cohelm.robot.keep.kept import Event, Keeper
+from cohelm.robot.keep.lines import Line
+from cohelm.robot.port import Readings
+
+_GATE = {
+    Mode.HOLD: GateMode.IDLE, Mode.AUTOMATIC: GateMode.AUTOMATIC,
+    Mode.SHARED: GateMode.SHARED, Mode.MANUAL: GateMode.SHARED,
+}  # fmt: skip
+_TOLD = 50.0  # statuses a second, at most
+_SWEEP = 5.0  # from one sweep of young garbage to the next [s]
+
+
+class Ways(NamedTuple):
+    """How the loop goes about it."""
+
+    period: float = 0.02
+    """[s]"""
+    carry_on: bool = False
+    """Whether the controller drives on alone when a stick in use vanishes, instead of stopping."""
+    manner: Manner = Manner()
+
+
+class Loop:
+    """One robot's loop. `period()` is one turn; `run` turns until it is told to end."""
+
+    def __init__(
+        self, keeper: Keeper, perception: Perception, driver: Driver, operator: Operator,
+        record: Line, ways: Ways, has_map: bool,
+    ) -> None:  # fmt: skip
+        """has_map: whether `perception` localises on one."""
+        self.keeper, self.perception, self.driver = keeper, perception, driver
+        self.operator, self.ways = operator, ways
+        self.timing, self.alarms = Timing(), Alarms()
+        self.mode = Mode.HOLD
+        self.person = Person()
+        self.problem = ""
+        """What is wrong with the readings; empty: nothing."""
+        self.seen: Seen | None = None
+        self.decision: Decision | None = None
+        self._record = record
+        self._has_map = has_map
+        self._senses = Senses(keeper.model, patience(keeper.model, ways.period))
+        self._row = np.zeros((), dtype=PERIOD)
+        self._number = 0
+        self._due = -math.inf
+        self._lost = False
+        self._arrived = False
+        self._odometry = -math.inf
+        self._scan = -1
+        self._asked = STANDING
+        self._told = -math.inf
+        self._swept = -math.inf
+        self._late = self._took = 0.0
+        self._recorder = ""
+
+    def run(self, until: Callable[[Loop], bool]) -> None:
+        """Turn until `until` says so; it is asked after every period."""
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        switch = sys.getswitchinterval()
+        sys.setswitchinterval(5e-4)  # another thread may not keep the loop waiting for long
+        try:
+            self._due = self.keeper.now()
+            while True:
+                self.period()
+                if until(self):
+                    return
+                self.keeper.wait(self._due)
+        finally:
+            sys.setswitchinterval(switch)
+            gc.enable()
+            gc.unfreeze()
+
+    @property
+    def dropped(self) -> int:
+        """Messages the recorder had no room for."""
+        return self._record.dropped
+
+    def choose(self, mode: Mode) -> str:
+        """Who drives from now on; why not, or nothing."""
+        if mode != Mode.HOLD and self.problem:
+            return self.problem
+        if mode in (Mode.AUTOMATIC, Mode.SHARED) and self.driver.pilot is None:
+            return "there is no route to follow"
+        said = self.keeper.drive(_GATE[mode])
+        if not said:
+            self.mode = mode
+            self._event(f"mode {mode.name}")
+        return said
+
+    def period(self) -> None:
+        """One turn: read, perceive, step, gate, send; then tell and record."""
+        keeper = self.keeper
+        now = keeper.now()
+        late = now - self._due if self._due > -math.inf else 0.0
+        readings = keeper.read()
+        self._look(now, readings)
+        self._listen()
+        decision = None
+        seen = self.seen
+        if driving(keeper.gate.mode) and not self.problem and seen is not None:
+            decision = self._decide(now, seen)
+        passed = self._propose(readings, decision)
+        self.decision = decision
+        self._late, self._took = late, keeper.now() - now
+        self._watch(now)
+        self._write(now, readings, passed)
+        self._tell(now, passed)
+        self._keep_time(now)
+
+    def _look(self, now: float, readings: Readings) -> None:
+        """Are the readings to be relied on, and what do they say?"""
+        problem = self._senses.wrong(now, readings)
+        if problem and not self.problem:
+            self._event(problem, serious=driving(self.keeper.gate.mode))
+        elif self.problem and not problem:
+            self._event("the readings are sound")
+        self.problem = problem
+        if problem and driving(self.keeper.gate.mode):
+            self.keeper.fault(problem)
+        seen = self.perception.take(now, readings)
+        if seen.lost != self._lost:
+            self._lost = seen.lost
+            self._event(f"lost: {seen.reason}" if seen.lost else "found on the map", seen.lost)
+        if seen.lost and self._has_map:
+            self.alarms.on("lost", f"lost: {seen.reason}")
+        else:
+            self.alarms.off("lost")
+        self.seen = seen
+        self.driver.moved(seen.twist)
+
+    def _listen(self) -> None:
+        """What does the person want, and may the stick be believed?"""
+        heard = self.operator.heard()
+        for asked in heard.asked:
+            granted, reason = self._request(asked)
+            self.operator.answer(asked.client, asked.request.number, granted, reason)
+        self.person = renewed(self.person, heard, self.ways.manner, self.ways.period)
+        if self.person.lost and self.keeper.gate.mode == GateMode.SHARED:
+            self.alarms.on("stick", f"the stick is lost: {self.person.lost}")
+            if self.ways.carry_on and self.mode == Mode.SHARED:
+                self._event(f"{self.person.lost}: the controller carries on alone", True)
+            else:
+                self.keeper.stop(f"the stick is lost: {self.person.lost}")
+        elif self.person.arming == Arming.ARMED:
+            self.alarms.off("stick")
+
+    def _request(self, asked: Asked) -> tuple[bool, str]:
+        what, value = asked.request.what, asked.request.value
+        said = "the loop does not do that"
+        if what == Ask.STOP:
+            self.keeper.stop(f"stop by {asked.name}")
+            said = ""
+        elif what == Ask.RESET:
+            said = self.problem or self.keeper.reset()
+        elif what == Ask.ACKNOWLEDGE:
+            said = "" if self.alarms.acknowledge(value) else "there is no such alarm"
+        elif what == Ask.MODE:
+            said = self.choose(Mode(value)) if value in Mode else "there is no such mode"
+        self._event(f"{asked.name} asks for {what.name} {value}: {said or 'done'}")
+        return not said, said
+
+    def _decide(self, now: float, seen: Seen) -> Decision:
+        around = self.driver.around(seen)
+        stick = self.person.stick if self.keeper.gate.mode == GateMode.SHARED else CENTRED
+        if self.mode == Mode.MANUAL:
+            return self.driver.by_hand(now, seen.pose, stick, around, gently=False)
+        if seen.lost or self.driver.pilot is None:
+            return self.driver.by_hand(now, seen.pose, stick, around, gently=True)
+        return self.driver.follow(now, seen.pose, stick, around)
+
+    def _propose(self, readings: Readings, decision: Decision | None) -> Passed:
+        """To the gate; but with readings that are wrong nothing, and the watchdog counts."""
+        asked = Twist(decision.v, decision.omega) if decision is not None else STANDING
+        self._asked = asked
+        gate = self.keeper.gate
+        if self.problem or readings.odometry is None:
+            self.driver.given(STANDING)
+            return Passed(gate.out, gate.reason or self.problem)
+        self._number += 1
+        passed = self.keeper.propose(Proposal(self._number, readings.odometry.stamp, asked))
+        self.driver.given(STANDING if latched(self.keeper.gate.mode) else passed.out)
+        return passed
+
+    def _watch(self, now: float) -> None:
+        """Follow what the gate did by itself, and whether the recorder lives."""
+        gate = self.keeper.gate
+        if not driving(gate.mode) and self.mode != Mode.HOLD:
+            self.mode = Mode.HOLD
+        if latched(gate.mode):
+            self.alarms.on("stopped", gate.reason)
+        else:
+            self.alarms.off("stopped")
+        said = self._record.heard() or self._record.broken
+        if said and said != self._recorder:
+            self._recorder = str(said)
+            self.alarms.on("recorder", self._recorder)
+        if self.driver.arrived != self._arrived:
+            self._arrived = self.driver.arrived
+            if self._arrived:
+                self._event("arrived: the route is done")
+
+    def _write(self, now: float, readings: Readings, passed: Passed) -> None:
+        """To the recorder, as much as it has room for."""
+        odometry, scan = readings.odometry, readings.scan
+        if odometry is not None and odometry.stamp != self._odometry:
+            self._odometry = odometry.stamp
+            self._record(odometry)
+        if scan is not None and scan.number != self._scan:
+            self._scan = scan.number
+            self._record(scan)
+            if self.seen is not None:
+                self.operator.show(*scan_parts(scan, self.perception.lidar, self.seen.pose))
+        nan = math.nan
+        d, seen, gate, person = self.decision, self.seen, self.keeper.gate, self.person
+        if seen is None:
+            return
+        self._row[()] = (
+            now, *seen.pose, sigma(seen.covariance), seen.share, seen.lost, *seen.twist,
+            *person.stick, int(person.arming), person.age, int(gate.mode),
+            d.doing if d else -1, d.authority_x if d else nan, d.authority_psi if d else nan,
+            d.x_d if d else nan, d.y_d if d else nan, d.psi_d if d else nan, self._e_p(),
+            d.tau if d else nan, d.rate if d else nan,
+            d.shared_v if d else 0.0, d.shared_omega if d else 0.0, *self._asked, *passed.out,
+            d.verdict if d else 0, d.culprit if d else -1, d.gap if d else nan,
+            now - odometry.stamp if odometry else nan,
+            now - scan.stamp - scan.duration if scan else nan,
+            self._late, self._took, self.timing.overruns, gate.refused, self._record.dropped,
+        )  # fmt: skip
+        self._record(self._row.tobytes())
+
+    def _tell(self, now: float, passed: Passed) -> None:
+        if now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period or self.seen is None:
+            return
+        self._told = now
+        gate = self.keeper.gate
+        said = Said(
+            self.mode, gate.reason, self.person, self.seen, self._has_map, self.decision,
+            passed.out, passed.reason, self._e_p(), self._progress(),
+            not (self._recorder or self._record.broken), self.timing.recent, self.timing.overruns,
+            self.alarms.worst(),
+        )  # fmt: skip
+        self.operator.tell(status(said, predicted(self.seen.pose, passed.out)))
+
+    def _keep_time(self, now: float) -> None:
+        """When the next period is due. Missed ones are counted, never made up for in a burst."""
+        end, period = self.keeper.now(), self.ways.period
+        if self._due == -math.inf:
+            self._due = now
+        following = self._due + period
+        overrun = end > following
+        if overrun:
+            following += period * math.ceil((end - following) / period)
+        self.timing.add(now, self._late, self._took, overrun)
+        self._due = following
+        if now - self._swept > _SWEEP and following - end > 0.5 * period:
+            self._swept = now
+            gc.collect(0)
+
+    def _e_p(self) -> float:
+        d, seen = self.decision, self.seen
+        if d is None or seen is None:
+            return math.nan
+        dx, dy = d.x_d - seen.pose.x, d.y_d - seen.pose.y
+        return math.sqrt(dx * dx + dy * dy + wrap(d.psi_d - seen.pose.psi) ** 2)
+
+    def _progress(self) -> float:
+        pilot = self.driver.pilot
+        if pilot is None:
+            return math.nan
+        return pilot.state.row / max(len(pilot.planner.route.line) - 1, 1)
+
+    def _event(self, text: str, serious: bool = False) -> None:
+        self._record(Event(self.keeper.now(), "loop", text, serious))

@@ -1,0 +1,85 @@
+"""Where the person is: what the loop asks of an operator's side, and local ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+from cohelm.core.types import Stick
+from cohelm.link.heard import Asked, Heard
+from cohelm.link.messages import Ask, Command, Device, Discs, Request, ScanPart, Status
+
+NOBODY = Heard(0, "", None, math.nan, math.nan, ())
+
+
+class Operator(Protocol):
+    """`link.robot_end.RobotEnd` is one. Calls return at once."""
+
+    def heard(self) -> Heard:
+        """What the person wants now; each request is handed out once."""
+        ...
+
+    def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
+        """What became of a request."""
+        ...
+
+    def tell(self, status: Status) -> None:
+        """What the robot does now."""
+        ...
+
+    def show(self, *parts: ScanPart | Discs) -> None:
+        """What it sees."""
+        ...
+
+
+class Nobody:
+    """No operator at all."""
+
+    def heard(self) -> Heard:
+        """Nothing."""
+        return NOBODY
+
+    def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
+        """Nobody asked."""
+
+    def tell(self, status: Status) -> None:
+        """Nobody listens."""
+
+    def show(self, *parts: ScanPart | Discs) -> None:
+        """Nobody looks."""
+
+
+class Scripted(Nobody):
+    """A hand that follows a script, in the robot's time."""
+
+    def __init__(self, hand: Callable[[float], Stick | None], clock: Callable[[], float]) -> None:
+        """hand: the deflection at a time [s]; None: there is no stick then."""
+        self._hand, self._clock = hand, clock
+        self._asked: list[Asked] = []
+        self.answers: list[tuple[int, bool, str]] = []
+        """Number, granted, reason."""
+        self.statuses: list[Status] = []
+        """The last hundred told."""
+
+    def ask(self, what: Ask, value: int = 0) -> None:
+        """Have something done once."""
+        number = len(self._asked) + len(self.answers) + 1
+        self._asked.append(Asked(1, "script", Request(number, what, value, 0.0)))
+
+    def heard(self) -> Heard:
+        """The script's deflection, as fresh as can be."""
+        asked, self._asked = tuple(self._asked), []
+        stick = self._hand(self._clock())
+        known = Stick(0.0, 0.0) if stick is None else stick
+        command = Command(known, stick is not None, True, Device.SCRIPT, 1.0, ())
+        return Heard(1, "script", command, 0.0, 0.0, asked)
+
+    def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
+        """Keep it."""
+        self.answers.append((number, granted, reason))
+
+    def tell(self, status: Status) -> None:
+        """Keep it."""
+        self.statuses.append(status)
+        del self.statuses[:-100]

@@ -1,0 +1,80 @@
+"""Whether the stick may be believed, and how fast a hand may take over.
+
+A stick that vanished is not a stick that is centred: with the authority exp(-V_h) of (48), centred
+means that the controller leads. So validity travels beside the deflection, a stick steers only
+after it was seen centred, and what it says reaches the law no faster than a hand would move it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cohelm.core.types import Stick
+from cohelm.link.heard import Heard
+from cohelm.link.messages import Arming, Command
+
+CENTRED = Stick(0.0, 0.0)
+
+
+class Manner(NamedTuple):
+    """How a person takes over."""
+
+    hand_rate: float = 8.0
+    """The deflection in use changes no faster than this [1/s]."""
+    centre: float = 0.1
+    """Deflections up to this are centred, when a stick is armed."""
+    stale: float = 0.3
+    """An older command is not used [s]."""
+
+
+class Person(NamedTuple):
+    """The person as of the last period."""
+
+    arming: Arming = Arming.ABSENT
+    stick: Stick = CENTRED
+    """The deflection in use."""
+    age: float = math.nan
+    """Of the newest command [s]."""
+    lost: str = ""
+    """Why the stick, armed a period ago, is not to be believed any more; else empty."""
+
+
+def renewed(person: Person, heard: Heard, manner: Manner, dt: float) -> Person:
+    """The person a period of `dt` later, with what was heard."""
+    command, why = _believed(heard, manner)
+    if command is None:
+        lost = why if person.arming == Arming.ARMED else ""
+        stick = _towards(person.stick, CENTRED, manner.hand_rate * dt)
+        return Person(Arming.ABSENT, stick, heard.age, lost)
+    stick = command.stick
+    arming = person.arming
+    if arming != Arming.ARMED:
+        centred = max(abs(stick.x), abs(stick.psi)) <= manner.centre
+        arming = Arming.ARMED if centred else Arming.WAITING
+    goal = stick if arming == Arming.ARMED else CENTRED
+    return Person(arming, _towards(person.stick, goal, manner.hand_rate * dt), heard.age, "")
+
+
+def _believed(heard: Heard, manner: Manner) -> tuple[Command | None, str]:
+    """The command, or why there is none to be believed."""
+    command = heard.command
+    if command is None:
+        silent = heard.driver != 0 and math.isfinite(heard.age)
+        said = f"no command for {1000.0 * heard.age:.0f} ms" if silent else "nobody drives any more"
+        return None, said
+    if not heard.age <= manner.stale:
+        return None, f"the newest command is {1000.0 * heard.age:.0f} ms old"
+    if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
+        return None, "the stick vanished"
+    if not command.armed:
+        return None, "the stick was disarmed"
+    return command, ""
+
+
+def _towards(now: Stick, goal: Stick, most: float) -> Stick:
+    """Both axes on towards their goal, by at most `most`."""
+    return Stick(
+        now.x + min(max(goal.x - now.x, -most), most),
+        now.psi + min(max(goal.psi - now.psi, -most), most),
+    )

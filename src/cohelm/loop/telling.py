@@ -1,0 +1,147 @@
+"""What the operator is told of a period."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.law import verdict as verdicts
+from cohelm.link.messages import (
+    Alarm,
+    Guarding,
+    Lease,
+    Localised,
+    Mode,
+    ScanPart,
+    Status,
+    Timing,
+    Verdict,
+)
+from cohelm.link.wire import MOST_BEAMS
+from cohelm.loop.person import Person
+from cohelm.perceive.frames import compose
+from cohelm.perceive.seen import Seen
+from cohelm.pilot.step import Decision
+from cohelm.robot.kinematics import arc
+from cohelm.robot.port import Scan
+from cohelm.robot.sensors import Lidar
+
+_POOR = 0.1  # a place with a larger standard deviation is poorly known [m]
+_AHEAD, _AHEAD_STEP = 12, 0.15
+_NOBODY = Lease(0, 0, "", 0, "", math.nan)
+_VERDICTS = {
+    verdicts.UNTOUCHED: Verdict.UNTOUCHED, verdicts.SHAPED: Verdict.SHAPED,
+    verdicts.BRAKING: Verdict.BRAKING, verdicts.STANDING: Verdict.STANDING,
+    verdicts.INVALID: Verdict.INVALID,
+}  # fmt: skip
+
+
+class Said(NamedTuple):
+    """What the loop knows at the end of a period."""
+
+    mode: Mode
+    stopped: str
+    person: Person
+    seen: Seen
+    has_map: bool
+    decision: Decision | None
+    given: Twist
+    why: str
+    e_p: float
+    progress: float
+    recording: bool
+    late: float
+    overruns: int
+    alarms: tuple[Alarm, ...]
+
+
+def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
+    """The message; lease, answers and the link's part of the timing are filled in by the link."""
+    d, seen = said.decision, said.seen
+    nan = math.nan
+    asked = Twist(d.shared_v, d.shared_omega) if d else Twist(0.0, 0.0)
+    return Status(
+        lease=_NOBODY,
+        mode=said.mode,
+        stopped=said.stopped,
+        arming=said.person.arming,
+        stick=said.person.stick,
+        automatic=min(d.authority_x, d.authority_psi) if d else nan,
+        pose=seen.pose,
+        odometry=seen.odometry,
+        twist=seen.twist,
+        asked=asked,
+        given=said.given,
+        why=said.why,
+        guarding=_guarding(d, seen),
+        e_p=said.e_p,
+        reference=Pose(d.x_d, d.y_d, d.psi_d) if d else Pose(nan, nan, nan),
+        progress=said.progress,
+        speed_cap=math.inf,
+        cap_reason="",
+        localised=_localised(said),
+        sigma=sigma(seen.covariance),
+        recording=said.recording,
+        timing=Timing(said.late, said.overruns, said.person.age, nan, nan, 0),
+        alarms=said.alarms,
+        answers=(),
+        ahead=ahead,
+        ahead_step=_AHEAD_STEP,
+    )
+
+
+def predicted(pose: Pose, twist: Twist) -> tuple[tuple[float, float], ...]:
+    """Where the robot goes if it goes on as it does, in the map."""
+    points: list[tuple[float, float]] = []
+    for k in range(1, _AHEAD + 1):
+        there = arc(pose, twist, k * _AHEAD_STEP)
+        points.append((there.x, there.y))
+    return tuple(points)
+
+
+def scan_parts(scan: Scan, lidar: Lidar, body: Pose) -> tuple[ScanPart, ...]:
+    """A scan for the operator's map, in as many parts as it takes, as if taken from one pose."""
+    sensor = compose(body, lidar.mount)
+    known = np.where(scan.ranges == -math.inf, 0.0, scan.ranges)
+    far = ~np.isfinite(known)
+    whole = np.round(1000.0 * np.where(far, 0.0, known))
+    ranges = np.where(far, 65535, np.minimum(whole, 65534)).astype(np.uint16)
+    n = len(ranges)
+    return tuple(
+        ScanPart(
+            scan.number, scan.stamp, sensor, n, start, lidar.first, lidar.step,
+            ranges[start : start + MOST_BEAMS],
+        )
+        for start in range(0, n, MOST_BEAMS)
+    )  # fmt: skip
+
+
+def sigma(covariance: Floats) -> float:
+    """Standard deviation of a place, in its worst direction [m]."""
+    a, b, c = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+    return math.sqrt(max(0.5 * (a + c) + math.hypot(0.5 * (a - c), b), 0.0))
+
+
+def _guarding(d: Decision | None, seen: Seen) -> Guarding:
+    if d is None:
+        return Guarding(Verdict.UNTOUCHED, math.nan, (math.nan, math.nan), math.nan)
+    at = (math.nan, math.nan)
+    if d.culprit >= 0:
+        moving = len(seen.discs)
+        things = seen.discs if d.culprit < moving else seen.points
+        row = d.culprit if d.culprit < moving else d.culprit - moving
+        if row < len(things):
+            place = compose(seen.map_odom, Pose(float(things[row, 0]), float(things[row, 1]), 0.0))
+            at = (place.x, place.y)
+    return Guarding(_VERDICTS.get(d.verdict, Verdict.NO_FILTER), d.gap, at, d.h)
+
+
+def _localised(said: Said) -> Localised:
+    if said.seen.lost:
+        return Localised.LOST
+    if not said.has_map:
+        return Localised.UNKNOWN
+    return Localised.POOR if sigma(said.seen.covariance) > _POOR else Localised.GOOD

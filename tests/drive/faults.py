@@ -1,0 +1,93 @@
+"""A robot in the corridor whose sensors fail at a set time; it can be made in any process."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from cohelm.core.types import Pose, Twist
+from cohelm.drive.simulated import Simulated, simulated
+from cohelm.robot.port import Health, Readings
+
+CORRIDOR = Path(__file__).parent / "corridor.yaml"
+
+FAULTS = {
+    "odometry stops": "the odometry is",
+    "odometry is no number": "the odometry is no number",
+    "odometry is gone": "there is no odometry",
+    "odometry jumps": "the odometry jumped by",
+    "scans stop": "the scan is",
+    "scans are no number": "the scan is no number",
+    "clock jumps on": "old",
+    "clock jumps back": "from the future: a clock jumped",
+    "bumper": "the robot says: the bumper is pressed",
+}
+"""What can happen, and what the record says then."""
+
+
+@dataclass(frozen=True)
+class Failing(Simulated):
+    """Fails in one way, from a time of the robot's clock on."""
+
+    fault: str = ""
+    at: float = math.inf
+
+    def __call__(self):
+        return Faulty(super().__call__(), self.fault, self.at)
+
+
+def failing(fault: str, at: float, real_time: bool = False) -> Failing:
+    made = simulated(CORRIDOR, real_time=real_time, seed=2)
+    return Failing(made.scenario, made.kind, real_time, made.seed, fault, at)
+
+
+class Faulty:
+    """Another robot, seen through broken glass."""
+
+    def __init__(self, robot, fault: str, at: float) -> None:
+        self._robot, self._fault, self._at = robot, fault, at
+        self._kept: Readings | None = None
+
+    def __getattr__(self, name):
+        return getattr(self._robot, name)
+
+    def _broken(self) -> bool:
+        return bool(self._fault) and self._robot.now() >= self._at
+
+    def now(self) -> float:
+        t = self._robot.now()
+        if self._broken() and self._fault.startswith("clock"):
+            return t + (5.0 if self._fault.endswith("on") else -1.0)
+        return t
+
+    def wait(self, until: float) -> None:
+        self._robot.wait(until - (self.now() - self._robot.now()))
+
+    def read(self) -> Readings:
+        readings = self._robot.read()
+        if not self._broken():
+            self._kept = readings
+            return readings
+        kept, odometry, scan = self._kept or readings, readings.odometry, readings.scan
+        match self._fault:
+            case "odometry stops":
+                return readings._replace(odometry=kept.odometry)
+            case "odometry is no number":
+                return readings._replace(odometry=odometry._replace(pose=Pose(math.nan, 0.0, 0.0)))
+            case "odometry is gone":
+                return readings._replace(odometry=None)
+            case "odometry jumps":
+                x, y, psi = odometry.pose
+                return readings._replace(odometry=odometry._replace(pose=Pose(x + 1.0, y, psi)))
+            case "scans stop":
+                return readings._replace(scan=kept.scan)
+            case "scans are no number":
+                return readings._replace(scan=scan._replace(ranges=scan.ranges * math.nan))
+            case "bumper":
+                said = ("the bumper is pressed",)
+                return readings._replace(health=Health(self.now(), math.nan, said))
+        return readings
+
+    def send(self, twist: Twist) -> Twist:
+        return self._robot.send(twist)

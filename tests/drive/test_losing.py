@@ -1,0 +1,178 @@
+"""Losing things, in simulated time: the robot stops in time, and the record says why."""
+
+from itertools import pairwise
+
+import pytest
+
+from cohelm.core.types import Stick
+from cohelm.drive.session import Plan, Session
+from cohelm.link.messages import Arming, Ask, Mode
+from cohelm.loop.loop import Ways
+from cohelm.loop.operator import Scripted
+from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.keep.kept import standing
+from tests.drive.faults import FAULTS, failing
+
+AT = 3.0
+NOTICED = {"scans stop": 0.40, "odometry stops": 0.12}
+"""How long it may take until a loss is noticed [s]; others within two periods."""
+BRAKING = 0.05 + 0.5 / 2.0 + 0.1
+"""The delay, from 0.5 m/s at 2 m/s^2, and a little for the odometry to show it [s]."""
+
+
+def speed(session: Session) -> float:
+    return abs(session.keeper.truth().twist.v)
+
+
+def drive(session: Session, seconds: float, mode: Mode = Mode.HOLD) -> None:
+    end = session.loop.keeper.now() + seconds
+    session.run(lambda loop: loop.keeper.now() >= end - 1e-9, mode)
+
+
+@pytest.mark.parametrize("fault", list(FAULTS))
+def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
+    record = tmp_path / "drive.mcap" if fault == "scans stop" else None  # a process more
+    with Session(Plan(failing(fault, AT), record=record)) as session:
+        drive(session, AT - session.loop.keeper.now() - 0.02, Mode.AUTOMATIC)
+        assert speed(session) > 0.4
+        drive(session, 0.02 + NOTICED.get(fault, 0.04) + 0.02)
+        assert session.keeper.gate.mode == GateMode.FAULTED
+        assert FAULTS[fault] in session.keeper.gate.reason
+        drive(session, BRAKING)
+        assert speed(session) == 0.0
+        assert session.loop.mode == Mode.HOLD
+        assert session.loop.alarms.worst()[0].active
+        drive(session, 1.0)
+        assert speed(session) == 0.0
+    if record is not None:
+        log = record.with_suffix(".log").read_text()
+        assert f"AUTOMATIC -> FAULTED: {FAULTS[fault]}" in log
+        assert "gate: stands, 0." in log
+
+
+def test_after_a_fault_has_gone_only_a_reset_and_a_choice_drive_again():
+    operator = Scripted(lambda _: None, lambda: 0.0)
+    with Session(Plan(failing("scans stop", AT)), operator) as session:
+        drive(session, 4.5, Mode.AUTOMATIC)
+        robot = session.keeper._robot
+        operator.ask(Ask.RESET)
+        drive(session, 0.1)
+        assert session.keeper.gate.mode == GateMode.FAULTED  # the cause is still there
+        robot._fault = ""
+        drive(session, 1.0)
+        assert session.keeper.gate.mode == GateMode.FAULTED
+        operator.ask(Ask.RESET)
+        drive(session, 1.0)
+        assert session.keeper.gate.mode == GateMode.IDLE
+        assert speed(session) == 0.0
+        operator.ask(Ask.MODE, Mode.AUTOMATIC)
+        drive(session, 2.0)
+        assert speed(session) > 0.3
+    answers = [(granted, reason) for _, granted, reason in operator.answers]
+    assert answers[0][0] is False
+    assert "the scan is" in answers[0][1]
+    assert answers[1:] == [(True, ""), (True, "")]
+
+
+def hand(steer_from: float, gone_from: float, back_at: float = 1e9):
+    """Centred, then to the left, then no stick, then centred again, in the robot's time."""
+
+    def stick(t: float) -> Stick | None:
+        if gone_from <= t < back_at:
+            return None
+        return Stick(0.0, 0.0) if t < steer_from or t >= back_at else Stick(0.9, 0.1)
+
+    return stick
+
+
+def shared(session_plan: Plan, script) -> tuple[Session, Scripted]:
+    box: list[Session] = []
+    operator = Scripted(script, lambda: box[0].loop.keeper.now() if box else 0.0)
+    session = Session(session_plan, operator)
+    box.append(session)
+    return session, operator
+
+
+def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
+    session, operator = shared(Plan(failing("", AT)), hand(2.0, 3.0))
+    with session:
+        drive(session, 3.0 - session.loop.keeper.now() - 0.02, Mode.SHARED)
+        assert session.loop.person.arming == Arming.ARMED
+        assert session.loop.decision.authority_x < 0.2
+        drive(session, 0.06)
+        assert session.keeper.gate.mode == GateMode.STOPPED
+        assert "the stick vanished" in session.keeper.gate.reason
+        drive(session, BRAKING)
+        assert speed(session) == 0.0
+        status = operator.statuses[-1]
+        assert "the stick vanished" in status.stopped
+        assert any("the stick is lost" in alarm.text for alarm in status.alarms)
+
+
+def test_carrying_on_alone_is_a_setting_and_takes_over_without_a_jump():
+    ways = Ways(carry_on=True)
+    session, operator = shared(Plan(failing("", AT), ways=ways), hand(2.0, 3.0, 5.0))
+    twists = []
+    with session:
+
+        def until(loop):
+            twists.append(session.keeper.truth().twist)
+            return loop.keeper.now() >= 5.5
+
+        session.run(until, Mode.SHARED)
+        assert session.keeper.gate.mode == GateMode.SHARED
+        assert speed(session) > 0.3
+        alarm = next(a for a in operator.statuses[-1].alarms if "the stick is lost" in a.text)
+        assert not alarm.active  # the stick is back and centred
+        assert not alarm.acknowledged  # but nobody has said so
+    jumps = [abs(b.v - a.v) for a, b in pairwise(twists)]
+    assert max(jumps) <= 2.0 * 0.02 + 1e-9
+
+
+def test_a_stick_nobody_held_is_not_missed_in_automatic_mode():
+    session, _ = shared(Plan(failing("", AT)), hand(2.0, 3.0))
+    with session:
+        drive(session, 4.0, Mode.AUTOMATIC)
+        assert session.keeper.gate.mode == GateMode.AUTOMATIC
+        assert speed(session) > 0.4
+
+
+def test_stop_by_anyone_and_a_mode_by_hand():
+    def script(t: float) -> Stick:
+        return Stick(0.0, 0.0) if t < 1.0 else Stick(0.8, 0.0)
+
+    session, operator = shared(Plan(failing("", AT)), script)
+    with session:
+        drive(session, 2.5, Mode.MANUAL)
+        assert session.keeper.gate.mode == GateMode.SHARED
+        v = speed(session)
+        assert 0.25 < v < 0.5  # 0.8 of the speed, less the share of nothing
+        operator.ask(Ask.STOP)
+        drive(session, 0.02 + BRAKING)
+        assert speed(session) == 0.0
+        assert session.keeper.gate.reason == "stop by script"
+        operator.ask(Ask.MODE, Mode.MANUAL)
+        operator.ask(Ask.ACKNOWLEDGE, 0)
+        operator.ask(Ask.MODE, 77)
+        operator.ask(Ask.TAKE)
+        drive(session, 0.1)
+        assert operator.answers[1:] == [
+            (2, False, "reset first: stop by script"),
+            (3, True, ""),
+            (4, False, "there is no such mode"),
+            (5, False, "the loop does not do that"),
+        ]
+
+
+def test_the_route_is_driven_to_its_end_and_both_clocks_agree():
+    with Session(Plan(failing("", AT))) as session:
+        session.run(lambda loop: loop.driver.arrived or loop.keeper.now() > 25.0, Mode.AUTOMATIC)
+        truth = session.keeper.truth()
+        assert session.loop.driver.arrived
+        assert truth.pose.x == pytest.approx(8.0, abs=0.05)
+        assert abs(truth.pose.y) < 0.03
+        assert truth.least_moving > 0.5
+        session.end("the drive is over")
+        assert standing(session.loop.seen.twist)
+        assert session.summary()["arrived"]
+        assert "STOPPED the drive is over" in session.line()

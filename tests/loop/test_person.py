@@ -1,0 +1,80 @@
+"""A stick is believed only after it was centred, and a vanished one is not a centred one."""
+
+import math
+
+import pytest
+
+from cohelm.core.types import Stick
+from cohelm.link.heard import Heard
+from cohelm.link.messages import Arming, Command, Device
+from cohelm.loop.operator import NOBODY
+from cohelm.loop.person import CENTRED, Manner, Person, renewed
+
+M = Manner()
+
+
+def heard(x=0.0, psi=0.0, valid=True, armed=True, age=0.02):
+    command = Command(Stick(x, psi), valid, armed, Device.GAMEPAD, 1.0, ())
+    return Heard(1, "anna", command, age, 0.0, ())
+
+
+def after(*said, start=Person(), dt=0.02):  # noqa: B008
+    person = start
+    for one in said:
+        person = renewed(person, one, M, dt)
+    return person
+
+
+ARMED = after(heard(), heard())
+
+
+def test_nobody_there_is_no_stick_and_no_loss():
+    person = after(NOBODY)
+    assert (person.arming, person.stick, person.lost) == (Arming.ABSENT, CENTRED, "")
+
+
+def test_a_deflected_stick_waits_until_it_was_centred():
+    person = after(*[heard(0.8)] * 50)
+    assert (person.arming, person.stick) == (Arming.WAITING, CENTRED)
+    person = after(heard(0.05), heard(0.8), start=person)
+    assert person.arming == Arming.ARMED
+    assert person.stick.x > 0.0
+
+
+def test_the_deflection_in_use_moves_no_faster_than_a_hand():
+    person, last = ARMED, 0.0
+    for _ in range(30):
+        person = after(heard(1.0, -1.0), start=person)
+        assert person.stick.x - last <= M.hand_rate * 0.02 + 1e-12
+        last = person.stick.x
+    assert person.stick == Stick(1.0, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (heard(valid=False), "the stick vanished"),
+        (heard(x=math.nan), "the stick vanished"),
+        (heard(armed=False), "the stick was disarmed"),
+        (heard(age=0.31), "the newest command is 310 ms old"),
+        (heard(age=math.nan), "the newest command is nan ms old"),
+        (Heard(1, "anna", None, 0.4, 0.0, ()), "no command for 400 ms"),
+        (NOBODY, "nobody drives any more"),
+    ],
+)
+def test_a_stick_in_use_that_can_not_be_believed_is_lost_once_and_says_why(said, why):
+    person = after(said, start=ARMED._replace(stick=Stick(0.8, 0.0)))
+    assert (person.arming, person.lost) == (Arming.ABSENT, why)
+    assert 0.0 < person.stick.x < 0.8  # let go no faster than a hand would
+    again = after(said, start=person)
+    assert again.lost == ""
+
+
+def test_after_a_loss_it_must_be_centred_again():
+    person = after(heard(valid=False), heard(0.8), start=ARMED)
+    assert person.arming == Arming.WAITING
+    assert after(heard(0.0), start=person).arming == Arming.ARMED
+
+
+def test_a_stick_that_only_waited_is_not_missed():
+    assert after(heard(0.8), heard(valid=False)).lost == ""

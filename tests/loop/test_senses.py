@@ -1,0 +1,88 @@
+"""Every way in which a reading can be wrong is seen, and said."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, Twist
+from cohelm.loop.senses import Senses, patience
+from cohelm.robot.port import Odometry, Readings, Scan
+from tests.ports.adapters import sally
+
+NAN = math.nan
+
+
+def odometry(stamp=10.0, x=0.0, psi=0.0, v=0.0, omega=0.0):
+    return Odometry(stamp, Pose(x, 0.0, psi), Twist(v, omega))
+
+
+def scan(stamp=9.95, number=1, value=3.0, duration=0.0):
+    return Scan(stamp, number, np.full(720, value), duration)
+
+
+def senses():
+    return Senses(sally(), patience(sally(), 0.02))
+
+
+def readings(o=odometry(), s=scan()):  # noqa: B008
+    return Readings(o, s, None, None)
+
+
+def test_sound_readings_are_sound():
+    made = senses()
+    for k in range(50):
+        t = 10.0 + 0.02 * k
+        assert made.wrong(t, readings(odometry(t, 0.01 * k), scan(t - 0.03, k))) == ""
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (readings(None), "there is no odometry"),
+        (readings(odometry(x=NAN)), "the odometry is no number"),
+        (readings(odometry(psi=math.inf)), "the odometry is no number"),
+        (readings(odometry(v=NAN)), "the odometry is no number"),
+        (readings(odometry(stamp=NAN)), "the odometry is no number"),
+        (readings(odometry(stamp=9.9)), "the odometry is 100 ms old"),
+        (readings(odometry(stamp=10.5)), "the odometry comes 500 ms from the future"),
+        (readings(s=None), "there is no scan"),
+        (readings(s=scan(stamp=9.5)), "the scan is 500 ms old"),
+        (readings(s=scan(stamp=10.5)), "the scan comes 500 ms from the future"),
+        (readings(s=scan(stamp=NAN)), "the scan's time is no number"),
+        (readings(s=scan(duration=NAN)), "the scan's time is no number"),
+        (readings(s=scan(value=NAN)), "the scan is no number"),
+    ],
+)
+def test_what_is_wrong_is_said(given, said):
+    assert senses().wrong(10.0, given).startswith(said)
+
+
+def test_a_scan_is_as_old_as_its_last_beam():
+    assert senses().wrong(10.0, readings(s=scan(stamp=9.6, duration=0.1))) == ""
+    assert senses().wrong(10.0, readings(s=scan(stamp=9.6, duration=0.0))) != ""
+
+
+@pytest.mark.parametrize(
+    ("after", "said"),
+    [
+        (odometry(10.02, x=0.5), "the odometry jumped by 0.50 m"),
+        (odometry(10.02, psi=1.0), "the odometry jumped by 57 deg"),
+        (odometry(9.98), "the odometry's clock went back by 20 ms"),
+    ],
+)
+def test_odometry_that_no_wheels_can_follow_has_jumped(after, said):
+    made = senses()
+    assert made.wrong(10.0, readings()) == ""
+    assert made.wrong(10.02, readings(after)) == said
+
+
+def test_a_turn_of_the_heading_over_pi_is_no_jump():
+    made = senses()
+    made.wrong(10.0, readings(odometry(psi=math.pi)))
+    assert made.wrong(10.02, readings(odometry(10.02, psi=-math.pi))) == ""
+
+
+def test_a_robot_without_a_lidar_needs_no_scan():
+    blind = sally().model_copy(update={"lidar": None})
+    assert Senses(blind, patience(blind, 0.02)).wrong(10.0, readings(s=None)) == ""

@@ -1,0 +1,45 @@
+"""Time is counted as it was kept."""
+
+import math
+
+import pytest
+
+from cohelm.loop.timing import Timing
+
+
+def test_nothing_counted_is_not_known():
+    kept = Timing().kept()
+    assert kept.periods == 0
+    assert math.isnan(kept.within_2ms)
+    assert math.isnan(kept.late_median)
+
+
+def test_shares_and_worst_are_those_of_what_came():
+    timing = Timing()
+    for k in range(1000):
+        timing.add(0.02 * k, 0.0005 if k % 100 else 0.005, 0.001, k == 500)
+    kept = timing.kept()
+    assert (kept.periods, kept.overruns) == (1000, 1)
+    assert kept.within_2ms == pytest.approx(0.99)
+    assert kept.late_median == pytest.approx(0.0005, abs=3e-5)
+    assert kept.late_999 == pytest.approx(0.005, abs=3e-5)
+    assert kept.late_worst == 0.005
+    assert kept.took_worst == 0.001
+
+
+def test_what_is_far_too_late_is_counted_and_named():
+    timing = Timing()
+    timing.add(0.0, 1.5, 2.5, True)
+    kept = timing.kept()
+    assert (kept.within_2ms, kept.late_worst, kept.took_worst) == (0.0, 1.5, 2.5)
+
+
+def test_the_recent_worst_is_forgotten_after_two_seconds():
+    timing = Timing()
+    timing.add(0.0, 0.009, 0.0, False)
+    for k in range(1, 60):
+        timing.add(0.02 * k, 0.001, 0.0, False)
+    assert timing.recent == 0.009
+    for k in range(60, 200):
+        timing.add(0.02 * k, 0.001, 0.0, False)
+    assert timing.recent == 0.001
