@@ -78,3 +78,10 @@ def test_after_a_loss_it_must_be_centred_again():
 
 def test_a_stick_that_only_waited_is_not_missed():
     assert after(heard(0.8), heard(valid=False)).lost == ""
+
+
+def test_another_drivers_stick_must_be_centred_itself():
+    other = heard(0.8)._replace(driver=2)
+    person = after(*[other] * 20, start=ARMED)
+    assert (person.arming, person.stick, person.lost) == (Arming.WAITING, CENTRED, "")
+    assert after(heard(0.0)._replace(driver=2), start=person).arming == Arming.ARMED

@@ -18,6 +18,7 @@ from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, Ways
 from cohelm.loop.operator import Nobody, Operator
 from cohelm.loop.planning import Elsewhere, Here
+from cohelm.loop.timing import Timing
 from cohelm.perceive.known import Known
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.pilot import Pilot
@@ -180,16 +181,15 @@ class Session:
         loop = self.loop
         keeper = loop.keeper
         end = keeper.now() + (0.5 if self.plan.robot.real_time else 0.1)
-        while keeper.now() < end or loop.seen is None:
-            readings = keeper.read()
-            seen = loop.perception.take(keeper.now(), readings)
-            around = loop.driver.around(seen)
-            loop.driver.rehearse(seen.pose, around)
+        while True:
+            seen = loop.perception.take(keeper.now(), keeper.read())
+            loop.driver.rehearse(seen.pose, loop.driver.around(seen))
             keeper.wait(keeper.now() + self.plan.period)
-            if loop.seen is None:
-                loop.period()
-        if loop.seen is not None:
-            loop.driver.rehearse_plan(loop.seen, keeper)
+            if keeper.now() >= end:
+                break
+        loop.driver.rehearse_plan(seen, keeper)
+        loop.period()
+        loop.timing = Timing()
 
 
 def _driver(plan: Plan, real_time: bool) -> Driver:

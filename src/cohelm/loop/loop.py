@@ -33,6 +33,7 @@ _GATE = {
     Mode.HOLD: GateMode.IDLE, Mode.AUTOMATIC: GateMode.AUTOMATIC,
     Mode.SHARED: GateMode.SHARED, Mode.MANUAL: GateMode.SHARED,
 }  # fmt: skip
+_MODES = frozenset(int(mode) for mode in Mode)
 _TOLD = 50.0  # statuses a second, at most
 _SWEEP = 5.0  # from one sweep of young garbage to the next [s]
 
@@ -184,7 +185,7 @@ class Loop:
         elif what == Ask.ACKNOWLEDGE:
             said = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == Ask.MODE:
-            said = self.choose(Mode(value)) if value in Mode else "there is no such mode"
+            said = self.choose(Mode(value)) if value in _MODES else "there is no such mode"
         self._event(f"{asked.name} asks for {what.name} {value}: {said or 'done'}")
         return not said, said
 

@@ -36,6 +36,8 @@ class Person(NamedTuple):
     """The deflection in use."""
     age: float = math.nan
     """Of the newest command [s]."""
+    driver: int = 0
+    """Whose it is."""
     lost: str = ""
     """Why the stick, armed a period ago, is not to be believed any more; else empty."""
 
@@ -46,14 +48,17 @@ def renewed(person: Person, heard: Heard, manner: Manner, dt: float) -> Person:
     if command is None:
         lost = why if person.arming == Arming.ARMED else ""
         stick = _towards(person.stick, CENTRED, manner.hand_rate * dt)
-        return Person(Arming.ABSENT, stick, heard.age, lost)
+        return Person(Arming.ABSENT, stick, heard.age, heard.driver, lost)
     stick = command.stick
-    arming = person.arming
+    same = heard.driver == person.driver  # another hand must be seen centred itself
+    arming = person.arming if same else Arming.WAITING
     if arming != Arming.ARMED:
         centred = max(abs(stick.x), abs(stick.psi)) <= manner.centre
         arming = Arming.ARMED if centred else Arming.WAITING
     goal = stick if arming == Arming.ARMED else CENTRED
-    return Person(arming, _towards(person.stick, goal, manner.hand_rate * dt), heard.age, "")
+    return Person(
+        arming, _towards(person.stick, goal, manner.hand_rate * dt), heard.age, heard.driver, ""
+    )
 
 
 def _believed(heard: Heard, manner: Manner) -> tuple[Command | None, str]:
