@@ -11,7 +11,7 @@ from cohelm.scenario.model import Scenario
 from cohelm.sim.run import run
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
-SHIPPED = ["lab-avoid", "lab-shared", "lab-track", "minimal"]
+SHIPPED = ["lab-avoid", "lab-guard", "lab-shared", "lab-track", "minimal"]
 
 
 def scenario(*overrides: str, name: str = "minimal") -> Scenario:
@@ -69,7 +69,7 @@ def test_a_stick_given_beside_the_scenario_replaces_its_hand(tmp_path, monkeypat
 def test_every_choice_of_the_paper_reaches_the_law():
     made = build.setup(
         scenario(
-            "law.barrier={enabled: false, motion_sign: printed}", "law.sharing={blend: per-axis}",
+            "law.barrier={motion_sign: printed}", "law.filter=none", "law.sharing={blend: per-axis}",
             "reference.feed_forward=spline", "simulation={delay_s: 0.2, wheel_limits: false}",
             "reference.speed_mps=0.3",
         )
@@ -82,8 +82,11 @@ def test_every_choice_of_the_paper_reaches_the_law():
 
 
 def test_by_default_the_robot_starts_on_the_reference():
-    trace = run(build.setup(scenario("stick={kind: none}", "obstacles=[]")))
+    trace = run(build.setup(scenario("stick={kind: none}", "obstacles=[]", "law.filter=none")))
     assert trace.rows["e_p"][0] == 0.0
+    guarded = run(build.setup(scenario("stick={kind: none}", "obstacles=[]"))).rows[0]
+    assert guarded["e_p"] < 1e-3  # the clock has gone on by one step already
+    assert tuple(guarded[["x", "y", "psi"]]) == tuple(trace.rows[0][["x", "y", "psi"]])
 
 
 def test_an_obstacle_drifts_or_follows_its_path():
@@ -109,7 +112,8 @@ def test_a_robot_that_starts_inside_something_is_refused_with_its_name():
 def test_a_run_too_long_for_memory_is_refused_with_what_fits():
     assert "shorten duration_s or raise step_s" in refusal("simulation.duration_s=1e6")
     assert "shorten duration_s or raise step_s" in refusal("reference.speed_mps=1e-9")
-    assert "longer than the run" in refusal("simulation.delay_s=60")
+    late = refusal("simulation.delay_s=60", "simulation.duration_s=30")
+    assert "longer than the run" in late
 
 
 def test_a_reference_beyond_the_robot_is_a_warning_not_an_error():
@@ -146,7 +150,7 @@ def test_in_the_shared_lab_the_person_leads_past_cones_and_mover_and_nowhere_els
 
 def test_in_the_lab_the_barrier_keeps_what_tracking_alone_runs_through():
     with_it = run(build.setup(scenario(name="lab-avoid")))
-    without = run(build.setup(scenario("law.barrier.enabled=false", name="lab-avoid")))
+    without = run(build.setup(scenario("law.filter=none", name="lab-avoid")))
     assert with_it.h.min() > 0.14
     assert (without.h.min(axis=0) < 0.0).all()
     track = run(build.setup(scenario(name="lab-track"))).rows

@@ -36,7 +36,7 @@ def refusal(text: str, *overrides: str) -> str:
 def test_what_is_left_out_is_the_papers(tmp_path):
     law = parsed(GOOD).law
     assert (law.tracking.k_x, law.tracking.k_psi) == (0.9, 1.0)
-    assert (law.barrier.K, law.barrier.C, law.barrier.enabled) == (0.5, 0.5, True)
+    assert (law.filter, law.barrier.K, law.barrier.C) == ("guard", 0.5, 0.5)
     assert (law.sharing.k_hx, law.sharing.k_hpsi, law.sharing.k_s) == (0.5, 0.5, 5.0)
     assert parsed(GOOD).obstacles[0].safe_distance_m == 0.2
 
@@ -46,7 +46,7 @@ def test_what_is_left_out_is_the_papers(tmp_path):
     [
         ("  barrier:", "  barier:", "mine.yaml:8: law.barier: unknown key; did you mean barrier?"),
         ("k_cbf", "k_cfb", "mine.yaml:8: law.barrier.k_cfb: unknown key; did you mean k_cbf?"),
-        ("k_cbf", "zzz", "unknown key; known here: enabled, K, C, k_cbf, motion_sign"),
+        ("k_cbf", "zzz", "unknown key; known here: K, C, k_cbf, motion_sign"),
         ("speed_mps", "speed_kmh", "unknown key; did you mean speed_mps (in m/s)?"),
         ("speed_mps", "speed", "mine.yaml:3: reference.speed: unknown key; did you mean speed_mps"),
         ("radius_m: 0.1", "radius_cm: 10", "did you mean radius_m (in m)?"),
@@ -65,7 +65,7 @@ def test_what_is_left_out_is_the_papers(tmp_path):
         ("center_m: [2, 1], ", "", "obstacles.0: needs either center_m: [x, y] or a path"),
         (", [2, 0], [4, 1]", "", "reference.waypoints_m: needs at least 2 items, got 1"),
         (", [2, 0]", ", [0, 0]", "way-points 1 and 2 are the same point"),
-        ("{k_cbf: 1.5}", "", "law.barrier: needs keys of its own (enabled, K"),
+        ("{k_cbf: 1.5}", "", "law.barrier: needs keys of its own (K"),
         ("name: mine", "nickname: mine", "mine.yaml:1: name: is missing: What to call it."),
         ("name: mine", "name: 7", "mine.yaml:1: name: must be text, got 7; put it in quotes"),
     ],

@@ -37,7 +37,7 @@ def said(figure):
 
 
 def test_a_collision_is_said_in_the_title():
-    run_over = made("lab-avoid", "law.barrier.enabled=false", "obstacles.0.center_m=[0, 0.2]")
+    run_over = made("lab-avoid", "law.filter=none", "obstacles.0.center_m=[0, 0.2]")
     assert run_over.metrics.contact
     assert "IN CONTACT" in said(figure_run(run_over))
 

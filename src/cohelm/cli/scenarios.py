@@ -17,7 +17,7 @@ def run(
         str,
         typer.Argument(
             metavar="SCENARIO",
-            help="A scenario's YAML file, or the name of one that comes with cohelm: minimal, "
+            help="A scenario's YAML file, or the name of a shipped one: minimal, lab-guard, "
             "lab-track, lab-avoid, lab-shared.",
         ),
     ],

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 from pydantic import BaseModel, ConfigDict
+from pydantic_core import PydanticCustomError
+
+
+def refuse(*problems: tuple[str, str]) -> NoReturn:
+    """Raise, from a validator, problems as (key path below the model, sentence)."""
+    raise PydanticCustomError("problems", "{said}", {"said": problems})
 
 
 class Schema(BaseModel):

@@ -29,6 +29,10 @@ ROW = np.dtype(
         ("saturated", "?"),  # whether the limits changed the command
         ("clearance", "f8"),  # real outline to the nearest disc or wall [m] (E7)
         ("energy", "f8"),  # passivity integral (40)
+        ("gap", "f8"), ("change", "f8"),  # what the guard saw and did [m, m/s]
+        ("doing", "i8"), ("course", "i8"),  # see `pilot.step`; courses followed before this one
+        ("tau", "f8"), ("rate", "f8"),  # the course's clock [s] and how fast it goes
+        ("to_go", "f8"), ("arrived", "?"),  # straight to the end of the reference [m]
     ]
 )  # fmt: skip
 """One control step. The command is decided at `t` from the pose in the same row."""

@@ -47,12 +47,10 @@ def moved_on(around: Surroundings, after: float, stop: float) -> Surroundings:
 
 
 @jit
-def longest_stop(limits: Limits, dt: float) -> float:
-    """How long the robot may yet move for when it begins to brake from its top speed [s].
-
-    0 where nothing limits its deceleration; from 10 m/s where nothing limits its speed.
-    """
+def stopping(twist: Twist, limits: Limits, dt: float) -> float:
+    """How long the robot may yet move for, at least, if it brakes after one step more [s]."""
     a = min(limits.acceleration, limits.wheel_acceleration)
     if a == math.inf:
         return dt
-    return dt + (min(limits.speed, limits.wheel_speed, 10.0) + dt * a) / a
+    rim = abs(twist.v) + 0.5 * limits.track * abs(twist.omega)
+    return 2.0 * dt + rim / a

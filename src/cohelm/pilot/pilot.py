@@ -14,7 +14,7 @@ from cohelm.law.reference import Reference
 from cohelm.perceive.way import Manners
 from cohelm.pilot.course import Course, Route, course, route
 from cohelm.pilot.flat import Flat, step_of
-from cohelm.pilot.plan import Care, Plan, Task, begun, plan, resumed
+from cohelm.pilot.plan import Care, Plan, Task, entered, plan
 from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE, START, Decision, Settings, State
 
 _CENTRED = Stick(0.0, 0.0)
@@ -106,10 +106,8 @@ class Pilot:
 def taken(state: State, made: Plan, route: Route, pose: Pose, twist: Twist) -> State:
     """The state with which a plan is taken up."""
     clock = state.clock
-    if made.new and made.course.row == 0:
-        clock = resumed(made.course, route, state.row, pose, twist)
-    elif made.new:
-        clock = begun(made.course, pose, twist)
+    if made.new:
+        clock = entered(made.course, route, state.row, pose, twist)
     if made.move is not None and state.left == NO_MOVE:
         return state._replace(clock=clock._replace(rate=0.0, waited=0.0), left=made.move)
     return state._replace(clock=clock)

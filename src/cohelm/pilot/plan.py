@@ -16,6 +16,7 @@ from cohelm.perceive.band import distances
 from cohelm.perceive.escape import Escape, escape
 from cohelm.perceive.way import Manners, way
 from cohelm.pilot.course import Course, Route, course, nearest_row, paced
+from cohelm.pilot.movers import Foresight, met
 from cohelm.pilot.step import NO_MOVE, Settings, State
 
 _ROUND = 24  # points around a disc
@@ -28,7 +29,7 @@ class Care(NamedTuple):
     """How far ahead the course has to be clear [m]."""
     known: float = 6.0
     """What is farther from the robot is left out of plans [m]."""
-    accept: float = 0.12
+    accept: float = 0.06
     """Least gap of the outline with which the given route is followed as it is [m]."""
     roomy: float = 0.2
     """Least gap with which a way round is not reconsidered [m]."""
@@ -42,6 +43,8 @@ class Care(NamedTuple):
     """How long the robot is held up before it looks for a way out [s]."""
     turned: float = 1.2
     """From this far off the course's heading the robot turns on the spot first [rad]."""
+    foresight: Foresight = Foresight()
+    """Of things that move."""
 
 
 class Task(NamedTuple):
@@ -79,15 +82,18 @@ def plan(task: Task, route: Route, settings: Settings, manners: Manners, care: C
     way, back onto the route and on along it. Held up for long, or looking the wrong way, the
     robot first gets out of where it is.
     """
-    points = known(task.around, task.pose, care.known)
-    state, now = task.state, task.course
+    around, state, now = task.around, task.state, task.course
+    there = known(around, task.pose, care.known)
+    coming = met(around.discs, task.pose, route.reference.speed, care.known, care.foresight)
+    points = np.concatenate((there, coming)) if len(coming) else there
     refreshed, gap = paced(now, state.clock.tau, care.look, points, settings.outline, settings.pace)
     kept = Plan(refreshed, False, None, False, gap)
     if task.led or state.left != NO_MOVE:
         return kept
     made = _course(task, points, kept, route, settings, manners, care)
-    move = _way_out(task, made, points, settings, care)
-    return made._replace(move=move)
+    if made.failed and len(coming):
+        made = _course(task, there, kept, route, settings, manners, care)
+    return made._replace(move=_way_out(task, made, there, route, settings, care))
 
 
 def _course(
@@ -102,7 +108,7 @@ def _course(
     held = state.clock.waited > care.waits
     if on_route and kept.gap >= care.accept and not astray and not held:
         return kept
-    if not on_route:
+    if not on_route and not held:
         back = _rejoined(task, points, route, settings, care)
         if back is not None:
             return back
@@ -158,11 +164,13 @@ def _round(
 
 
 def _way_out(
-    task: Task, made: Plan, points: Floats, settings: Settings, care: Care
+    task: Task, made: Plan, points: Floats, route: Route, settings: Settings, care: Care
 ) -> Escape | None:
     """A move out of a tight spot, if one is needed and there is one."""
     pose = task.pose
-    clock = begun(made.course, pose, task.twist) if made.new else task.state.clock
+    clock = task.state.clock
+    if made.new:
+        clock = entered(made.course, route, task.state.row, pose, task.twist)
     ahead = governed(made.course.reference, clock, pose, settings.pace)
     off = math.remainder(ahead.psi - pose.psi, 2.0 * math.pi)
     held = task.state.clock.waited > care.waits
@@ -175,15 +183,14 @@ def _way_out(
     return move
 
 
-def begun(course: Course, pose: Pose, twist: Twist) -> Clock:
-    """The clock with which a new course is taken up on the way."""
-    tau = nearest_ahead(course.reference, pose, 0.0, 0.5)
-    return Clock(tau, min(max(twist.v / course.reference.speed, 0.0), 1.0), 0.0)
+def entered(course: Course, route: Route, row: int, pose: Pose, twist: Twist) -> Clock:
+    """The clock with which another course is taken up on the way.
 
-
-def resumed(course: Course, route: Route, row: int, pose: Pose, twist: Twist) -> Clock:
-    """The clock with which the route itself is taken up again."""
-    tau = nearest_ahead(course.reference, pose, float(route.times[max(row - 2, 0)]), 0.6)
+    row: of the route, where the robot is.
+    """
+    on_route = course.row == 0
+    first = float(route.times[max(row - 2, 0)]) if on_route else 0.0
+    tau = nearest_ahead(course.reference, pose, first, 0.6)
     return Clock(tau, min(max(twist.v / course.reference.speed, 0.0), 1.0), 0.0)
 
 

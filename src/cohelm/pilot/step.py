@@ -19,7 +19,7 @@ from cohelm.law.track import track
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.perceive.escape import Escape, rest, wish
 from cohelm.pilot.course import Course, nearest_row
-from cohelm.pilot.foresee import foreseen, longest_stop, moved_on
+from cohelm.pilot.foresee import foreseen, moved_on, stopping
 from cohelm.robot.limits import Limits
 
 GUARD, BARRIER, NONE = range(3)
@@ -137,7 +137,7 @@ def pilot_step(
     """
     then, before = foreseen(pose, twist, sent, state.k, s.limits, s.rules.dt)
     delay = len(sent) * s.rules.dt
-    things = moved_on(around, delay, longest_stop(s.limits, s.rules.dt))
+    things = moved_on(around, delay, stopping(before, s.limits, s.rules.dt))
 
     hand = limited(stick, s.gains)
     energy = intent(hand, s.gains)
@@ -175,6 +175,8 @@ def pilot_step(
         sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
     if escaping:
         left = rest(left, Twist(v, omega), s.rules.dt)
+        if left.distance == 0.0 and left.turn == 0.0:
+            left = NO_MOVE
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
     doing = LED if led else (ESCAPING if escaping else FOLLOWING)
     return State(state.k + 1, state.time + dt, clock, left, row), Decision(

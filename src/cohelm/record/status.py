@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from cohelm.core.trace import ROW, Trace
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, X, Y
 from cohelm.law.verdict import BRAKING, INVALID, POWERLESS, SHAPED, STANDING, UNTOUCHED
+from cohelm.pilot.step import ESCAPING, FOLLOWING, LED
 
 TOPIC = "/status"
 TYPE = "cohelm_msgs/msg/Status"
@@ -60,6 +61,14 @@ MEANINGS = {
     "saturated": "whether the wheel limits changed the command",
     "clearance": "[m] real outline to the nearest disc or wall",
     "energy": "passivity integral (40)",
+    "gap": "[m] smallest gap of the outline among what the guard saw near; inf for nothing",
+    "change": "[m/s] distance of the command from the blend, in the guard's metric",
+    "doing": "what the robot is doing",
+    "course": "how many courses it has followed before this one; 0 is the reference as given",
+    "tau": "[s] the clock of the course, which waits for the robot",
+    "rate": "how fast that clock goes, in [0, 1]",
+    "to_go": "[m] straight to the end of the reference as given",
+    "arrived": "whether that is near enough; with the paper's law, whether the desired position is near",
 }
 """Unit and meaning of every field of a step, embedded in the file."""
 
@@ -71,6 +80,8 @@ _VERDICTS = {
     "BRAKING": BRAKING,
     "STANDING": STANDING,
 }
+_DOING = {"FOLLOWING": FOLLOWING, "LED": LED, "ESCAPING": ESCAPING}
+_CONSTANTS = {"verdict": _VERDICTS, "doing": _DOING}
 _COLUMNS = {
     "obstacle_x": (X, "[m] centres, world frame, in the order of the names in the metadata"),
     "obstacle_y": (Y, "[m]"),
@@ -86,8 +97,8 @@ def _definition() -> str:
     lines = [f"# One control step of cohelm, definition {VERSION}. Numbers in () are equations."]
     for name in ROW.names or ():
         kind = ROW[name].name  # float64, int64 and bool are called the same in ROS
-        if name == "verdict":  # constants right before a field show as its names in Foxglove
-            lines += [f"{kind} {word}={value}" for word, value in _VERDICTS.items()]
+        # constants right before a field show as its names in Foxglove
+        lines += [f"{kind} {word}={value}" for word, value in _CONSTANTS.get(name, {}).items()]
         lines.append(f"{kind} {name.lower()}  # {MEANINGS.get(name, '')}")
     lines.append("float64[] obstacle_h  # [m^2] h_i of every obstacle")
     lines += [f"float64[] {name}  # {meaning}" for name, (_, meaning) in _COLUMNS.items()]

@@ -12,12 +12,16 @@ from cohelm.core.trace import ROW
 from cohelm.core.types import Pose
 from cohelm.law.reference import Reference, desired, tabulate
 from cohelm.link import stick as sticks
+from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.step import Settings
 from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.hand import StickFile, StickOperator, StickScript
 from cohelm.scenario.load import digest, dump, standing_alone
 from cohelm.scenario.model import Scenario
 from cohelm.sim.hand import Operator, Replay, replay
+from cohelm.sim.piloted import Piloted
 from cohelm.sim.run import Setup
 
 _LARGEST_RUN = 2**30  # bytes of a recorded run
@@ -33,12 +37,14 @@ def setup(scenario: Scenario) -> Setup:
     robot = _robot(alone)
     reference = alone.reference.spline()
     hands, alone = _hands(alone)
+    limits = robot.bounds(enforced=alone.simulation.wheel_limits)
+    gains = alone.law.gains(alone.reference.speed_mps)
     made = Setup(
         start=_start(alone, reference),
         reference=reference,
         outline=robot.outline,
-        limits=robot.bounds(enforced=alone.simulation.wheel_limits),
-        gains=alone.law.gains(alone.reference.speed_mps),
+        limits=limits,
+        gains=gains,
         spline_speed=alone.reference.feed_forward == "spline",
         around=alone.around(),
         names=tuple(obstacle.name for obstacle in alone.obstacles),
@@ -48,6 +54,7 @@ def setup(scenario: Scenario) -> Setup:
         duration=alone.simulation.duration_s,
         delay=alone.simulation.delay_s,
         seed=alone.simulation.seed,
+        pilot=_piloted(alone, robot, limits),
         scenario=dump(alone),
     )
     _check_length(made, alone)
@@ -72,6 +79,53 @@ def warnings(scenario: Scenario) -> list[str]:
             "from then on the stick is centred and the controller leads"
         )
     return found
+
+
+def pilot(scenario: Scenario) -> Pilot:
+    """The scenario's law for a robot that is driven step by step, in real time or not."""
+    alone = standing_alone(scenario, Path())
+    robot = _robot(alone)
+    limits = robot.bounds(enforced=alone.simulation.wheel_limits)
+    law = alone.law
+    return Pilot(
+        alone.reference.spline(),
+        _settings(alone, robot, limits),
+        delay=alone.simulation.delay_s,
+        manners=law.manners(),
+        care=law.care(),
+    )
+
+
+def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:
+    made = alone.law.settings(
+        robot.outline, limits, alone.reference.speed_mps, alone.simulation.step_s
+    )
+    return made._replace(spline_speed=alone.reference.feed_forward == "spline")
+
+
+def _piloted(alone: Scenario, robot: RobotModel, limits: Limits) -> Piloted | None:
+    """What a run with the guard needs beyond the rest; None for the paper's law."""
+    law = alone.law
+    if law.filter != "guard":
+        return None
+    lidar = None
+    if alone.senses == "lidar":
+        if robot.lidar is None:
+            raise CohelmError(
+                f"{alone.name}: senses: {robot.name} has no LiDAR; describe one in the robot's "
+                "YAML file, or set senses to truth"
+            )
+        lidar = robot.lidar
+    moving = [o.path is not None or o.velocity_mps is not None for o in alone.obstacles]
+    return Piloted(
+        settings=_settings(alone, robot, limits),
+        agility=law.guard.agility_mps2 * np.array(moving, dtype=np.float64),
+        lidar=None if lidar is None else lidar.lidar(),
+        rate=10.0 if lidar is None else lidar.rate_hz,
+        manners=law.manners(),
+        care=law.care(),
+        period=law.plan.period_s,
+    )
 
 
 def _robot(alone: Scenario) -> RobotModel:
@@ -108,7 +162,7 @@ def _hands(alone: Scenario) -> tuple[Replay, Scenario]:
 
 def _check_length(made: Setup, alone: Scenario) -> None:
     row = ROW.itemsize + 56 * len(made.names)  # h and a disc's row for each obstacle
-    steps = (made.duration or made.reference.duration) / made.dt
+    steps = made.steps
     if steps * row > _LARGEST_RUN:
         longest = _LARGEST_RUN / row * made.dt
         raise CohelmError(

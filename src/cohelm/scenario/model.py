@@ -8,19 +8,19 @@ editors show (`cohelm schema`).
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NoReturn, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
-from pydantic_core import PydanticCustomError
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.schema import Schema
+from cohelm.core.schema import Schema, refuse
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.reference import Reference, through
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.hand import Stick, StickNone, StickOperator
+from cohelm.scenario.law import Law
 from cohelm.sim.world import Body, World, world
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
@@ -28,17 +28,10 @@ Point = tuple[Coordinate, Coordinate]
 Segment = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 Speed = Annotated[float, Field(gt=0.0, le=100.0)]
 Component = Annotated[float, Field(ge=-100.0, le=100.0)]
-Gain = Annotated[float, Field(ge=0.0, le=1e4)]
-PositiveGain = Annotated[float, Field(gt=0.0, le=1e4)]
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
 
 _PAPER = Gains()
-
-
-def refuse(*problems: tuple[str, str]) -> NoReturn:
-    """Raise, from a validator, problems as (key path below the model, sentence)."""
-    raise PydanticCustomError("problems", "{said}", {"said": problems})
 
 
 def _path(waypoints: list[Point], speed: float) -> Reference:
@@ -67,7 +60,8 @@ class ReferenceModel(Schema):
     waypoints_m: Annotated[list[Point], Field(min_length=2, max_length=100_000)]
     """Way-points [x, y], at least two, no two equal ones in a row."""
     feed_forward: Literal["constant", "spline"] = "constant"
-    """Speed in the tracking law (E10): the constant u_d as printed, or the spline's own speed."""
+    """Speed in the tracking law (E10): the constant u_d as printed, or the spline's own speed; the
+    guard's reference has its own."""
 
     @model_validator(mode="after")
     def _passable(self) -> Self:
@@ -77,65 +71,6 @@ class ReferenceModel(Schema):
     def spline(self) -> Reference:
         """The trajectory itself."""
         return _path(self.waypoints_m, self.speed_mps)
-
-
-class Tracking(Schema):
-    """Gains of the tracking law (16)(17)."""
-
-    k_x: PositiveGain = _PAPER.k_x
-    """Surge gain [1/s]."""
-    k_psi: PositiveGain = _PAPER.k_psi
-    """Heading gain [1/s]."""
-
-
-class Barrier(Schema):
-    """The relaxed control barrier function (22)-(33)."""
-
-    enabled: bool = _PAPER.barrier
-    """Whether the collision-avoidance input is added at all (49)."""
-    K: Gain = _PAPER.K
-    """Growth rate that is tolerated (32) [1/s]."""
-    C: Gain = _PAPER.C
-    """Constant growth that is tolerated (32) [1/(m^2 s)]."""
-    k_cbf: Gain = _PAPER.k_cbf
-    """Steering to the right while the filter acts (33) [rad/s]; the paper gives no value (E3)."""
-    motion_sign: Literal["derivative", "printed"] = "derivative"
-    """Sign of the moving-obstacle term (27): the derivative's own, or the printed one (E2)."""
-
-
-class Sharing(Schema):
-    """How the person's wish and the controller's are blended (34)-(48)."""
-
-    blend: Literal["joint", "per-axis"] = "joint"
-    """One authority for both axes (47)(48), or one per axis (43)(44), found unstable (Remark 2)."""
-    k_hx: Gain = _PAPER.k_hx
-    """Human surge gain (45)."""
-    k_hpsi: Gain = _PAPER.k_hpsi
-    """Human yaw-rate gain (46) [rad/s]."""
-    k_s: Gain = _PAPER.k_s
-    """Spring constant of the stick (35)."""
-    dead_band: Annotated[float, Field(ge=0.0, lt=1.0)] = _PAPER.dead_band
-    """C_Joy (45)(46): deflections up to this count as none; the paper gives no value (E3)."""
-
-
-class Law(Schema):
-    """Gains of Table II, and the choices that the paper leaves open."""
-
-    tracking: Tracking = Tracking()
-    """Following the reference."""
-    barrier: Barrier = Barrier()
-    """Keeping away from obstacles."""
-    sharing: Sharing = Sharing()
-    """Who leads."""
-
-    def gains(self, u_d: float) -> Gains:
-        """The same as numbers, with u_d [m/s] from the reference."""
-        t, b, s = self.tracking, self.barrier, self.sharing
-        return Gains(
-            k_x=t.k_x, k_psi=t.k_psi, K=b.K, C=b.C, k_cbf=b.k_cbf,
-            k_hx=s.k_hx, k_hpsi=s.k_hpsi, k_s=s.k_s, dead_band=s.dead_band, u_d=u_d,
-            barrier=b.enabled, joint=s.blend == "joint", true_sign=b.motion_sign == "derivative",
-        )  # fmt: skip
 
 
 class ObstaclePath(Schema):
@@ -204,7 +139,8 @@ class Simulation(Schema):
     step_s: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
     """Control and simulation step; the command is held over it."""
     duration_s: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
-    """Length of the run; by default that of the reference."""
+    """Length of the run; by default that of the reference, or with the guard, where the run ends
+    on arrival, twice that and half a minute."""
     wheel_limits: bool = True
     """Whether the robot's speed and acceleration limits hold, or it is the ideal unicycle (E11)."""
     delay_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
@@ -233,11 +169,14 @@ class Scenario(Schema):
     reference: ReferenceModel
     """What to follow."""
     law: Law = Law()
-    """The control law; by default the paper's."""
+    """The control law; by default the guard, with the paper's tracking and sharing."""
+    senses: Literal["truth", "lidar"] = "truth"
+    """What the robot knows of its surroundings, with the guard: all obstacles and walls as they
+    are, or what its LiDAR sees."""
     obstacles: list[Obstacle] = Field(default=[], max_length=10_000)
     """Discs, any number."""
     walls_m: list[Segment] = Field(default=[], max_length=100_000)
-    """Wall segments [x1, y1, x2, y2], for clearance and figures; the paper's law ignores them."""
+    """Wall segments [x1, y1, x2, y2]; the paper's law ignores them."""
     stick: Stick = StickNone()
     """Whose hand is on the stick."""
     simulation: Simulation = Simulation()
@@ -261,6 +200,9 @@ class Scenario(Schema):
         for i, (x1, y1, x2, y2) in enumerate(self.walls_m):
             if x1 == x2 and y1 == y2:
                 problems.append((f"walls_m.{i}", "both ends are the same point; remove the wall"))
+        if self.senses == "lidar" and self.law.filter != "guard":
+            said = "the paper's law knows no LiDAR; set law.filter to guard, or senses to truth"
+            problems.append(("senses", said))
         if problems:
             refuse(*problems)
         return self

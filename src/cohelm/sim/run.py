@@ -13,11 +13,15 @@ from cohelm.core.jit import jit
 from cohelm.core.trace import ROW, Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, X, Y
 from cohelm.law.gains import Gains
-from cohelm.law.reference import Reference, tabulate
+from cohelm.law.reference import Reference, evaluate, tabulate
 from cohelm.law.track import pose_error
+from cohelm.pilot.course import route
+from cohelm.pilot.pilot import Planner
 from cohelm.robot.limits import Limits
+from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replay, replayed
 from cohelm.sim.loop import State, at_rest, turn
+from cohelm.sim.piloted import Piloted, Scene, stretches
 from cohelm.sim.world import NOWHERE, World, clearance, place, world
 
 
@@ -37,17 +41,27 @@ class Setup:
     operator: Operator = field(default_factory=Operator)
     dt: float = 0.01
     duration: float | None = None
-    """[s]; by default that of the reference."""
+    """[s]; by default that of the reference, or with the pilot twice that and half a minute."""
     delay: float = 0.0
     """From command to wheels, rounded to whole steps [s]."""
     seed: int = 0
+    grid: Grid = NO_GRID
+    """An occupancy map, seen by a LiDAR; its borders are walls of `around` too."""
+    near: float = 0.1
+    """Nearer to the end of the reference than this, the robot has arrived [m]."""
+    pilot: Piloted | None = None
+    """With the pilot; None for the paper's law, whose reference runs on with time."""
     scenario: str = ""
     """The YAML text this was made from, kept with the trace."""
 
     @property
     def steps(self) -> int:
-        """Control steps of the run, the last one at its end or just before."""
-        duration = self.reference.duration if self.duration is None else self.duration
+        """Control steps of the run, the last one at its end or just before. With the pilot, at
+        most: it ends on arrival."""
+        duration = self.duration
+        if duration is None:
+            duration = self.reference.duration
+            duration = duration if self.pilot is None else 2.0 * duration + 30.0
         return math.floor(duration / self.dt + 1e-9) + 1
 
     @property
@@ -62,19 +76,38 @@ def run(setup: Setup) -> Trace:
     return trace
 
 
+def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
+    planner = Planner(route(setup.reference), pilot.settings, pilot.manners, pilot.care)
+    end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
+    reach = float(np.hypot(*setup.outline.T).max())
+    scene = Scene(
+        setup.around, setup.grid, pilot.agility, setup.hands, setup.operator, setup.seed, reach,
+        np.array([end.x, end.y]), setup.near,
+    )  # fmt: skip
+    for part in stretches(
+        setup.start, planner, scene, pilot, setup.dt, setup.delay_steps, setup.steps, length
+    ):
+        yield Trace(part.rows, part.h, part.discs, setup.names, setup.dt, setup.scenario)
+
+
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
-    """The run in traces of `length` steps, in order."""
+    """The run in traces of `length` steps, the last one shorter, in order."""
+    if setup.pilot is not None:
+        yield from _piloted(setup, setup.pilot, length)
+        return
     desired = tabulate(setup.reference, setup.dt, setup.steps, setup.spline_speed)
     state, person = at_rest(setup.start), IDLE
     queue = np.zeros((setup.delay_steps, 2))
     m = len(setup.around.discs)
     reach = float(np.hypot(*setup.outline.T).max())
+    end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
+    goal = (end.x, end.y, setup.near)
     for k in range(0, setup.steps, length):
         n = min(length, setup.steps - k)
         rows = np.zeros(n, dtype=ROW)
         h, discs = np.empty((n, m)), np.empty((n, m, 6))
         state, person = _advance(
-            k, setup.dt, state, person, desired, setup.around, setup.hands, setup.operator,
+            k, setup.dt, state, person, desired, goal, setup.around, setup.hands, setup.operator,
             setup.seed, setup.gains, setup.limits, setup.outline, reach, queue, rows, h, discs,
         )  # fmt: skip
         yield Trace(rows, h, discs, setup.names, setup.dt, setup.scenario)
@@ -82,7 +115,8 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
 
 @jit
 def _advance(
-    first: int, dt: float, state: State, person: Person, table: Floats, around: World,
+    first: int, dt: float, state: State, person: Person, table: Floats,
+    goal: tuple[float, float, float], around: World,
     hands: Replay, operator: Operator, seed: int, gains: Gains, limits: Limits,
     outline: Floats, reach: float, queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> tuple[State, Person]:  # fmt: skip
@@ -122,4 +156,8 @@ def _advance(
         row.saturated = saturated
         row.clearance = clearance(pose, outline, reach, now, around.walls, NOWHERE)
         row.energy = state.energy
+        row.gap, row.change = math.inf, 0.0
+        row.tau, row.rate = k * dt, 1.0
+        row.to_go = math.hypot(pose.x - goal[0], pose.y - goal[1])
+        row.arrived = math.hypot(pose.x - desired.x, pose.y - desired.y) < goal[2]
     return state, person

@@ -27,7 +27,7 @@ Progress = Callable[[str, float], None]
 _HEADING_ERROR = (
     "start={x_m: 0, y_m: 0, heading_rad: 1.5707963267948966}",
     "reference.waypoints_m=[[0, 0], [12.5, 0]]",
-    "law.barrier.enabled=false",
+    "law.filter=none",
     "obstacles=[]",
     "walls_m=[]",
 )
@@ -37,7 +37,7 @@ and no obstacle, so all that is seen is how the law (16)(17) takes the error awa
 _EXPERIMENTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "track": ("tracking alone", "lab-track", ()),
     "avoid": ("tracking with the barrier", "lab-avoid", ()),
-    "without": ("tracking without the barrier", "lab-avoid", ("law.barrier.enabled=false",)),
+    "without": ("tracking without the barrier", "lab-avoid", ("law.filter=none",)),
     "shared": ("a person at the stick", "lab-shared", ()),
     "recovery": ("a sudden heading error", "lab-track", _HEADING_ERROR),
 }

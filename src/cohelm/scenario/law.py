@@ -1,0 +1,220 @@
+"""The control law, as a scenario says it: the paper's gains, and how careful the guard is."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from cohelm.core.schema import Schema, refuse
+from cohelm.core.types import Floats
+from cohelm.law.gains import Gains
+from cohelm.law.govern import Pace
+from cohelm.law.guard.step import Rules
+from cohelm.perceive.way import Manners
+from cohelm.pilot.plan import Care
+from cohelm.pilot.step import BARRIER, GUARD, NONE, Settings
+from cohelm.robot.limits import Limits
+
+Gain = Annotated[float, Field(ge=0.0, le=1e4)]
+PositiveGain = Annotated[float, Field(gt=0.0, le=1e4)]
+Length = Annotated[float, Field(gt=0.0, le=1e3)]
+AtLeast0 = Annotated[float, Field(ge=0.0, le=1e3)]
+Acceleration = Annotated[float, Field(gt=0.0, le=1e3)]
+Rate = Annotated[float, Field(gt=0.0, le=1e3)]
+Angle = Annotated[float, Field(gt=0.0, le=1.5707)]
+
+_PAPER, _RULES, _PACE, _CARE, _MANNERS = Gains(), Rules(), Pace(), Care(), Manners()
+_FILTERS = {"guard": GUARD, "barrier": BARRIER, "none": NONE}
+
+
+class Tracking(Schema):
+    """Gains of the tracking law (16)(17)."""
+
+    k_x: PositiveGain = _PAPER.k_x
+    """Surge gain [1/s]."""
+    k_psi: PositiveGain = _PAPER.k_psi
+    """Heading gain [1/s]."""
+
+
+class Barrier(Schema):
+    """The relaxed control barrier function (22)-(33)."""
+
+    K: Gain = _PAPER.K
+    """Growth rate that is tolerated (32) [1/s]."""
+    C: Gain = _PAPER.C
+    """Constant growth that is tolerated (32) [1/(m^2 s)]."""
+    k_cbf: Gain = _PAPER.k_cbf
+    """Steering to the right while the filter acts (33) [rad/s]; the paper gives no value (E3)."""
+    motion_sign: Literal["derivative", "printed"] = "derivative"
+    """Sign of the moving-obstacle term (27): the derivative's own, or the printed one (E2)."""
+
+
+class Sharing(Schema):
+    """How the person's wish and the controller's are blended (34)-(48)."""
+
+    blend: Literal["joint", "per-axis"] = "joint"
+    """One authority for both axes (47)(48), or one per axis (43)(44), found unstable (Remark 2)."""
+    k_hx: Gain = _PAPER.k_hx
+    """Human surge gain (45)."""
+    k_hpsi: Gain = _PAPER.k_hpsi
+    """Human yaw-rate gain (46) [rad/s]."""
+    k_s: Gain = _PAPER.k_s
+    """Spring constant of the stick (35)."""
+    dead_band: Annotated[float, Field(ge=0.0, lt=1.0)] = _PAPER.dead_band
+    """C_Joy (45)(46): deflections up to this count as none; the paper gives no value (E3)."""
+
+
+class Guard(Schema):
+    """How careful the guard is; see docs/guard.md."""
+
+    margin_m: Length = _RULES.margin
+    """Gap of the outline that wishes are shaped to keep."""
+    clear_m: Length = _RULES.clear
+    """Gap that every certified stop keeps; half of it is the promise. At most margin_m."""
+    caution: Annotated[float, Field(gt=0.0, le=1.0)] = _RULES.caution
+    """Share of the full deceleration that shaping counts on."""
+    steer_weight_m: Length = _RULES.steer_weight
+    """How dear steering is beside speed: large keeps the steering and slows down, small the
+    reverse."""
+    agility_mps2: AtLeast0 = 1.0
+    """Largest acceleration that moving obstacles are taken to be capable of."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.clear_m > self.margin_m:
+            refuse(("clear_m", f"must not be larger than margin_m, which is {self.margin_m:g}"))
+        return self
+
+    def rules(self, dt: float) -> Rules:
+        """The same as numbers, for a control period dt [s]."""
+        return Rules(dt, self.margin_m, self.clear_m, self.caution, self.steer_weight_m)
+
+
+class PaceModel(Schema):
+    """How fast the reference goes, and when it waits; with the guard only."""
+
+    lateral_mps2: Acceleration = _PACE.lateral
+    """Largest lateral acceleration in turns."""
+    yaw_rate_radps: Rate = _PACE.yaw_rate
+    """Largest yaw rate in turns."""
+    deceleration_mps2: Acceleration = _PACE.deceleration
+    """Slowing down ahead of slow places and of the end."""
+    tight_m: AtLeast0 = _PACE.tight
+    """Clearance up to which the reference creeps."""
+    open_m: Length = _PACE.open
+    """Clearance from which it no longer slows; more than tight_m."""
+    creep_mps: Rate = _PACE.creep
+    """Speed where it is tight."""
+    slack_m: AtLeast0 = _PACE.slack
+    """How far the robot may be behind before the reference slows."""
+    lag_m: Length = _PACE.lag
+    """How far behind it waits; more than slack_m."""
+    turn_rad: Angle = _PACE.turn
+    """Heading error at which it waits."""
+    guide_m: Length = _PACE.guide
+    """Distance ahead that the robot steers at to come back onto the path."""
+    search_m: Length = _PACE.search
+    """How far ahead the nearest point is looked for while the person leads."""
+    rise_per_s: Rate = _PACE.rise
+    """Fastest growth of the reference's rate, which is 0 to 1."""
+    fall_per_s: Rate = _PACE.fall
+    """Fastest fall of it."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.open_m <= self.tight_m:
+            refuse(("open_m", f"must be larger than tight_m, which is {self.tight_m:g}"))
+        if self.lag_m <= self.slack_m:
+            refuse(("lag_m", f"must be larger than slack_m, which is {self.slack_m:g}"))
+        return self
+
+    def pace(self) -> Pace:
+        """The same as numbers."""
+        return Pace(
+            self.lateral_mps2, self.yaw_rate_radps, self.deceleration_mps2, self.tight_m,
+            self.open_m, self.creep_mps, self.slack_m, self.lag_m, self.turn_rad, self.guide_m,
+            self.search_m, self.rise_per_s, self.fall_per_s,
+        )  # fmt: skip
+
+
+class PlanModel(Schema):
+    """Ways round what is in the way; with the guard only."""
+
+    look_m: Annotated[float, Field(ge=0.5, le=100.0)] = _CARE.look
+    """How far ahead the reference has to be clear."""
+    accept_m: Length | None = None
+    """Gap of the outline with which the reference is followed as it is; by default 3 cm more
+    than the guard's margin_m."""
+    gap_m: Length | None = None
+    """Least gap of a way round, not less than the guard's margin_m; by default 1 cm more."""
+    room_m: Length = _MANNERS.room
+    """Gap beside the robot from which more is not better."""
+    period_s: Annotated[float, Field(gt=0.0, le=10.0)] = 0.2
+    """From one plan to the next."""
+    escape_mps: Rate = 0.4
+    """Speed of moves out of tight spots."""
+    escape_radps: Rate = 1.0
+    """Yaw rate of them."""
+
+    def care(self, margin: float) -> Care:
+        """When plans are made, as numbers. margin: the guard's [m]."""
+        accept = margin + 0.03 if self.accept_m is None else self.accept_m
+        return _CARE._replace(look=self.look_m, known=1.5 * self.look_m, accept=accept)
+
+    def manners(self, margin: float) -> Manners:
+        """What makes a way good, as numbers."""
+        gap = margin + 0.01 if self.gap_m is None else self.gap_m
+        return _MANNERS._replace(gap=gap, room=self.room_m)
+
+
+class Law(Schema):
+    """What filters the wishes; gains of Table II, and the choices that the paper leaves open."""
+
+    filter: Literal["guard", "barrier", "none"] = "guard"
+    """What stands between wish and wheels: the guard, with a reference that waits and ways round;
+    the paper's barrier; or nothing. With the last two the reference runs on with time (E12)."""
+    tracking: Tracking = Tracking()
+    """Following the reference."""
+    barrier: Barrier = Barrier()
+    """Keeping away from obstacles as in the paper."""
+    sharing: Sharing = Sharing()
+    """Who leads."""
+    guard: Guard = Guard()
+    """Keeping away from everything."""
+    pace: PaceModel = PaceModel()
+    """How fast, and when to wait."""
+    plan: PlanModel = PlanModel()
+    """Ways round."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        margin = self.guard.margin_m
+        if self.plan.gap_m is not None and self.plan.gap_m < margin:
+            refuse(("plan.gap_m", f"must not be less than guard.margin_m, which is {margin:g}"))
+        return self
+
+    def care(self) -> Care:
+        """When plans are made."""
+        return self.plan.care(self.guard.margin_m)
+
+    def manners(self) -> Manners:
+        """What makes a way good."""
+        return self.plan.manners(self.guard.margin_m)
+
+    def gains(self, u_d: float) -> Gains:
+        """The same as numbers, with u_d [m/s] from the reference."""
+        t, b, s = self.tracking, self.barrier, self.sharing
+        return Gains(
+            k_x=t.k_x, k_psi=t.k_psi, K=b.K, C=b.C, k_cbf=b.k_cbf,
+            k_hx=s.k_hx, k_hpsi=s.k_hpsi, k_s=s.k_s, dead_band=s.dead_band, u_d=u_d,
+            barrier=self.filter == "barrier", joint=s.blend == "joint",
+            true_sign=b.motion_sign == "derivative",
+        )  # fmt: skip
+
+    def settings(self, outline: Floats, limits: Limits, u_d: float, dt: float) -> Settings:
+        """All of it for the pilot of one robot, at a control period dt [s]."""
+        return Settings(
+            outline, limits, self.gains(u_d), self.guard.rules(dt), self.pace.pace(),
+            _FILTERS[self.filter], False, 0.5, self.plan.escape_mps, self.plan.escape_radps,
+        )  # fmt: skip

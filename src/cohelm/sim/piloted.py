@@ -1,0 +1,261 @@
+"""A run with the pilot: the robot sees, plans now and then, and drives by what it knows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit
+from cohelm.core.trace import ROW
+from cohelm.core.types import SAFE, Desired, Floats, Pose, Twist, X, Y
+from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.human import supplied_energy
+from cohelm.law.track import pose_error
+from cohelm.perceive.memory import Care as MemoryCare, View, renew
+from cohelm.perceive.way import Manners
+from cohelm.pilot.course import Course, course
+from cohelm.pilot.pilot import Planner, taken
+from cohelm.pilot.plan import Care, Task
+from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_step
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import achievable
+from cohelm.robot.sensors import Lidar, LidarModel
+from cohelm.sim.grid import Grid
+from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replayed
+from cohelm.sim.lidar import scan
+from cohelm.sim.loop import State, at_rest
+from cohelm.sim.world import NOWHERE, World, clearance, place
+
+_NO_LIDAR = LidarModel(beams=1, field_of_view_deg=1.0).lidar()
+_NEAR = 12.0  # walls farther than this from the robot are left out of a stretch of steps [m]
+_FEW = 64  # up to so many walls, all are kept
+
+
+@dataclass(frozen=True)
+class Piloted:
+    """What a run with the pilot needs beyond the rest of a setup."""
+
+    settings: Settings
+    agility: Floats
+    """(m,), the largest acceleration each disc is assumed to be capable of [m/s^2]."""
+    lidar: Lidar | None = None
+    """What the robot sees with; None: it knows all discs and walls, as they are."""
+    rate: float = 10.0
+    """Scans per second."""
+    manners: Manners = field(default_factory=Manners)
+    care: Care = field(default_factory=Care)
+    period: float = 0.2
+    """From the beginning of one plan to the next [s]."""
+    thinking: float = 0.04
+    """From the snapshot to the plan that is made of it [s]."""
+
+
+class Eyes(NamedTuple):
+    """What the robot sees with, as numbers."""
+
+    active: bool
+    """Whether it sees at all; else it is told."""
+    lidar: Lidar
+    vantage: View
+    care: MemoryCare
+    rate: float
+
+
+class Scene(NamedTuple):
+    """What stays the same during a run."""
+
+    around: World
+    grid: Grid
+    agility: Floats
+    hands: Replay
+    operator: Operator
+    seed: int
+    reach: float
+    goal: Floats
+    """(2,), the end of the reference [m]."""
+    near: float
+    """Nearer to the goal than this, the robot has arrived [m]."""
+
+
+class Now(NamedTuple):
+    """The run between two steps."""
+
+    robot: State
+    pilot: PilotState
+    person: Person
+    points: Floats
+    """(p, 2), what the robot remembers to have seen, world frame [m]."""
+    led: bool
+    arrived: bool
+
+
+class Rows(NamedTuple):
+    """Where a stretch of steps is written to."""
+
+    rows: NDArray[np.void]
+    h: Floats
+    discs: Floats
+
+    def part(self, first: int, end: int) -> Rows:
+        """Steps first ... end - 1 of it, sharing memory."""
+        return Rows(self.rows[first:end], self.h[first:end], self.discs[first:end])
+
+
+def stretches(
+    start: Pose, planner: Planner, scene: Scene, given: Piloted, dt: float, delay: int,
+    steps: int, length: int,
+) -> Iterator[Rows]:  # fmt: skip
+    """The run in pieces of at most `length` steps; it ends when the robot has arrived."""
+    settings = given.settings
+    lidar = given.lidar or _NO_LIDAR
+    view = View(lidar.mount, lidar.first, lidar.step, lidar.range_min)
+    eyes = Eyes(given.lidar is not None, lidar, view, MemoryCare(), given.rate)
+    m = len(scene.around.discs)
+    queue, sent = np.zeros((delay, 2)), np.zeros((delay, 2))
+    period = max(round(given.period / dt), 1)
+    thinking = min(round(given.thinking / dt), period - 1)
+    now = Now(at_rest(start), START, IDLE, np.empty((0, 2)), False, False)
+    current = course(planner.route.reference, 0, True, settings.pace)
+    number, since, waiting = 0, 0, None
+    walls = _near(scene.around.walls, start)
+    k, written = 0, 0
+    out = _empty(min(length, steps), m)
+    while k < steps and not now.arrived:
+        if k % period == 0:
+            walls = _near(scene.around.walls, now.robot.pose)
+            told = seen(k * dt, now.points, walls, scene, eyes)
+            task = Task(
+                now.pilot, now.robot.pose, now.robot.applied, told, current, (k - since) * dt,
+                now.led,
+            )  # fmt: skip
+            waiting = planner(task)
+        if waiting is not None and (k % period == thinking or k == 0):
+            here, applied = now.robot.pose, now.robot.applied
+            now = now._replace(pilot=taken(now.pilot, waiting, planner.route, here, applied))
+            current = waiting.course
+            if waiting.new:
+                number, since = number + 1 if current.row else 0, k
+            waiting = None
+        upto = min(_next(k, period, thinking), steps, k + len(out.rows) - written)
+        part = out.part(written, written + upto - k)
+        now, done = _advance(
+            k, dt, now, current, number, planner.route.line, settings, eyes, scene, walls, queue,
+            sent, part.rows, part.h, part.discs,
+        )  # fmt: skip
+        k, written = k + done, written + done
+        if written == len(out.rows) or now.arrived or k == steps:
+            yield out.part(0, written)
+            out, written = _empty(max(min(length, steps - k), 0), m), 0
+
+
+def _next(k: int, period: int, thinking: int) -> int:
+    """The next step after k at which a plan is begun or taken up."""
+    at = k % period
+    return k - at + (thinking if at < thinking else period)
+
+
+def _empty(n: int, m: int) -> Rows:
+    return Rows(np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6)))
+
+
+def _near(walls: Floats, pose: Pose) -> Floats:
+    """The walls that come near the robot within a stretch of steps."""
+    if len(walls) <= _FEW:
+        return walls
+    low = np.minimum(walls[:, :2], walls[:, 2:]) - _NEAR
+    high = np.maximum(walls[:, :2], walls[:, 2:]) + _NEAR
+    here = np.array(pose[:2])
+    return walls[((low < here) & (here < high)).all(axis=1)]
+
+
+@jit
+def seen(t: float, points: Floats, walls: Floats, scene: Scene, eyes: Eyes) -> Surroundings:
+    """What the robot knows of its surroundings at time t: points it has seen, or all there is."""
+    if eyes.active:
+        return Surroundings(np.empty((0, 6)), np.empty(0), np.empty((0, 4)), points)
+    discs = np.empty((len(scene.around.discs), 6))
+    place(discs, 0, scene.around, t)
+    return Surroundings(discs, scene.agility, walls, points)
+
+
+@jit
+def _advance(
+    first: int, dt: float, now: Now, course: Course, number: int, line: Floats, settings: Settings,
+    eyes: Eyes, scene: Scene, walls: Floats, queue: Floats, sent: Floats,
+    rows: NDArray[np.void], h: Floats, discs: Floats,
+) -> tuple[Now, int]:  # fmt: skip
+    """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were."""
+    robot, pilot, person, points = now.robot, now.pilot, now.person, now.points
+    led, arrived = now.led, now.arrived
+    ranges = np.empty(len(eyes.lidar.beams))
+    none = np.empty((0, 4))
+    done = 0
+    for j in range(len(rows)):
+        k = first + j
+        pose, before = robot.pose, robot.applied
+        there = discs[j]
+        place(there, 0, scene.around, k * dt)
+        if eyes.active:
+            scans = int(k * dt * eyes.rate + 1e-9)
+            if k == 0 or scans != int((k - 1) * dt * eyes.rate + 1e-9):
+                barred = none if scene.grid.free.size > 0 else walls
+                scan(pose, eyes.lidar, there, barred, scene.grid, scene.seed, scans, ranges)
+                points = renew(points, pose, eyes.vantage, ranges, eyes.care)
+            around = Surroundings(np.empty((0, 6)), np.empty(0), none, points)
+        else:
+            around = Surroundings(there, scene.agility, walls, points)
+        if scene.operator.active:
+            person, stick = operate(
+                person, scene.operator, pose, there, scene.around.noticed, k, dt, scene.seed
+            )
+        else:
+            stick = replayed(0, scene.hands, k * dt)
+        pilot, d = pilot_step(pilot, pose, before, stick, around, course, line, settings, dt, sent)
+        led = d.doing == LED
+        arriving = Twist(d.v, d.omega)
+        if len(queue) > 0:
+            slot = k % len(queue)
+            arriving = Twist(queue[slot, 0], queue[slot, 1])
+            queue[slot, 0], queue[slot, 1] = d.v, d.omega
+        applied = achievable(arriving, before, settings.limits, dt)
+        energy = supplied_energy(robot.energy, robot.stick, stick, settings.gains)
+        robot = State(arc(pose, applied, dt), applied, stick, energy)
+        away = math.hypot(pose.x - scene.goal[0], pose.y - scene.goal[1])
+        arrived = away < scene.near
+        nearest = math.inf
+        for i in range(len(there)):
+            dx, dy = pose.x - there[i, X], pose.y - there[i, Y]
+            h[j, i] = dx * dx + dy * dy - there[i, SAFE] * there[i, SAFE]
+            nearest = min(nearest, h[j, i])
+        row = rows[j]
+        row.t = k * dt
+        row.x, row.y, row.psi = pose.x, pose.y, pose.psi
+        row.x_d, row.y_d, row.psi_d, row.u_d, row.r_d = d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d
+        row.e_p = pose_error(pose, Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d))
+        row.stick_x, row.stick_psi = stick.x, stick.psi
+        row.v, row.omega = d.v, d.omega
+        row.automatic_v, row.automatic_omega = d.automatic_v, d.automatic_omega
+        row.human_v, row.human_omega = d.human_v, d.human_omega
+        row.shared_v, row.shared_omega = d.shared_v, d.shared_omega
+        row.avoid_v, row.avoid_omega = d.avoid_v, d.avoid_omega
+        row.authority_x, row.authority_psi = d.authority_x, d.authority_psi
+        row.intent_x, row.intent_psi = d.intent_x, d.intent_psi
+        row.I, row.J, row.h = d.I, d.J, nearest
+        row.verdict, row.culprit = d.verdict, d.culprit
+        row.applied_v, row.applied_omega = applied.v, applied.omega
+        row.saturated = applied.v != arriving.v or applied.omega != arriving.omega
+        row.clearance = clearance(pose, settings.outline, scene.reach, there, walls, NOWHERE)
+        row.energy = energy
+        row.gap, row.change = d.gap, d.change
+        row.doing, row.course = d.doing, number
+        row.tau, row.rate = d.tau, d.rate
+        row.to_go, row.arrived = away, arrived
+        done = j + 1
+        if arrived:
+            break
+    return Now(robot, pilot, person, points, led, arrived), done
