@@ -69,7 +69,8 @@ def test_a_stick_given_beside_the_scenario_replaces_its_hand(tmp_path, monkeypat
 def test_every_choice_of_the_paper_reaches_the_law():
     made = build.setup(
         scenario(
-            "law.barrier={motion_sign: printed}", "law.filter=none", "law.sharing={blend: per-axis}",
+            "law.barrier={motion_sign: printed}", "law.filter=none",
+            "law.sharing={blend: per-axis}",
             "reference.feed_forward=spline", "simulation={delay_s: 0.2, wheel_limits: false}",
             "reference.speed_mps=0.3",
         )

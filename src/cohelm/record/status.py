@@ -68,7 +68,7 @@ MEANINGS = {
     "tau": "[s] the clock of the course, which waits for the robot",
     "rate": "how fast that clock goes, in [0, 1]",
     "to_go": "[m] straight to the end of the reference as given",
-    "arrived": "whether that is near enough; with the paper's law, whether the desired position is near",
+    "arrived": "whether that is near enough; with the paper's law, to the desired position",
 }
 """Unit and meaning of every field of a step, embedded in the file."""
 
