@@ -8,14 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
-from cohelm.core.types import Floats, Ints, Pose
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.astar import NOT_REACHED, tree
 from cohelm.perceive.band import band, distances, tangents
 from cohelm.perceive.chart import Chart, chart, inscribed, swept
 
-_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))  # to half of a cell's eight neighbours
 _LEAVE = 0.4  # a start tighter than wished for may be left within this distance [m]
 _REFUSED = 0.1  # around a pose that touches something, no second way is tried [m]
 _TRIES = 4  # ways whose swept outline touches something before giving up
@@ -34,8 +32,9 @@ class Manners(NamedTuple):
     """How far from the line's end a way may end where the end is taken [m]."""
     stray: float = 0.15
     """Share dearer a metre is, per metre away from the given line; 0 to ignore the line [1/m]."""
-    border: float = 2.5
-    """How far beyond robot and line a way is looked for [m]; twice as far if there is none."""
+    border: float = 1.5
+    """How far beyond robot and line a way is looked for [m]; three times as far if there is
+    none."""
     resolution: float = 0.05
     """Cells of the chart [m]."""
     spacing: float = 0.1
@@ -86,7 +85,7 @@ def way(
     aim = here + min(int(np.searchsorted(along, horizon)), len(along) - 1)
     narrow = inscribed(outline) + manners.gap
     wide = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + manners.gap
-    for border in (manners.border, 2.0 * manners.border):
+    for border in (manners.border, 3.0 * manners.border):
         span = np.vstack((line[here:], [pose[:2]]))
         low, high = span.min(axis=0) - border, span.max(axis=0) + border
         known = chart(points, (low[0], low[1]), (high[0], high[1]), manners.resolution)
@@ -134,26 +133,28 @@ def cheapest(
             off[cell] = False
         away = np.asarray(ndimage.distance_transform_edt(off)) * chart.resolution
         cost = cost * (1.0 + manners.stray * np.minimum(away, 3.0))
-    before = _tree(free, cost, a)
+    columns = c.shape[1]
+    root = a[0] * columns + a[1]
+    target = cells[aim - here]
+    flat = tree(free, cost, root, target[0] * columns + target[1])
+    before = flat.reshape(c.shape)
     rejoined = len(line) - 1
     for row in range(aim, len(line)):
-        if before[cells[row - here]] >= 0:
+        if before[cells[row - here]] != NOT_REACHED:
             rejoined, b, end = row, cells[row - here], line[row]
             break
     else:
-        near = (before >= 0) & (c >= wide) & _within(chart, cells[-1], manners.beside)
+        near = (before != NOT_REACHED) & (c >= wide) & _within(chart, cells[-1], manners.beside)
         i, j = np.nonzero(near)
         if len(i) == 0:
             return None
         best = int(np.argmin((i - cells[-1][0]) ** 2 + (j - cells[-1][1]) ** 2))
         b = (int(i[best]), int(j[best]))
         end = np.array([chart.x + chart.resolution * b[1], chart.y + chart.resolution * b[0]])
-    flat = before.ravel()
-    walk = [b[0] * c.shape[1] + b[1]]
-    root = a[0] * c.shape[1] + a[1]
+    walk = [b[0] * columns + b[1]]
     while walk[-1] != root:
         walk.append(int(flat[walk[-1]]))
-    i, j = np.divmod(np.array(walk[::-1]), c.shape[1])
+    i, j = np.divmod(np.array(walk[::-1]), columns)
     path = np.empty((len(walk), 2))
     path[:, 0] = chart.x + chart.resolution * j
     path[:, 1] = chart.y + chart.resolution * i
@@ -175,38 +176,3 @@ def _within(chart: Chart, cell: tuple[int, int], radius: float) -> NDArray[np.bo
     i, j = np.ogrid[:rows, :columns]
     far = radius / chart.resolution
     return (i - cell[0]) ** 2 + (j - cell[1]) ** 2 <= far * far
-
-
-def _tree(free: NDArray[np.bool_], cost: Floats, root: tuple[int, int]) -> Ints:
-    """The cheapest 8-connected paths from a free cell to all others.
-
-    For each cell the flat index of the one before it, itself for the root, negative where no
-    path leads.
-    """
-    number = np.full(free.shape, -1, dtype=np.int32)
-    cells = np.flatnonzero(free)
-    number.flat[cells] = np.arange(len(cells), dtype=np.int32)
-    rows, columns = free.shape
-    tails: list[NDArray[np.int32]] = []
-    heads: list[NDArray[np.int32]] = []
-    weights: list[Floats] = []
-    for di, dj in _STEPS:
-        here = (slice(0, rows - di), slice(max(0, -dj), columns - max(0, dj)))
-        there = (slice(di, rows), slice(max(0, dj), columns + min(0, dj)))
-        both = free[here] & free[there]
-        tails.append(number[here][both])
-        heads.append(number[there][both])
-        weights.append(0.5 * math.hypot(di, dj) * (cost[here][both] + cost[there][both]))
-    graph = csr_array(
-        (np.concatenate(weights), (np.concatenate(tails), np.concatenate(heads))),
-        shape=(len(cells), len(cells)),
-    )
-    source = int(number[root])
-    found: Ints = dijkstra(
-        graph, directed=False, indices=np.array([source]), return_predecessors=True
-    )[1][0]
-    found[source] = source
-    before = np.full(free.shape, -1, dtype=np.int64)
-    # scipy writes -9999 where no path leads, which few cells have a place for
-    before.flat[cells] = np.where(found >= 0, cells[np.maximum(found, 0)], -1)
-    return before

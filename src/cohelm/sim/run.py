@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.trace import ROW, Trace
-from cohelm.core.types import SAFE, Desired, Floats, Pose, X, Y
+from cohelm.core.types import SAFE, VX, VY, Desired, Floats, Pose, X, Y
 from cohelm.law.gains import Gains
+from cohelm.law.govern import Pace
+from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference, evaluate, tabulate
 from cohelm.law.track import pose_error
 from cohelm.pilot.course import route
 from cohelm.pilot.pilot import Planner
+from cohelm.pilot.step import Settings
 from cohelm.robot.limits import Limits
+from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replay, replayed
 from cohelm.sim.loop import State, at_rest, turn
@@ -68,6 +72,28 @@ class Setup:
     def delay_steps(self) -> int:
         """The delay in control steps."""
         return round(self.delay / self.dt)
+
+
+def with_pilot(
+    setup: Setup, pace: Pace | None = None, lidar: LidarModel | None = None, agility: float = 1.0,
+    gains: Gains | None = None,
+) -> Setup:  # fmt: skip
+    """The same run with the pilot, at its usual care; without `gains` with those of the setup.
+
+    lidar: what the robot sees with; None: it knows everything as it is. agility: of the discs
+    that drift or follow a path, the largest acceleration they are taken to be capable of [m/s^2].
+    """
+    moving = np.hypot(setup.around.discs[:, VX], setup.around.discs[:, VY]) > 0.0
+    moving |= np.diff(setup.around.path_first) > 0
+    settings = Settings(
+        setup.outline, setup.limits, gains or setup.gains, Rules(dt=setup.dt), pace or Pace()
+    )
+    made = Piloted(
+        settings, agility * moving.astype(np.float64), None if lidar is None else lidar.lidar()
+    )
+    if lidar is not None:
+        made = replace(made, rate=lidar.rate_hz)
+    return replace(setup, pilot=made)
 
 
 def run(setup: Setup) -> Trace:

@@ -16,12 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.law.govern import Pace
 from cohelm.law.reference import through
 from cohelm.perceive.band import spread
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
-from cohelm.sim.run import Setup
+from cohelm.sim.run import Setup, with_pilot
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign.case import DT, PAPER, Case, Goal
 
@@ -30,6 +31,10 @@ SPEED = 1.5
 
 LIDAR = LidarModel(noise_m=0.01, mount_x_m=0.12, rate_hz=30.0)
 """As the challenge's: 720 beams over 270 degrees."""
+
+PACE = Pace(lateral=2.5, yaw_rate=3.0, deceleration=3.0, rise=4.0, fall=8.0)
+GAINS = PAPER._replace(k_x=1.0, k_psi=5.0, u_d=SPEED)
+"""Of the pilot: Jackal is quicker than the paper's robot. The paper's law has its own."""
 
 
 def read(folder: Path) -> tuple[Barn, ...]:
@@ -80,4 +85,5 @@ def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Case:
         seed=int(np.random.default_rng([seed, number // len(worlds)]).integers(2**31)),
     )
     goal = Goal(*barn.goal, barn.near_goal, barn.optimal_time)
-    return Case("barn", number, f"world {barn.number}", setup, goal)
+    piloted = with_pilot(setup, PACE, LIDAR, gains=GAINS)
+    return Case("barn", number, f"world {barn.number}", piloted, goal)

@@ -16,7 +16,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules
 from cohelm.sim import duel as duels
 from cohelm.sim.duel import SCRIPT, Attack, Scene, duel
-from cohelm.sim.run import Setup, pieces
+from cohelm.sim.run import Setup, pieces, with_pilot
 
 Law = Literal["guard", "paper", "none", "rvo", "vo"]
 LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")
@@ -72,15 +72,24 @@ class Case:
 
 
 def under(setup: Setup, law: Law) -> Setup:
-    """The setup with another law's filter, and nothing else changed."""
-    return replace(setup, gains=setup.gains._replace(barrier=law == "paper"))
+    """The setup with another law's filter, and nothing else changed.
+
+    With the guard drives the pilot, as the suite has set it up, or else at its usual care.
+    """
+    if law == "guard":
+        lively = setup.gains._replace(k_psi=max(setup.gains.k_psi, 2.0))
+        return setup if setup.pilot is not None else with_pilot(setup, gains=lively)
+    return replace(setup, pilot=None, gains=setup.gains._replace(barrier=law == "paper"))
 
 
 def traced(case: Case, law: Law) -> Iterator[Trace]:
     """The drive of a case, piece by piece, to its time limit."""
     if case.duel is not None:
         return iter((fought(case, law, case.duel),))
-    return pieces(under(case.setup, law), _PIECE)
+    setup = under(case.setup, law)
+    if case.goal is not None:
+        setup = replace(setup, near=case.goal.near)
+    return pieces(setup, _PIECE)
 
 
 def fought(case: Case, law: Law, chosen: Duel) -> Trace:
