@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Pose, wrap
+from cohelm.core.types import Pose, Twist, wrap
+from cohelm.perceive import known as known_, match, movers, search, sweep
 from cohelm.perceive.known import known
-from cohelm.perceive.seen import Perception, seen_from
+from cohelm.perceive.seen import Perception, rehearse, seen_from
 from cohelm.robot.port import Readings
 from cohelm.scenario import load
 from tests.perceive.drives import LIDAR, START, TOUR, along, drive, lab_map
@@ -103,3 +104,15 @@ def test_a_map_without_walls_is_refused():
         known(nothing, ~nothing, 0.05, Pose(0.0, 0.0, 0.0))
     with pytest.raises(CohelmError, match="no free cell"):
         known(~nothing, nothing, 0.05, Pose(0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("mapped", [True, False])
+def test_a_rehearsal_leaves_nothing_to_compile(lab, mapped):
+    rehearse(SALLY, lab if mapped else None)
+    parts = (match.align, known_.judge, search._look, search._apart, movers._followed, sweep.sweep)
+    before = [len(part.signatures) for part in parts]
+    assert all(before) or not mapped
+    perception = Perception(SALLY, lab if mapped else None)
+    for moment in drive([START] * 80, [Twist(0.0, 0.0)] * 79, 0):
+        perception.take(moment.now, moment.readings)
+    assert [len(part.signatures) for part in parts] == before

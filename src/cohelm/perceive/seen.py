@@ -190,3 +190,21 @@ def _shadow(lidar: Lidar, points: Floats) -> NDArray[np.int64]:
         np.where(bearing < -0.5 * lidar.step, bearing + 2.0 * math.pi, bearing) / lidar.step
     )
     return beams[(beams >= 0) & (beams < len(lidar.beams))].astype(np.int64)
+
+
+def rehearse(model: RobotModel, known: Known | None) -> None:
+    """Run all of it once, so that nothing is left to compile when it has to be in time."""
+    nowhere = Perception(model, known)
+    n = len(nowhere.lidar.beams)
+    bearings = np.arctan2(nowhere.lidar.beams[:, 1], nowhere.lidar.beams[:, 0])
+    room = 2.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
+    for k in range(14):
+        t = 0.1 * k
+        odometry = Odometry(t + 0.05, Pose(0.02 * k, 0.0, 0.01 * k), Twist(0.2, 0.1))
+        ranges = np.where(np.abs(np.arange(n) - n // 2 - 12 * k) < 8, 1.2, room)
+        scan = Scan(t, k, ranges, 0.05)
+        for _ in range(40):  # a search is a slice of work at every call
+            nowhere.take(t + 0.05, Readings(odometry, scan, None, None))
+        if k == 9 and known is not None and len(known.places):
+            x, y = known.places[0].tolist()
+            nowhere.place(Pose(x, y, 0.0))
