@@ -14,6 +14,7 @@ import commands
 import crowds
 import growth
 import guard
+import parts
 from rich.console import Console
 from rich.markdown import Markdown
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -39,11 +40,13 @@ def main() -> None:
         robots = crowds.measure(told("crowds"), quick)
         guarded = guard.measure(told("guard"), quick)
         waits = commands.measure(told("commands"), quick)
+        others = parts.measure(told("parts"), quick)
     found = {
         "growth": steps.as_json(),
         "guard": guarded.as_json(),
         "crowds": robots.as_json(),
         "commands": {wait.name: wait.as_json() for wait in waits},
+        "parts": {each.part.title: list(each.lines) for each in others},
     }
     for name, numbers in found.items():
         (RESULTS / f"{name}.json").write_text(json.dumps(numbers, indent=1) + "\n", "utf-8")
@@ -77,6 +80,7 @@ def main() -> None:
         "",
         *commands.markdown(waits),
         "",
+        *parts.markdown(others),
     ])  # fmt: skip
     if not quick:
         TABLES.parent.mkdir(exist_ok=True)

@@ -47,7 +47,7 @@ class Command:
 
 def measure(progress: Callable[[str, float], None], quick: bool) -> list[Command]:
     """Help and imports many times; reproduce once cold per round and then warm."""
-    rounds = 3 if quick else 7
+    rounds = 3 if quick else 5
     short = {
         "`cohelm --help`": (*COHELM, "--help"),
         "`import cohelm.law.step`": (sys.executable, "-c", "import cohelm.law.step"),
@@ -70,7 +70,7 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> list[Command
         for name, command in short.items():
             progress(name, 0.5 * k / rounds)
             take(name, command)
-    repeats = 1 if quick else 3
+    repeats = 1 if quick else 2
     for k in range(repeats):
         progress("`cohelm reproduce`", 0.5 + 0.5 * k / repeats)
         with tempfile.TemporaryDirectory() as folder:

@@ -24,7 +24,7 @@ import random
 import sys
 import tempfile
 import tokenize
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
@@ -267,8 +267,20 @@ class Score:
         return "\n".join(rows)
 
 
-def score(target: Target, drawn: Sequence[Mutant], jobs: int = 1) -> Score:
-    """Try the mutants that are not argued equal."""
+def score(
+    target: Target,
+    drawn: Sequence[Mutant],
+    jobs: int = 1,
+    told: Callable[[Mutant], None] = lambda _: None,
+) -> Score:
+    """Try the mutants that are not argued equal; `told` hears of each that lives, at once."""
+
+    def lives(mutant: Mutant) -> bool:
+        alive = survives(mutant, target)
+        if alive:
+            told(mutant)
+        return alive
+
     known = {m.key for m in every(target)}
     stale = [key for key in target.equal if key not in known]
     if stale:
@@ -278,8 +290,8 @@ def score(target: Target, drawn: Sequence[Mutant], jobs: int = 1) -> Score:
         raise RuntimeError("the tests fail on the code as it is; a mutant would die of that")
     open_ = [m for m in drawn if m.key not in target.equal]
     with ThreadPoolExecutor(jobs) as pool:
-        lived = list(pool.map(lambda m: survives(m, target), open_))
-    alive = [m for m, lives in zip(open_, lived, strict=True) if lives]
+        lived = list(pool.map(lives, open_))
+    alive = [m for m, survived in zip(open_, lived, strict=True) if survived]
     return Score(len(drawn), len(drawn) - len(open_), alive)
 
 
@@ -293,4 +305,7 @@ def main(target: Target) -> None:
     ask.add_argument("--list", action="store_true", help="count the mutants and end")
     given = ask.parse_args()
     drawn = chosen(target, 10**6 if given.list else given.n, given.seed, given.only)
-    print(len(drawn) if given.list else score(target, drawn, given.jobs))
+    if given.list:
+        print(len(drawn))
+        return
+    print(score(target, drawn, given.jobs, lambda m: print(m, file=sys.stderr, flush=True)))

@@ -44,7 +44,7 @@ def bench(
     the batch. peers: those to ask; the ones that are not installed are left out and named.
     """
     sizes = tuple(sizes or (QUICK_SIZES if quick else FULL_SIZES))
-    rounds = rounds or (7 if quick else 15)
+    rounds = rounds or (7 if quick else 11)
     with ExitStack() as stack:
         progress("starting the peers", 0.0)
         table = _Table(stack, peers)
@@ -139,9 +139,9 @@ def _round(
 ) -> None:
     """Every number once, ours and the peers' next to each other."""
     for n, scene in fields.items():
-        table.take(f"step {n}", _step_us(scene, 2000 if quick else 10000))
+        table.take(f"step {n}", _step_us(scene, 2000 if quick else 5000))
         for name in CBFPY:
-            question = {"time": n, "calls": 200 if quick else 1000}
+            question = {"time": n, "calls": 200 if quick else 400}
             table.ask(name, f"{name} {n}", question, "us")
     start = perf_counter()
     run(setup)

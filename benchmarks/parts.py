@@ -1,0 +1,78 @@
+"""The parts that measure themselves: each a script here, which prints a few lines."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+LIMIT_S = 120.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """One script: `title` in the tables, `options` for the whole study and for --quick."""
+
+    title: str
+    script: str
+    options: tuple[str, ...] = ()
+    quick: tuple[str, ...] = ()
+
+
+PARTS = (
+    Part("The control loop in real time", "loop", ("--seconds", "20"), ("--seconds", "5")),
+    Part("The physics twin", "twin", (), ("--quick",)),
+    Part("Where the robot is, and its map", "perceive", (), ("--quick",)),
+    Part("From the stick to the robot", "link", ("--seconds", "5"), ("--seconds", "2")),
+    Part("The operator's page", "station", ("--seconds", "10"), ("--seconds", "3")),
+    Part("Campaigns", "campaign", (), ("--quick",)),
+)
+"""One line for each; a script that is not there is left out."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a part printed, or why it has no numbers."""
+
+    part: Part
+    lines: tuple[str, ...]
+
+
+def measure(progress: Callable[[str, float], None], quick: bool) -> list[Told]:
+    """Run every part in a process of its own, one after the other."""
+    there = [part for part in PARTS if (HERE / f"{part.script}.py").is_file()]
+    told: list[Told] = []
+    for k, part in enumerate(there):
+        progress(part.script, k / len(there))
+        told.append(Told(part, _ran(part, quick)))
+    return told
+
+
+def _ran(part: Part, quick: bool) -> tuple[str, ...]:
+    command = [sys.executable, "-m", f"benchmarks.{part.script}"]
+    command += part.quick if quick else part.options
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, env={**os.environ, "MPLBACKEND": "Agg"}, capture_output=True,
+            text=True, timeout=LIMIT_S, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return (f"no numbers: not done after {LIMIT_S:.0f} s",)
+    if done.returncode != 0:
+        last = done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]
+        return (f"no numbers: {last[0]}",)
+    return tuple(done.stdout.rstrip().splitlines())
+
+
+def markdown(told: list[Told]) -> list[str]:
+    """A section for each part, in its own words."""
+    lines: list[str] = []
+    for each in told:
+        lines += [f"## {each.part.title}", "", f"`python -m benchmarks.{each.part.script}`", ""]
+        lines += ["```text", *each.lines, "```", ""]
+    return lines
