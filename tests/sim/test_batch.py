@@ -10,7 +10,7 @@ from cohelm.core.types import Pose
 from cohelm.law.barrier import HEADING, SHAPED
 from cohelm.law.gains import Gains
 from cohelm.robot.limits import unlimited
-from cohelm.sim.batch import LANES, Batch, run_batch
+from cohelm.sim.batch import LANES, WORTH_IT, Batch, run_batch
 from cohelm.sim.hand import Operator, replay
 from cohelm.sim.run import run
 from cohelm.sim.world import world
@@ -98,6 +98,15 @@ def test_the_number_of_threads_and_neighbours_changes_nothing(threads):
         duration=5.0,
     )  # fmt: skip
     assert run_batch(many, threads).tobytes() == np.tile(few, times).tobytes()
+
+
+@pytest.mark.parametrize("few", [1, WORTH_IT - 1, WORTH_IT])
+def test_a_few_robots_do_what_they_do_among_many(few):
+    alone = batch(
+        starts=starts()[:few], gains=GAINS[:few], worlds=world(*SCENES[:few]),
+        hands=replay(*HANDS[:few]), operators=OPERATORS[:few], seeds=SEEDS[:few],
+    )  # fmt: skip
+    assert run_batch(alone).tobytes() == run_batch(batch())[:few].tobytes()
 
 
 def test_the_order_of_the_robots_changes_nothing():

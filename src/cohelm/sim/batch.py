@@ -55,6 +55,9 @@ OUTCOME = np.dtype(
 FEW = 8
 """Fewer than these are not worth a thread of their own."""
 
+WORTH_IT = 3
+"""Robots from which on it is quicker to take all lanes through a step than each by itself."""
+
 
 @dataclass(frozen=True)
 class Batch:
@@ -112,7 +115,7 @@ def run_batch(batch: Batch, threads: int | None = None) -> NDArray[np.void]:
     try:
         _run_all(
             lanes, starts, desired, batch.dt, batch.worlds, batch.hands,
-            operator_table(batch.operators), np.asarray(batch.seeds, dtype=np.int64),
+            operator_table(batch.operators), np.ascontiguousarray(batch.seeds, dtype=np.int64),
             table(batch.gains), batch.limits, batch.outline,
             float(np.hypot(*batch.outline.T).max()), round(batch.delay / batch.dt), outcomes,
         )  # fmt: skip
@@ -247,7 +250,12 @@ def _steps(
                 else:
                     stick = replayed(_own(i, len(hands.first) - 1), hands, k * dt)
                 group[lanes.STICK_X + j], group[lanes.STICK_PSI + j] = stick.x, stick.psi
-        lanes.gather(group, spread, spread_wall, outline, reach)
+        if n < WORTH_IT:
+            for j in range(n):
+                lanes.score_error(group, j, desired)
+                group[lanes.CLOSE + j], group[lanes.ODD + j] = 1.0, 1.0
+        else:
+            lanes.gather(group, spread, spread_wall, outline, reach)
         for j in range(n):
             if group[lanes.CLOSE + j] != 0.0:
                 low, high = _discs(first + j, worlds, base)
@@ -256,9 +264,10 @@ def _steps(
                     lanes.pose_of(group, j), outline, reach, discs[low:high],
                     worlds.walls[bottom:top], group[lanes.CLEARANCE + j],
                 )  # fmt: skip
-        if lanes.wishes(group, desired) > 0:
-            lanes.filtered(group, spread)
-        lanes.ordinary(group, queue, k % d if d > 0 else 0, limits, dt)
+        if n >= WORTH_IT:
+            if lanes.wishes(group, desired) > 0:
+                lanes.filtered(group, spread)
+            lanes.ordinary(group, queue, k % d if d > 0 else 0, limits, dt)
         for j in range(n):
             if group[lanes.ODD + j] != 0.0:
                 i = first + j

@@ -161,6 +161,15 @@ def spread_walls(spread: Floats, j: int, walls: Floats) -> None:
         wall[4 * LANES + j] = 1.0 / square if square > 0.0 else 0.0
 
 
+@jit_inline
+def score_error(lanes: Floats, j: int, desired: Desired) -> None:
+    """Robot j's pose error (51), before the step."""
+    error = pose_error_square(pose_of(lanes, j), desired)
+    lanes[ERROR_MAX + j] = max(lanes[ERROR_MAX + j], error)
+    lanes[ERROR_SUM + j] += error
+    lanes[ERROR_END + j] = error
+
+
 @jit_apart
 def wishes(lanes: Floats, desired: Desired) -> int:
     """What each robot is asked to do, whether its filter ACTS, or is ODD; how many act."""
@@ -186,10 +195,7 @@ def wishes(lanes: Floats, desired: Desired) -> int:
         lanes[ACTS + j] = 1.0 if acts else 0.0
         lanes[ODD + j] = 0.0 if (free | acts) & hands_off & near else 1.0
         count += 1 if acts else 0
-        error = pose_error_square(pose, desired)
-        lanes[ERROR_MAX + j] = max(lanes[ERROR_MAX + j], error)
-        lanes[ERROR_SUM + j] += error
-        lanes[ERROR_END + j] = error
+        score_error(lanes, j, desired)
     return count
 
 
