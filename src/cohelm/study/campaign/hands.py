@@ -1,9 +1,9 @@
-"""`hands`: recorded people, whose stick was meant for another room, drive the paper's course.
+"""`hands`: recorded people, whose stick was meant for another room, drive in the paper's lab.
 
-Every recording is played into the scenario lab-shared, whose own simulated person is left out:
-first each from its beginning, then from anywhere in it. The controller leads whenever the hand
-does not. Arrived is who comes within 0.1 m of the end of the reference within three times its
-time; a hand that holds the stick for long may well prevent that.
+Every recording is played into the scenario lab-guard: first each from its beginning, then from
+anywhere in it. The controller leads whenever the hand does not. Arrived is who comes within 0.1 m
+of the end of the reference within three times its time; a hand that holds the stick for long may
+well prevent that.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.link import stick as sticks
 from cohelm.link.stick import Recording
-from cohelm.scenario import build, load
-from cohelm.sim.hand import Operator, replay
+from cohelm.scenario import build
+from cohelm.sim.hand import replay
 from cohelm.sim.run import Setup
-from cohelm.study.campaign.case import DT, Case, sequence
-from cohelm.study.campaign.lab import goal, limited
+from cohelm.study.campaign.case import Case, sequence
+from cohelm.study.campaign.lab import goal, limited, scenario
 
 _MOST_RUNS = 100
 
@@ -76,11 +76,8 @@ def _runs(file: Path) -> tuple[list[str], list[Recording]]:
 
 
 def course() -> Setup:
-    """The course without a person at the stick."""
-    setup = build.setup(
-        load.scenario("lab-shared", [f"simulation.step_s={DT}", "simulation.wheel_limits=true"])
-    )
-    return replace(limited(setup, 3.0), operator=Operator())
+    """The lab, without anybody at the stick yet."""
+    return limited(build.setup(scenario()), 3.0)
 
 
 def case(hands: Hands, course: Setup, seed: int, number: int) -> Case:
@@ -94,4 +91,4 @@ def case(hands: Hands, course: Setup, seed: int, number: int) -> Case:
     later = hand.times >= begin
     times = np.ascontiguousarray(hand.times[later] - begin)
     setup = replace(course, hands=replay((times, hand.x[later], hand.psi[later])), seed=number)
-    return Case("hands", number, hands.names[which], setup, goal(course))
+    return Case("hands", number, hands.names[which], setup, goal(setup))

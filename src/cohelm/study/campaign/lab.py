@@ -1,6 +1,6 @@
-"""`lab`: the paper's course with the robot's real outline and wheels; nobody at the stick.
+"""`lab`: the paper's lab with the robot's real outline and wheels; nobody at the stick.
 
-Episode 0 is the shipped scenario lab-avoid as it stands. In the others the robot starts up to
+Episode 0 is the shipped scenario lab-guard as it stands. In the others the robot starts up to
 0.1 m and 0.2 rad off, and the moving obstacle sets off between 0 and 40 s at 0.1 to 0.4 m/s.
 Both doors, the corridor, and the pass between the two cones are on the way. Arrived is who comes
 within 0.1 m of the end of the reference within twice its time.
@@ -18,9 +18,9 @@ from cohelm.study.campaign.case import DT, Case, Goal, sequence
 from cohelm.study.metrics import REACHED
 
 
-def scenario() -> Scenario:
-    """The course, under wheel limits and at the campaign's control step."""
-    return load.scenario("lab-avoid", [f"simulation.step_s={DT}", "simulation.wheel_limits=true"])
+def scenario(name: str = "lab-guard") -> Scenario:
+    """A shipped scenario at the campaign's control step."""
+    return load.scenario(name, [f"simulation.step_s={DT}"])
 
 
 def case(base: Scenario, seed: int, number: int) -> Case:
