@@ -9,9 +9,9 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.link import lease, robot_end, station_end, wire
-from cohelm.link.hand import Rules
 from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.sticks.feel import CueRules
+from cohelm.loop.person import Manner
 
 PAGE = Path(__file__).parents[2] / "docs" / "link.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -53,7 +53,7 @@ def test_every_request_is_on_the_page(ask):
 def test_the_numbers_are_those_of_the_code():
     for said, value in {
         "an age of | 250 ms": robot_end.STALE,
-        "commands for | 300 ms": Rules().watchdog,
+        "commands for | 300 ms": Manner().stale,
         "`steer` for 100 ms": station_end.FRESH,
         "longer ago than | 1 s": robot_end.REQUEST_LIFE,
         "without asking | 2 s": robot_end.SILENT,

@@ -176,3 +176,41 @@ def test_the_route_is_driven_to_its_end_and_both_clocks_agree():
         assert standing(session.loop.seen.twist)
         assert session.summary()["arrived"]
         assert "STOPPED the drive is over" in session.line()
+
+
+class Far(Scripted):
+    """A driver without a stick, at the end of a link."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda _: None, lambda: 0.0)
+        self.age, self.scale = 0.02, 1.0
+
+    def heard(self):
+        said = super().heard()
+        command = said.command._replace(speed_scale=self.scale) if self.age <= 0.25 else None
+        return said._replace(command=command, age=self.age)
+
+
+@pytest.mark.parametrize("carry_on", [False, True])
+def test_a_silent_driver_stops_an_automatic_robot_too_unless_it_may_carry_on(carry_on):
+    operator = Far()
+    plan = Plan(failing("nothing", 1e9), ways=Ways(carry_on=carry_on))
+    with Session(plan, operator) as session:
+        operator.ask(Ask.MODE, Mode.AUTOMATIC)
+        drive(session, 2.0)
+        assert speed(session) > 0.4
+        operator.scale = 0.5  # allows half the usual half a metre a second
+        drive(session, 1.0)
+        assert speed(session) == pytest.approx(0.25, abs=0.02)
+        operator.age = 0.29
+        drive(session, 0.1)
+        assert speed(session) > 0.2  # late is not lost
+        operator.age = 0.31
+        drive(session, 0.02 + BRAKING)
+        alarms = [alarm.text for alarm in session.loop.alarms.worst()]
+        assert any("no command for 310 ms" in text for text in alarms)
+        assert (speed(session) == 0.0) is not carry_on
+        if not carry_on:
+            operator.age = 0.02
+            drive(session, 1.0)
+            assert speed(session) == 0.0  # latched

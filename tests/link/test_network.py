@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.link import hand
 from cohelm.link.keys import pair_here
 from cohelm.link.messages import Ask, Device, Mode, Piece
 from cohelm.link.robot_bulk import RobotBulk
@@ -20,6 +19,7 @@ from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 from tests.link import net
 from tests.link.ends import STATUS, until
+from tests.link.side import Side
 
 WHY_NOT = net.why_not()
 pytestmark = [
@@ -54,7 +54,7 @@ class Drive:
         self.network, self.robot_keys, self.keys = network, robot_keys, keys
         self.used: list[Used] = []
         self.made: dict[float, float] = {}
-        self.state = hand.State(mode=Mode.SHARED, stopped="")
+        self.side = Side()
         self.centred = True
         self._open = True
         self._threads = [threading.Thread(target=t) for t in (self._loop, self._person)]
@@ -82,15 +82,12 @@ class Drive:
         while self._open:
             heard = self.robot.heard()
             for asked in heard.asked:
-                self.state, granted, why = hand.ask(
-                    self.state, asked.request, asked.name, heard.command
-                )
+                granted, why = self.side.ask(asked.request, asked.name)
                 self.robot.answer(asked.client, asked.request.number, granted, why)
             now = time.monotonic()
-            result = hand.step(self.state, heard.command, heard.driver, now)
-            self.state = result.state
+            result = self.side.step(heard)
             made = self.made.get(result.stick.x, math.nan) if result.stick.x else math.nan
-            self.used.append(Used(now, made, heard.age, result.brake, self.state.stopped))
+            self.used.append(Used(now, made, heard.age, result.brake, self.side.stopped))
             self.robot.tell(STATUS)
             time.sleep(DT)
 
@@ -164,8 +161,8 @@ def test_after_a_black_out_nothing_old_is_used_and_driving_goes_on_without_recon
     network.be(delay=0.05, jitter=0.01)
     dark = drive.since(began)
     first_brake = next(step.now for step in dark if step.brake)
-    assert first_brake - began < hand.Rules().watchdog + 0.06 + 2 * DT  # 60 ms were under way
-    assert dark[-1].stopped == "the link to the driver was lost"
+    assert first_brake - began < drive.side.manner.stale + 0.06 + 2 * DT  # 60 ms were under way
+    assert dark[-1].stopped.startswith("no command for")
     until(lambda: drive.used[-1].age < STALE, within=1.0)
     assert drive.used[-1].brake  # it stays, until the driver says otherwise
     drive.centred = True
@@ -245,5 +242,5 @@ def test_stop_pressed_in_a_black_out_is_done_when_it_ends_and_other_requests_are
     network.be()
     until(lambda: drive.station.answer(stop), within=3.0)
     assert drive.station.answer(mode).reason == "the robot did not answer in time"
-    assert drive.state.mode is Mode.SHARED
-    assert drive.state.stopped
+    assert drive.side.mode is Mode.SHARED
+    assert drive.side.stopped

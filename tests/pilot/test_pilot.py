@@ -88,3 +88,18 @@ def test_the_step_is_pure_but_for_the_commands_under_way():
 def test_a_delay_that_makes_no_sense_is_refused():
     with pytest.raises(CohelmError, match="delay must be from 0"):
         Pilot(through(STRAIGHT, 0.5), SETTINGS, delay=-1.0)
+
+
+def test_what_is_asked_for_is_slowed_down_on_the_same_arc():
+    def asked(fastest):
+        pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
+        d = pilot.step(0.0, Pose(0.0, 0.3, 0.2), Twist(0.0, 0.0), Stick(0.0, 0.0), NOTHING_NEAR,
+                       fastest)  # fmt: skip
+        return d.shared_v, d.shared_omega
+
+    v, omega = asked(math.inf)
+    slow_v, slow_omega = asked(0.02)
+    assert abs(v) > 0.02 == pytest.approx(abs(slow_v))
+    assert slow_omega / slow_v == pytest.approx(omega / v)
+    assert asked(0.0) == (0.0, 0.0)
+    assert asked(10.0) == (v, omega)

@@ -13,6 +13,7 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference, through
 from cohelm.loop.person import CENTRED
 from cohelm.loop.planning import Planning
+from cohelm.perceive.chart import swept
 from cohelm.perceive.seen import Seen
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Decision, Settings
@@ -32,7 +33,9 @@ class Driver:
         self, pilot: Pilot | None, settings: Settings, delay: float, planning: Planning | None
     ) -> None:
         """delay: from command to wheels [s]."""
-        self.pilot, self._settings, self._planning = pilot, settings, planning
+        self.pilot, self.settings, self._planning = pilot, settings, planning
+        self.fastest = math.inf
+        """What is asked for is slowed down to this [m/s]."""
         self._alone = _alone(settings, delay)
         fast = settings.gains._replace(k_hx=1.0, k_hpsi=1.0)
         self._by_hand = _alone(settings._replace(gains=fast), delay)
@@ -55,10 +58,10 @@ class Driver:
 
         Wheels measure with noise that would go into every command; and late.
         """
-        before, dt = self._twist, self._settings.rules.dt
+        before, dt = self._twist, self.settings.rules.dt
         off = abs(measured.v - before.v) > _OFF_V or abs(measured.omega - before.omega) > _OFF_OMEGA
         self._off = self._off + 1 if off else 0
-        self._twist = achievable(self._given[0], before, self._settings.limits, dt)
+        self._twist = achievable(self._given[0], before, self.settings.limits, dt)
         if self._off >= _OFF_FOR and math.isfinite(measured.v + measured.omega):
             self._twist = measured
         return self._twist
@@ -79,6 +82,14 @@ class Driver:
             discs[:, :2] = _placed(discs[:, :2], seen.map_odom)
             discs[:, 2:4] = _placed(discs[:, 2:4], Pose(0.0, 0.0, seen.map_odom.psi))
         return Surroundings(discs, seen.agility, np.empty((0, 4)), self._points)
+
+    def clear(self, pose: Pose, around: Surroundings) -> float:
+        """Smallest gap between the outline and anything seen; infinite where nothing is [m]."""
+        outline, here = self.settings.outline, np.array([pose], dtype=np.float64)
+        gap = float(swept(around.points, outline, here)[0])
+        for row in around.discs:
+            gap = min(gap, float(swept(row[None, :2], outline, here)[0]) - float(row[4]))
+        return max(gap, 0.0)
 
     def follow(self, now: float, pose: Pose, stick: Stick, around: Surroundings) -> Decision:
         """On the route, shared with the stick. There must be a pilot."""
@@ -108,7 +119,7 @@ class Driver:
         d = self._delay  # the commands under way, as the robot got them, where this pilot has them
         for j in range(d):
             pilot.sent[(pilot.state.k + j) % d] = self._given[j + 1]
-        return pilot.step(now, pose, self._twist, stick, around)
+        return pilot.step(now, pose, self._twist, stick, around, self.fastest)
 
     def rehearse(self, pose: Pose, around: Surroundings) -> None:
         """Compile what a period may need; changes nothing."""
@@ -118,6 +129,7 @@ class Driver:
             pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, around)
             pilot.state = state
             pilot.sent[:] = sent
+        self.clear(pose, around)
 
     def rehearse_plan(self, seen: Seen, keeper: Keeper) -> None:
         """Have one plan made, and thrown away: what plans compiles too, and takes long over it."""

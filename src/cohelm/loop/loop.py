@@ -12,10 +12,13 @@ import numpy as np
 
 from cohelm.core.period import PERIOD
 from cohelm.core.types import Twist, wrap
+from cohelm.law.guard.surroundings import Surroundings
+from cohelm.link.cap import FREE as NOTICED
 from cohelm.link.heard import Asked
 from cohelm.link.messages import Arming, Ask, Mode
 from cohelm.loop.alarms import Alarms
 from cohelm.loop.driver import Driver
+from cohelm.loop.leash import FREE, allowed, cap, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.person import CENTRED, Manner, Person, renewed
 from cohelm.loop.senses import Senses, patience
@@ -44,7 +47,8 @@ class Ways(NamedTuple):
     period: float = 0.02
     """[s]"""
     carry_on: bool = False
-    """Whether the controller drives on alone when a stick in use vanishes, instead of stopping."""
+    """Whether the controller drives on alone when a stick in use, or the driver, vanishes, instead
+    of stopping."""
     manner: Manner = Manner()
 
 
@@ -63,6 +67,11 @@ class Loop:
         self.person = Person()
         self.problem = ""
         """What is wrong with the readings; empty: nothing."""
+        self.cap = FREE
+        """On the speed, by the driver's delay."""
+        self._led = False  # a person chose the mode, and must go on being heard
+        self._scale = 1.0
+        self._delay = math.nan
         self.seen: Seen | None = None
         self.decision: Decision | None = None
         self._record = record
@@ -161,6 +170,7 @@ class Loop:
     def _listen(self) -> None:
         """What does the person want, and may the stick be believed?"""
         heard = self.operator.heard()
+        self._scale = allowed(heard, self._scale)
         for asked in heard.asked:
             granted, reason = self._request(asked)
             self.operator.answer(asked.client, asked.request.number, granted, reason)
@@ -173,6 +183,17 @@ class Loop:
                 self.keeper.stop(f"the stick is lost: {self.person.lost}")
         elif self.person.arming == Arming.ARMED:
             self.alarms.off("stick")
+        why = silent(heard, self.ways.manner.stale) if self._led else ""
+        if not why:
+            self.alarms.off("driver")
+        elif driving(self.keeper.gate.mode) and self.alarms.on(
+            "driver", f"the driver is lost: {why}"
+        ):
+            if self.ways.carry_on:
+                self._event(f"{why}: the controller carries on alone", True)
+            else:
+                self.keeper.stop(f"the driver is lost: {why}")
+        self._delay = far(heard, self.person)
 
     def _request(self, asked: Asked) -> tuple[bool, str]:
         what, value = asked.request.what, asked.request.value
@@ -186,17 +207,27 @@ class Loop:
             said = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == Ask.MODE:
             said = self.choose(Mode(value)) if value in _MODES else "there is no such mode"
+            self._led = self._led if said else value != Mode.HOLD
         self._event(f"{asked.name} asks for {what.name} {value}: {said or 'done'}")
         return not said, said
 
     def _decide(self, now: float, seen: Seen) -> Decision:
         around = self.driver.around(seen)
+        self._bound(seen, around)
         stick = self.person.stick if self.keeper.gate.mode == GateMode.SHARED else CENTRED
         if self.mode == Mode.MANUAL:
             return self.driver.by_hand(now, seen.pose, stick, around, gently=False)
         if seen.lost or self.driver.pilot is None:
             return self.driver.by_hand(now, seen.pose, stick, around, gently=True)
         return self.driver.follow(now, seen.pose, stick, around)
+
+    def _bound(self, seen: Seen, around: Surroundings) -> None:
+        """How fast it may be asked to go: what the driver allows, and his delay."""
+        driver, self.cap = self.driver, FREE
+        if self._delay > NOTICED:
+            self.cap = cap(self._delay, driver.clear(seen.pose, around), driver.settings)
+        usual = self._scale * driver.settings.gains.u_d if self._scale < 1.0 else math.inf
+        driver.fastest = min(usual, self.cap.speed)
 
     def _propose(self, readings: Readings, decision: Decision | None) -> Passed:
         """To the gate; but with readings that are wrong nothing, and the watchdog counts."""
@@ -267,7 +298,7 @@ class Loop:
             self.mode, gate.reason, self.person, self.seen, self._has_map, self.decision,
             passed.out, passed.reason, self._e_p(), self._progress(),
             not (self._recorder or self._record.broken), self.timing.recent, self.timing.overruns,
-            self.alarms.worst(),
+            self.alarms.worst(), self.cap,
         )  # fmt: skip
         self.operator.tell(status(said, predicted(self.seen.pose, passed.out)))
 

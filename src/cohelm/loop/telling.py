@@ -9,6 +9,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law import verdict as verdicts
+from cohelm.link.cap import Cap
 from cohelm.link.messages import (
     Alarm,
     Guarding,
@@ -56,6 +57,7 @@ class Said(NamedTuple):
     late: float
     overruns: int
     alarms: tuple[Alarm, ...]
+    cap: Cap
 
 
 def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
@@ -80,8 +82,8 @@ def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
         e_p=said.e_p,
         reference=Pose(d.x_d, d.y_d, d.psi_d) if d else Pose(nan, nan, nan),
         progress=said.progress,
-        speed_cap=math.inf,
-        cap_reason="",
+        speed_cap=said.cap.speed,
+        cap_reason=said.cap.reason,
         localised=_localised(said),
         sigma=sigma(seen.covariance),
         recording=said.recording,

@@ -20,7 +20,7 @@ from cohelm.pilot.step import Decision, Settings, State, pilot_step
 from cohelm.robot.limits import Limits
 
 Flat = Callable[
-    [State, Pose, Twist, Stick, Surroundings, Course, float, Floats], tuple[State, Decision]
+    [State, Pose, Twist, Stick, Surroundings, Course, float, Floats, float], tuple[State, Decision]
 ]
 """`pilot_step` of one robot on one route, from Python."""
 
@@ -39,7 +39,7 @@ def step_of(settings: Settings, line: Floats) -> Flat:
 
     def step(
         state: State, pose: Pose, twist: Twist, stick: Stick, around: Surroundings,
-        course: Course, dt: float, sent: Floats,
+        course: Course, dt: float, sent: Floats, fastest: float,
     ) -> tuple[State, Decision]:  # fmt: skip
         k, time, clock, left, at = state
         reference = course.reference
@@ -50,6 +50,7 @@ def step_of(settings: Settings, line: Floats) -> Flat:
             float(stick[0]), float(stick[1]), *around,
             reference.knots, reference.coeffs, reference.speed, course.poses,
             course.paced.rate, course.row, line, outline, row, float(dt), sent,
+            float(fastest),
         )  # fmt: skip
         after = State(n[0], n[1], Clock(n[2], n[3], n[4]), Escape(n[5], n[6], n[7]), n[8])
         return after, Decision._make(n[_STATE:])
@@ -64,6 +65,7 @@ def _flat(
     omega: float, stick_x: float, stick_psi: float, discs: Floats, agility: Floats,
     segments: Floats, points: Floats, knots: Floats, coeffs: Floats, speed: float, poses: Floats,
     rates: Floats, back: int, line: Floats, outline: Floats, r: Floats, dt: float, sent: Floats,
+    fastest: float,
 ) -> tuple[Any, ...]:  # fmt: skip
     limits = Limits(r[0], r[1], r[2], r[3], r[4], r[5], r[6])
     gains = Gains(
@@ -74,7 +76,9 @@ def _flat(
     pace = Pace(
         r[25], r[26], r[27], r[28], r[29], r[30], r[31], r[32], r[33], r[34], r[35], r[36], r[37]
     )
-    s = Settings(outline, limits, gains, rules, pace, int(r[38]), r[39] != 0.0, r[40], r[41], r[42])
+    s = Settings(
+        outline, limits, gains, rules, pace, int(r[38]), r[39] != 0.0, r[40], r[41], r[42], fastest
+    )
     before = State(k, time, Clock(tau, rate, waited), Escape(distance, curvature, turn), at)
     reference = Reference(knots, coeffs, speed)
     course = Course(reference, poses, Profile(rates, knots[-1]), back, True)

@@ -64,11 +64,13 @@ class Pilot:
         self._step: Flat = step_of(settings, self.planner.route.line)
 
     def step(
-        self, now: float, pose: Pose, twist: Twist, stick: Stick | None, seen: Surroundings
-    ) -> Decision:
+        self, now: float, pose: Pose, twist: Twist, stick: Stick | None, seen: Surroundings,
+        fastest: float = math.inf,
+    ) -> Decision:  # fmt: skip
         """The command for now, and why. now: monotonic [s]. twist: what the robot does now.
 
-        seen: as of now. Never raises on numbers, see `pilot_step`.
+        seen: as of now. fastest: what is asked for is slowed down to this, beside what the
+        settings say [m/s]. Never raises on numbers, see `pilot_step`.
         """
         dt = self.settings.rules.dt
         passed = now - self._now
@@ -76,7 +78,15 @@ class Pilot:
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step lets the reference jump no farther
         self._now = now
         self.state, decision = self._step(
-            self.state, pose, twist, stick or _CENTRED, seen, self.course, dt, self.sent
+            self.state,
+            pose,
+            twist,
+            stick or _CENTRED,
+            seen,
+            self.course,
+            dt,
+            self.sent,
+            min(fastest, self.settings.fastest),
         )
         self.doing = decision.doing
         return decision

@@ -50,6 +50,8 @@ class Settings(NamedTuple):
     """Of moves out of tight spots [m/s]."""
     escape_yaw_rate: float = 1.0
     """[rad/s]"""
+    fastest: float = math.inf
+    """What is asked for is slowed down to this, on the same arc [m/s]."""
 
 
 class State(NamedTuple):
@@ -152,7 +154,7 @@ def pilot_step(
     else:
         tau_c = track(then, target, s.gains)
     tau_h = human(hand, s.gains)
-    tau = blend(tau_c, tau_h, share)
+    tau = _slowed(blend(tau_c, tau_h, share), s.fastest)
 
     v, omega, verdict, culprit, gap, change = 0.0, 0.0, UNTOUCHED, NOTHING, math.inf, 0.0
     avoid = Avoidance(Twist(0.0, 0.0), 0.0, 0.0, math.inf, UNTOUCHED, -1)
@@ -188,6 +190,15 @@ def pilot_step(
         clock.tau, clock.rate, clock.waited,
         target.x, target.y, target.psi, target.u, target.r,
     )  # fmt: skip
+
+
+@jit
+def _slowed(asked: Twist, fastest: float) -> Twist:
+    """The same arc, no faster than that."""
+    if abs(asked.v) > fastest:
+        share = fastest / abs(asked.v)
+        return Twist(asked.v * share, asked.omega * share)
+    return asked
 
 
 _AHEAD = 20  # rows of the route within which the nearest is looked for

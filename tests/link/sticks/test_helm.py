@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from cohelm.cli import app
 from cohelm.core.types import Stick, Twist
-from cohelm.link import hand, keys as pairing
+from cohelm.link import keys as pairing
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Ask, Device, Hello, Mode
+from cohelm.link.messages import Device, Hello, Mode
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.stick import Recording
@@ -21,6 +21,7 @@ from cohelm.link.sticks.at_helm import drive
 from cohelm.link.sticks.played import PlayedStick
 from cohelm.link.sticks.port import CENTRED, Button, Feel, Reading
 from tests.link.ends import NAN, STATUS, until
+from tests.link.side import Side, Used
 
 pytestmark = pytest.mark.xdist_group("realtime")
 HERE = "127.0.0.1"
@@ -34,9 +35,8 @@ class Robot:
         self.bulk = RobotBulk(self.end, keys)
         outline = np.zeros((3, 2), np.float32)
         self.bulk.publish(Hello("sally", "0", outline, 2.0, 1.0, 0.3, "stop", (NAN, NAN, NAN, NAN)))
-        self.state = hand.State(mode=Mode.SHARED, stopped="")
-        self.hands: list[hand.Hand] = []
-        self.asked: list[Ask] = []
+        self.side = Side()
+        self.hands: list[Used] = []
         self._open = True
         self._thread = threading.Thread(target=self._loop)
         self._thread.start()
@@ -45,18 +45,13 @@ class Robot:
         while self._open:
             heard = self.end.heard()
             for asked in heard.asked:
-                self.asked.append(asked.request.what)
-                self.state, granted, why = hand.ask(
-                    self.state, asked.request, asked.name, heard.command
-                )
+                granted, why = self.side.ask(asked.request, asked.name)
                 self.end.answer(asked.client, asked.request.number, granted, why)
             if heard.driver or self.hands:
-                result = hand.step(self.state, heard.command, heard.driver, time.monotonic())
-                self.state = result.state
-                self.hands.append(result)
+                self.hands.append(self.side.step(heard))
             self.end.tell(
                 STATUS._replace(
-                    mode=self.state.mode, stopped=self.state.stopped, arming=self.state.arming,
+                    mode=self.side.mode, stopped=self.side.stopped, arming=self.side.person.arming,
                     asked=Twist(1.0, 0.0), given=Twist(0.5, 0.0),
                 )
             )  # fmt: skip
@@ -105,23 +100,23 @@ def test_a_stick_takes_the_lease_steers_is_felt_and_its_loss_stops_the_robot(rob
         target=drive, args=(held, keys, (HERE, robot.end.address[1]), 5.0, said.append)
     )
     thread.start()
-    until(lambda: robot.hands and robot.hands[-1].state.arming == 2)
+    until(lambda: robot.hands and robot.hands[-1].arming == 2)
     held.stick = Stick(0.5, 0.0)
     until(lambda: robot.hands[-1].stick == Stick(0.5, 0.0))
     # half a metre a second of two is held back: a quarter, times the gain
     until(lambda: held.felt[-1].push.x == pytest.approx(-0.2, abs=0.01))
     assert held.felt[-1].spring == 0.5
     held.buttons = [Button.MODE]
-    until(lambda: robot.state.mode is Mode.AUTOMATIC)
+    until(lambda: robot.side.mode is Mode.AUTOMATIC)
     held.buttons = [Button.STOP]
-    until(lambda: robot.state.stopped)
+    until(lambda: robot.side.stopped)
     held.stick = CENTRED
-    until(lambda: robot.hands[-1].state.arming == 2)
+    until(lambda: robot.hands[-1].arming == 2)
     held.buttons = [Button.RESET, Button.MODE]
-    until(lambda: not robot.state.stopped and robot.state.mode is Mode.SHARED)
-    until(lambda: robot.hands[-1].state.arming == 2)
+    until(lambda: not robot.side.stopped and robot.side.mode is Mode.SHARED)
+    until(lambda: robot.hands[-1].arming == 2)
     held.there = False
-    until(lambda: robot.state.stopped)
+    until(lambda: robot.side.stopped)
     assert robot.hands[-1].brake
     thread.join(3.0)
     assert not thread.is_alive()
@@ -136,10 +131,10 @@ def test_a_recorded_hand_drives_and_its_end_is_no_centred_stick(robot):
     )
     played = PlayedStick(record, "record", time.monotonic)
     drive(played, keys, (HERE, robot.end.address[1]), 5.0, lambda _: None)
-    until(lambda: robot.state.stopped)
+    until(lambda: robot.side.stopped)
     used = {result.stick for result in robot.hands if result.stick != CENTRED}
     assert used == {Stick(0.75, -0.5)}
-    assert robot.state.stopped in ("the stick was lost", "nobody drives")
+    assert robot.side.stopped in ("the stick vanished", "nobody drives any more")
 
 
 def test_the_command_says_what_is_missing_and_lists_what_there_is(tmp_path, monkeypatch):

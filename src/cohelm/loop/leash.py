@@ -1,0 +1,42 @@
+"""How fast, and whether at all, the robot goes on for a driver who is far away, slow or silent."""
+
+from __future__ import annotations
+
+import math
+
+from cohelm.link.cap import Cap, speed_cap
+from cohelm.link.heard import Heard
+from cohelm.link.messages import Arming
+from cohelm.loop.person import Person
+from cohelm.pilot.step import Settings
+
+FREE = Cap(math.inf, "")
+"""No cap."""
+_DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
+
+
+def silent(heard: Heard, stale: float) -> str:
+    """Why the driver counts as lost; empty: not. With any stick, and with none."""
+    if heard.driver == 0:
+        return "nobody drives any more"
+    if heard.command is None and not heard.age <= stale:
+        told = f"for {1000.0 * heard.age:.0f} ms" if math.isfinite(heard.age) else "yet"
+        return f"no command {told}"
+    return ""
+
+
+def allowed(heard: Heard, scale: float) -> float:
+    """The share of the usual speed that the driver allows: the newest word counts."""
+    return heard.command.speed_scale if heard.command is not None else scale
+
+
+def far(heard: Heard, person: Person) -> float:
+    """The delay over which a person steers [s]; NaN: nobody does, or it is not known."""
+    return heard.round_trip if person.arming == Arming.ARMED else math.nan
+
+
+def cap(delay: float, clear: float, settings: Settings) -> Cap:
+    """How fast a person may go who sees the past. clear: smallest gap to anything [m]."""
+    braking = min(settings.limits.acceleration, settings.limits.wheel_acceleration)
+    braking = braking if math.isfinite(braking) and braking > 0.0 else _DECELERATION
+    return speed_cap(delay, clear, braking, settings.gains.u_d)

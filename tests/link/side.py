@@ -1,0 +1,53 @@
+"""The robot's side of a drive, as far as the driver is concerned: the loop's own rules."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cohelm.core.types import Stick
+from cohelm.link.heard import Heard
+from cohelm.link.messages import Arming, Ask, Mode, Request
+from cohelm.loop.leash import silent
+from cohelm.loop.person import CENTRED, Manner, Person, renewed
+
+DT = 0.02
+
+
+class Used(NamedTuple):
+    """What a period makes of the driver."""
+
+    stick: Stick
+    brake: bool
+    arming: Arming
+
+
+class Side:
+    """Stops for what the loop stops for, and stays stopped until it is reset."""
+
+    def __init__(self) -> None:
+        # as fast as a hand: these tests ask which deflection was used, not how fast it came
+        self.manner = Manner(hand_rate=1e9)
+        self.person = Person()
+        self.mode = Mode.SHARED
+        self.stopped = ""
+        self.asked: list[Ask] = []
+        self._seen = False
+
+    def ask(self, request: Request, name: str) -> tuple[bool, str]:
+        self.asked.append(request.what)
+        if request.what is Ask.STOP:
+            self.stopped = f"stop by {name}"
+        elif request.what is Ask.RESET:
+            self.stopped = ""
+        elif request.what is Ask.MODE:
+            self.mode = Mode(request.value)
+        return True, ""
+
+    def step(self, heard: Heard) -> Used:
+        self._seen = self._seen or heard.command is not None
+        self.person = renewed(self.person, heard, self.manner, DT)
+        lost = self.person.lost or (silent(heard, self.manner.stale) if self._seen else "")
+        if lost and not self.stopped:
+            self.stopped = lost
+        brake = bool(self.stopped)
+        return Used(CENTRED if brake else self.person.stick, brake, self.person.arming)

@@ -1,0 +1,62 @@
+"""A driver who is silent is lost, with a stick or without; one far away is slowed down."""
+
+import math
+
+import pytest
+
+from cohelm.core.types import Pose, Stick
+from cohelm.law.guard.surroundings import surroundings
+from cohelm.link.heard import Heard
+from cohelm.link.messages import Arming, Command, Device
+from cohelm.loop.driver import Driver
+from cohelm.loop.leash import FREE, allowed, cap, far, silent
+from cohelm.loop.person import Person
+from tests.pilot.drives import SETTINGS
+
+ARMED = Person(Arming.ARMED)
+
+
+def heard(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
+    command = Command(Stick(0.0, 0.0), False, False, Device.NONE, scale, ())
+    return Heard(driver, "anna", command if fresh else None, age, round_trip, ())
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (heard(), ""),
+        (heard(0.29, fresh=False), ""),
+        (heard(0.31, fresh=False), "no command for 310 ms"),
+        (heard(math.nan, fresh=False), "no command yet"),
+        (heard(driver=0), "nobody drives any more"),
+    ],
+)
+def test_a_driver_is_lost_after_the_watchdog_whether_there_was_a_stick_or_not(said, why):
+    assert silent(said, 0.3) == why
+
+
+def test_the_share_of_speed_is_what_was_said_last():
+    assert allowed(heard(scale=0.25), 1.0) == 0.25
+    assert allowed(heard(fresh=False), 0.25) == 0.25
+
+
+def test_only_a_person_who_steers_with_delay_near_something_is_slowed_down():
+    late = far(heard(round_trip=0.6), ARMED)
+    assert cap(late, 0.3, SETTINGS).speed < SETTINGS.gains.u_d
+    assert "delay" in cap(late, 0.3, SETTINGS).reason
+    assert cap(late, 5.0, SETTINGS) == FREE
+    assert cap(late, math.inf, SETTINGS) == FREE
+    assert cap(far(heard(round_trip=0.05), ARMED), 0.3, SETTINGS) == FREE
+    assert math.isnan(far(heard(round_trip=0.6), Person()))
+
+
+def test_clear_is_the_gap_of_the_outline_to_the_nearest_thing_of_any_kind():
+    driver = Driver(None, SETTINGS, 0.0, None)
+    pose = Pose(1.0, 2.0, 0.5 * math.pi)  # the nose, 0.36 m before the middle, looks up
+    nothing = surroundings([])
+    assert driver.clear(pose, nothing) == math.inf
+    point = surroundings([], points=[[1.0, 2.0 + 0.36 + 0.5]])
+    assert driver.clear(pose, point) == pytest.approx(0.5)
+    disc = surroundings([(1.0, 3.0, 0.0, 0.0, 0.1, 0.2)], points=[[1.0, 2.0 + 0.36 + 0.6]])
+    assert driver.clear(pose, disc) == pytest.approx(1.0 - 0.36 - 0.1)
+    assert driver.clear(pose, surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)])) == 0.0
