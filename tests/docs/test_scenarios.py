@@ -14,6 +14,7 @@ from cohelm.scenario.model import Scenario
 PAGE = (Path(__file__).parents[2] / "docs/scenarios.md").read_text(encoding="utf-8")
 SCHEMA = Scenario.model_json_schema()
 HANDS = ("StickNone", "StickScript", "StickFile", "StickOperator")
+WORLDS = ("GazeboWorld", "BarnWorld", "MapWorld", "TracksWorld")
 BOUNDS = {"exclusiveMinimum": ">", "minimum": "≥", "maximum": "≤", "exclusiveMaximum": "<"}
 WORDS = {"boolean": "`true` or `false`", "string": "text", "array": "list", "object": "keys"}
 
@@ -56,6 +57,7 @@ def rows(model: dict[str, Any], above: str) -> Iterator[str]:
 EXPECTED = [
     *rows(SCHEMA, ""),
     *(r for hand in HANDS for r in rows(SCHEMA["$defs"][hand], "stick.")),
+    *(r for kind in WORLDS for r in rows(SCHEMA["$defs"][kind], "world.")),
 ]
 ERRORS = re.findall(r"^\| `--set (.+?)` \| (.+) \|$", PAGE, re.MULTILINE)
 

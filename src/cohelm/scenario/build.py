@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import ROW
-from cohelm.core.types import Pose
+from cohelm.core.types import VX, VY, Pose
 from cohelm.law.reference import Reference, desired, tabulate
 from cohelm.link import stick as sticks
 from cohelm.pilot.pilot import Pilot
@@ -20,9 +20,12 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.hand import StickFile, StickOperator, StickScript
 from cohelm.scenario.load import digest, dump, standing_alone
 from cohelm.scenario.model import Scenario
+from cohelm.scenario.world import Read
+from cohelm.sim.grid import NO_GRID, solid_at
 from cohelm.sim.hand import Operator, Replay, replay
 from cohelm.sim.piloted import Piloted
-from cohelm.sim.run import Setup
+from cohelm.sim.run import REACHED, Setup
+from cohelm.sim.world import NOWHERE, Body, clearance
 
 _LARGEST_RUN = 2**30  # bytes of a recorded run
 
@@ -39,6 +42,8 @@ def setup(scenario: Scenario) -> Setup:
     hands, alone = _hands(alone)
     limits = robot.bounds(enforced=alone.simulation.wheel_limits)
     gains = alone.law.gains(alone.reference.speed_mps)
+    scenery = alone.scenery()
+    bodies = alone.bodies(scenery)
     made = Setup(
         start=_start(alone, reference),
         reference=reference,
@@ -46,15 +51,18 @@ def setup(scenario: Scenario) -> Setup:
         limits=limits,
         gains=gains,
         spline_speed=alone.reference.feed_forward == "spline",
-        around=alone.around(),
-        names=tuple(obstacle.name for obstacle in alone.obstacles),
+        around=alone.around(scenery),
+        names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names),
         hands=hands,
         operator=alone.stick.person() if isinstance(alone.stick, StickOperator) else Operator(),
         dt=alone.simulation.step_s,
         duration=alone.simulation.duration_s,
         delay=alone.simulation.delay_s,
         seed=alone.simulation.seed,
-        pilot=_piloted(alone, robot, limits),
+        grid=scenery.grid,
+        barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
+        near=alone.reference.arrive_m or REACHED,
+        pilot=_piloted(alone, robot, limits, bodies),
         scenario=dump(alone),
     )
     _check_length(made, alone)
@@ -71,6 +79,7 @@ def warnings(scenario: Scenario) -> list[str]:
     alone = standing_alone(scenario, Path())
     reference = alone.reference.spline()
     found = _beyond_limits(reference, _robot(alone))
+    found += [f"world: {said}" for said in alone.scenery().left_out]
     hands, _ = _hands(alone)
     run_s = alone.simulation.duration_s or reference.duration
     if isinstance(alone.stick, StickFile) and hands.times[-1] < run_s:
@@ -103,7 +112,9 @@ def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:
     return made._replace(spline_speed=alone.reference.feed_forward == "spline")
 
 
-def _piloted(alone: Scenario, robot: RobotModel, limits: Limits) -> Piloted | None:
+def _piloted(
+    alone: Scenario, robot: RobotModel, limits: Limits, bodies: list[Body]
+) -> Piloted | None:
     """What a run with the guard needs beyond the rest; None for the paper's law."""
     law = alone.law
     if law.filter != "guard":
@@ -116,7 +127,9 @@ def _piloted(alone: Scenario, robot: RobotModel, limits: Limits) -> Piloted | No
                 "YAML file, or set senses to truth"
             )
         lidar = robot.lidar
-    moving = [o.path is not None or o.velocity_mps is not None for o in alone.obstacles]
+    moving = [
+        body.path is not None or body.row[VX] != 0.0 or body.row[VY] != 0.0 for body in bodies
+    ]
     return Piloted(
         settings=_settings(alone, robot, limits),
         agility=law.guard.agility_mps2 * np.array(moving, dtype=np.float64),
@@ -186,6 +199,18 @@ def _check_start(made: Setup, alone: Scenario) -> None:
     for i, wall in enumerate(alone.walls_m):
         gap = segment_clearance(made.start, made.outline, *wall)
         _check_gap(gap, made.start, alone, f"the wall from {wall[:2]} to {wall[2:]} (walls_m.{i})")
+    _check_world(made, alone)
+
+
+def _check_world(made: Setup, alone: Scenario) -> None:
+    """The same for what the world's file holds; on a map the robot stands in no solid cell."""
+    gap = clearance(
+        made.start, made.outline, float(np.hypot(*made.outline.T).max()),
+        made.around.discs[len(alone.obstacles) :], made.around.walls[len(alone.walls_m) :], NOWHERE,
+    )  # fmt: skip
+    _check_gap(gap, made.start, alone, "something of the world's file")
+    if solid_at(made.grid, made.start.x, made.start.y):
+        _check_gap(-1.0, made.start, alone, "a solid cell of the map")
 
 
 def _check_gap(gap: float, start: Pose, alone: Scenario, what: str) -> None:

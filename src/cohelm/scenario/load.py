@@ -18,8 +18,9 @@ from cohelm.core.schema import Schema
 from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
 from cohelm.scenario.explain import sentences
 from cohelm.scenario.hand import StickFile
-from cohelm.scenario.model import Scenario
+from cohelm.scenario.model import Scenario, Start
 from cohelm.scenario.text import graft, plain, tree
+from cohelm.scenario.world import AnyWorld, GazeboWorld, course_of
 
 Model = TypeVar("Model", bound=Schema)
 
@@ -73,14 +74,60 @@ def dump(model: Schema) -> str:
 
 
 def standing_alone(made: Scenario, folder: Path) -> Scenario:
-    """The same with the robot's description in it and an absolute stick path."""
+    """The same with all that it names in other files by absolute paths, or in it.
+
+    The robot's description; what a world's route says and the scenario does not.
+    """
     update: dict[str, object] = {}
     if isinstance(made.robot, str):
         update["robot"] = robot(made.robot, folder)
     if isinstance(made.stick, StickFile) and not Path(made.stick.path).is_absolute():
         path = str((folder / made.stick.path).absolute())
         update["stick"] = made.stick.model_copy(update={"path": path})
+    if made.world is not None:
+        world = _found(made.world, folder, made.name)
+        update["world"] = world
+        if not made.reference.waypoints_m:
+            update |= _on_course(made, world)
     return made.model_copy(update=update)
+
+
+def _found(world: AnyWorld, folder: Path, asked_by: str) -> AnyWorld:
+    """A world by absolute paths, with the digest of its file."""
+    update: dict[str, object] = {"file": str((folder / world.file).absolute())}
+    if isinstance(world, GazeboWorld) and world.path_file is not None:
+        update["path_file"] = str((folder / world.path_file).absolute())
+    made = world.model_copy(update=update)
+    file = Path(made.file)
+    if not file.is_file():
+        close = _meant(file.name, _beside(file.parent))
+        raise CohelmError(f"{asked_by}: world.file: {file}: no such file{close}")
+    now = digest(file)
+    if made.sha256 is not None and made.sha256 != now:
+        raise CohelmError(
+            f"{file}: the world has changed since this scenario was written down (its sha256 "
+            "differs); remove world.sha256 to run in it as it is now"
+        )
+    return made.model_copy(update={"sha256": now})
+
+
+def _on_course(made: Scenario, world: AnyWorld) -> dict[str, object]:
+    """What the scenario leaves to the world's route."""
+    course = course_of(world)
+    if course is None:  # the model asks for way-points then
+        raise TypeError("the world has no route")
+    near = made.reference.arrive_m or course.near
+    update: dict[str, object] = {
+        "reference": made.reference.model_copy(
+            update={"waypoints_m": course.waypoints, "arrive_m": near}
+        )
+    }
+    if made.start is None:
+        x, y, psi = course.start
+        update["start"] = Start(x_m=x, y_m=y, heading_rad=psi)
+    if made.simulation.duration_s is None:
+        update["simulation"] = made.simulation.model_copy(update={"duration_s": course.limit})
+    return update
 
 
 def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
@@ -132,6 +179,10 @@ def find(path: str | Path) -> Path:
 
 def _names(folder: Path) -> list[str]:
     return sorted(f.name for f in folder.glob("*.y*ml")) if folder.is_dir() else []
+
+
+def _beside(folder: Path) -> list[str]:
+    return sorted(f.name for f in folder.iterdir()) if folder.is_dir() else []
 
 
 def _meant(word: str, known: Sequence[str] | dict[str, Path]) -> str:

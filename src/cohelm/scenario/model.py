@@ -21,6 +21,7 @@ from cohelm.law.reference import Reference, through
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.hand import Stick, StickNone, StickOperator
 from cohelm.scenario.law import Law
+from cohelm.scenario.world import Read, WorldFile, has_course, read
 from cohelm.sim.world import Body, World, world
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
@@ -57,19 +58,24 @@ class ReferenceModel(Schema):
 
     speed_mps: Speed = _PAPER.u_d
     """Desired surge speed u_d; full fore-aft deflection of the stick is scaled by it too (45)."""
-    waypoints_m: Annotated[list[Point], Field(min_length=2, max_length=100_000)]
-    """Way-points [x, y], at least two, no two equal ones in a row."""
+    waypoints_m: list[Point] = Field(default=[], min_length=2, max_length=100_000)
+    """Way-points [x, y], at least two, no two equal ones in a row; needed unless the world comes
+    with its own."""
+    arrive_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    """Nearer to the last way-point than this, the robot has arrived; by default 0.1 m, or what
+    the world comes with."""
     feed_forward: Literal["constant", "spline"] = "constant"
     """Speed in the tracking law (E10): the constant u_d as printed, or the spline's own speed; the
     guard's reference has its own."""
 
     @model_validator(mode="after")
     def _passable(self) -> Self:
-        _path(self.waypoints_m, self.speed_mps)
+        if self.waypoints_m:
+            _path(self.waypoints_m, self.speed_mps)
         return self
 
     def spline(self) -> Reference:
-        """The trajectory itself."""
+        """The trajectory itself; CohelmError without way-points."""
         return _path(self.waypoints_m, self.speed_mps)
 
 
@@ -173,6 +179,8 @@ class Scenario(Schema):
     senses: Literal["truth", "lidar"] = "truth"
     """What the robot knows of its surroundings, with the guard: all obstacles and walls as they
     are, or what its LiDAR sees."""
+    world: WorldFile | None = None
+    """A world by others, beside the obstacles and walls below."""
     obstacles: list[Obstacle] = Field(default=[], max_length=10_000)
     """Discs, any number."""
     walls_m: list[Segment] = Field(default=[], max_length=100_000)
@@ -200,6 +208,9 @@ class Scenario(Schema):
         for i, (x1, y1, x2, y2) in enumerate(self.walls_m):
             if x1 == x2 and y1 == y2:
                 problems.append((f"walls_m.{i}", "both ends are the same point; remove the wall"))
+        if not self.reference.waypoints_m and not has_course(self.world):
+            said = "is missing: way-points [x, y], at least two"
+            problems.append(("reference.waypoints_m", said))
         if self.senses == "lidar" and self.law.filter != "guard":
             said = "the paper's law knows no LiDAR; set law.filter to guard, or senses to truth"
             problems.append(("senses", said))
@@ -207,12 +218,29 @@ class Scenario(Schema):
             refuse(*problems)
         return self
 
-    def walls(self) -> Floats:
-        """The walls as an array, (s, 4) [m]."""
-        return np.array(self.walls_m, dtype=np.float64).reshape(-1, 4)
+    def scenery(self) -> Read:
+        """What the world's file holds; nothing without one. CohelmError where it can not be used.
 
-    def around(self) -> World:
-        """Obstacles and walls as the simulator takes them."""
+        The file's path is taken as it stands, see `load.standing_alone`.
+        """
+        if self.world is None:
+            return Read()
+        duration = self.simulation.duration_s or 2.0 * self.reference.spline().duration + 30.0
+        reach = self.robot.reach if isinstance(self.robot, RobotModel) else 0.0
+        return read(self.world, reach, duration)
+
+    def walls(self, scenery: Read | None = None) -> Floats:
+        """The walls as an array, those of the world last, (s, 4) [m]."""
+        own = np.array(self.walls_m, dtype=np.float64).reshape(-1, 4)
+        return np.concatenate((own, (scenery or self.scenery()).walls))
+
+    def bodies(self, scenery: Read | None = None) -> list[Body]:
+        """The obstacles as the simulator takes them, those of the world last."""
         minds = self.stick.minds if isinstance(self.stick, StickOperator) else None
-        bodies = [o.body(minds is None or o.name in minds) for o in self.obstacles]
-        return world((bodies, self.walls()))
+        own = [o.body(minds is None or o.name in minds) for o in self.obstacles]
+        return [*own, *(scenery or self.scenery()).bodies]
+
+    def around(self, scenery: Read | None = None) -> World:
+        """Obstacles and walls as the simulator takes them, those of the world last."""
+        known = scenery or self.scenery()
+        return world((self.bodies(known), self.walls(known)))

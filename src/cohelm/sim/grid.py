@@ -133,6 +133,16 @@ def _crossed(border: float, t: float, first: bool) -> bool:
     return border <= t if first else border < t
 
 
+def solid_at(grid: Grid, x: float, y: float) -> bool:
+    """Whether a world point lies in a solid cell."""
+    c, s = math.cos(grid.origin.psi), math.sin(grid.origin.psi)
+    dx, dy = x - grid.origin.x, y - grid.origin.y
+    column = math.floor((c * dx + s * dy) / grid.resolution)
+    row = math.floor((-s * dx + c * dy) / grid.resolution)
+    rows, columns = grid.free.shape
+    return 0 <= row < rows and 0 <= column < columns and bool(grid.free[row, column] == 0)
+
+
 def borders(grid: Grid) -> Floats:
     """The borders between solid and free cells as walls, (s, 4) segments in the world frame [m].
 

@@ -32,7 +32,7 @@ from cohelm.sim.loop import State, at_rest
 from cohelm.sim.world import NOWHERE, World, clearance, place
 
 _NO_LIDAR = LidarModel(beams=1, field_of_view_deg=1.0).lidar()
-_NEAR = 12.0  # walls farther than this from the robot are left out of a stretch of steps [m]
+_NEAR = 8.0  # walls farther than this from the robot are left out of a stretch of steps [m]
 _FEW = 64  # up to so many walls, all are kept
 
 
@@ -80,6 +80,8 @@ class Scene(NamedTuple):
     """(2,), the end of the reference [m]."""
     near: float
     """Nearer to the goal than this, the robot has arrived [m]."""
+    barred: Floats
+    """(s, 4), the walls that a LiDAR sees beside the map [m]."""
 
 
 class Now(NamedTuple):
@@ -203,8 +205,7 @@ def _advance(
         if eyes.active:
             scans = int(k * dt * eyes.rate + 1e-9)
             if k == 0 or scans != int((k - 1) * dt * eyes.rate + 1e-9):
-                barred = none if scene.grid.free.size > 0 else walls
-                scan(pose, eyes.lidar, there, barred, scene.grid, scene.seed, scans, ranges)
+                scan(pose, eyes.lidar, there, scene.barred, scene.grid, scene.seed, scans, ranges)
                 points = renew(points, pose, eyes.vantage, ranges, eyes.care)
             around = Surroundings(np.empty((0, 6)), np.empty(0), none, points)
         else:

@@ -28,6 +28,9 @@ from cohelm.sim.loop import State, at_rest, turn
 from cohelm.sim.piloted import Piloted, Scene, stretches
 from cohelm.sim.world import NOWHERE, World, clearance, place, world
 
+REACHED = 0.1
+"""Distance to the end of a reference that counts as having reached it, by default [m]."""
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -51,7 +54,9 @@ class Setup:
     seed: int = 0
     grid: Grid = NO_GRID
     """An occupancy map, seen by a LiDAR; its borders are walls of `around` too."""
-    near: float = 0.1
+    barred: Floats | None = None
+    """(s, 4), the walls that a LiDAR sees beside the map; None: all of `around`."""
+    near: float = REACHED
     """Nearer to the end of the reference than this, the robot has arrived [m]."""
     pilot: Piloted | None = None
     """With the pilot; None for the paper's law, whose reference runs on with time."""
@@ -109,6 +114,7 @@ def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
     scene = Scene(
         setup.around, setup.grid, pilot.agility, setup.hands, setup.operator, setup.seed, reach,
         np.array([end.x, end.y]), setup.near,
+        setup.around.walls if setup.barred is None else setup.barred,
     )  # fmt: skip
     for part in stretches(
         setup.start, planner, scene, pilot, setup.dt, setup.delay_steps, setup.steps, length

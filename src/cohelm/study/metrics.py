@@ -17,9 +17,6 @@ from cohelm.law.verdict import INVALID, POWERLESS, SHAPED
 BACK_ON_PATH = 0.03
 """E_P below this is back on the reference: the paper's tracking error [m, rad]."""
 
-REACHED = 0.1
-"""Distance to the end of a reference that counts as having reached it, by default [m]."""
-
 LEADS_BELOW = 0.5
 """The person leads while the automatic share of some axis is below this."""
 

@@ -13,9 +13,8 @@ from dataclasses import replace
 from cohelm.law.reference import Motion, evaluate
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
-from cohelm.sim.run import Setup
+from cohelm.sim.run import REACHED, Setup
 from cohelm.study.campaign.case import DT, Case, Goal, sequence
-from cohelm.study.metrics import REACHED
 
 
 def scenario(name: str = "lab-guard") -> Scenario:
