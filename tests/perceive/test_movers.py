@@ -45,7 +45,7 @@ def test_nothing_moves_in_a_lab_that_one_drives_through():
 
 
 @pytest.mark.parametrize(
-    "velocity", [(1.2, 0.0), (-1.2, 0.0), (0.0, 1.3), (0.5, -0.5), (0.25, 0.0)]
+    "velocity", [(1.2, 0.0), (-1.2, 0.0), (0.0, 1.3), (0.5, -0.5), (0.25, 0.0), (0.0, 0.2)]
 )
 def test_a_walker_is_found_with_its_velocity(velocity):
     vx, vy = velocity

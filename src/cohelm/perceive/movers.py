@@ -208,7 +208,7 @@ def _prove(one: Floats, cluster: Floats, lidar: Lidar, now: Look, care: Care) ->
         and was_free(lidar, now, now.sensor.x + front * wx, now.sensor.y + front * wy)
     )
     speed = math.hypot(one[TVX], one[TVY])
-    moves = speed > care.slowest and speed > 1.5 * math.sqrt(one[VV])
+    moves = speed > care.slowest
     if moves and one[SEEN] >= 3.0 and (cluster[FRESH] >= 0.5 or left):
         one[PROOF] = min(one[PROOF] + 1.0, 2.0 * care.proof)
     else:
