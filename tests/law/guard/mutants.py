@@ -8,6 +8,7 @@ GUARD = Target(
     folder="law/guard",
     tests=(
         "law/guard/test_project.py",
+        "law/guard/test_parts.py",
         "law/guard/test_contact.py",
         "law/guard/test_shaping.py",
         "law/guard/test_certify.py",
