@@ -44,7 +44,7 @@ coordinates = st.floats(-3.0, 3.0)
 def test_a_wall_is_looked_at_exactly_where_it_is_within_reach(ax, ay, bx, by, far, dot):
     bx, by = (ax, ay) if dot else (bx, by)
     for x, y in ((0.0, 0.0), (0.7, -1.1)):
-        line = shapely.Point(ax, ay) if dot else shapely.LineString([(ax, ay), (bx, by)])
+        line = shapely.MultiPoint([(ax, ay), (bx, by)]).convex_hull  # a point where they are one
         away = shapely.distance(line, shapely.Point(x, y))
         assume(abs(away - far) > 1e-9)
         assert _near(Pose(x, y, 2.0), ax, ay, bx, by, far) == (away < far)
