@@ -7,10 +7,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from time import perf_counter
 
-import numba
 from growth import shown
 
-from cohelm.sim.batch import run_batch
+from cohelm.sim.batch import all_threads, run_batch
 from cohelm.sim.run import run
 from cohelm.study.bench.compare import world_question
 from cohelm.study.bench.measure import Rounds
@@ -41,7 +40,7 @@ class Crowds:
 def measure(progress: Callable[[str, float], None], quick: bool) -> Crowds:
     """Every size on one thread and on all, in turns."""
     rounds = 3 if quick else 9
-    every = numba.get_num_threads()
+    every = all_threads()
     setup = course(10.0)
     steps = setup.steps
     batches = {robots: crowd(robots, setup.duration) for robots in ROBOTS}

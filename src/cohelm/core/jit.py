@@ -111,6 +111,6 @@ def jit_apart(function: F) -> F:
     return _compile(function, _nrt=False)
 
 
-def jit_parallel(function: F) -> F:
-    """Compile a loop over robots (`numba.prange`) onto all threads."""
-    return _compile(function, parallel=True)
+def jit_free(function: F) -> F:
+    """As `jit`, and Python's other threads run meanwhile: for what several threads call at once."""
+    return _compile(function, nogil=True)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
-import numba
 import numpy as np
+from numba.core import config
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.jit import jit, jit_apart, jit_inline, jit_parallel
+from cohelm.core.jit import jit, jit_apart, jit_free, jit_inline
 from cohelm.core.types import Desired, Floats, Ints, Pose, Stick, Twist
 from cohelm.law.barrier import HEADING
 from cohelm.law.gains import Gains, table
@@ -54,6 +55,9 @@ OUTCOME = np.dtype(
 
 FEW = 8
 """Fewer than these are not worth a thread of their own."""
+
+SHARES = 4
+"""Pieces of a batch for each thread, so that one that is held up does not keep all waiting."""
 
 WORTH_IT = 3
 """Robots from which on it is quicker to take all lanes through a step than each by itself."""
@@ -107,39 +111,49 @@ def run_batch(batch: Batch, threads: int | None = None) -> NDArray[np.void]:
     steps = math.floor(duration / batch.dt + 1e-9) + 1
     desired = tabulate(batch.reference, batch.dt, steps, batch.spline_speed)
     outcomes = np.zeros(n, dtype=OUTCOME)
-    kernel: Any = numba
-    before: int = kernel.get_num_threads()
-    used = min(threads or before, before)
-    lanes = min(max(-(-n // used), FEW), LANES)
-    kernel.set_num_threads(max(min(used, -(-n // lanes)), 1))
-    try:
-        _run_all(
-            lanes, starts, desired, batch.dt, batch.worlds, batch.hands,
-            operator_table(batch.operators), np.ascontiguousarray(batch.seeds, dtype=np.int64),
-            table(batch.gains), batch.limits, batch.outline,
-            float(np.hypot(*batch.outline.T).max()), round(batch.delay / batch.dt), outcomes,
-        )  # fmt: skip
-    finally:
-        kernel.set_num_threads(before)
+    shared = (
+        starts, desired, batch.dt, batch.worlds, batch.hands, operator_table(batch.operators),
+        np.ascontiguousarray(batch.seeds, dtype=np.int64), table(batch.gains), batch.limits,
+        np.ascontiguousarray(batch.outline), float(np.hypot(*batch.outline.T).max()),
+        round(batch.delay / batch.dt), outcomes,
+    )  # fmt: skip
+    used = max(min(threads or all_threads(), all_threads()), 1)
+    side = min(max(-(-n // used), FEW), LANES)
+    share = -(-n // (side * used * SHARES)) * side
+    if used == 1 or share >= n:
+        _run_range(0, n, side, *shared)
+        return outcomes
+    with ThreadPoolExecutor(used) as pool:
+        parts = [
+            pool.submit(_run_range, first, min(first + share, n), side, *shared)
+            for first in range(0, n, share)
+        ]
+        for part in parts:
+            part.result()
     return outcomes
+
+
+def all_threads() -> int:
+    """How many threads a batch may use: one per core, or what NUMBA_NUM_THREADS says."""
+    chosen: Any = config
+    return int(chosen.NUMBA_NUM_THREADS)
 
 
 PERSON = np.dtype([(name, "f8") for name in Person._fields], align=True)
 """What the simulated person of one robot has in mind between two steps."""
 
 
-@jit_parallel
-def _run_all(
-    lanes: int, starts: Floats, table: Floats, dt: float, worlds: World, hands: Replay,
-    operators: NDArray[np.void], seeds: Ints, gains: NDArray[np.void], limits: Limits,
-    outline: Floats, reach: float, delay: int, outcomes: NDArray[np.void],
+@jit_free
+def _run_range(
+    first: int, end: int, side: int, starts: Floats, table: Floats, dt: float, worlds: World,
+    hands: Replay, operators: NDArray[np.void], seeds: Ints, gains: NDArray[np.void],
+    limits: Limits, outline: Floats, reach: float, delay: int, outcomes: NDArray[np.void],
 ) -> None:  # fmt: skip
-    n = len(starts)
-    for group in numba.prange((n + lanes - 1) // lanes):
-        first: Any = np.int64(group) * lanes
+    """Robots first ... end - 1, `side` of them at a time."""
+    for at in range(first, end, side):
         _run_group(
-            first, min(first + lanes, n), starts, table, dt, worlds, hands, operators, seeds,
-            gains, limits, outline, reach, delay, outcomes,
+            at, min(at + side, end), starts, table, dt, worlds, hands, operators, seeds, gains,
+            limits, outline, reach, delay, outcomes,
         )  # fmt: skip
 
 

@@ -37,7 +37,7 @@ EMPTY = surroundings()
 ALL = Limits(1.1, 2.2, 1.7, 3.1, 1.3, 2.9, 0.45)
 """Every bound there is, and no two alike."""
 
-coordinates = st.floats(-3.0, 3.0)
+coordinates = lengths
 
 
 @given(coordinates, coordinates, coordinates, coordinates, st.floats(0.01, 4.0), st.booleans())
