@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.types import RADIUS, Floats, Ints, Pose, Twist, X, Y, wrap
+from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, Twist, X, Y, wrap
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.limits import Limits, achievable
 from cohelm.sim.twin.engine import address, mj_step
@@ -193,6 +193,7 @@ def _walk(
             then = disc_clearance(pose, outline, discs[i, X], discs[i, Y], radius)
             if then < touching:
                 place(discs[i : i + 1], i, movers.paths, movers.clock[m])
+                discs[i, VX], discs[i, VY] = 0.0, 0.0
                 continue
         movers.clock[m] += step
         farthest = max(farthest, math.hypot(discs[i, X] - x, discs[i, Y] - y))

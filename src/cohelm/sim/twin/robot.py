@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Pose, Twist, is_finite
+from cohelm.core.types import Floats, Pose, Twist, is_finite
 from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import AsFast, Pace
@@ -55,6 +55,8 @@ class Truth(NamedTuple):
     """Of those, contacts of a moving robot."""
     touching: bool
     """Whether there is one now."""
+    standing: bool
+    """Whether it came to rest and its drives rest since; a nudge does not change that."""
     force: float
     """The largest force of a contact so far [N]."""
     energy: float
@@ -203,8 +205,14 @@ class Twin:
             int(s["step"]) * self._step, pose, Twist(float(s["v"]), float(s["omega"])),
             float(s["side"]), gap, float(s["least"]), float(s["least_moving"]),
             int(s["touched"]), int(s["touched_moving"]), bool(s["touching"]),
+            bool(s["standing"]),
             float(s["force"]), float(s["energy"]),
         )  # fmt: skip
+
+    def things(self) -> Floats:
+        """All discs as they are now, (n, 6); one that somebody stands in the way of stands."""
+        self._catch_up()
+        return self._discs.copy()
 
     @property
     def draws(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -60,3 +61,11 @@ class TwinModel(Schema):
 
 def _given(**values: float | None) -> dict[str, float]:
     return {key: value for key, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Twinned:
+    """What a run on the twin needs beyond the rest of a setup."""
+
+    robot: RobotModel
+    physics: TwinModel

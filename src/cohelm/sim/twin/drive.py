@@ -1,0 +1,215 @@
+"""A run with the twin as the plant: the pilot in the loop, as fast as it can, fully recorded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.trace import ROW, Trace
+from cohelm.core.types import SAFE, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
+from cohelm.law.guard.step import Rules
+from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.human import supplied_energy
+from cohelm.law.reference import evaluate
+from cohelm.law.track import pose_error
+from cohelm.perceive.frames import compose, inverse
+from cohelm.perceive.seen import Perception
+from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.step import BARRIER, NONE, Decision, Settings
+from cohelm.robot.model import RobotModel
+from cohelm.sim.hand import IDLE, operate, replayed
+from cohelm.sim.run import Setup
+from cohelm.sim.twin.robot import Truth, Twin
+from cohelm.sim.twin.settings import TwinModel
+
+SLOP = 0.011
+"""How far a corner of the outline comes to be from where the guard foretold it, at most, on the
+twin as it comes: `benchmarks/twin.py` [m]."""
+_PERIOD, _THINKING = 0.2, 0.04  # between two plans, and from snapshot to plan [s]
+
+
+def lag(model: RobotModel, physics: TwinModel, dt: float) -> float:
+    """From a command to its effect, as the guard has to foresee it, in whole control steps [s].
+
+    Delay and lag of the drives add up; and speed follows a straight line through a control
+    step, at whose beginning the guard takes it to be reached: half a step more.
+    """
+    return round((model.delay_s + physics.wheel_lag_s + 0.5 * dt) / dt) * dt
+
+
+def careful(rules: Rules) -> Rules:
+    """Rules for the twin: half of `clear` has room for SLOP beside what it had room for."""
+    return rules._replace(clear=rules.clear + 2.0 * SLOP, margin=rules.margin + 2.0 * SLOP)
+
+
+def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
+    """The run in traces of `length` steps, the last one shorter, in order; it ends on arrival
+    where there is a pilot, as the kinematic run does."""
+    run = _Run(setup)
+    k = 0
+    while k < setup.steps and not run.arrived:
+        n = min(length, setup.steps - k)
+        rows = np.zeros(n, dtype=ROW)
+        m = len(setup.around.discs)
+        h, discs = np.empty((n, m)), np.empty((n, m, 6))
+        done = 0
+        while done < n and not run.arrived:
+            discs[done] = run.things()
+            h[done] = _h(run.truth.pose, discs[done])
+            run.step(k + done, rows[done])
+            rows[done]["h"] = h[done].min(initial=math.inf)
+            done += 1
+        yield Trace(rows[:done], h[:done], discs[:done], setup.names, setup.dt, setup.scenario)
+        k += done
+
+
+class _Eyes(NamedTuple):
+    """What the robot knows its surroundings by."""
+
+    perception: Perception | None
+    agility: Floats
+
+
+class _Run:
+    """One run between two steps."""
+
+    def __init__(self, setup: Setup) -> None:
+        given = setup.twin
+        if given is None:
+            raise CohelmError("this setup has no twin: set simulation.plant to twin")
+        model = given.robot.model_copy(update={"delay_s": given.robot.delay_s + setup.delay})
+        self.setup, self.given = setup, given
+        self.robot = Twin(
+            model, setup.start, setup.around, grid=setup.grid, seed=setup.seed,
+            settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
+        )  # fmt: skip
+        guarded = setup.pilot is not None
+        if setup.pilot is not None:
+            settings, agility = setup.pilot.settings, setup.pilot.agility
+            settings = settings._replace(rules=careful(settings.rules), limits=model.bounds())
+            seeing = setup.pilot.lidar is not None
+            manners, care = setup.pilot.manners, setup.pilot.care
+        else:
+            settings = Settings(
+                setup.outline, model.bounds(), setup.gains, Rules(dt=setup.dt),
+                filter=BARRIER if setup.gains.barrier else NONE, spline_speed=setup.spline_speed,
+            )  # fmt: skip
+            agility, seeing, manners, care = np.zeros(len(setup.around.discs)), False, None, None
+        delay = lag(model, given.physics, setup.dt) if guarded else 0.0
+        self.pilot = Pilot(setup.reference, settings, delay=delay, manners=manners, care=care)
+        self.guarded = guarded
+        self.eyes = _Eyes(Perception(self.robot.model) if seeing else None, agility)
+        self.person, self.stick, self.energy = IDLE, Stick(0.0, 0.0), 0.0
+        self.truth: Truth = self.robot.truth()
+        end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
+        self.goal = (end.x, end.y)
+        self.arrived = False
+        self.courses = 0
+        self.waiting = None
+        self.period = max(round(_PERIOD / setup.dt), 1)
+        self.thinking = min(round(_THINKING / setup.dt), self.period - 1)
+
+    def things(self) -> Floats:
+        """All discs as they are."""
+        return self.robot.things()
+
+    def step(self, k: int, row: np.void) -> None:
+        """Control step k, from seeing to the next one, written into the row."""
+        setup, now = self.setup, self.truth
+        pose = now.pose
+        things = self.things()
+        seen, twist = self._seen(k * setup.dt, now, things)
+        stick = self._hand(k, pose, things)
+        self._plan(k, pose, twist, seen)
+        decided = self.pilot.step(k * setup.dt, pose, twist, stick, seen)
+        possible = self.robot.send(Twist(decided.v, decided.omega))
+        self.robot.wait((k + 1) * setup.dt)
+        self.truth = self.robot.truth()
+        self.energy = supplied_energy(self.energy, self.stick, stick, setup.gains)
+        self.stick = stick
+        self._write(row, k, now, stick, decided)
+        row["saturated"] = possible != Twist(decided.v, decided.omega)
+
+    def _seen(self, t: float, now: Truth, things: Floats) -> tuple[Surroundings, Twist]:
+        """What the robot knows of its surroundings, in the world frame, and of its speed."""
+        if self.eyes.perception is None:
+            around = Surroundings(things, self.eyes.agility, self.setup.around.walls, _NO_POINTS)
+            return around, now.twist
+        # Where the robot is on the map is known; all else is as wheels, gyro and LiDAR tell.
+        known = self.eyes.perception.take(t, self.robot.read())
+        shift = compose(now.pose, inverse(known.odometry))
+        c, s = math.cos(shift.psi), math.sin(shift.psi)
+        turn = np.array([[c, s], [-s, c]])
+        discs = known.discs.copy()
+        discs[:, X : Y + 1] = discs[:, X : Y + 1] @ turn + shift[:2]
+        discs[:, VX : VY + 1] = discs[:, VX : VY + 1] @ turn
+        points = known.points @ turn + shift[:2]
+        return surroundings(discs, known.agility, None, points), known.twist
+
+    def _hand(self, k: int, pose: Pose, things: Floats) -> Stick:
+        setup = self.setup
+        if not setup.operator.active:
+            return replayed(0, setup.hands, k * setup.dt)
+        self.person, stick = operate(
+            self.person, setup.operator, pose, things, setup.around.noticed, k, setup.dt,
+            setup.seed,
+        )  # fmt: skip
+        return stick
+
+    def _plan(self, k: int, pose: Pose, twist: Twist, seen: Surroundings) -> None:
+        """A plan is begun now and then, and taken up when it would be ready."""
+        if not self.guarded:
+            return
+        if k % self.period == 0:
+            self.waiting = self.pilot.plan(pose, twist, seen)
+        if self.waiting is not None and (k % self.period == self.thinking or k == 0):
+            self.pilot.take(self.waiting, pose, twist)
+            if self.waiting.new:
+                self.courses = self.courses + 1 if self.waiting.course.row else 0
+            self.waiting = None
+
+    def _write(self, row: np.void, k: int, then: Truth, stick: Stick, d: Decision) -> None:
+        setup, pose = self.setup, then.pose
+        applied = _between(then, self.truth, setup.dt)
+        away = math.hypot(pose.x - self.goal[0], pose.y - self.goal[1])
+        self.arrived = self.guarded and away < setup.near
+        desired = Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d)
+        row["t"] = k * setup.dt
+        row["x"], row["y"], row["psi"] = pose
+        row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = desired
+        row["e_p"] = pose_error(pose, desired)
+        row["stick_x"], row["stick_psi"] = stick
+        for name in _DECIDED:
+            row[name] = getattr(d, name)
+        row["applied_v"], row["applied_omega"] = applied
+        row["clearance"], row["energy"] = then.clearance, self.energy
+        row["course"], row["to_go"], row["arrived"] = self.courses, away, away < setup.near
+
+
+_NO_POINTS: Floats = np.empty((0, 2))
+_DECIDED = (
+    "v", "omega", "automatic_v", "automatic_omega", "human_v", "human_omega", "shared_v",
+    "shared_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi", "intent_x",
+    "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau", "rate",
+)  # fmt: skip
+"""Fields of a row that a decision has by the same name."""
+
+
+def _h(pose: Pose, discs: Floats) -> Floats:
+    dx, dy = pose.x - discs[:, X], pose.y - discs[:, Y]
+    return dx * dx + dy * dy - discs[:, SAFE] ** 2
+
+
+def _between(a: Truth, b: Truth, dt: float) -> Twist:
+    """The twist whose arc leads from one pose to the next; none while the robot stands."""
+    if a.standing and b.standing:
+        return Twist(0.0, 0.0)
+    half = 0.5 * (b.pose.psi - a.pose.psi)
+    dx, dy = b.pose.x - a.pose.x, b.pose.y - a.pose.y
+    along = math.cos(a.pose.psi + half) * dx + math.sin(a.pose.psi + half) * dy
+    stretch = half / math.sin(half) if abs(half) > 1e-9 else 1.0
+    return Twist(along * stretch / dt, 2.0 * half / dt)
