@@ -68,17 +68,24 @@ def test_physics_and_geometry_agree_on_what_touches(model):
     assert 50 < touched < 350
 
 
-def test_who_walks_into_a_standing_robot_stops_there_and_goes_on_when_it_leaves():
-    robot = Twin(sally(), around=scene(disc(2.0, 0.0, 0.25, -1.0, 0.0)))
-    truth = brake(robot, 4.0)
+def test_who_walks_into_a_standing_robot_finds_the_way_round_it():
+    robot = Twin(sally(), around=scene(disc(2.0, 0.0, 0.25, -0.8, 0.0)))
+    seen = []
+    for _ in range(1200):
+        truth = brake(robot, 0.02)
+        seen.append((truth.clearance, *robot.things()[0, :4]))
+    gaps, _, _, vx, vy = np.array(seen).T
     assert truth.touched >= 1
     assert truth.touched_moving == 0
+    assert truth.least == pytest.approx(gaps.min(), abs=2e-3)
     assert -0.01 < truth.least <= 0.0
     assert truth.least_moving > 0.0
     assert math.hypot(truth.pose.x, truth.pose.y) < 0.03  # a nudge, not a shove
-    drive(robot, Twist(-1.0, 0.0), 1.0)
-    assert robot.truth().clearance < 0.3  # on its heels
-    assert robot.truth().pose.x < -0.4
+    assert np.hypot(vx, vy).max() <= 1.25 * 0.8 + 1e-9
+    changes = np.hypot(np.diff(vx), np.diff(vy))
+    assert np.sort(changes)[-3] <= 0.3 * 0.8  # one bump, perhaps two, and otherwise as people walk
+    x, y = robot.things()[0, :2]
+    assert (x, y) == pytest.approx((2.0 - 0.8 * robot.now(), 0.0), abs=0.05)  # back on its way
 
 
 def test_who_is_driven_into_is_a_contact_of_a_moving_robot():

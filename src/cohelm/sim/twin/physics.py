@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, Twist, X, Y, wrap
-from cohelm.robot.footprint import disc_clearance
+from cohelm.core.types import Floats, Pose, Twist, X, Y, wrap
 from cohelm.robot.limits import Limits, achievable
 from cohelm.sim.twin.engine import address, mj_step
-from cohelm.sim.world import NOWHERE, World, clearance, place
+from cohelm.sim.twin.movers import Movers, walk
+from cohelm.sim.world import NOWHERE, clearance
 
 _STANDS = 0.01  # slower than this, a robot whose drives rest is standing [m/s]
 _FELT = 0.25  # the servo adds up its error only while it is this small [rad/s]
@@ -65,17 +65,6 @@ def views(model: Any, data: Any) -> Views:
     )  # fmt: skip
 
 
-class Movers(NamedTuple):
-    """Discs that move, each by its own clock: it stands still while somebody is in its way."""
-
-    which: Ints
-    """(m,) rows of the discs."""
-    clock: Floats
-    """(m,) [s]"""
-    paths: World
-    """Every disc as a world of its own."""
-
-
 class Trail(NamedTuple):
     """Where robot and movers were in the last steps; step k is in row k % len."""
 
@@ -108,7 +97,7 @@ def advance(
 
     orders: (k, 3), commands (step of arrival, v, omega) in order. From `deadline` on the robot
     brakes: nobody has told it anything for too long. state: (1,) of STATE, written to, as are
-    discs, movers' clocks and trail.
+    discs, movers and trail.
     """
     s = state[0]
     head = 0
@@ -122,7 +111,8 @@ def advance(
         mj_step(views.model, views.data)
         s.step += 1
         moved = _observe(step, views, s, limits, wheels, reach)
-        shift = _walk(step, views, s, outline, discs, movers)
+        pose = Pose(s.x, s.y, s.psi)
+        shift = walk(step, s.step * step, pose, outline, discs, movers, views.mocap)
         row = s.step % len(trail.poses)
         trail.poses[row, 0], trail.poses[row, 1], trail.poses[row, 2] = s.x, s.y, s.psi
         for m in range(len(movers.which)):
@@ -175,30 +165,6 @@ def _observe(
         torque = min(max(torque, -wheels.torque), wheels.torque)
         s.energy += max(torque * views.qvel[6 + i], 0.0) * step
     return moved
-
-
-@jit
-def _walk(
-    step: float, views: Views, s: Any, outline: Floats, discs: Floats, movers: Movers
-) -> float:
-    """Movers on by one step, but not deeper into the robot; the farthest way of any [m]."""
-    farthest = 0.0
-    pose = Pose(s.x, s.y, s.psi)
-    for m in range(len(movers.which)):
-        i = movers.which[m]
-        x, y, radius = discs[i, X], discs[i, Y], discs[i, RADIUS]
-        place(discs[i : i + 1], i, movers.paths, movers.clock[m] + step)
-        touching = disc_clearance(pose, outline, x, y, radius)
-        if touching <= 0.0:
-            then = disc_clearance(pose, outline, discs[i, X], discs[i, Y], radius)
-            if then < touching:
-                place(discs[i : i + 1], i, movers.paths, movers.clock[m])
-                discs[i, VX], discs[i, VY] = 0.0, 0.0
-                continue
-        movers.clock[m] += step
-        farthest = max(farthest, math.hypot(discs[i, X] - x, discs[i, Y] - y))
-        views.mocap[m, 0], views.mocap[m, 1] = discs[i, X], discs[i, Y]
-    return farthest
 
 
 @jit

@@ -21,7 +21,8 @@ from cohelm.sim.odometer import Odometer
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, servo_gain, torque_limit
-from cohelm.sim.twin.physics import STATE, Movers, Trail, Wheels, advance, views
+from cohelm.sim.twin.movers import Movers
+from cohelm.sim.twin.physics import STATE, Trail, Wheels, advance, views
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.twin.sweep import rows, sweep
 from cohelm.sim.world import NOWHERE, World, clearance, moves, place, world
@@ -66,9 +67,9 @@ class Truth(NamedTuple):
 class Twin:
     """A robot of steel and rubber, as far as MuJoCo goes.
 
-    What it hits holds it back. Movers (index 0 of `around`) run with the robot's clock, but stop
-    when they walk into it; they are never pushed aside. Runs are equal to the last bit for equal
-    seeds and calls, with the pace `AsFast`.
+    What it hits holds it back. Movers (index 0 of `around`) run with the robot's clock; who
+    bumps into it finds the way round it, and is never pushed aside. Runs are equal to the last
+    bit for equal seeds and calls, with the pace `AsFast`.
     """
 
     def __init__(
@@ -101,7 +102,7 @@ class Twin:
             first=np.arange(len(self._discs) + 1), wall_first=np.zeros(len(self._discs) + 1, int)
         )
         moving = [i for i in range(len(self._discs)) if moves(i, solo)]
-        self._movers = Movers(np.array(moving, dtype=np.int64), np.zeros(len(moving)), solo)
+        self._movers = Movers(np.array(moving, dtype=np.int64), solo, np.zeros((len(moving), 4)))
         text = mjcf(model, settings, step, self._discs, moving, around.walls, grid)
         try:
             self.mujoco: Any = mujoco.MjModel.from_xml_string(text)
@@ -210,7 +211,7 @@ class Twin:
         )  # fmt: skip
 
     def things(self) -> Floats:
-        """All discs as they are now, (n, 6); one that somebody stands in the way of stands."""
+        """All discs as they are now, (n, 6)."""
         self._catch_up()
         return self._discs.copy()
 

@@ -11,7 +11,8 @@ from cohelm.core.types import Floats, Pose, X, Y
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import sight
-from cohelm.sim.twin.physics import Movers, Trail
+from cohelm.sim.twin.movers import Movers
+from cohelm.sim.twin.physics import Trail
 
 
 @jit
