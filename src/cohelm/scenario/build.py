@@ -25,6 +25,7 @@ from cohelm.sim.grid import NO_GRID, solid_at
 from cohelm.sim.hand import Operator, Replay, replay
 from cohelm.sim.piloted import Piloted
 from cohelm.sim.run import REACHED, Setup
+from cohelm.sim.twin.settings import Twinned
 from cohelm.sim.world import NOWHERE, Body, clearance
 
 _LARGEST_RUN = 2**30  # bytes of a recorded run
@@ -63,6 +64,7 @@ def setup(scenario: Scenario) -> Setup:
         barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
         near=alone.reference.arrive_m or REACHED,
         pilot=_piloted(alone, robot, limits, bodies),
+        twin=_twinned(alone, robot),
         scenario=dump(alone),
     )
     _check_length(made, alone)
@@ -81,6 +83,8 @@ def warnings(scenario: Scenario) -> list[str]:
     found = _beyond_limits(reference, _robot(alone))
     found += [f"world: {said}" for said in alone.scenery().left_out]
     hands, _ = _hands(alone)
+    if alone.simulation.plant == "twin" and not alone.simulation.wheel_limits:
+        found.append("simulation.wheel_limits: the twin's wheels always have their limits")
     run_s = alone.simulation.duration_s or reference.duration
     if isinstance(alone.stick, StickFile) and hands.times[-1] < run_s:
         found.append(
@@ -103,6 +107,12 @@ def pilot(scenario: Scenario) -> Pilot:
         manners=law.manners(),
         care=law.care(),
     )
+
+
+def _twinned(alone: Scenario, robot: RobotModel) -> Twinned | None:
+    """What a run on the twin needs beyond the rest."""
+    chosen = alone.simulation
+    return Twinned(robot, chosen.twin) if chosen.plant == "twin" else None
 
 
 def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:

@@ -22,6 +22,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.hand import Stick, StickNone, StickOperator
 from cohelm.scenario.law import Law
 from cohelm.scenario.world import Read, WorldFile, has_course, read
+from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import Body, World, world
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
@@ -153,6 +154,10 @@ class Simulation(Schema):
     """From command to wheels, rounded to whole steps."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     """Of everything random; the same seed gives the same run."""
+    plant: Literal["kinematic", "twin"] = "kinematic"
+    """What plays the robot: exact arcs, or its physics twin, with its delay and wheel limits."""
+    twin: TwinModel = TwinModel()
+    """The twin's ground, drives and sensors."""
 
 
 def _named_or_described(robot: object) -> str:

@@ -26,6 +26,7 @@ from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replay, replayed
 from cohelm.sim.loop import State, at_rest, turn
 from cohelm.sim.piloted import Piloted, Scene, stretches
+from cohelm.sim.twin.settings import Twinned
 from cohelm.sim.world import NOWHERE, World, clearance, place, world
 
 REACHED = 0.1
@@ -60,6 +61,8 @@ class Setup:
     """Nearer to the end of the reference than this, the robot has arrived [m]."""
     pilot: Piloted | None = None
     """With the pilot; None for the paper's law, whose reference runs on with time."""
+    twin: Twinned | None = None
+    """With the physics twin as the plant; None for exact arcs."""
     scenario: str = ""
     """The YAML text this was made from, kept with the trace."""
 
@@ -124,6 +127,11 @@ def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
 
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     """The run in traces of `length` steps, the last one shorter, in order."""
+    if setup.twin is not None:
+        from cohelm.sim.twin import drive  # needs MuJoCo, which is an extra
+
+        yield from drive.pieces(setup, length)
+        return
     if setup.pilot is not None:
         yield from _piloted(setup, setup.pilot, length)
         return

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.model import RobotModel
 from cohelm.sim.grid import NO_GRID, grid
@@ -110,3 +111,8 @@ def test_odometry_errors_can_be_set_for_the_twin():
     assert fitted.odometry.gyro_drift_degps == 5.0
     assert fitted.odometry.distance_error == 0.1
     assert fitted.odometry.slip == sally().odometry.slip
+
+
+def test_a_sweep_longer_than_the_time_between_scans_is_refused():
+    with pytest.raises(CohelmError, match=r"simulation.twin: .*lidar.*sweep_s must not be longer"):
+        TwinModel(lidar_sweep_s=0.2).fitted(sally())

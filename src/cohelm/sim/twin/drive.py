@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,17 +19,22 @@ from cohelm.law.track import pose_error
 from cohelm.perceive.frames import compose, inverse
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.plan import Plan
 from cohelm.pilot.step import BARRIER, NONE, Decision, Settings
+from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.sim.hand import IDLE, operate, replayed
+from cohelm.sim.piloted import Piloted
 from cohelm.sim.run import Setup
+from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.robot import Truth, Twin
 from cohelm.sim.twin.settings import TwinModel
 
-SLOP = 0.011
+SLOP = 0.008
 """How far a corner of the outline comes to be from where the guard foretold it, at most, on the
 twin as it comes: `benchmarks/twin.py` [m]."""
-_PERIOD, _THINKING = 0.2, 0.04  # between two plans, and from snapshot to plan [s]
+
+_GRIP = 0.6  # share of what friction can hold that the guard counts on
 
 
 def lag(model: RobotModel, physics: TwinModel, dt: float) -> float:
@@ -39,6 +44,15 @@ def lag(model: RobotModel, physics: TwinModel, dt: float) -> float:
     step, at whose beginning the guard takes it to be reached: half a step more.
     """
     return round((model.delay_s + physics.wheel_lag_s + 0.5 * dt) / dt) * dt
+
+
+def held(limits: Limits, physics: TwinModel) -> Limits:
+    """The limits, as far as the floor holds the wheels: brakes that slip do not brake as told."""
+    most = _GRIP * physics.friction * GRAVITY
+    return limits._replace(
+        acceleration=min(limits.acceleration, most),
+        wheel_acceleration=min(limits.wheel_acceleration, most),
+    )
 
 
 def careful(rules: Rules) -> Rules:
@@ -67,13 +81,6 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
         k += done
 
 
-class _Eyes(NamedTuple):
-    """What the robot knows its surroundings by."""
-
-    perception: Perception | None
-    agility: Floats
-
-
 class _Run:
     """One run between two steps."""
 
@@ -87,37 +94,34 @@ class _Run:
             model, setup.start, setup.around, grid=setup.grid, seed=setup.seed,
             settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
         )  # fmt: skip
-        guarded = setup.pilot is not None
-        if setup.pilot is not None:
-            settings, agility = setup.pilot.settings, setup.pilot.agility
-            settings = settings._replace(rules=careful(settings.rules), limits=model.bounds())
-            seeing = setup.pilot.lidar is not None
-            manners, care = setup.pilot.manners, setup.pilot.care
-        else:
-            settings = Settings(
-                setup.outline, model.bounds(), setup.gains, Rules(dt=setup.dt),
-                filter=BARRIER if setup.gains.barrier else NONE, spline_speed=setup.spline_speed,
-            )  # fmt: skip
-            agility, seeing, manners, care = np.zeros(len(setup.around.discs)), False, None, None
-        delay = lag(model, given.physics, setup.dt) if guarded else 0.0
-        self.pilot = Pilot(setup.reference, settings, delay=delay, manners=manners, care=care)
-        self.guarded = guarded
-        self.eyes = _Eyes(Perception(self.robot.model) if seeing else None, agility)
+        self.guarded = setup.pilot is not None
+        given_pilot = setup.pilot or _unguarded(setup)
+        settings = given_pilot.settings._replace(limits=held(model.bounds(), given.physics))
+        if self.guarded:
+            settings = settings._replace(rules=careful(settings.rules))
+        delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
+        self.pilot = Pilot(
+            setup.reference, settings, delay=delay, manners=given_pilot.manners,
+            care=given_pilot.care,
+        )  # fmt: skip
+        seeing = given_pilot.lidar is not None
+        self.perception = Perception(self.robot.model) if seeing else None
+        self.agility = given_pilot.agility
+        self.period = max(round(given_pilot.period / setup.dt), 1)
+        self.thinking = min(round(given_pilot.thinking / setup.dt), self.period - 1)
         self.person, self.stick, self.energy = IDLE, Stick(0.0, 0.0), 0.0
         self.truth: Truth = self.robot.truth()
         end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
         self.goal = (end.x, end.y)
         self.arrived = False
         self.courses = 0
-        self.waiting = None
-        self.period = max(round(_PERIOD / setup.dt), 1)
-        self.thinking = min(round(_THINKING / setup.dt), self.period - 1)
+        self.waiting: Plan | None = None
 
     def things(self) -> Floats:
         """All discs as they are."""
         return self.robot.things()
 
-    def step(self, k: int, row: np.void) -> None:
+    def step(self, k: int, row: Any) -> None:
         """Control step k, from seeing to the next one, written into the row."""
         setup, now = self.setup, self.truth
         pose = now.pose
@@ -136,11 +140,11 @@ class _Run:
 
     def _seen(self, t: float, now: Truth, things: Floats) -> tuple[Surroundings, Twist]:
         """What the robot knows of its surroundings, in the world frame, and of its speed."""
-        if self.eyes.perception is None:
-            around = Surroundings(things, self.eyes.agility, self.setup.around.walls, _NO_POINTS)
+        if self.perception is None:
+            around = Surroundings(things, self.agility, self.setup.around.walls, _NO_POINTS)
             return around, now.twist
         # Where the robot is on the map is known; all else is as wheels, gyro and LiDAR tell.
-        known = self.eyes.perception.take(t, self.robot.read())
+        known = self.perception.take(t, self.robot.read())
         shift = compose(now.pose, inverse(known.odometry))
         c, s = math.cos(shift.psi), math.sin(shift.psi)
         turn = np.array([[c, s], [-s, c]])
@@ -172,7 +176,7 @@ class _Run:
                 self.courses = self.courses + 1 if self.waiting.course.row else 0
             self.waiting = None
 
-    def _write(self, row: np.void, k: int, then: Truth, stick: Stick, d: Decision) -> None:
+    def _write(self, row: Any, k: int, then: Truth, stick: Stick, d: Decision) -> None:
         setup, pose = self.setup, then.pose
         applied = _between(then, self.truth, setup.dt)
         away = math.hypot(pose.x - self.goal[0], pose.y - self.goal[1])
@@ -188,6 +192,15 @@ class _Run:
         row["applied_v"], row["applied_omega"] = applied
         row["clearance"], row["energy"] = then.clearance, self.energy
         row["course"], row["to_go"], row["arrived"] = self.courses, away, away < setup.near
+
+
+def _unguarded(setup: Setup) -> Piloted:
+    """The paper's law: no plans, and a reference that runs on with time."""
+    settings = Settings(
+        setup.outline, setup.limits, setup.gains, Rules(dt=setup.dt),
+        filter=BARRIER if setup.gains.barrier else NONE, spline_speed=setup.spline_speed,
+    )  # fmt: skip
+    return Piloted(settings, np.zeros(len(setup.around.discs)))
 
 
 _NO_POINTS: Floats = np.empty((0, 2))

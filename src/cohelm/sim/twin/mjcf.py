@@ -211,7 +211,7 @@ def _robot(robot: RobotModel, settings: TwinModel, camera: CameraModel) -> str:
             f'<geom name="{name}" type="sphere" pos="{x} 0 {ball}" size="{ball}" condim="1" '
             f'priority="1" solref="0.03 1" conaffinity="1" group="{ROBOT}" rgba="0.2 0.2 0.2 1"/>'
         )
-    drag = 0.5 * settings.rolling_resistance * robot.mass_kg * GRAVITY * radius
+    drag = rolling_torque(robot, settings)
     for name, side in (("left", 1.0), ("right", -1.0)):
         made.append(
             f'<body name="{name}" pos="0 {0.5 * side * robot.track_m} {radius}">'
@@ -270,6 +270,12 @@ def servo_gain(robot: RobotModel, settings: TwinModel) -> float:
     return _wheel_inertia(robot) / settings.wheel_lag_s
 
 
+def rolling_torque(robot: RobotModel, settings: TwinModel) -> float:
+    """What it takes to keep a wheel rolling [N m]."""
+    weight = 0.5 * robot.mass_kg * GRAVITY
+    return settings.rolling_resistance * weight * robot.wheel_radius_m
+
+
 def _wheel_inertia(robot: RobotModel) -> float:
     """What a drive has to turn: its wheel and half of the robot, as seen at the wheel [kg m^2]."""
     radius = robot.wheel_radius_m
@@ -284,5 +290,7 @@ def torque_limit(robot: RobotModel, settings: TwinModel) -> float:
         most.append(limits.wheel_acceleration_mps2)
     elif limits.acceleration_mps2 is not None:
         most.append(limits.acceleration_mps2)
-    drag = 0.5 * settings.rolling_resistance * robot.mass_kg * GRAVITY * radius
-    return drag + settings.torque_margin * _wheel_inertia(robot) * min(most) / radius
+    return (
+        rolling_torque(robot, settings)
+        + settings.torque_margin * _wheel_inertia(robot) * min(most) / radius
+    )

@@ -18,9 +18,8 @@ from cohelm.sim.twin.engine import address, mj_step
 from cohelm.sim.twin.movers import Movers, walk
 from cohelm.sim.world import NOWHERE, clearance
 
+_ADDING = 2.0  # how fast the servos' integral part adds up a steady error [1/s]
 _STANDS = 0.01  # slower than this, a robot whose drives rest is standing [m/s]
-_FELT = 0.25  # the servo adds up its error only while it is this small [rad/s]
-_ADDED = 0.2  # share of the lag's rate with which it does
 
 STATE = np.dtype(
     [
@@ -79,8 +78,8 @@ class Wheels(NamedTuple):
 
     radius: float
     """[m]"""
-    lag: float
-    """[s]"""
+    rolling: float
+    """Speed error at which the servo gives the torque that rolling takes [rad/s]."""
     gain: float
     """Of the servo [N m s]."""
     torque: float
@@ -127,18 +126,18 @@ def _drive(step: float, views: Views, s: Any, limits: Limits, wheels: Wheels) ->
     driven = achievable(
         Twist(s.asked_v, s.asked_omega), Twist(s.driven_v, s.driven_omega), limits, step
     )
+    steady = driven.v == s.driven_v and driven.omega == s.driven_omega
     s.driven_v, s.driven_omega = driven.v, driven.omega
     turn = 0.5 * limits.track * driven.omega
     left, right = (driven.v - turn) / wheels.radius, (driven.v + turn) / wheels.radius
     if driven.v == 0.0 and driven.omega == 0.0:
         s.hold_left = s.hold_right = 0.0  # friction holds a robot that stands
-    else:
-        gain = _ADDED / wheels.lag * step
-        error = left - views.qvel[6]
-        s.hold_left += gain * error if abs(error) < _FELT else 0.0
-        error = right - views.qvel[7]
-        s.hold_right += gain * error if abs(error) < _FELT else 0.0
-    views.ctrl[0], views.ctrl[1] = left + s.hold_left, right + s.hold_right
+    elif steady:  # in a ramp the lag would be added up too, and make it longer
+        s.hold_left += _ADDING * step * (left - views.qvel[6])
+        s.hold_right += _ADDING * step * (right - views.qvel[7])
+    # what rolling takes is known, and given beforehand: without it slow speeds are not reached
+    views.ctrl[0] = left + s.hold_left + (math.copysign(wheels.rolling, left) if left else 0.0)
+    views.ctrl[1] = right + s.hold_right + (math.copysign(wheels.rolling, right) if right else 0.0)
 
 
 @jit

@@ -20,7 +20,7 @@ from cohelm.sim.lidar import measure
 from cohelm.sim.odometer import Odometer
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
-from cohelm.sim.twin.mjcf import mjcf, servo_gain, torque_limit
+from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit
 from cohelm.sim.twin.movers import Movers
 from cohelm.sim.twin.physics import STATE, Trail, Wheels, advance, views
 from cohelm.sim.twin.settings import TwinModel
@@ -112,7 +112,8 @@ class Twin:
         self._settle(start)
         self._views = views(self.mujoco, self.data)
         self._wheels = Wheels(
-            model.wheel_radius_m, settings.wheel_lag_s, servo_gain(model, settings),
+            model.wheel_radius_m, rolling_torque(model, settings) / servo_gain(model, settings),
+            servo_gain(model, settings),
             torque_limit(model, settings),
         )  # fmt: skip
         self._state = np.zeros(1, dtype=STATE)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
 from cohelm.robot.model import RobotModel
 
@@ -44,7 +45,10 @@ class TwinModel(Schema):
     """Standard deviation of each reading of the yaw rate, instead of the robot's own."""
 
     def fitted(self, robot: RobotModel) -> RobotModel:
-        """The robot with the sensor errors that are given here."""
+        """The robot with the sensor errors that are given here.
+
+        Raises CohelmError where they do not fit the robot's own.
+        """
         odometry = _given(
             distance_error=self.odometry_distance_error, slip=self.odometry_slip,
             gyro_drift_degps=self.gyro_drift_degps, gyro_noise_degps=self.gyro_noise_degps,
@@ -53,10 +57,18 @@ class TwinModel(Schema):
             noise_m=self.lidar_noise_m, dropout=self.lidar_dropout, rate_hz=self.lidar_rate_hz,
             sweep_s=self.lidar_sweep_s, latency_s=self.lidar_latency_s,
         )  # fmt: skip
-        changed: dict[str, Any] = {"odometry": robot.odometry.model_copy(update=odometry)}
+        changed: dict[str, Any] = robot.model_dump()
+        changed["odometry"].update(odometry)
         if robot.lidar is not None:
-            changed["lidar"] = robot.lidar.model_copy(update=lidar)
-        return robot.model_copy(update=changed)
+            changed["lidar"].update(lidar)
+        try:
+            return RobotModel.model_validate(changed)
+        except ValidationError as error:
+            fault = error.errors()[0]
+            place = ".".join(str(key) for key in fault["loc"])
+            raise CohelmError(
+                f"simulation.twin: makes the robot's {place} impossible: {fault['msg']}"
+            ) from error
 
 
 def _given(**values: float | None) -> dict[str, float]:
