@@ -124,12 +124,12 @@ def stretches(
     now = Now(at_rest(start), START, IDLE, np.empty((0, 2)), False, False)
     current = course(planner.route.reference, 0, True, settings.pace)
     number, since, waiting = 0, 0, None
-    walls = _near(scene.around.walls, start)
+    walls = near_walls(scene.around.walls, start)
     k, written = 0, 0
     out = _empty(min(length, steps), m)
     while k < steps and not now.arrived:
         if k % period == 0:
-            walls = _near(scene.around.walls, now.robot.pose)
+            walls = near_walls(scene.around.walls, now.robot.pose)
             told = seen(k * dt, now.points, walls, scene, eyes)
             task = Task(
                 now.pilot, now.robot.pose, now.robot.applied, told, current, (k - since) * dt,
@@ -165,7 +165,7 @@ def _empty(n: int, m: int) -> Rows:
     return Rows(np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6)))
 
 
-def _near(walls: Floats, pose: Pose) -> Floats:
+def near_walls(walls: Floats, pose: Pose) -> Floats:
     """The walls that come near the robot within a stretch of steps."""
     if len(walls) <= _FEW:
         return walls

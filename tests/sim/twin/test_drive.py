@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from cohelm.core.trace import Trace
 from cohelm.core.types import Pose, Twist
@@ -41,7 +42,7 @@ def test_the_lab_is_driven_without_a_contact(change):
 
 def test_on_ice_the_guard_counts_on_no_more_than_the_floor_holds():
     limits = sally().bounds()
-    assert held(limits, TwinModel()) == limits
+    assert held(limits, TwinModel()).wheel_acceleration == limits.wheel_acceleration
     slippery = held(limits, TwinModel(friction=0.1))
     assert slippery.wheel_acceleration < 0.1 * 9.81
     assert slippery.speed == limits.speed
@@ -114,3 +115,21 @@ def apart(a: Pose, b: Pose, outline: np.ndarray) -> float:
         return outline @ np.array([[c, s], [-s, c]]) + np.array(pose[:2])
 
     return float(np.hypot(*(placed(a) - placed(b)).T).max())
+
+
+def test_a_map_is_driven_in_and_its_walls_are_as_hard(tmp_path):
+    solid = np.full((60, 160), 254, dtype=np.uint8)
+    solid[:3], solid[-3:], solid[:, :3], solid[:, -3:] = 0, 0, 0, 0
+    solid[20:40, 70:75] = 0
+    Image.fromarray(solid).save(tmp_path / "room.pgm")
+    (tmp_path / "room.yaml").write_text(
+        "image: room.pgm\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    (tmp_path / "scenario.yaml").write_text(
+        "name: map\nworld: {kind: map, file: room.yaml}\nstart: {x_m: 1, y_m: 1, heading_rad: 0}\n"
+        "reference: {waypoints_m: [[1, 1], [3, 1], [5, 1], [7, 1]]}\n"
+    )
+    trace = run(build.setup(load.scenario(tmp_path / "scenario.yaml", ON_THE_TWIN)))
+    assert trace.rows["arrived"][-1]
+    assert 0.02 < trace.rows["clearance"].min() < 0.6

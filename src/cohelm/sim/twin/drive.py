@@ -24,7 +24,7 @@ from cohelm.pilot.step import BARRIER, NONE, Decision, Settings
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.sim.hand import IDLE, operate, replayed
-from cohelm.sim.piloted import Piloted
+from cohelm.sim.piloted import Piloted, near_walls
 from cohelm.sim.run import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.robot import Truth, Twin
@@ -90,8 +90,13 @@ class _Run:
             raise CohelmError("this setup has no twin: set simulation.plant to twin")
         model = given.robot.model_copy(update={"delay_s": given.robot.delay_s + setup.delay})
         self.setup, self.given = setup, given
+        around = setup.around
+        if setup.barred is not None:  # the map's borders come with the map
+            ends = np.array([0, len(setup.barred)])
+            around = around._replace(walls=setup.barred, wall_first=ends)
+        self.walls = setup.around.walls
         self.robot = Twin(
-            model, setup.start, setup.around, grid=setup.grid, seed=setup.seed,
+            model, setup.start, around, grid=setup.grid, seed=setup.seed,
             settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
         )  # fmt: skip
         self.guarded = setup.pilot is not None
@@ -141,7 +146,7 @@ class _Run:
     def _seen(self, t: float, now: Truth, things: Floats) -> tuple[Surroundings, Twist]:
         """What the robot knows of its surroundings, in the world frame, and of its speed."""
         if self.perception is None:
-            around = Surroundings(things, self.agility, self.setup.around.walls, _NO_POINTS)
+            around = Surroundings(things, self.agility, self.walls, _NO_POINTS)
             return around, now.twist
         # Where the robot is on the map is known; all else is as wheels, gyro and LiDAR tell.
         known = self.perception.take(t, self.robot.read())
@@ -169,6 +174,7 @@ class _Run:
         if not self.guarded:
             return
         if k % self.period == 0:
+            self.walls = near_walls(self.setup.around.walls, pose)
             self.waiting = self.pilot.plan(pose, twist, seen)
         if self.waiting is not None and (k % self.period == self.thinking or k == 0):
             self.pilot.take(self.waiting, pose, twist)
