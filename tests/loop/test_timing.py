@@ -43,3 +43,14 @@ def test_the_recent_worst_is_forgotten_after_two_seconds():
     for k in range(60, 200):
         timing.add(0.02 * k, 0.001, 0.0, False)
     assert timing.recent == 0.001
+
+
+def test_periods_left_out_are_late_ones():
+    timing = Timing()
+    timing.add(0.0, 0.0, 0.05, True)
+    timing.missed(0.03)
+    timing.missed(0.01)
+    kept = timing.kept()
+    assert (kept.periods, kept.overruns, kept.late_worst) == (3, 1, 0.03)
+    assert kept.within_2ms == pytest.approx(1 / 3)
+    assert timing.recent == 0.03

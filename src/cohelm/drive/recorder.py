@@ -25,6 +25,7 @@ from cohelm.core.period import PERIOD
 from cohelm.record.drive import DriveFile
 from cohelm.robot.keep.kept import Event
 from cohelm.robot.keep.lines import LARGEST, line
+from cohelm.robot.keep.priority import named
 from cohelm.robot.model import RobotModel
 
 _RESERVE = 1 << 16  # bytes kept for the log
@@ -113,6 +114,7 @@ def _record(
     path: Path, model: RobotModel, scenario: str, loop: socket.socket, keeper: socket.socket
 ) -> None:
     """The other process."""
+    named("cohelm recorder")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if hasattr(signal, "SIGXFSZ"):

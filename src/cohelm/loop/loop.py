@@ -308,10 +308,10 @@ class Loop:
         if self._due == -math.inf:
             self._due = now
         following = self._due + period
-        overrun = end > following
-        if overrun:
-            following += period * math.ceil((end - following) / period)
-        self.timing.add(now, self._late, self._took, overrun)
+        self.timing.add(now, self._late, self._took, end > following)
+        while following < end:  # a period that never was is a late one
+            self.timing.missed(end - following)
+            following += period
         self._due = following
         if now - self._swept > _SWEEP and following - end > 0.5 * period:
             self._swept = now

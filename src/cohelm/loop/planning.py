@@ -11,6 +11,7 @@ from typing import Protocol
 
 from cohelm.pilot.pilot import Planner
 from cohelm.pilot.plan import Plan, Task
+from cohelm.robot.keep.priority import named
 
 
 class Planning(Protocol):
@@ -105,6 +106,7 @@ class Elsewhere:
 
 def _plan(line: Connection, planner: Planner) -> None:
     """The other process: below the loop, the keeper and the recorder."""
+    named("cohelm planner")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(5)
     while True:

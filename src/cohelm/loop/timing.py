@@ -15,10 +15,11 @@ class Kept(NamedTuple):
     """How time was kept. All times in seconds."""
 
     periods: int
+    """Due so far."""
     overruns: int
     """Periods whose work was not done when the next one was due."""
     within_2ms: float
-    """Share of the periods that began within 2 ms of their due time."""
+    """Share of the periods due that began within 2 ms of their due time."""
     late_median: float
     late_99: float
     late_999: float
@@ -48,6 +49,12 @@ class Timing:
         self.overruns += overrun
         if now - self._since > 1.0:
             self._recent_before, self._recent, self._since = self._recent, 0.0, now
+        self._recent = max(self._recent, late)
+
+    def missed(self, late: float) -> None:
+        """A period that was left out, because the one before took beyond its end."""
+        self._late[min(int(late / _BIN), _BINS - 1)] += 1
+        self._worst_late = max(self._worst_late, late)
         self._recent = max(self._recent, late)
 
     @property

@@ -6,7 +6,13 @@ import contextlib
 import ctypes
 import os
 
-_SLACK = 29  # PR_SET_TIMERSLACK
+_SLACK, _NAME = 29, 15  # PR_SET_TIMERSLACK, PR_SET_NAME
+
+
+def named(name: str) -> None:
+    """Call this process so in lists of processes; at most 15 characters."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_NAME, name.encode(), 0, 0, 0)
 
 
 def urgent() -> str:

@@ -22,7 +22,7 @@ from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
 from cohelm.robot.gate.modes import Mode
 from cohelm.robot.keep.kept import Event, Kept, standing
 from cohelm.robot.keep.lines import Line
-from cohelm.robot.keep.priority import urgent
+from cohelm.robot.keep.priority import named, urgent
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, Robot, Scan
 
@@ -147,6 +147,7 @@ def _gone() -> CohelmError:
 
 def _serve(line: Connection, make: Make, rules: Rules, record: socket.socket | None) -> None:
     """The other process."""
+    named("cohelm keeper")
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the loop's to handle
     say = Line(record)
     try:

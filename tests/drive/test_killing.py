@@ -1,0 +1,191 @@
+"""Real processes, killed, stopped and starved: the robot stops in time, and the record says why.
+
+What the robot did is read from the record: the keeper and the recorder outlive the loop.
+"""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.drive.faults import CORRIDOR
+
+pytestmark = pytest.mark.xdist_group("realtime")
+
+WATCHDOG = 0.1
+STARTED = 240.0  # with nothing compiled, on a busy machine [s]
+
+
+class Drive:
+    """`cohelm robot` on the corridor in a process of its own."""
+
+    def __init__(self, folder: Path, *more: str, limit: int = 0) -> None:
+        self.record = folder / "drive.mcap"
+        self.log = folder / "drive.log"
+        command = [sys.executable, "-m", "cohelm", "robot", str(CORRIDOR), "--json"]
+        command += ["--record", str(self.record), *more]
+
+        def before() -> None:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            if limit:
+                import resource
+
+                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=before
+        )
+
+    def said(self, pattern: str, within: float) -> re.Match[str]:
+        """Wait until the log says so."""
+        end = time.monotonic() + within
+        text = ""
+        while time.monotonic() < end:
+            text = self.log.read_text() if self.log.exists() else ""
+            found = re.search(pattern, text)
+            if found:
+                return found
+            if self.process.poll() is not None and end - time.monotonic() > 8.0:
+                end = time.monotonic() + 8.0  # the others may still write
+            time.sleep(0.05)
+        raise AssertionError(f"the log never says {pattern!r}:\n{text}")
+
+    def driving(self) -> None:
+        """Wait until it has driven for two seconds."""
+        self.said("IDLE -> AUTOMATIC", STARTED)
+        time.sleep(2.0)
+
+    def ended(self) -> tuple[dict, str]:
+        """Wait for its end; what it printed, and the log."""
+        out, err = self.process.communicate(timeout=60.0)
+        assert out, err
+        return json.loads(out), self.log.read_text()
+
+    def stopped(self, why: str) -> float:
+        """How long after its latched stop the robot stood."""
+        self.said(f"AUTOMATIC -> (FAULTED|STOPPED): {why}", 5.0)
+        return float(self.said(r"stands, (\d+\.\d+) s after", 8.0)[1])
+
+
+@pytest.fixture
+def drive(request, tmp_path):
+    made = []
+
+    def start(*more: str, folder: Path = tmp_path, limit: int = 0) -> Drive:
+        made.append(Drive(folder, *more, limit=limit))
+        return made[-1]
+
+    yield start
+    for one in made:
+        if one.process.poll() is None:
+            one.process.send_signal(signal.SIGCONT)
+            one.process.kill()
+        one.process.wait()
+        for pipe in (one.process.stdout, one.process.stderr):
+            pipe.close()
+
+
+def braked_in_time(took: float) -> None:
+    """From 0.5 m/s at 2 m/s^2, after the robot's 50 ms, shown by 50 Hz odometry."""
+    assert 0.05 < took < 0.6
+
+
+def test_a_killed_loop_does_not_take_the_robot_along(drive):
+    going = drive()
+    going.driving()
+    going.process.kill()
+    braked_in_time(going.stopped("(the loop's process is gone|no sound command)"))
+    end = time.monotonic() + 15.0
+    while (going.record.with_suffix(".reserve")).exists():  # removed when the record is finished
+        assert time.monotonic() < end
+        time.sleep(0.1)
+
+
+def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
+    going = drive("--for", "8")
+    going.driving()
+    going.process.send_signal(signal.SIGSTOP)
+    time.sleep(1.0)
+    braked_in_time(going.stopped("no sound command for more than 100 ms"))
+    going.process.send_signal(signal.SIGCONT)
+    summary, log = going.ended()
+    assert summary["mode"] == "FAULTED"
+    assert summary["overruns"] >= 1
+    assert summary["late_worst"] > 0.7
+    assert going.process.returncode == 1
+    assert log.count("-> AUTOMATIC") == 1  # it never started again by itself
+
+
+def test_ctrl_c_stops_the_robot_first(drive):
+    going = drive()
+    going.driving()
+    going.process.send_signal(signal.SIGINT)
+    braked_in_time(going.stopped("Ctrl-C"))
+    summary, _ = going.ended()
+    assert going.process.returncode == 0
+    assert summary["reason"] == "Ctrl-C"
+
+
+@pytest.mark.slow
+def test_a_disk_that_fills_up_stops_the_record_but_not_the_robot(drive):
+    going = drive("--for", "8", limit=100_000)
+    summary, log = going.ended()
+    assert "recording stopped: File too large" in log
+    assert summary["reason"] == "the drive is over"
+    assert "AUTOMATIC -> STOPPED: the drive is over" in log  # the log still grows
+    assert going.record.stat().st_size <= 100_000
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.geteuid() != 0, reason="mounting a tiny file system needs root")
+def test_a_full_file_system_still_holds_the_reason(drive, tmp_path):
+    small = tmp_path / "small"
+    small.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(small)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no file system can be mounted here")
+    try:
+        summary, log = drive("--for", "12", folder=small).ended()
+        assert "recording stopped: No space left on device" in log
+        assert "AUTOMATIC -> STOPPED: the drive is over" in log
+        assert summary["reason"] == "the drive is over"
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("who", ["recorder", "planner"])
+def test_without_its_helpers_the_loop_drives_on(drive, who):
+    going = drive("--for", "6")
+    going.driving()
+    os.kill(child(going.process.pid, who), signal.SIGKILL)
+    out, _ = going.process.communicate(timeout=60.0)
+    summary = json.loads(out)
+    assert summary["reason"] == "the drive is over"
+    assert summary["mode"] == "STOPPED"
+
+
+@pytest.mark.slow
+def test_a_killed_keeper_ends_the_loop_with_one_sentence(drive):
+    """The robot itself stops by its own time-out, as the port says; the simulated one is gone."""
+    going = drive()
+    going.driving()
+    os.kill(child(going.process.pid, "keeper"), signal.SIGKILL)
+    _, err = going.process.communicate(timeout=60.0)
+    assert going.process.returncode == 2
+    assert "the process that keeps the robot is gone" in err
+
+
+def child(parent: int, who: str) -> int:
+    """The process that `cohelm robot` started for this, told by what each has open or runs."""
+    for status in Path("/proc").glob("[0-9]*/status"):
+        text = status.read_text()
+        if f"PPid:\t{parent}\n" in text and f"Name:\tcohelm {who}"[:21] in text:
+            return int(status.parent.name)
+    raise AssertionError(f"there is no {who}")
