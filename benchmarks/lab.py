@@ -1,6 +1,6 @@
 """The lab on sensors only, through the whole loop in simulated time: how well it keeps to the path.
 
-python -m benchmarks.lab [--kind kinematic|twin] [--seeds 3] [--push 2.0]
+python -m benchmarks.lab [--kind kinematic|twin] [--seeds 3] [--push 2.0 --at 22]
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
 from cohelm.robot.gate.modes import Mode as GateMode
 
-PUSHED_AT = 22.0  # in the corridor, on the way [s]
 FREE = (
     0.5  # nothing in the way: no thing seen nearer than this, and the reference does not wait [m]
 )
@@ -45,11 +44,13 @@ class Result(NamedTuple):
     reason: str
 
 
-def drive(kind: Kind, seed: int, push: float = 0.0, limit: float = 120.0) -> Result:
-    """One drive of the lab; `push` metres along the corridor on the way."""
+def drive(
+    kind: Kind, seed: int, push: float = 0.0, at: float = 22.0, limit: float = 120.0
+) -> Result:
+    """One drive of the lab; at a time [s] it is pushed `push` metres to the east."""
     rows: list[tuple[float, ...]] = []
     pushed = found = math.nan
-    with Session(Plan(simulated("lab-avoid", kind, real_time=False, seed=seed))) as session:
+    with Session(Plan(simulated("lab-guard", kind, real_time=False, seed=seed))) as session:
         keeper, loop = session.loop.keeper, session.loop
 
         def until(_: object) -> bool:
@@ -62,7 +63,7 @@ def drive(kind: Kind, seed: int, push: float = 0.0, limit: float = 120.0) -> Res
                 turned = wrap(seen.pose.psi - truth.pose.psi)
                 row = (now, *truth.pose[:2], d.x_d, d.y_d, free, off, turned, float(seen.lost))
                 rows.append(row)
-            if push and math.isnan(pushed) and now >= PUSHED_AT:
+            if push and math.isnan(pushed) and now >= at:
                 keeper._robot.push(push, 0.0, 0.0)
                 pushed = now
             elif math.isnan(found) and now > pushed + 0.2 and off < 0.05 and not seen.lost:
@@ -92,10 +93,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--kind", choices=["kinematic", "twin"], default="kinematic")
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--push", type=float, default=0.0, help="metres along the corridor")
+    parser.add_argument("--push", type=float, default=0.0, help="metres to the east")
+    parser.add_argument("--at", type=float, default=22.0, help="when; at 22 s in the corridor")
     given = parser.parse_args()
     for seed in range(given.seeds):
-        r = drive(given.kind, seed, given.push)
+        r = drive(given.kind, seed, given.push, given.at)
         print(
             f"{r.kind} seed {r.seed}: {'arrived' if r.arrived else 'NOT ARRIVED'} {r.time:.1f} s, "
             f"least gap {100 * r.least:.1f} cm, path {100 * r.path_rms:.1f} cm rms "

@@ -22,10 +22,10 @@ def robot(
             metavar="ROBOT.yaml|SCENARIO",
             help="A scenario, by file or name, or a robot's YAML file, driven in --scenario.",
         ),
-    ] = "lab-avoid",
+    ] = "lab-guard",
     scenario: Annotated[
         str, typer.Option(metavar="SCENARIO", help="Where a robot's YAML file is driven.")
-    ] = "lab-avoid",
+    ] = "lab-guard",
     twin: Annotated[
         bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
     ] = False,

@@ -12,7 +12,6 @@ from typing import Any
 from cohelm.core.types import Pose
 from cohelm.drive.recorder import Recording
 from cohelm.drive.simulated import Simulated, surveyed
-from cohelm.law.guard.step import Rules as GuardRules
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, Ways
@@ -22,7 +21,7 @@ from cohelm.loop.timing import Timing
 from cohelm.perceive.known import Known
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.step import Settings
+from cohelm.pilot.step import GUARD
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.keep.kept import Keeper, Kept, rules, standing
 from cohelm.robot.keep.lines import Line
@@ -195,13 +194,10 @@ class Session:
 def _driver(plan: Plan, real_time: bool) -> Driver:
     scenario, model = plan.robot.scenario, plan.robot.model
     reference = scenario.reference.spline()
-    settings = Settings(
-        outline=model.outline,
-        limits=model.bounds(),
-        gains=scenario.law.gains(scenario.reference.speed_mps),
-        rules=GuardRules(dt=plan.period),
-        spline_speed=scenario.reference.feed_forward == "spline",
-    )
-    pilot = Pilot(reference, settings, delay=model.delay_s)
+    law = scenario.law
+    settings = law.settings(
+        model.outline, model.bounds(), scenario.reference.speed_mps, plan.period
+    )._replace(filter=GUARD)  # a robot that lives by its sensors keeps clear by what they see
+    pilot = Pilot(reference, settings, delay=model.delay_s, manners=law.manners(), care=law.care())
     planning = Elsewhere(pilot.planner) if real_time else Here(pilot.planner)
     return Driver(pilot, settings, model.delay_s, planning)
