@@ -9,7 +9,7 @@ from shapely.affinity import rotate, translate
 from cohelm.core.types import Pose
 from cohelm.law.reference import evaluate, through
 from cohelm.perceive.band import distances, spread, tangents
-from cohelm.perceive.way import Manners, _tree, first_blocked, way
+from cohelm.perceive.way import Manners, first_blocked, way
 from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, line, room, wall
 
 MANNERS = Manners()
@@ -156,12 +156,3 @@ def test_a_line_spread_out_keeps_its_ends_and_its_course(spacing):
     assert even[[0, -1]].tolist() == bent[[0, -1]].tolist()
     assert np.hypot(*np.diff(even, axis=0).T).max() <= spacing + 1e-9
     assert all(LineString(bent).distance(LineString(even[[i, i]])) < 1e-9 for i in range(len(even)))
-
-
-def test_a_small_map_with_cells_that_can_not_be_reached_is_no_trouble():
-    free = np.ones((9, 20), dtype=np.bool_)
-    free[:, 10] = False
-    before = _tree(free, np.ones(free.shape), (4, 2))
-    assert (before[:, :10] >= 0).all()
-    assert (before[:, 10:] < 0).all()
-    assert before[4, 2] == 4 * 20 + 2

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.astar import NOT_REACHED, tree
 from cohelm.perceive.band import band, distances, tangents
 from cohelm.perceive.chart import Chart, chart, inscribed, swept
@@ -89,8 +89,10 @@ def way(
         span = np.vstack((line[here:], [pose[:2]]))
         low, high = span.min(axis=0) - border, span.max(axis=0) + border
         known = chart(points, (low[0], low[1]), (high[0], high[1]), manners.resolution)
+        cells = _cells(known, line[here:])
+        dear = straying(known, cells, manners)
         for _ in range(_TRIES):
-            found = cheapest(known, pose, line, here, aim, narrow, wide, manners)
+            found = cheapest(known, dear, cells, pose, line, here, aim, narrow, wide, manners)
             if found is None:
                 break
             path, rejoined = found
@@ -107,11 +109,24 @@ def way(
     return None
 
 
+def straying(chart: Chart, cells: Ints, manners: Manners) -> Floats:
+    """How many times dearer each cell of a chart is for its distance from a line's (k, 2)."""
+    off = np.ones(chart.clearance.shape, dtype=np.bool_)
+    if manners.stray == 0.0:
+        return off.astype(np.float64)
+    off[cells[:, 0], cells[:, 1]] = False
+    away = np.asarray(ndimage.distance_transform_edt(off)) * chart.resolution
+    return 1.0 + manners.stray * np.minimum(away, 3.0)
+
+
 def cheapest(
-    chart: Chart, start: Pose, line: Floats, here: int, aim: int, narrow: float, wide: float,
-    manners: Manners,
+    chart: Chart, dear: Floats, cells: Ints, start: Pose, line: Floats, here: int, aim: int,
+    narrow: float, wide: float, manners: Manners,
 ) -> tuple[Floats, int] | None:  # fmt: skip
     """Cell centres from the robot to a point of the line, dear where it is tight, (m, 2) [m].
+
+    dear: of the chart's shape, by what a cell costs more; see `straying`. cells: (k, 2), of the
+    line from row `here` on.
 
     It ends at the first point of the line, from row `aim` on, that can be reached; the row is
     the second result. No cell nearer than `narrow` to what was seen is on it, but a tighter
@@ -125,30 +140,24 @@ def cheapest(
         free |= _within(chart, a, _LEAVE) & (c >= min(c[a], narrow)) & (c > 0.0)
         free[a] = True
     tight = np.clip((narrow + manners.room - c) / manners.room, 0.0, 1.0)
-    cost: Floats = 1.0 + manners.shy * tight * tight
-    cells = [_cell(chart, point) for point in line[here:]]
-    if manners.stray > 0.0:
-        off = np.ones(c.shape, dtype=np.bool_)
-        for cell in cells:
-            off[cell] = False
-        away = np.asarray(ndimage.distance_transform_edt(off)) * chart.resolution
-        cost = cost * (1.0 + manners.stray * np.minimum(away, 3.0))
+    cost: Floats = (1.0 + manners.shy * tight * tight) * dear
     columns = c.shape[1]
     root = a[0] * columns + a[1]
     target = cells[aim - here]
-    flat = tree(free, cost, root, target[0] * columns + target[1])
+    flat = tree(free, cost, root, int(target[0] * columns + target[1]))
     before = flat.reshape(c.shape)
     rejoined = len(line) - 1
-    for row in range(aim, len(line)):
-        if before[cells[row - here]] != NOT_REACHED:
-            rejoined, b, end = row, cells[row - here], line[row]
-            break
+    reached = np.flatnonzero(before[cells[aim - here :, 0], cells[aim - here :, 1]] != NOT_REACHED)
+    if reached.size:
+        rejoined = aim + int(reached[0])
+        b, end = (int(cells[rejoined - here, 0]), int(cells[rejoined - here, 1])), line[rejoined]
     else:
-        near = (before != NOT_REACHED) & (c >= wide) & _within(chart, cells[-1], manners.beside)
+        last = (int(cells[-1, 0]), int(cells[-1, 1]))
+        near = (before != NOT_REACHED) & (c >= wide) & _within(chart, last, manners.beside)
         i, j = np.nonzero(near)
         if len(i) == 0:
             return None
-        best = int(np.argmin((i - cells[-1][0]) ** 2 + (j - cells[-1][1]) ** 2))
+        best = int(np.argmin((i - last[0]) ** 2 + (j - last[1]) ** 2))
         b = (int(i[best]), int(j[best]))
         end = np.array([chart.x + chart.resolution * b[1], chart.y + chart.resolution * b[0]])
     walk = [b[0] * columns + b[1]]
@@ -168,6 +177,14 @@ def _cell(chart: Chart, at: Floats | tuple[float, ...]) -> tuple[int, int]:
     i = round((at[1] - chart.y) / chart.resolution)
     j = round((at[0] - chart.x) / chart.resolution)
     return min(max(i, 0), rows - 1), min(max(j, 0), columns - 1)
+
+
+def _cells(chart: Chart, points: Floats) -> Ints:
+    """Row and column of many world points (k, 2), as `_cell` has them, (k, 2)."""
+    rows, columns = chart.clearance.shape
+    off = (points - np.array([chart.x, chart.y])) / chart.resolution
+    found = np.rint(off[:, ::-1]).astype(np.int64)
+    return np.clip(found, 0, np.array([rows - 1, columns - 1]))
 
 
 def _within(chart: Chart, cell: tuple[int, int], radius: float) -> NDArray[np.bool_]:

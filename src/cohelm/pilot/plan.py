@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
 from cohelm.law.govern import Clock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
@@ -19,7 +19,9 @@ from cohelm.pilot.course import Course, Route, course, nearest_row, paced
 from cohelm.pilot.movers import Foresight, met
 from cohelm.pilot.step import NO_MOVE, Settings, State
 
-_ROUND = 24  # points around a disc
+_ROUND = 24  # points around a disc, at least
+_FINE = 0.03  # between points around a disc that is near [m]
+_NEAR = 1.5  # the robot's centre to a disc's surface [m]
 
 
 class Care(NamedTuple):
@@ -204,10 +206,21 @@ def known(around: Surroundings, pose: Pose, far: float) -> Floats:
     return _surfaces(around.discs, around.segments, around.points, pose, far)
 
 
+@jit_inline
+def _ring(disc: Floats, pose: Pose) -> int:
+    """How many points stand for a disc: where a corner may have to pass, their chords matter."""
+    r = disc[RADIUS]
+    if math.hypot(disc[X] - pose.x, disc[Y] - pose.y) - r > _NEAR:
+        return _ROUND
+    return max(_ROUND, min(int(2.0 * math.pi * r / _FINE), 8 * _ROUND))
+
+
 @jit
 def _surfaces(discs: Floats, walls: Floats, seen: Floats, pose: Pose, far: float) -> Floats:
     spacing = 0.05
-    most = len(seen) + _ROUND * len(discs)
+    most = len(seen)
+    for i in range(len(discs)):
+        most += _ring(discs[i], pose)
     for i in range(len(walls)):
         length = math.hypot(walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1])
         most += int(min(length, 2.0 * far) / spacing) + 2
@@ -217,8 +230,9 @@ def _surfaces(discs: Floats, walls: Floats, seen: Floats, pose: Pose, far: float
         dx, dy, r = discs[i, X] - pose.x, discs[i, Y] - pose.y, discs[i, RADIUS]
         if not math.hypot(dx, dy) < far + r:
             continue
-        for j in range(_ROUND):
-            angle = 2.0 * math.pi * j / _ROUND
+        ring = _ring(discs[i], pose)
+        for j in range(ring):
+            angle = 2.0 * math.pi * j / ring
             points[n, 0] = discs[i, X] + r * math.cos(angle)
             points[n, 1] = discs[i, Y] + r * math.sin(angle)
             n += 1

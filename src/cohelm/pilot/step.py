@@ -177,7 +177,9 @@ def pilot_step(
         sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
     if escaping:
         left = rest(left, Twist(v, omega), s.rules.dt)
-        if left.distance == 0.0 and left.turn == 0.0:
+        still = abs(v) < _STILL and abs(omega) < _STILL
+        clock = Clock(clock.tau, clock.rate, clock.waited + dt if still else 0.0)
+        if (left.distance == 0.0 and left.turn == 0.0) or clock.waited > _GIVES_UP:
             left = NO_MOVE
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
     doing = LED if led else (ESCAPING if escaping else FOLLOWING)
@@ -202,6 +204,8 @@ def _slowed(asked: Twist, fastest: float) -> Twist:
 
 
 _AHEAD = 20  # rows of the route within which the nearest is looked for
+_STILL = 0.01  # a move out of a tight spot does not get on below this [m/s, rad/s]
+_GIVES_UP = 0.5  # and is given up after so long [s]
 
 
 @jit
