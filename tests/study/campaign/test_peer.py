@@ -1,0 +1,35 @@
+"""ir-sim's controllers in our rooms, under our judge."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.study.campaign import rooms, rvo
+from cohelm.study.campaign.drive import chunk
+from cohelm.study.campaign.suites import suite
+
+with_peer = pytest.mark.skipif(
+    importlib.util.find_spec("irsim") is None, reason="ir-sim is not installed: cohelm[peers]"
+)
+
+
+@with_peer
+def test_the_peer_crosses_a_room_within_the_same_limits_and_the_same_every_time():
+    made = suite("random", 1, None)
+    first, again = chunk(made, "rvo", (1,))[0], chunk(made, "rvo", (1,))[0]
+    assert repr(first) == repr(again)
+    assert (first.fault, first.arrived, first.limit_excess) == ("", True, 0.0)
+    case = rooms.case(1, 1)
+    trace = rvo.peer_trace(case, "rvo")
+    assert trace.rows["x"][0] == case.setup.start.x
+    assert np.abs(trace.rows["applied_v"]).max() <= rvo._SPEED + 1e-12
+    assert np.ptp(trace.discs[:, -1, :2], axis=0).max() > 0.5  # the walkers walk for it too
+
+
+def test_without_the_peer_it_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(rvo.importlib.util, "find_spec", lambda _name: None)
+    rvo._process.cache_clear()
+    with pytest.raises(CohelmError, match=r"cohelm\[peers\]"):
+        chunk(suite("random", 1, None), "rvo", (0,))
