@@ -54,7 +54,7 @@ class Care(NamedTuple):
     """Scans that must prove it moves; up to twice as many keep it moving."""
     keep: float = 1.5
     """Hidden, a mover is foreseen for so long [s]."""
-    back: tuple[float, float] = (0.45, 0.95)
+    back: tuple[float, ...] = (0.45, 0.95, 1.4)
     """Sweeps so old are asked what was free then [s]."""
     wider: float = 0.03
     """Added to a mover's radius, beside one standard deviation of its place [m]."""

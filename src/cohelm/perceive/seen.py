@@ -15,6 +15,7 @@ from cohelm.perceive.known import Known
 from cohelm.perceive.locate import Located, Locator
 from cohelm.perceive.memory import Care as Remembering, View, renew
 from cohelm.perceive.movers import MOVES, NONE, RADIUS, TX, TY, Care as Watching, bodies, follow
+from cohelm.perceive.steady import steadied
 from cohelm.perceive.sweep import Sweep, sweep
 from cohelm.perceive.trail import EMPTY, extended, pose_at
 from cohelm.robot.model import RobotModel
@@ -133,7 +134,8 @@ class Perception:
             )
             if self._movers.mine.any():
                 seen = self._without(seen, self._movers.mine)
-        points = renew(self._points, pose, self._view, seen.ranges, self._care)
+        calm = steadied(seen.ranges, self.lidar.noise)
+        points = renew(self._points, pose, self._view, calm, self._care)
         self._points = self._outside(points)
         if self._locator is not None:
             self._located = self._locator.correct(seen, pose)
