@@ -9,7 +9,7 @@ from shapely import MultiPoint, Polygon
 from shapely.affinity import rotate, translate
 
 from cohelm.core.types import Pose, Twist, wrap
-from cohelm.perceive.escape import Choices, Escape, escape, rest, wish
+from cohelm.perceive.escape import FORWARDS, LEFT, RIGHT, Choices, Escape, escape, kind, rest, wish
 from cohelm.robot.kinematics import arc
 from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, room, wall
 
@@ -114,3 +114,17 @@ def test_a_move_that_is_held_up_goes_on_where_it_was():
     left = Escape(-0.5, 0.0, 1.0)
     assert rest(left, Twist(0.0, 0.0), DT) == left
     assert rest(left, Twist(-0.4, 0.0), DT).distance == pytest.approx(-0.492)
+
+
+@pytest.mark.parametrize("heading", [1.5, -1.5])
+def test_a_kind_of_move_that_led_nowhere_is_not_begun_with_again(heading):
+    first = escape(AT, heading, NOTHING, JACKAL)
+    assert first is not None
+    other = escape(AT, heading, NOTHING, JACKAL, refused=kind(first))
+    assert other is not None
+    assert other.distance == 0.0
+    assert other.turn == pytest.approx(first.turn - math.copysign(2 * math.pi, first.turn))
+    away = escape(AT, heading, NOTHING, JACKAL, refused=LEFT | RIGHT | FORWARDS)
+    assert away is not None
+    assert away.distance < 0.0
+    assert escape(AT, heading, NOTHING, JACKAL, refused=15) is None

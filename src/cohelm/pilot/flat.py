@@ -24,7 +24,7 @@ Flat = Callable[
 ]
 """`pilot_step` of one robot on one route, from Python."""
 
-_STATE = 9  # of the numbers that come back, so many are the state
+_STATE = 11  # of the numbers that come back, so many are the state
 
 
 def step_of(settings: Settings, line: Floats) -> Flat:
@@ -41,18 +41,18 @@ def step_of(settings: Settings, line: Floats) -> Flat:
         state: State, pose: Pose, twist: Twist, stick: Stick, around: Surroundings,
         course: Course, dt: float, sent: Floats, fastest: float,
     ) -> tuple[State, Decision]:  # fmt: skip
-        k, time, clock, left, at = state
+        k, time, clock, left, at, held, refused = state
         reference = course.reference
         # a whole number would compile another step
         x, y, psi, v = float(pose[0]), float(pose[1]), float(pose[2]), float(twist[0])
         n = _flat(
-            k, time, *clock, *left, at, x, y, psi, v, float(twist[1]),
+            k, time, *clock, *left, at, held, refused, x, y, psi, v, float(twist[1]),
             float(stick[0]), float(stick[1]), *around,
             reference.knots, reference.coeffs, reference.speed, course.poses,
             course.paced.rate, course.row, line, outline, row, float(dt), sent,
             float(fastest),
         )  # fmt: skip
-        after = State(n[0], n[1], Clock(n[2], n[3], n[4]), Escape(n[5], n[6], n[7]), n[8])
+        after = State(n[0], n[1], Clock(n[2], n[3], n[4]), Escape(n[5], n[6], n[7]), *n[8:_STATE])
         return after, Decision._make(n[_STATE:])
 
     return step
@@ -61,7 +61,8 @@ def step_of(settings: Settings, line: Floats) -> Flat:
 @jit
 def _flat(
     k: int, time: float, tau: float, rate: float, waited: float, distance: float,
-    curvature: float, turn: float, at: int, x: float, y: float, psi: float, v: float,
+    curvature: float, turn: float, at: int, held: float, refused: int,
+    x: float, y: float, psi: float, v: float,
     omega: float, stick_x: float, stick_psi: float, discs: Floats, agility: Floats,
     segments: Floats, points: Floats, knots: Floats, coeffs: Floats, speed: float, poses: Floats,
     rates: Floats, back: int, line: Floats, outline: Floats, r: Floats, dt: float, sent: Floats,
@@ -79,7 +80,9 @@ def _flat(
     s = Settings(
         outline, limits, gains, rules, pace, int(r[38]), r[39] != 0.0, r[40], r[41], r[42], fastest
     )
-    before = State(k, time, Clock(tau, rate, waited), Escape(distance, curvature, turn), at)
+    before = State(
+        k, time, Clock(tau, rate, waited), Escape(distance, curvature, turn), at, held, refused
+    )
     reference = Reference(knots, coeffs, speed)
     course = Course(reference, poses, Profile(rates, knots[-1]), back, True)
     after, d = pilot_step(
@@ -88,7 +91,8 @@ def _flat(
     )  # fmt: skip
     return (
         after.k, after.time, after.clock.tau, after.clock.rate, after.clock.waited,
-        after.left.distance, after.left.curvature, after.left.turn, after.row,
+        after.left.distance, after.left.curvature, after.left.turn, after.row, after.held,
+        after.refused,
         d.v, d.omega, d.automatic_v, d.automatic_omega, d.human_v, d.human_omega, d.shared_v,
         d.shared_omega, d.avoid_v, d.avoid_omega, d.authority_x, d.authority_psi, d.intent_x,
         d.intent_psi, d.I, d.J, d.h, d.verdict, d.culprit, d.gap, d.change, d.doing, d.tau,

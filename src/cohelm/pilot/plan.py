@@ -13,7 +13,7 @@ from cohelm.law.govern import Clock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
 from cohelm.perceive.band import distances
-from cohelm.perceive.escape import Escape, escape
+from cohelm.perceive.escape import Escape, escape, kind
 from cohelm.perceive.way import Manners, way
 from cohelm.pilot.course import Course, Route, course, nearest_row, paced
 from cohelm.pilot.movers import Foresight, met
@@ -179,9 +179,13 @@ def _way_out(
     over = clock.tau >= made.course.reference.knots[-1]
     if over or (abs(off) <= care.turned and not held):
         return None
-    move = escape(pose, ahead.psi, points, settings.outline)
+    refused = task.state.refused
+    move = escape(pose, ahead.psi, points, settings.outline, refused=refused)
+    if move is None and refused:
+        move = escape(pose, ahead.psi, points, settings.outline)
     if move is not None and abs(off) < 0.3 and move.distance == 0.0:
-        return Escape(-0.2, 0.0, 0.0)  # looks where it should, but does not get on
+        back = Escape(-0.2, 0.0, 0.0)  # looks where it should, but does not get on
+        return Escape(0.1, 0.0, 0.0) if kind(back) & refused else back
     return move
 
 

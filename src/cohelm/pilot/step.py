@@ -17,7 +17,7 @@ from cohelm.law.human import finite, human, intent, limited
 from cohelm.law.reference import desired
 from cohelm.law.track import track
 from cohelm.law.verdict import INVALID, UNTOUCHED
-from cohelm.perceive.escape import Escape, rest, wish
+from cohelm.perceive.escape import Escape, kind, rest, wish
 from cohelm.pilot.course import Course, nearest_row
 from cohelm.pilot.foresee import foreseen, moved_on, stopping
 from cohelm.robot.limits import Limits
@@ -67,9 +67,13 @@ class State(NamedTuple):
     """What is left of a move out of a tight spot."""
     row: int
     """Row of the route that is behind for good."""
+    held: float
+    """How long such a move has been held up [s]."""
+    refused: int
+    """Kinds of moves, see `perceive.escape`, that were held up since the robot last got on."""
 
 
-START = State(0, 0.0, Clock(0.0, 0.0, 0.0), NO_MOVE, 0)
+START = State(0, 0.0, Clock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
 
 
 class Decision(NamedTuple):
@@ -177,13 +181,10 @@ def pilot_step(
         sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
     if escaping:
         left = rest(left, Twist(v, omega), s.rules.dt)
-        still = abs(v) < _STILL and abs(omega) < _STILL
-        clock = Clock(clock.tau, clock.rate, clock.waited + dt if still else 0.0)
-        if (left.distance == 0.0 and left.turn == 0.0) or clock.waited > _GIVES_UP:
-            left = NO_MOVE
+    left, held, refused = _given_up(state, left, Twist(v, omega), clock.rate, dt)
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
     doing = LED if led else (ESCAPING if escaping else FOLLOWING)
-    return State(state.k + 1, state.time + dt, clock, left, row), Decision(
+    return State(state.k + 1, state.time + dt, clock, left, row, held, refused), Decision(
         v, omega,
         _or_0(tau_c.v), _or_0(tau_c.omega), _or_0(tau_h.v), _or_0(tau_h.omega),
         _or_0(tau.v), _or_0(tau.omega), _or_0(v - tau.v), _or_0(omega - tau.omega),
@@ -203,9 +204,24 @@ def _slowed(asked: Twist, fastest: float) -> Twist:
     return asked
 
 
+_PATIENCE = 0.4  # a move held up for longer is given up [s]
+_STILL = 0.01  # slower than this it is held up [m/s, rad/s]
+_GETS_ON = 0.5  # from this rate of the clock on the robot gets on
 _AHEAD = 20  # rows of the route within which the nearest is looked for
-_STILL = 0.01  # a move out of a tight spot does not get on below this [m/s, rad/s]
-_GIVES_UP = 0.5  # and is given up after so long [s]
+
+
+@jit
+def _given_up(
+    state: State, left: Escape, command: Twist, rate: float, dt: float
+) -> tuple[Escape, float, int]:
+    """What is left of a move, how long it has been held up, and the kinds that led nowhere."""
+    if left.distance == 0.0 and left.turn == 0.0:
+        return NO_MOVE, 0.0, 0 if rate > _GETS_ON else state.refused
+    still = abs(command.v) < _STILL and abs(command.omega) < _STILL
+    held = state.held + dt if still else 0.0
+    if held > _PATIENCE:
+        return NO_MOVE, 0.0, state.refused | kind(left)
+    return left, held, state.refused
 
 
 @jit
