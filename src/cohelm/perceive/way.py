@@ -16,7 +16,7 @@ from cohelm.perceive.chart import Chart, chart, inscribed, swept
 
 _LEAVE = 0.4  # a start tighter than wished for may be left within this distance [m]
 _REFUSED = 0.1  # around a pose that touches something, no second way is tried [m]
-_TRIES = 4  # ways whose swept outline touches something before giving up
+_TRIES = 3  # ways whose swept outline touches something before giving up
 
 
 class Manners(NamedTuple):
@@ -69,7 +69,7 @@ def first_blocked(line: Floats, points: Floats, outline: Floats, gap: float) -> 
 
 def way(
     pose: Pose, points: Floats, line: Floats, outline: Floats, manners: Manners = _MANNERS,
-    begin: int = 0, horizon: float = math.inf,
+    begin: int = 0, horizon: float = math.inf, farther: bool = True,
 ) -> Way | None:  # fmt: skip
     """A way from the robot back onto a line, around all points seen; None if none is known.
 
@@ -77,7 +77,8 @@ def way(
     outline: (n, 2), convex, counter-clockwise. begin: the row of the line that is behind the
     robot for good. The way ends on the line `horizon` metres after the row nearest to the robot,
     or farther on where that can not be reached; at the latest at the line's end, or up to
-    `beside` from it. What has not been seen counts as free.
+    `beside` from it. What has not been seen counts as free. farther: whether to look beyond
+    `border`, which takes a while, if there is none nearer.
     """
     off = line[begin:] - np.array(pose[:2])
     here = begin + int(np.argmin(np.hypot(off[:, 0], off[:, 1])))
@@ -85,7 +86,7 @@ def way(
     aim = here + min(int(np.searchsorted(along, horizon)), len(along) - 1)
     narrow = inscribed(outline) + manners.gap
     wide = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + manners.gap
-    for border in (manners.border, 3.0 * manners.border):
+    for border in (manners.border, 3.0 * manners.border)[: 2 if farther else 1]:
         span = np.vstack((line[here:], [pose[:2]]))
         low, high = span.min(axis=0) - border, span.max(axis=0) + border
         known = chart(points, (low[0], low[1]), (high[0], high[1]), manners.resolution)

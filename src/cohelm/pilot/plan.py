@@ -22,6 +22,7 @@ from cohelm.pilot.step import NO_MOVE, Settings, State
 _ROUND = 24  # points around a disc, at least
 _FINE = 0.03  # between points around a disc that is near [m]
 _NEAR = 1.5  # the robot's centre to a disc's surface [m]
+_PERIOD = 0.25  # of plans, at most, for `_once_a_second` to come once a second [s]
 
 
 class Care(NamedTuple):
@@ -92,15 +93,17 @@ def plan(task: Task, route: Route, settings: Settings, manners: Manners, care: C
     kept = Plan(refreshed, False, None, False, gap)
     if task.led or state.left != NO_MOVE:
         return kept
-    made = _course(task, points, kept, route, settings, manners, care)
+    far = not len(coming) and _once_a_second(task)
+    made = _course(task, points, kept, route, settings, manners, care, far)
     if made.failed and len(coming):
-        made = _course(task, there, kept, route, settings, manners, care)
+        far = _once_a_second(task)
+        made = _course(task, there, kept, route, settings, manners, care, far)
     return made._replace(move=_way_out(task, made, there, route, settings, care))
 
 
 def _course(
     task: Task, points: Floats, kept: Plan, route: Route, settings: Settings, manners: Manners,
-    care: Care,
+    care: Care, far: bool,
 ) -> Plan:  # fmt: skip
     """The course to follow, without regard to where the robot looks."""
     state, pose, now = task.state, task.pose, task.course
@@ -118,7 +121,7 @@ def _course(
     fine = kept.gap >= manners.gap and not (astray or held or short or on_route)
     if fine and (kept.gap >= care.roomy or task.since < care.patience):
         return kept
-    found = _round(task, points, route, settings, manners, care)
+    found = _round(task, points, route, settings, manners, care, far)
     return kept._replace(failed=True) if found is None else found
 
 
@@ -140,14 +143,23 @@ def _rejoined(
 
 
 def _round(
-    task: Task, points: Floats, route: Route, settings: Settings, manners: Manners, care: Care
-) -> Plan | None:
-    """A way from the robot back onto the route, and on along it."""
+    task: Task, points: Floats, route: Route, settings: Settings, manners: Manners, care: Care,
+    far: bool,
+) -> Plan | None:  # fmt: skip
+    """A way from the robot back onto the route, and on along it.
+
+    far: whether to look far afield if there is none nearby.
+    """
     line, pose = route.line, task.pose
     row = nearest_row(line, pose, task.state.row, max(task.state.row + 20, task.course.row))
-    end = min(len(line), row + int((3.0 * care.look) / 0.1))
-    found = way(pose, points, line[:end], settings.outline, manners, row, care.look)
-    if found is None or len(found.points) < 3:
+    for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
+        end = min(len(line), row + int(reach * care.look / 0.1))
+        found = way(pose, points, line[:end], settings.outline, manners, row, care.look, farther)
+        if found is not None:
+            break
+    else:
+        return None
+    if len(found.points) < 3:
         return None
     tail = line[found.rejoined + 2 : end : 2]
     last = end == len(line)
@@ -198,6 +210,12 @@ def entered(course: Course, route: Route, row: int, pose: Pose, twist: Twist) ->
     first = float(route.times[max(row - 2, 0)]) if on_route else 0.0
     tau = nearest_ahead(course.reference, pose, first, 0.6)
     return Clock(tau, min(max(twist.v / course.reference.speed, 0.0), 1.0), 0.0)
+
+
+def _once_a_second(task: Task) -> bool:
+    """Whether it is time to look far afield, which takes long: at the start, then each second."""
+    time = task.state.time
+    return time < 0.5 or time % 1.0 < _PERIOD
 
 
 def _remaining(course: Course, tau: float) -> float:
