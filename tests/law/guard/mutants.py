@@ -4,6 +4,35 @@ from __future__ import annotations
 
 from tests.mutation import Target, main
 
+_SUM = "a sum or difference is a number exactly where all its parts are"
+_EDGE = "a thing exactly at the edge of what can matter does not matter"
+_EQUAL = (
+    ("approach.py", "approach_rows", "x + y", "x - y", _SUM),
+    ("approach.py", "approach_rows", "x + y + vx", "x + y - vx", _SUM),
+    ("approach.py", "approach_rows", "x + y + vx + vy", "x + y + vx - vy", _SUM),
+    ("approach.py", "approach_rows", "x + y + vx + vy + radius", "x + y + vx + vy - radius", _SUM),
+    ("approach.py", "approach_rows", "dx * dx + dy * dy < reached * reached",
+     "dx * dx + dy * dy <= reached * reached", _EDGE),
+    ("approach.py", "approach_rows", "dx * dx + dy * dy < far * far",
+     "dx * dx + dy * dy <= far * far", _EDGE),
+    ("approach.py", "_within", "x * x + y * y < far * far", "x * x + y * y <= far * far", _EDGE),
+    ("certify.py", "_near", "gx * gx + gy * gy < far * far", "gx * gx + gy * gy <= far * far",
+     _EDGE),
+    ("certify.py", "in_the_way", "dx * dx + dy * dy < (far + radius) * (far + radius)",
+     "dx * dx + dy * dy <= (far + radius) * (far + radius)", _EDGE),
+    ("contact.py", "overlap", "-1.0", "1.0",
+     "the way out that is told where there is none, or before any is found"),
+    ("project.py", "_interval", "1e-12 * (abs(cx) + abs(cy))", "1e-12 / (abs(cx) + abs(cy))",
+     "the normals of all bounds are about 1 long"),
+    ("approach.py", "_wall_rows", "0.0 < wx * ex + wy * ey < square",
+     "0.0 <= wx * ex + wy * ey < square",
+     "a corner square to a wall's end is no nearer to the wall than the end is to it"),
+    ("bounds.py", "braked", "steps > 1.0", "steps >= 1.0", "1 - 1 / 1 is 0, a stop"),
+    ("bounds.py", "coasting", "whole > 0.0", "whole >= 0.0", "no whole step has no length"),
+    ("step.py", "guard", "4", "5", "a column more, which nothing reads"),
+)  # fmt: skip
+"""File, function, what was and what would be; and why no test can notice."""
+
 GUARD = Target(
     folder="law/guard",
     tests=(
@@ -15,6 +44,7 @@ GUARD = Target(
         "law/guard/test_guard.py",
         "law/guard/test_sequence.py",
     ),
+    equal={(file, function, f"{was}  ->  {now}"): why for file, function, was, now, why in _EQUAL},
 )
 
 if __name__ == "__main__":

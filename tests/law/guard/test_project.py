@@ -93,6 +93,14 @@ def test_a_contradiction_is_blamed_on_the_obstacle_not_on_the_wheels():
         assert (got.feasible, got.owner) == (False, 7)
 
 
+def test_a_bound_that_no_motion_can_keep_is_a_contradiction():
+    """A thing abeam of the wheels' middle: neither driving nor turning gets away from it."""
+    got = project(Twist(0.3, 0.2), np.array([[0.0, 0.0, 0.1, 3.0]]), 1, 0.5)
+    assert (got.feasible, got.owner) == (False, 3)
+    kept = project(Twist(0.3, 0.2), np.array([[0.0, 0.0, -0.1, 3.0]]), 1, 0.5)
+    assert (kept.twist, kept.feasible) == (Twist(0.3, 0.2), True)
+
+
 def test_the_obstacle_is_named_where_the_wheels_hold_the_answer_too():
     rows = np.array([[-1.0, -0.4, -0.5, 5.0], [0.0, -1.0, -0.5, NOBODY]])
     for order in (rows, rows[::-1]):
