@@ -54,6 +54,42 @@ def station(
     serve(_recorded(replay) if replay is not None else _linked(robot or "", name), host, port, tls)
 
 
+@app.command()
+def drive(
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="Where to drive, by file or name.")
+    ] = "lab-avoid",
+    twin: Annotated[
+        bool,
+        typer.Option("--twin/--kinematic", help="Physics and a camera (MuJoCo), or kinematics."),
+    ] = True,
+    records: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder of the records made from the screen.")
+    ] = Path("out/records"),
+    carry_on: Annotated[
+        bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
+    ] = False,
+    host: Host = "127.0.0.1",
+    port: Port = 8765,
+    tls: Tls = False,
+) -> None:
+    """Drive a simulated robot from a browser: robot and station, both on this machine.
+
+    Two processes with the real link between them; it prints the address of the page.
+    """
+    from cohelm.drive.beside import Beside
+    from cohelm.drive.served import Door
+    from cohelm.link import keys
+    from cohelm.station.app import pages
+    from cohelm.station.linked import Linked
+
+    pages()  # a checkout without them is told at once, not after the robot was made
+    of_robot, of_station = keys.pair_here()
+    say(f"starting the robot in {plain(scenario)}; the first time takes a minute")
+    with Beside(scenario, twin, Door(of_robot, "127.0.0.1", 0, records), carry_on) as robot:
+        serve(lambda _: Linked(of_station, robot.host, robot.port), host, port, tls)
+
+
 def _recorded(path: Path) -> Connect:
     from cohelm.drive.film import RunFilm
     from cohelm.drive.replayed import Replaying

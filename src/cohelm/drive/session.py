@@ -12,6 +12,7 @@ from typing import Any
 from cohelm.core.types import Pose
 from cohelm.drive.recorder import Recording
 from cohelm.drive.simulated import Simulated, surveyed
+from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, Ways
@@ -68,7 +69,7 @@ class Session:
         model = robot.model
         self.recording: Recording | None = None
         self.keeper: Keeper | None = None
-        self._driver: Driver | None = None
+        self.driver: Driver | None = None
         try:
             if plan.record is not None:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
@@ -87,9 +88,9 @@ class Session:
             if where is None and plan.localise:
                 where = surveyed(robot.scenario.walls(), robot.start)
             perception = Perception(model, where, place)
-            self._driver = _driver(plan, real_time)
+            self.driver = driver_of(plan, real_time)
             self.loop = Loop(
-                self.keeper, perception, self._driver, operator or Nobody(),
+                self.keeper, perception, self.driver, operator or Nobody(),
                 Line(ends[0], waits=not real_time),
                 plan.ways._replace(period=plan.period), has_map=where is not None,
             )  # fmt: skip
@@ -170,8 +171,8 @@ class Session:
         """The robot first, then what plans, then the record."""
         if self.keeper is not None:
             self.keeper.close()
-        if self._driver is not None:
-            self._driver.close()
+        if self.driver is not None:
+            self.driver.close()
         if self.recording is not None:
             self.recording.close()
 
@@ -191,9 +192,10 @@ class Session:
         loop.timing = Timing()
 
 
-def _driver(plan: Plan, real_time: bool) -> Driver:
+def driver_of(plan: Plan, real_time: bool, reference: Reference | None = None) -> Driver:
+    """A driver for a plan's robot, on the scenario's reference or another one."""
     scenario, model = plan.robot.scenario, plan.robot.model
-    reference = scenario.reference.spline()
+    reference = scenario.reference.spline() if reference is None else reference
     law = scenario.law
     settings = law.settings(
         model.outline, model.bounds(), scenario.reference.speed_mps, plan.period

@@ -9,13 +9,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.period import PERIOD
 from cohelm.core.types import Twist, wrap
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.cap import FREE as NOTICED
 from cohelm.link.heard import Asked
-from cohelm.link.messages import Arming, Ask, Mode
+from cohelm.link.messages import Arming, Ask, Discs, Mode
 from cohelm.loop.alarms import Alarms
 from cohelm.loop.driver import Driver
 from cohelm.loop.leash import FREE, allowed, cap, far, silent
@@ -38,6 +39,7 @@ _GATE = {
 }  # fmt: skip
 _MODES = frozenset(int(mode) for mode in Mode)
 _TOLD = 50.0  # statuses a second, at most
+_DISCS = 40  # shown, at most
 _SWEEP = 5.0  # from one sweep of young garbage to the next [s]
 
 
@@ -72,7 +74,10 @@ class Loop:
         self._led = False  # a person chose the mode, and must go on being heard
         self._scale = 1.0
         self._delay = math.nan
+        self.readings: Readings | None = None
         self.seen: Seen | None = None
+        self.turning = False
+        """Whether `run` is at work."""
         self.decision: Decision | None = None
         self._record = record
         self._has_map = has_map
@@ -99,12 +104,14 @@ class Loop:
         sys.setswitchinterval(5e-4)  # another thread may not keep the loop waiting for long
         try:
             self._due = self.keeper.now()
+            self.turning = True
             while True:
                 self.period()
                 if until(self):
                     return
                 self.keeper.wait(self._due)
         finally:
+            self.turning = False
             sys.setswitchinterval(switch)
             gc.enable()
             gc.unfreeze()
@@ -113,6 +120,11 @@ class Loop:
     def dropped(self) -> int:
         """Messages the recorder had no room for."""
         return self._record.dropped
+
+    def record_into(self, line: Line) -> None:
+        """Another recorder from now on, or none; the one before is not closed."""
+        self._record, self._recorder = line, ""
+        self.alarms.off("recorder")
 
     def choose(self, mode: Mode) -> str:
         """Who drives from now on; why not, or nothing."""
@@ -131,7 +143,7 @@ class Loop:
         keeper = self.keeper
         now = keeper.now()
         late = now - self._due if self._due > -math.inf else 0.0
-        readings = keeper.read()
+        readings = self.readings = keeper.read()
         self._look(now, readings)
         self._listen()
         decision = None
@@ -271,6 +283,7 @@ class Loop:
             self._record(scan)
             if self.seen is not None:
                 self.operator.show(*scan_parts(scan, self.perception.lidar, self.seen.pose))
+                self.operator.show(Discs(scan.number, self._discs(self.seen)))
         nan = math.nan
         d, seen, gate, person = self.decision, self.seen, self.keeper.gate, self.person
         if seen is None:
@@ -289,6 +302,12 @@ class Loop:
         )  # fmt: skip
         self._record(self._row.tobytes())
 
+    def _discs(self, seen: Seen) -> NDArray[np.float32]:
+        """The nearest round things, in the map, as `core.types` has them, (n, 6)."""
+        rows = self.driver.around(seen).discs
+        far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
+        return rows[np.argsort(far)[:_DISCS]].astype(np.float32)
+
     def _tell(self, now: float, passed: Passed) -> None:
         if now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period or self.seen is None:
             return
@@ -297,7 +316,7 @@ class Loop:
         said = Said(
             self.mode, gate.reason, self.person, self.seen, self._has_map, self.decision,
             passed.out, passed.reason, self._e_p(), self._progress(),
-            not (self._recorder or self._record.broken), self.timing.recent, self.timing.overruns,
+            self._record.open and not self._recorder, self.timing.recent, self.timing.overruns,
             self.alarms.worst(), self.cap,
         )  # fmt: skip
         self.operator.tell(status(said, predicted(self.seen.pose, passed.out)))

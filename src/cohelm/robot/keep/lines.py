@@ -29,6 +29,11 @@ class Line:
         self.broken = ""
         """Why nothing can be said any more; empty while it can."""
 
+    @property
+    def open(self) -> bool:
+        """Whether there is a recorder that hears."""
+        return self._end is not None and not self.broken
+
     def __call__(self, message: Any) -> None:
         """Say it, or drop it."""
         if self._end is None or self.broken:

@@ -1,0 +1,94 @@
+"""The robot's process beside the station's, on one machine."""
+
+from __future__ import annotations
+
+import multiprocessing
+from multiprocessing.connection import Connection
+
+from cohelm.core.errors import CohelmError
+from cohelm.drive.served import Door
+
+_START = 300.0
+"""A robot that is not ready by then, compiling included, never will be [s]."""
+_END = 15.0
+"""... and one that is not gone so long after it was told to is ended [s]."""
+
+
+class Beside:
+    """A robot in a process of its own; it ends when this one does, however it does.
+
+    A context manager. The robot is stopped before its process ends.
+    """
+
+    def __init__(self, name: str, twin: bool, door: Door, carry_on: bool = False) -> None:
+        """name: of a scenario. Raises CohelmError where the robot can not be started."""
+        context = multiprocessing.get_context("spawn")
+        self._line, theirs = context.Pipe(duplex=True)
+        self._process = context.Process(
+            target=_drive, args=(theirs, name, twin, door, carry_on), name="cohelm robot"
+        )
+        self._process.start()
+        theirs.close()
+        try:
+            if not self._line.poll(_START):
+                raise CohelmError(f"the robot was not ready within {_START:.0f} s; see above")
+            answer = self._line.recv()
+        except (EOFError, OSError):
+            self.close()
+            raise CohelmError("the robot's process ended before it was ready; see above") from None
+        except BaseException:
+            self.close()
+            raise
+        if isinstance(answer, str):
+            self.close()
+            raise CohelmError(answer)
+        self.host, self.port = str(answer[0]), int(answer[1])
+
+    def __enter__(self) -> Beside:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def pid(self) -> int:
+        """Of the robot's process."""
+        return self._process.pid or 0
+
+    def close(self) -> None:
+        """Tell the robot to stop and to end, and wait until it has."""
+        self._line.close()
+        self._process.join(_END)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(_END)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def _drive(line: Connection, name: str, twin: bool, door: Door, carry_on: bool) -> None:
+    """The robot's process."""
+    from cohelm.drive.operate import ended
+    from cohelm.drive.served import serve
+    from cohelm.drive.session import Plan
+    from cohelm.drive.simulated import simulated
+    from cohelm.loop.loop import Ways
+
+    with ended() as end:
+
+        def over() -> str:
+            try:
+                return end.asked or ("the station is gone" if line.poll() else "")
+            except OSError:
+                return "the station is gone"
+
+        try:
+            made = simulated(name, "twin" if twin else "kinematic")
+            plan = Plan(made, ways=Ways(carry_on=carry_on))
+            serve(plan, door, lambda address: line.send(address), over)
+        except CohelmError as error:
+            try:
+                line.send(str(error))
+            except OSError:
+                raise error from None

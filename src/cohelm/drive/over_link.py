@@ -1,0 +1,158 @@
+"""The loop's operator at the other end of the link, and what he is shown besides."""
+
+from __future__ import annotations
+
+import io
+import logging
+import math
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from cohelm import __version__
+from cohelm.core.types import Pose
+from cohelm.link.heard import Asked, Heard
+from cohelm.link.keys import Keys
+from cohelm.link.messages import (
+    Ask,
+    Checked,
+    Discs,
+    FromRobot,
+    Hello,
+    Line,
+    Picture,
+    Polyline,
+    Records,
+    ScanPart,
+    Status,
+)  # fmt: skip
+from cohelm.link.robot_bulk import Proposed, RobotBulk, listed
+from cohelm.link.robot_end import RobotEnd
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Frame
+
+_QUALITY = 75  # of a JPEG
+_log = logging.getLogger("cohelm.drive")
+
+
+class OverLink:
+    """A `loop.operator.Operator`. Its calls return at once; pictures are packed in a thread."""
+
+    def __init__(
+        self, keys: Keys, model: RobotModel, host: str, port: int, records: Path,
+        on_loss: str, watchdog: float,
+    ) -> None:  # fmt: skip
+        """records: folder whose files can be fetched. CohelmError where it can not listen."""
+        self._end = RobotEnd(keys, host, port)
+        self.address = self._end.address
+        self._bulk = RobotBulk(self._end, keys, records)
+        self._records = records
+        self.record: Callable[[bool], str] = lambda on: "this robot does not record"
+        """Starts or ends a record; why not, or nothing."""
+        self._frame: tuple[Frame, Pose] | None = None
+        self._bell = threading.Event()
+        self._open = True
+        self._thread = threading.Thread(target=self._pack, name="pictures", daemon=True)
+        self._thread.start()
+        self.publish(_hello(model, on_loss, watchdog))
+        self.list_records()
+
+    # ---- what the loop asks of an operator ----------------------------------------------
+
+    def heard(self) -> Heard:
+        """As the link has it; records are no business of the loop's."""
+        heard = self._end.heard()
+        if not any(asked.request.what == Ask.RECORD for asked in heard.asked):
+            return heard
+        rest: list[Asked] = []
+        for asked in heard.asked:
+            number, what, value, _ = asked.request
+            if what != Ask.RECORD:
+                rest.append(asked)
+                continue
+            said = self.record(value != 0)
+            self.answer(asked.client, number, not said, said)
+        return heard._replace(asked=tuple(rest))
+
+    def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
+        """What became of a request."""
+        self._end.answer(client, number, granted, reason)
+
+    def tell(self, status: Status) -> None:
+        """What the robot does now."""
+        self._end.tell(status)
+
+    def show(self, *parts: ScanPart | Discs) -> None:
+        """What it sees."""
+        self._end.show(*parts)
+
+    # ---- besides ------------------------------------------------------------------------
+
+    def publish(self, message: FromRobot) -> None:
+        """To all stations, now and later."""
+        self._bulk.publish(message)
+
+    def way(self, line: np.ndarray, points: np.ndarray) -> None:
+        """The reference (n, 2) and its way-points (m, 2) [m]."""
+        self.publish(Polyline(Line.REFERENCE, line.astype(np.float32)))
+        self.publish(Polyline(Line.WAYPOINTS, points.astype(np.float32)))
+
+    def list_records(self) -> None:
+        """Say which records there are."""
+        self.publish(Records(listed(self._records)))
+
+    def proposed(self) -> tuple[Proposed, ...]:
+        """Way-points proposed since the last call."""
+        return self._bulk.proposed()
+
+    def reply(self, client: int, said: Checked) -> None:
+        """What is thought of them."""
+        self._bulk.reply(client, said)
+
+    @property
+    def driver(self) -> int:
+        """The driver's number; 0: nobody."""
+        return self._end.driver
+
+    def picture(self, frame: Frame, pose: Pose) -> None:
+        """Send a picture, unless a newer one comes before it is packed."""
+        self._frame = (frame, pose)
+        self._bell.set()
+
+    def close(self) -> None:
+        """Say good-bye."""
+        self._open = False
+        self._bell.set()
+        self._thread.join(2.0)
+        self._bulk.close()
+        self._end.close()
+
+    def _pack(self) -> None:
+        while True:
+            self._bell.wait()
+            self._bell.clear()
+            if not self._open:
+                return
+            if self._frame is None:
+                continue
+            frame, pose = self._frame
+            file = io.BytesIO()
+            Image.fromarray(frame.pixels).save(file, "JPEG", quality=_QUALITY)
+            self.publish(Picture(frame.number, frame.stamp, pose, file.getvalue()))
+
+
+def _hello(model: RobotModel, on_loss: str, watchdog: float) -> Hello:
+    nan, camera = math.nan, model.camera
+    lens = (nan, nan, nan, nan)
+    if camera is not None:
+        angle, tilt = math.radians(camera.field_of_view_deg), math.radians(camera.tilt_deg)
+        lens = (angle, camera.mount_x_m, camera.mount_z_m, tilt)
+    limits = model.limits
+    return Hello(
+        model.name, __version__, model.outline.astype(np.float32),
+        limits.speed_mps or limits.wheel_speed_mps or nan, limits.yaw_rate_radps or nan,
+        watchdog, on_loss, lens,
+    )  # fmt: skip

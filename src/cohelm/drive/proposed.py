@@ -1,0 +1,67 @@
+"""Way-points that somebody proposes: can the robot go there?"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats, Pose
+from cohelm.law.reference import Reference, through
+from cohelm.perceive.chart import swept
+from cohelm.pilot.course import poses_along
+
+ROOM = 0.05
+"""Least gap between the outline and anything known [m]."""
+_SPACING = 0.05
+_FARTHEST = 200.0
+_NEAR = 0.05
+_NONE = 65535
+
+
+class Judged(NamedTuple):
+    """What is thought of a way."""
+
+    reference: Reference | None
+    """The way as it would be followed; None: it can not be."""
+    why: str
+    worst: int
+    """Which way-point is to blame, from 0; 65535: none."""
+
+
+def judged(
+    points: Floats, robot: Pose, speed: float, outline: Floats, known: Floats, bounds: Floats
+) -> Judged:
+    """The way from the robot through all points, held against what is known.
+
+    points: (n, 2). known: (p, 2), surfaces of the map [m]. bounds: (2, 2), its corners [m].
+    Moving things and small ones are left to the guard, which meets them when they are there.
+    """
+    for i, point in enumerate(points):
+        if len(bounds) and not ((bounds[0] <= point) & (point <= bounds[1])).all():
+            return Judged(None, f"way-point {i + 1} is not on the map", i)
+    line = np.vstack(((robot.x, robot.y), points))
+    steps = np.hypot(*np.diff(line, axis=0).T)
+    if float(steps.sum()) > _FARTHEST:
+        return Judged(None, f"the way is longer than {_FARTHEST:.0f} m", _NONE)
+    if steps[0] < _NEAR and len(points) > 1:  # the first one is where the robot stands
+        line = np.delete(line, 1, axis=0)
+    try:
+        reference = through(line, speed)
+    except CohelmError as error:
+        return Judged(None, str(error), _NONE)
+    poses = poses_along(reference, _SPACING)
+    gaps = swept(np.ascontiguousarray(known), outline, poses)
+    # where the robot stands is not up to the person
+    gaps[: math.ceil(0.5 / _SPACING)] = np.maximum(gaps[: math.ceil(0.5 / _SPACING)], ROOM)
+    tight = int(np.argmin(gaps))
+    if gaps[tight] >= ROOM:
+        return Judged(reference, "", _NONE)
+    tau = reference.duration * tight / (len(poses) - 1)
+    leg = int(np.searchsorted(reference.knots, tau, side="left"))
+    i = min(max(leg - 1, 0) + len(points) + 1 - len(line), len(points) - 1)
+    x, y = poses[tight, :2]
+    room = f"{100.0 * gaps[tight]:.0f} cm of room" if gaps[tight] > 0.0 else "something in the way"
+    return Judged(None, f"on the way to {i + 1}: {room} at {x:.1f}, {y:.1f}", i)

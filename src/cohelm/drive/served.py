@@ -1,0 +1,72 @@
+"""A robot that a person drives over the link, from its start to its end."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cohelm.drive.desk import Desk
+from cohelm.drive.over_link import OverLink
+from cohelm.drive.session import Plan, Session
+from cohelm.drive.simulated import surveyed
+from cohelm.link.keys import Keys
+from cohelm.loop.loop import Loop
+
+_log = logging.getLogger("cohelm.drive")
+
+
+@dataclass(frozen=True)
+class Door:
+    """Where a robot listens to stations, and what it lends them."""
+
+    keys: Keys
+    host: str = "0.0.0.0"
+    port: int = 0
+    """0: a free one."""
+    records: Path = Path("out/records")
+    """Folder of the records that people start, and may fetch."""
+
+
+def serve(
+    plan: Plan, door: Door, ready: Callable[[tuple[Any, ...]], None], over: Callable[[], str]
+) -> dict[str, Any]:
+    """Drive as the person at the link wants, until `over` has a reason; returns the summary.
+
+    ready: told the address when the robot can be driven. Raises CohelmError where something can
+    not be started.
+    """
+    walls = plan.robot.scenario.walls()
+    if plan.known is None and plan.localise:
+        if len(walls):
+            plan = replace(plan, known=surveyed(walls, plan.robot.start))
+        else:
+            _log.warning("there is no wall to localise by: the robot trusts its odometry")
+            plan = replace(plan, localise=False)
+    on_loss = "goes on alone" if plan.ways.carry_on else "stops"
+    operator = OverLink(
+        door.keys, plan.robot.model, door.host, door.port, door.records, on_loss,
+        plan.ways.manner.stale,
+    )  # fmt: skip
+    try:
+        with Session(plan, operator) as session:
+            desk = Desk(session, operator, plan.known, door.records)
+            try:
+                ready(operator.address)
+                said = ""
+
+                def until(loop: Loop) -> bool:
+                    nonlocal said
+                    desk.turn(loop)
+                    said = over()
+                    return said != ""
+
+                session.run(until)
+                session.end(said)
+                return session.summary()
+            finally:
+                desk.close()
+    finally:
+        operator.close()
