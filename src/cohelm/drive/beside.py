@@ -20,12 +20,17 @@ class Beside:
     A context manager. The robot is stopped before its process ends.
     """
 
-    def __init__(self, name: str, twin: bool, door: Door, carry_on: bool = False) -> None:
-        """name: of a scenario. Raises CohelmError where the robot can not be started."""
+    def __init__(
+        self, name: str, twin: bool, door: Door, carry_on: bool = False, watchdog: float = 0.1
+    ) -> None:
+        """name: of a scenario. watchdog: as in `session.Plan`.
+
+        Raises CohelmError where the robot can not be started.
+        """
         context = multiprocessing.get_context("spawn")
         self._line, theirs = context.Pipe(duplex=True)
         self._process = context.Process(
-            target=_drive, args=(theirs, name, twin, door, carry_on), name="cohelm robot"
+            target=_drive, args=(theirs, name, twin, door, carry_on, watchdog), name="cohelm robot"
         )
         self._process.start()
         theirs.close()
@@ -67,7 +72,9 @@ class Beside:
             self._process.join()
 
 
-def _drive(line: Connection, name: str, twin: bool, door: Door, carry_on: bool) -> None:
+def _drive(
+    line: Connection, name: str, twin: bool, door: Door, carry_on: bool, watchdog: float
+) -> None:
     """The robot's process."""
     from cohelm.drive.operate import ended
     from cohelm.drive.served import serve
@@ -85,7 +92,7 @@ def _drive(line: Connection, name: str, twin: bool, door: Door, carry_on: bool) 
 
         try:
             made = simulated(name, "twin" if twin else "kinematic")
-            plan = Plan(made, ways=Ways(carry_on=carry_on))
+            plan = Plan(made, ways=Ways(carry_on=carry_on), watchdog=watchdog)
             serve(plan, door, lambda address: line.send(address), over)
         except CohelmError as error:
             try:

@@ -149,7 +149,8 @@ class Desk:
 
     def _begin(self) -> None:
         robot = self._session.plan.robot
-        path = self._records / f"{time.strftime('%Y%m%d-%H%M%S')}.mcap"
+        # only a whole record is called .mcap, and can be fetched
+        path = self._records / f"{time.strftime('%Y%m%d-%H%M%S')}.part"
         try:
             self._records.mkdir(parents=True, exist_ok=True)
             made = Recording(path, robot.model, dump(robot.scenario))
@@ -170,7 +171,8 @@ class Desk:
         self._line = Line(None)
         if self._session.loop.turning:  # it must speak no more when the line is closed
             self._taken.wait(1.0)
-        made.close()
+        made.close(within=120.0)  # what starts slowly on a busy machine also ends slowly
+        made.path.rename(made.path.with_suffix(".mcap"))
         self._operator.list_records()
 
     def _show(self, reference: Reference) -> None:

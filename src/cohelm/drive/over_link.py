@@ -43,9 +43,12 @@ class OverLink:
 
     def __init__(
         self, keys: Keys, model: RobotModel, host: str, port: int, records: Path,
-        on_loss: str, watchdog: float,
+        on_loss: str, watchdog: float, camera: bool,
     ) -> None:  # fmt: skip
-        """records: folder whose files can be fetched. CohelmError where it can not listen."""
+        """records: folder whose files can be fetched. camera: whether there will be pictures.
+
+        Raises CohelmError where it can not listen.
+        """
         self._end = RobotEnd(keys, host, port)
         self.address = self._end.address
         self._bulk = RobotBulk(self._end, keys, records)
@@ -57,7 +60,11 @@ class OverLink:
         self._open = True
         self._thread = threading.Thread(target=self._pack, name="pictures", daemon=True)
         self._thread.start()
-        self.publish(_hello(model, on_loss, watchdog))
+        self.publish(
+            _hello(
+                model if camera else model.model_copy(update={"camera": None}), on_loss, watchdog
+            )
+        )
         self.list_records()
 
     # ---- what the loop asks of an operator ----------------------------------------------

@@ -48,7 +48,7 @@ def serve(
     on_loss = "goes on alone" if plan.ways.carry_on else "stops"
     operator = OverLink(
         door.keys, plan.robot.model, door.host, door.port, door.records, on_loss,
-        plan.ways.manner.stale,
+        plan.ways.manner.stale, plan.robot.kind == "twin",
     )  # fmt: skip
     try:
         with Session(plan, operator) as session:

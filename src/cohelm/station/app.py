@@ -63,6 +63,7 @@ class Station:
         self.doors = Doorkeeper(token)
         self.operators: dict[str, Operator] = {}
         self._count = 0
+        self._leaving: set[asyncio.Task[None]] = set()
 
     def app(self) -> ASGIApp:
         """What a web server serves."""
@@ -96,8 +97,9 @@ class Station:
             watch.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await watch
-            for operator in self.operators.values():
-                operator.link.close()
+            await asyncio.gather(
+                *self._leaving, *(asyncio.to_thread(o.link.close) for o in self.operators.values())
+            )
             self.operators.clear()
 
     async def _watch(self) -> None:
@@ -112,7 +114,10 @@ class Station:
                 operator.watch(now)
                 if operator.socket is None and now - operator.left > GRACE:
                     del self.operators[operator.key]
-                    operator.link.close()
+                    # closing waits for threads, and nobody's stick may wait for that
+                    leaving = asyncio.create_task(asyncio.to_thread(operator.link.close))
+                    self._leaving.add(leaving)
+                    leaving.add_done_callback(self._leaving.discard)
                     _log.info("%s left", operator.name)
 
     def _authorised(self, connection: HTTPConnection) -> bool:
@@ -145,8 +150,10 @@ class Station:
         stream = pieces(self.connect, name)
         try:
             first = await anext(stream)
-        except (StopAsyncIteration, TimeoutError):
+        except StopAsyncIteration:
             return PlainTextResponse(f"the robot has no record called {name!r}", 404)
+        except TimeoutError:
+            return PlainTextResponse("the robot does not send it; try again", 504)
 
         async def whole() -> AsyncGenerator[bytes]:
             yield first

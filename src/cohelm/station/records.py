@@ -20,7 +20,7 @@ async def pieces(connect: Connect, name: str) -> AsyncGenerator[bytes]:
     Raises TimeoutError where nothing comes any more: a download that breaks off is seen as
     broken off.
     """
-    link = connect("a download")
+    link = await asyncio.to_thread(connect, "a download")
     try:
         link.fetch(name)
         since = time.monotonic()
@@ -37,4 +37,4 @@ async def pieces(connect: Connect, name: str) -> AsyncGenerator[bytes]:
                 raise TimeoutError(f"the robot sent no more of {name}")
             await asyncio.sleep(_POLL)
     finally:
-        link.close()
+        await asyncio.to_thread(link.close)

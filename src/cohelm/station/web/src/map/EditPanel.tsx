@@ -1,6 +1,26 @@
 // Way-points as a list: for the keyboard, for numbers, and for the robot's answer.
+import { useState } from 'preact/hooks'
 import * as s from '../state'
 import * as edit from './edit'
+
+/** Keeps what is being typed as it was typed, whatever is drawn meanwhile. */
+function Coordinate({ i, axis, value }: { i: number; axis: 0 | 1; value: number }) {
+  const [typed, setTyped] = useState<string | null>(null)
+  return (
+    <input
+      type="number" step="0.25" value={typed ?? value.toFixed(2)}
+      aria-label={`Way-point ${i + 1}, ${axis === 0 ? 'x' : 'y'} in metres`}
+      onInput={(event) => {
+        setTyped(event.currentTarget.value)
+        const given = event.currentTarget.valueAsNumber
+        const now = edit.draft.value[i]
+        if (!Number.isFinite(given) || now === undefined) return
+        edit.move(i, axis === 0 ? [given, now[1]] : [now[0], given])
+      }}
+      onBlur={() => setTyped(null)}
+    />
+  )
+}
 
 export function EditPanel({ onAdd }: { onAdd: () => void }) {
   const points = edit.draft.value
@@ -18,15 +38,7 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
           >
             <span>{answer?.worst === i ? '!' : i + 1}</span>
             {([0, 1] as const).map((axis) => (
-              <input
-                key={axis} type="number" step="0.25" value={point[axis].toFixed(2)}
-                aria-label={`Way-point ${i + 1}, ${axis === 0 ? 'x' : 'y'} in metres`}
-                onChange={(event) => {
-                  const value = event.currentTarget.valueAsNumber
-                  if (!Number.isFinite(value)) return
-                  edit.move(i, axis === 0 ? [value, point[1]] : [point[0], value])
-                }}
-              />
+              <Coordinate key={axis} i={i} axis={axis} value={point[axis]} />
             ))}
             <button type="button" aria-label={`Remove way-point ${i + 1}`} onClick={() => edit.remove(i)}>
               ×

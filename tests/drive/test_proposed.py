@@ -1,0 +1,51 @@
+"""Way-points that a person proposes, judged before the robot follows them."""
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.drive.proposed import ROOM, judged
+from cohelm.perceive.chart import swept
+from cohelm.pilot.course import poses_along
+
+OUTLINE = np.array([(-0.36, -0.29), (0.36, -0.29), (0.36, 0.29), (-0.36, 0.29)])
+WALL = np.column_stack((np.full(200, 3.0), np.linspace(-5.0, 5.0, 200)))
+BOUNDS = np.array([(-5.0, -5.0), (6.0, 5.0)])
+HERE = Pose(0.0, 0.0, 0.0)
+
+
+def test_a_free_way_is_followed_from_where_the_robot_is_and_keeps_its_room() -> None:
+    said = judged(np.array([(1.0, 0.0), (2.0, 1.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    assert said.reference is not None
+    assert said.why == ""
+    poses = poses_along(said.reference, 0.05)
+    assert poses[0, :2] == pytest.approx((0.0, 0.0))
+    assert poses[-1, :2] == pytest.approx((2.0, 1.0))
+    assert swept(WALL, OUTLINE, poses).min() >= ROOM
+
+
+@pytest.mark.parametrize(
+    ("points", "worst"),
+    [
+        ([(1.0, 0.0), (2.0, 0.0), (5.0, 0.0)], 2),  # through the wall
+        ([(2.9, 0.0)], 0),  # into it
+        ([(1.0, 0.0), (2.7, 2.0), (1.0, 3.0)], 1),  # too near
+        ([(1.0, 0.0), (9.0, 0.0)], 1),  # off the map
+    ],
+)
+def test_the_way_point_to_blame_is_named(points: list[tuple[float, float]], worst: int) -> None:
+    said = judged(np.array(points), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    assert said.reference is None
+    assert said.worst == worst
+    assert str(worst + 1) in said.why
+
+
+def test_two_equal_way_points_in_a_row_are_refused_in_words() -> None:
+    said = judged(np.array([(1.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    assert said.reference is None
+    assert said.why
+
+
+def test_the_first_way_point_may_be_where_the_robot_stands() -> None:
+    said = judged(np.array([(0.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    assert said.reference is not None
