@@ -134,14 +134,15 @@ def test_the_kernel_plays_the_spring_and_the_cue_and_ends_them_with_the_program(
     assert device.force
     device.feel(Feel(0.5, Stick(-0.4, 0.0)))
     until(lambda: len(plug.playing) == 2, within=2.0)
-    kinds = dict(plug.effects.values())
-    spring = kinds[ecodes.FF_SPRING].u.ff_condition_effect
-    assert [axis.right_coeff for axis in spring] == [round(0.5 * 0x7FFF)] * 2
-    push = kinds[ecodes.FF_CONSTANT]
-    assert push.direction == 0  # towards the person
-    assert push.u.ff_constant_effect.level == round(0.4 * 0x7FFF)
+    (spring,) = (e for e in plug.effects.values() if e["kind"] == ecodes.FF_SPRING)
+    assert spring["coefficient"] == round(0.5 * 0x7FFF)
+    ((push, constant),) = (
+        (n, e) for n, e in plug.effects.items() if e["kind"] == ecodes.FF_CONSTANT
+    )
+    assert constant["direction"] == 0  # towards the person
+    assert constant["level"] == round(0.4 * 0x7FFF)
     device.feel(Feel(0.5, Stick(0.0, 0.2)))
-    until(lambda: plug.effects[push.id][1].direction == 0x4000, within=2.0)
+    until(lambda: plug.effects[push]["direction"] == 0x4000, within=2.0)
     assert len(plug.effects) == 2  # changed, not added
     device.close()
     until(lambda: not plug.effects, within=2.0)
@@ -151,6 +152,8 @@ def test_the_kernel_plays_the_spring_and_the_cue_and_ends_them_with_the_program(
 def test_the_first_one_is_chosen_and_what_is_none_is_said(tmp_path, monkeypatch):
     pytest.importorskip("pygame")
     monkeypatch.setattr(choose, "_evdev_paths", list)
+    names = choose._sdl_names
+    monkeypatch.setattr(choose, "_sdl_names", list)  # whatever is plugged in here
     with pytest.raises(CohelmError, match="group 'input'"):
         choose.opened(None)
     with pytest.raises(CohelmError, match="number 7"):
@@ -159,6 +162,7 @@ def test_the_first_one_is_chosen_and_what_is_none_is_said(tmp_path, monkeypatch)
         choose.opened("/dev/input/event-none")
     with pytest.raises(CohelmError):
         choose.opened(str(tmp_path / "none.csv"))
+    monkeypatch.setattr(choose, "_sdl_names", names)
     plug = Sdl()
     assert any("Virtual" in line or line[0].isdigit() for line in choose.listed())
     device = choose.opened(None)

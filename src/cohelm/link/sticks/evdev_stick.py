@@ -76,6 +76,8 @@ class EvdevStick:
     def read(self) -> Reading:
         """How it stands now."""
         pressed: list[Button] = []
+        if self._why:
+            return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
         try:
             for event in self._device.read():
                 if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_DROPPED:
