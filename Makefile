@@ -1,19 +1,25 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run test lint bench coverage clean
+.PHONY: help run reproduce test lint bench coverage clean
 
 BIN := .venv/bin
 READY := .venv/.ready
 PEERS := .venv/.peers
+WEB := src/cohelm/station/static/index.html
+GL := .venv/.gl
+BROWSER := .venv/.browser
 
 help:            ## show these lines
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 20
 
-run: $(READY)    ## run the paper's three experiments and draw its figures
+run: $(READY) $(WEB) $(GL) ## start a simulated robot and its station, and print the address
+	$(BIN)/cohelm drive
+
+reproduce: $(READY) ## run the paper's three experiments and draw its figures
 	$(BIN)/cohelm reproduce --out out/reproduce
 	@echo "The figures are in out/reproduce (PNG and SVG)."
 
-test: lint       ## lint, then the tests
+test: lint $(WEB) $(GL) $(BROWSER) ## lint, then the tests
 	$(BIN)/pytest -n auto --dist loadgroup
 
 lint: $(READY)   ## lock file, style, types, import order
@@ -41,4 +47,16 @@ $(READY): pyproject.toml uv.lock tools/setup.sh
 
 $(PEERS): $(READY)
 	tools/setup.sh peers
+	@touch $@
+
+$(WEB): $(READY) $(shell find src/cohelm/station/web -type f -not -path '*/node_modules/*')
+	tools/web.sh
+	@touch $@
+
+$(GL): $(READY) tools/system.sh # what the twin's camera draws with; without it, it casts rays
+	tools/system.sh libegl1 libgl1
+	@touch $@
+
+$(BROWSER): $(READY) tools/system.sh # what the tests of the station and of the link need
+	tools/system.sh chromium iproute2
 	@touch $@
