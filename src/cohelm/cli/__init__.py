@@ -4,7 +4,14 @@ A module here holds a group of commands and adds them to `app`; to add one, impo
 The order of the imports is the order in `cohelm --help`.
 """
 
-from cohelm.cli import campaign, link, map, robot, scenarios, station
+# isort: off
+from cohelm.cli import scenarios
+from cohelm.cli import campaign
+from cohelm.cli import station
+from cohelm.cli import robot
+from cohelm.cli import map
+from cohelm.cli import link
 from cohelm.cli.app import app, main
+# isort: on
 
 __all__ = ["app", "campaign", "link", "main", "map", "robot", "scenarios", "station"]

@@ -50,7 +50,10 @@ def new(
 def install(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What `cohelm pair new` wrote.")],
 ) -> None:
-    """On the station: install a key for a robot. The file can be deleted then."""
+    """On the station: install a key for a robot.
+
+    The file can be deleted then.
+    """
     from cohelm.link import keys
 
     name = keys.install(file)
@@ -62,7 +65,10 @@ def install(
 
 @pair.command(name="list")
 def listed(as_json: Json = False) -> None:
-    """Who is paired here: stations this robot lets in, and robots this station may drive."""
+    """Who is paired here.
+
+    Stations that this robot lets in, and robots that this station may drive.
+    """
     from cohelm.link import keys
 
     rows = [
@@ -81,7 +87,10 @@ def listed(as_json: Json = False) -> None:
 def remove(
     station: Annotated[str, typer.Argument(metavar="NAME", help="The station to shut out.")],
 ) -> None:
-    """On the robot: let a station in no more, from the robot's next start on."""
+    """On the robot: let a station in no more.
+
+    It is shut out from the robot's next start on.
+    """
     from cohelm.link import keys
 
     keys.shut_out(station)
@@ -110,7 +119,9 @@ def stick(
     ] = 5.0,
     listing: Annotated[bool, typer.Option("--list", help="Only list the devices here.")] = False,
 ) -> None:
-    """Drive with a stick of this machine, with force feedback where it has it.
+    """Drive with a stick of this machine, and feel it.
+
+    Force feedback where the stick has it, rumble where it has that.
 
     A station without a screen, in a process of its own: open `cohelm station` beside it to see,
     and hand the lease over there. Buttons: 1 stop, 2 reset, 3 shared or automatic, 4 take the

@@ -40,7 +40,9 @@ def station(
     port: Port = 8765,
     tls: Tls = False,
 ) -> None:
-    """Open the operator's station: a web page to drive from, or to see a record again.
+    """Open the operator's station, a web page to drive from.
+
+    Or to see a record again, with --replay.
 
     Opens no browser; it prints the address of the page. Ctrl-C ends it.
     """
@@ -73,7 +75,9 @@ def drive(
     port: Port = 8765,
     tls: Tls = False,
 ) -> None:
-    """Drive a simulated robot from a browser: robot and station, both on this machine.
+    """Drive a simulated robot from a browser.
+
+    Robot and station, both on this machine.
 
     Two processes with the real link between them; it prints the address of the page.
     """
