@@ -11,7 +11,7 @@ from cohelm.cli.app import app
 from cohelm.cli.tell import Json, console, plain, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from cohelm.drive.session import Session
+    from cohelm.drive.session import Plan, Session
 
 
 @app.command()
@@ -47,6 +47,10 @@ def robot(
         bool, typer.Option("--fast", help="Simulated time: as fast as it can.")
     ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="Of the simulated errors.")] = None,
+    listen: Annotated[
+        str | None,
+        typer.Option(metavar="HOST[:PORT]", help="Paired stations drive it, see `cohelm pair`."),
+    ] = None,
     changes: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As in `cohelm run`.")
     ] = None,
@@ -56,16 +60,26 @@ def robot(
 
     The robot senses with odometry and LiDAR only, localises on the scenario's walls, follows the
     route and keeps clear. Ctrl-C stops the robot first, and ends when it stands.
+
+    With --listen 0.0.0.0 it stands until a paired station takes over (`cohelm station --robot`).
     """
+    from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import Asked, ended, hands, meant
     from cohelm.drive.session import Plan, Session
     from cohelm.loop.loop import Ways
 
     asked = Asked(name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [])
+    if listen is not None and (mode or arrive or fast):
+        raise CohelmError(
+            "with --listen the station says how to drive: leave out --mode, --arrive and --fast"
+        )
     made = meant(asked)
-    chosen, operator = hands(made, mode)
     plan = Plan(made, rate, record, ways=Ways(carry_on=carry_on))
     say(f"starting {plain(made.model.name)} in {plain(made.scenario.name)}")
+    if listen is not None:
+        _told(made.scenario.name, _served(plan, listen, seconds), as_json)
+        return
+    chosen, operator = hands(made, mode)
     with ended() as stop, Session(plan, operator) as session:
         operator.watches(session.loop.keeper.now)
         begun = session.loop.keeper.now()
@@ -78,12 +92,44 @@ def robot(
             session.run(until, chosen)
             session.end(stop.asked or "the drive is over")
         summary = session.summary()
+    _told(made.scenario.name, summary, as_json)
+
+
+def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
+    """What became of the drive."""
     if as_json:
         print_json(summary)
     else:
-        print_table(made.scenario.name, ("quantity", "value"), _rows(summary))
+        print_table(name, ("quantity", "value"), _rows(summary))
     if summary["faulted"]:
         raise typer.Exit(1)
+
+
+def _served(plan: Plan, where: str, seconds: float | None) -> dict[str, Any]:
+    """Drive as paired stations want, until Ctrl-C or the time is over."""
+    import time
+
+    from cohelm.drive.operate import ended
+    from cohelm.drive.served import Door, serve
+    from cohelm.link import keys
+    from cohelm.link.udp import PORT, address
+
+    own = keys.robot()
+    if not keys.stations():
+        say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
+    host, port = address(where, PORT)
+    begun = time.monotonic()
+
+    def ready(at: tuple[Any, ...]) -> None:
+        say(f"listening on {at[0]}:{at[1]}; robot {plain(own.name)}, Ctrl-C ends it")
+
+    with ended() as stop:
+
+        def over() -> str:
+            late = seconds is not None and time.monotonic() - begun >= seconds
+            return stop.asked or ("its time is over" if late else "")
+
+        return serve(plan, Door(own, host, port), ready, over)
 
 
 def _line(session: Session) -> Any:

@@ -1,0 +1,45 @@
+"""`cohelm robot` as a process: over the link, and with options that do not go together."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from cohelm.link import keys
+from cohelm.link.station_end import StationEnd
+
+pytestmark = pytest.mark.xdist_group("realtime")
+
+
+def test_a_paired_station_hears_a_robot_that_listens(tmp_path, monkeypatch):
+    """From `cohelm pair new` to telemetry, with nothing but what the commands do."""
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
+    keys.let_in("anna", tmp_path / "anna.pair")
+    keys.install(tmp_path / "anna.pair")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "cohelm", "robot", "--listen", f"127.0.0.1:{port}"]
+    with subprocess.Popen(
+        [*command, "--for", "60", "--json"], cwd=tmp_path, env=os.environ | {"NO_COLOR": "1"},
+        stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as robot:  # fmt: skip
+        try:
+            assert any("listening on" in line for line in robot.stderr)
+            with StationEnd(keys.station(), "127.0.0.1", port) as station:
+                until = time.monotonic() + 20.0
+                while station.status() is None:
+                    assert time.monotonic() < until, "no telemetry"
+                    time.sleep(0.05)
+        finally:
+            robot.terminate()
+        robot.communicate(timeout=30.0)
+
+
+def test_a_station_says_how_to_drive_or_the_command_line_does(cohelm):
+    said = cohelm("robot", "--listen", "127.0.0.1", "--arrive")
+    assert said.code == 2
+    assert "leave out --mode, --arrive and --fast" in said.err
