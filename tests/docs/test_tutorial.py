@@ -44,7 +44,7 @@ def near(shown: str, seen: str) -> bool:
     return math.isclose(float(shown), float(seen), rel_tol=0.05, abs_tol=5 * 10.0**-digits)
 
 
-@pytest.mark.parametrize("page", ["../README.md", "tutorial.md", "records.md"])
+@pytest.mark.parametrize("page", ["../README.md", "tutorial.md", "tutorial-robot.md", "records.md"])
 def test_the_page_runs_and_shows_what_is_seen(page: str, tmp_path: Path) -> None:
     blocks = BLOCK.findall((DOCS / page).read_text(encoding="utf-8"))
     assert blocks

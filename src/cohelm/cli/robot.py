@@ -40,6 +40,15 @@ def robot(
     record: Annotated[
         Path | None, typer.Option("--record", metavar="FILE", help="Record into this MCAP file.")
     ] = None,
+    chart: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            metavar="FILE",
+            help="Localise on this map, made by `cohelm map` from the same start; else on the "
+            "scenario's walls.",
+        ),
+    ] = None,
     carry_on: Annotated[
         bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
     ] = False,
@@ -66,6 +75,7 @@ def robot(
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import Asked, ended, hands, meant
     from cohelm.drive.session import Plan, Session
+    from cohelm.drive.simulated import mapped
     from cohelm.loop.loop import Ways
 
     asked = Asked(name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [])
@@ -74,7 +84,10 @@ def robot(
             "with --listen the station says how to drive: leave out --mode, --arrive and --fast"
         )
     made = meant(asked)
-    plan = Plan(made, rate, record, ways=Ways(carry_on=carry_on))
+    known = None if chart is None else mapped(chart, made.start)
+    if record is not None:
+        record.parent.mkdir(parents=True, exist_ok=True)
+    plan = Plan(made, rate, record, known, ways=Ways(carry_on=carry_on))
     say(f"starting {plain(made.model.name)} in {plain(made.scenario.name)}")
     if listen is not None:
         _told(made.scenario.name, _served(plan, listen, seconds), as_json)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,12 +14,14 @@ from scipy import ndimage
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import desired
+from cohelm.perceive.frames import compose
 from cohelm.perceive.known import Known, known
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import pace
 from cohelm.robot.port import Robot
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
+from cohelm.scenario.worlds.maps import read_map
 from cohelm.sim.kinematic import Kinematic
 
 Kind = Literal["kinematic", "twin"]
@@ -76,13 +78,24 @@ def simulated(
     return Simulated(alone, kind, real_time, alone.simulation.seed if seed is None else seed)
 
 
+def mapped(path: Path, start: Pose) -> Known:
+    """A map as `cohelm map` makes it, whose axes are the robot's first pose, now `start`.
+
+    Raises CohelmError where the file can not be used.
+    """
+    made = read_map(path)
+    return replace(made, origin=compose(start, made.origin)).known()
+
+
 def surveyed(walls: Floats, inside: Pose) -> Known:
     """The map of walls as if measured by tape: what can be reached from `inside` is free.
 
     walls: (s, 4) segments [m]. Raises CohelmError where there is no wall to localise by.
     """
     if not len(walls):
-        raise CohelmError("there are no walls to localise by: give a map with --map")
+        raise CohelmError(
+            "there are no walls to localise by: give a map with --map, or walls_m in the scenario"
+        )
     low = walls.reshape(-1, 2).min(axis=0) - 0.5
     columns, rows = np.ceil((walls.reshape(-1, 2).max(axis=0) + 0.5 - low) / _CELL).astype(np.int64)
     occupied = np.zeros((int(rows), int(columns)), dtype=np.bool_)
