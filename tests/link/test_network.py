@@ -145,7 +145,7 @@ def test_with_delay_jitter_and_loss_commands_arrive_young_and_none_is_used_old(
     told = [s.age - (s.now - s.made) for s in steps if not math.isnan(s.made)]
     assert max(map(abs, told)) < 0.06  # half the shortest round trip
     state = drive.station.state()
-    assert 0.08 < state.round_trip < 0.25
+    assert 0.05 < state.round_trip < 0.25  # the shortest of late; 100 ms, 14 ms of deviation
     assert abs(state.lost - loss) < 0.10
 
 

@@ -188,8 +188,11 @@ class Twin:
     def stop(self) -> None:
         """Brake; what was on its way to the drives no longer matters."""
         self._catch_up()
+        # A stop that is under way already stays: said again and again it would never arrive.
+        stops = [order for order in self._orders if order[1:] == (0.0, 0.0)]
         self._orders.clear()
-        self._orders.append((int(self._state[0]["step"]) + self._delay, 0.0, 0.0))
+        due = int(self._state[0]["step"]) + self._delay
+        self._orders.append(stops[0] if stops else (due, 0.0, 0.0))
 
     def close(self) -> None:
         """Nothing may be asked of it any more."""
