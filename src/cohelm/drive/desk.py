@@ -74,7 +74,7 @@ class Desk:
         frame = loop.readings.frame if loop.readings is not None else None
         if frame is not None and frame.number != self._frame:
             self._frame = frame.number
-            self._operator.picture(frame, self._pose)
+            self._operator.picture(frame, self._pose, loop.keeper.now() - frame.stamp)
         for one in self._operator.proposed()[-_MOST:]:
             self._jobs.put(lambda one=one: self._judge(one))
         if self._line is not None:

@@ -124,9 +124,12 @@ class OverLink:
         """The driver's number; 0: nobody."""
         return self._end.driver
 
-    def picture(self, frame: Frame, pose: Pose) -> None:
-        """Send a picture, unless a newer one comes before it is packed."""
-        self._frame = (frame, pose)
+    def picture(self, frame: Frame, pose: Pose, age: float) -> None:
+        """Send a picture, unless a newer one comes before it is packed.
+
+        age: of the frame now [s]; on the link it is stamped with the link's clock, not the robot's.
+        """
+        self._frame = (frame._replace(stamp=self._end.clock() - age), pose)
         self._bell.set()
 
     def close(self) -> None:
