@@ -60,7 +60,7 @@ def station(
 def drive(
     scenario: Annotated[
         str, typer.Argument(metavar="SCENARIO", help="Where to drive, by file or name.")
-    ] = "lab-avoid",
+    ] = "lab-guard",
     twin: Annotated[
         bool,
         typer.Option("--twin/--kinematic", help="Physics and a camera (MuJoCo), or kinematics."),
