@@ -1,5 +1,5 @@
 // Fifty times a second: which stick is in hand, where it is, and whether it is to be believed.
-import { signal } from '@preact/signals'
+import { computed, signal } from '@preact/signals'
 import { heardMs, send } from '../socket'
 import * as s from '../state'
 import { arm, type Arming } from './arm'
@@ -22,6 +22,19 @@ export const hand = signal<Hand>({
   device: 'none', present: false, x: 0, psi: 0, arming: 'absent', why: 'no stick in use',
 })
 export const speedScale = signal(1)
+
+/** Why what the hand does would not steer, or empty: both this page and the robot saw it centred. */
+export const idle = computed(() => {
+  const { arming, why } = hand.value
+  if (arming !== 'armed') return why
+  if (!s.youDrive.value) return ''
+  // the newest wins on the way: the robot need not have heard the moment in the centre
+  switch (s.state.value?.arming) {
+    case 'armed': return ''
+    case 'waiting': return 'let it go to the centre first'
+    default: return 'the robot does not hear it yet'
+  }
+})
 
 let n = 0
 let device: Device = 'none'

@@ -2,7 +2,7 @@
 import type { Alarm } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
-import { hand } from '../input/drive'
+import { idle } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
 
@@ -22,7 +22,7 @@ function ours(): Shown[] {
   else if (s.link.value !== null && !s.link.value.connected) {
     say('alarm', 'No link to the robot. What you see is old. The robot stops by itself.')
   }
-  if (s.youDrive.value && hand.value.arming !== 'armed') say('warning', `Your stick does not steer: ${hand.value.why}.`)
+  if (s.youDrive.value && idle.value !== '') say('warning', `Your stick does not steer: ${idle.value}.`)
   const where = s.state.value?.localised
   if (where === 'lost') say('alarm', 'The robot does not know where it is.')
   else if (where === 'poor') say('warning', 'The robot is not sure where it is.')

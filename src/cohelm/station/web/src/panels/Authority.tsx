@@ -1,7 +1,7 @@
 // Person and controller: who leads, what was asked, what was given, and why.
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
-import { hand } from '../input/drive'
+import { hand, idle } from '../input/drive'
 import { DEVICE_NAMES } from '../input/source'
 import { gaps, points, SECTORS } from '../map/ring'
 import type { State } from '../messages'
@@ -52,10 +52,9 @@ function near(gap: number | null): string {
 }
 
 function Stick() {
-  const { device, arming, why } = hand.value
   return (
     <p class="device">
-      {DEVICE_NAMES[device]}: <b>{arming === 'armed' ? 'ready' : why}</b>
+      {DEVICE_NAMES[hand.value.device]}: <b>{idle.value || 'ready'}</b>
     </p>
   )
 }
