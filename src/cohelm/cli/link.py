@@ -103,6 +103,9 @@ def stick(
         str | None,
         typer.Option(metavar="HOST[:PORT]", help="The robot to drive; it must be paired."),
     ] = None,
+    drive: Annotated[
+        bool, typer.Option("--drive", help="Join the `cohelm drive` that runs on this machine.")
+    ] = False,
     name: Annotated[
         str | None, typer.Option(help="The robot's name, where several are paired here.")
     ] = None,
@@ -134,11 +137,18 @@ def stick(
         for line in choose.listed():
             print(line)
         return
-    if robot is None:
-        raise CohelmError("name a robot (--robot HOST), or list the devices here with --list")
     from cohelm.link import keys
-    from cohelm.link.sticks.at_helm import drive
+    from cohelm.link.lent import borrowed
+    from cohelm.link.sticks import at_helm
     from cohelm.link.udp import PORT, address
 
-    own = keys.station(name)
-    drive(choose.opened(device), own, address(robot, PORT), k_s, lambda text: say(plain(text)))
+    if drive:
+        own, to = borrowed(robot)
+    elif robot is None:
+        raise CohelmError(
+            "name a robot (--robot HOST), or join the drive on this machine (--drive), or list "
+            "the devices here (--list)"
+        )
+    else:
+        own, to = keys.station(name), address(robot, PORT)
+    at_helm.drive(choose.opened(device), own, to, k_s, lambda text: say(plain(text)))

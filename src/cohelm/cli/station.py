@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +23,7 @@ Host = Annotated[
         help="Where to listen. Anything but loopback asks for the token in the address printed.",
     ),
 ]
+_LAST_WORDS = 1.0  # pages are told four times a second how the link is [s]
 Tls = Annotated[bool, typer.Option("--tls", help="HTTPS, with a certificate made here.")]
 
 
@@ -79,19 +82,31 @@ def drive(
 
     Robot and station, both on this machine.
 
-    Two processes with the real link between them; it prints the address of the page.
+    Two processes with the real link between them; it prints the address of the page. A stick of
+    this machine joins with `cohelm stick --drive`. When the robot's process dies, the page says
+    so, and the command ends.
     """
+    from cohelm.core.errors import CohelmError
     from cohelm.drive.beside import Beside
     from cohelm.drive.served import Door
     from cohelm.link import keys
+    from cohelm.link.lent import lent
     from cohelm.station.app import pages
     from cohelm.station.linked import Linked
 
     pages()  # a checkout without them is told at once, not after the robot was made
-    of_robot, of_station = keys.pair_here()
+    of_robot, of_station, of_stick = keys.pair_here("station", "stick")
     say(f"starting the robot in {plain(scenario)}; the first time takes a minute")
-    with Beside(scenario, twin, Door(of_robot, "127.0.0.1", 0, records), carry_on) as robot:
-        serve(lambda _: Linked(of_station, robot.host, robot.port), host, port, tls)
+    with (
+        Beside(scenario, twin, Door(of_robot, "127.0.0.1", 0, records), carry_on) as robot,
+        lent(of_stick, robot.host, robot.port),
+    ):
+        say("to join it with a stick of this machine: cohelm stick --drive")
+        connect = partial(Linked, of_station, robot.host, robot.port, lambda: robot.over)
+        serve(lambda _: connect(), host, port, tls, robot.afterwards)
+        over = robot.over
+    if over:
+        raise CohelmError(f"{over}. The station has ended too: start it again when you want to")
 
 
 def _recorded(path: Path) -> Connect:
@@ -112,8 +127,13 @@ def _linked(robot: str, name: str | None) -> Connect:
     return lambda _: Linked(own, host, port)
 
 
-def serve(connect: Connect, host: str, port: int, tls: bool) -> None:
-    """Serve the page, and say where it is."""
+def serve(
+    connect: Connect, host: str, port: int, tls: bool,
+    afterwards: Callable[[Callable[[], None]], None] = lambda _: None,
+) -> None:  # fmt: skip
+    """Serve the page, and say where it is. afterwards: told what to call when all is over."""
+    import time
+
     from cohelm.link import keys
     from cohelm.station.serve import Server
     from cohelm.station.tls import certificate
@@ -126,5 +146,11 @@ def serve(connect: Connect, host: str, port: int, tls: bool) -> None:
     server = Server(connect, host, port, files)
     print(server.address, flush=True)
     say("open this address in a browser; Ctrl-C ends the station")
+
+    def last_words() -> None:
+        time.sleep(_LAST_WORDS)
+        server.stop()
+
+    afterwards(last_words)
     server.run()
     say(plain("the station is closed"))

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
-from multiprocessing.connection import Connection
+import signal
+import threading
+from collections.abc import Callable
+from multiprocessing.connection import Connection, wait
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.served import Door
@@ -17,7 +20,8 @@ _END = 15.0
 class Beside:
     """A robot in a process of its own; it ends when this one does, however it does.
 
-    A context manager. The robot is stopped before its process ends.
+    A context manager. The robot is stopped before its process ends. When that ends by itself, or is
+    killed, `over` says so: it is never started again without somebody wanting it.
     """
 
     def __init__(
@@ -48,6 +52,12 @@ class Beside:
             self.close()
             raise CohelmError(answer)
         self.host, self.port = str(answer[0]), int(answer[1])
+        self.over = ""
+        """Why the robot's process has ended without having been told to; empty: it has not."""
+        self._told = False
+        self._then: Callable[[], None] = lambda: None
+        self._watch = threading.Thread(target=self._watching, name="robot's end", daemon=True)
+        self._watch.start()
 
     def __enter__(self) -> Beside:
         return self
@@ -60,8 +70,15 @@ class Beside:
         """Of the robot's process."""
         return self._process.pid or 0
 
+    def afterwards(self, then: Callable[[], None]) -> None:
+        """What to do, in a thread, when the robot's process ends without having been told to."""
+        self._then = then
+        if self.over:
+            then()
+
     def close(self) -> None:
         """Tell the robot to stop and to end, and wait until it has."""
+        self._told = True
         self._line.close()
         self._process.join(_END)
         if self._process.is_alive():
@@ -70,6 +87,25 @@ class Beside:
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
+
+    def _watching(self) -> None:
+        wait([self._process.sentinel])
+        if not self._told:
+            self.over = f"the robot's process has ended: {self._last_words()}"
+            self._then()
+
+    def _last_words(self) -> str:
+        """What the process said at its end; or else how it ended."""
+        try:
+            if self._line.poll():
+                return str(self._line.recv())
+        except (EOFError, OSError):
+            pass
+        self._process.join(_END)
+        code = self._process.exitcode or 0
+        return (
+            f"killed by {signal.Signals(-code).name}" if code < 0 else f"it left with code {code}"
+        )
 
 
 def _drive(

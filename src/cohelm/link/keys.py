@@ -97,8 +97,8 @@ def robot(name: str | None = None) -> Keys:
     folder = home() / "robot"
     if not (folder / "robot.key").exists():
         certificate, key = made(_usable(name or _host()), "robot")
-        _write(folder / "robot.pem", certificate)
-        _write(folder / "robot.key", key)  # last: it is what says that all is there
+        write(folder / "robot.pem", certificate)
+        write(folder / "robot.key", key)  # last: it is what says that all is there
     certificate = _read(folder / "robot.pem")
     stations = tuple(_read(path) for path in sorted((folder / "stations").glob("*.pem")))
     called = common_name(certificate)
@@ -120,8 +120,8 @@ def let_in(station: str, to: Path) -> Keys:
             f"with `cohelm pair remove {station}`"
         )
     certificate, key = made(station, "station")
-    _write(to, own.certificate + certificate + key, fresh=True)
-    _write(path, certificate)
+    write(to, own.certificate + certificate + key, fresh=True)
+    write(path, certificate)
     return own
 
 
@@ -141,7 +141,7 @@ def install(file: Path) -> str:
             f"delete that folder and install again"
         )
     for file_name, content in (("robot.pem", of_robot), ("station.pem", own), ("station.key", key)):
-        _write(folder / file_name, content)
+        write(folder / file_name, content)
     return name
 
 
@@ -159,7 +159,11 @@ def station(robot_name: str | None = None) -> Keys:
     chosen = robot_name or known[0]
     if chosen not in known:
         raise CohelmError(f"no robot {chosen!r} is paired here; paired: {', '.join(known)}")
-    folder = folder / chosen
+    return of_station(folder / chosen)
+
+
+def of_station(folder: Path) -> Keys:
+    """A station's key, certificate and robot, in the folder they were written to."""
     certificate = _read(folder / "station.pem")
     return Keys(
         common_name(certificate), certificate, _secret(folder / "station.key"),
@@ -189,12 +193,13 @@ def shut_out(name: str) -> None:
     path.unlink()
 
 
-def pair_here(name: str = "local") -> tuple[Keys, Keys]:
-    """Keys of a robot and a station on this machine, that only live in memory."""
-    of_robot, of_station = made("robot", "robot"), made(name, "station")
+def pair_here(*names: str) -> tuple[Keys, ...]:
+    """Keys of a robot, and of each of its stations on this machine: by default one, `local`."""
+    of_robot = made("robot", "robot")
+    own = {name: made(name, "station") for name in names or ("local",)}
     return (
-        Keys("robot", *of_robot, (of_station[0],)),
-        Keys(name, *of_station, (of_robot[0],)),
+        Keys("robot", *of_robot, tuple(certificate for certificate, _ in own.values())),
+        *(Keys(name, *pair, (of_robot[0],)) for name, pair in own.items()),
     )
 
 
@@ -218,7 +223,7 @@ def _loaded(certificate: bytes) -> x509.Certificate:
         raise CohelmError("a certificate is damaged: delete it and pair again") from None
 
 
-def _write(path: Path, content: bytes, fresh: bool = False) -> None:
+def write(path: Path, content: bytes, fresh: bool = False) -> None:
     """Write a file only its owner may read; never half of it."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,7 +18,11 @@ from cohelm.station.robot_link import News, Quality
 class Linked:
     """`RobotLink` over the network. The robot's clock is only known once it was heard."""
 
-    def __init__(self, keys: Keys, host: str, port: int) -> None:
+    def __init__(
+        self, keys: Keys, host: str, port: int, over: Callable[[], str] = lambda: ""
+    ) -> None:
+        """over: why there is no robot any more, where somebody knows; else empty."""
+        self._over = over
         self._end = StationEnd(keys, host, port)
         self._bulk = StationBulk(keys, host, port, self._end.session)
         self._name = f"{host}:{port}"
@@ -73,8 +77,9 @@ class Linked:
 
     def quality(self) -> Quality:
         """How good the link is."""
-        s = self._end.state()
-        return Quality(s.connected, self._name, s.why, s.round_trip, s.lost, s.offset)
+        s, over = self._end.state(), self._over()
+        connected = s.connected and not over
+        return Quality(connected, self._name, over or s.why, s.round_trip, s.lost, s.offset)
 
     def close(self) -> None:
         """Say good-bye."""

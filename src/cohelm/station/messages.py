@@ -251,6 +251,8 @@ class Link(Schema):
     connected: bool
     name: str
     """What the robot is reached by."""
+    why: str
+    """Why it is not connected; empty while it is."""
     round_trip_ms: float | None
     loss: float | None
     """Share of our datagrams that never came."""

@@ -141,7 +141,7 @@ def link(
 ) -> page.Link:
     """How good the link is. age: of the newest status [s]."""
     return page.Link(
-        connected=quality.connected, name=quality.name,
+        connected=quality.connected, name=quality.name, why=quality.why,
         round_trip_ms=_ms(quality.round_trip), loss=known(quality.loss),
         command_age_ms=_ms(timing.command_age) if timing else None,
         state_age_ms=_ms(age), offset_ms=_ms(quality.offset),

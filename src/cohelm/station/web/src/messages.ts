@@ -196,6 +196,8 @@ export interface Link {
   connected: boolean
   /** What the robot is reached by. */
   name: string
+  /** Why it is not connected; empty while it is. */
+  why: string
   round_trip_ms: number | null
   /** Share of our datagrams that never came. */
   loss: number | null

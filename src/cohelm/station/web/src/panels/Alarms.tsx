@@ -16,11 +16,12 @@ function ours(): Shown[] {
   const say = (severity: Alarm['severity'], text: string) =>
     out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true })
   const c = s.connection.value
+  const why = s.link.value === null || s.link.value.why === '' ? '' : ` (${s.link.value.why})`
   if (c === 'closed' || c === 'connecting') {
-    if (s.welcome.value !== null) say('alarm', 'No connection to the station. What you see is old. The robot stops by itself.')
+    if (s.welcome.value !== null) say('alarm', `No connection to the station${why}. What you see is old. The robot stops by itself.`)
   } else if (c === 'silent') say('alarm', 'The station is silent. What you see is old.')
   else if (s.link.value !== null && !s.link.value.connected) {
-    say('alarm', 'No link to the robot. What you see is old. The robot stops by itself.')
+    say('alarm', `No link to the robot${why}. What you see is old. The robot stops by itself.`)
   }
   if (s.youDrive.value && idle.value !== '') say('warning', `Your stick does not steer: ${idle.value}.`)
   const where = s.state.value?.localised

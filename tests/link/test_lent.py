@@ -1,0 +1,48 @@
+"""The way to a drive on this machine: there while it runs, for this person only, then gone."""
+
+import stat
+
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.link.keys import home, pair_here
+from cohelm.link.lent import borrowed, lent
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path, monkeypatch):
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
+
+
+def test_what_is_lent_is_borrowed_whole_and_gone_afterwards():
+    _, _, stick = pair_here("station", "stick")
+    with lent(stick, "127.0.0.1", 41000):
+        assert borrowed() == (stick, ("127.0.0.1", 41000))
+        for path in (home() / "drive").rglob("*"):
+            assert stat.S_IMODE(path.stat().st_mode) & 0o077 == 0
+    with pytest.raises(CohelmError, match="no `cohelm drive` runs"):
+        borrowed()
+
+
+def test_of_several_drives_one_must_be_named():
+    _, stick = pair_here("stick")
+    _, other = pair_here("stick")
+    with lent(stick, "127.0.0.1", 41000), lent(other, "127.0.0.1", 41001):
+        with pytest.raises(
+            CohelmError, match=r"several drives run here.*41000, 127\.0\.0\.1:41001"
+        ):
+            borrowed()
+        assert borrowed("127.0.0.1:41001") == (other, ("127.0.0.1", 41001))
+        with pytest.raises(CohelmError, match=r"no drive '127\.0\.0\.1:1' runs here"):
+            borrowed("127.0.0.1:1")
+
+
+def test_what_a_killed_drive_left_is_not_lent_and_the_next_drive_removes_it():
+    _, stick = pair_here("stick")
+    with lent(stick, "127.0.0.1", 41000):
+        left = home() / "drive" / "40000"
+        left.mkdir()
+        (left / "address").write_text("127.0.0.1:40000")
+        assert borrowed()[1][1] == 41000
+        with lent(stick, "127.0.0.1", 41001):
+            assert not left.exists()
