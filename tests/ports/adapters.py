@@ -6,6 +6,7 @@ A new adapter adds itself to `ADAPTERS`; the suite then holds it to the port's p
 import atexit
 import shutil
 import tempfile
+import zlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,8 @@ import numpy as np
 
 from cohelm.core.period import PERIOD
 from cohelm.core.types import Pose, Twist
+from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
+from cohelm.link.told import Shown, Told
 from cohelm.record.drive import DriveFile
 from cohelm.record.replay import Replayed
 from cohelm.robot.keep.kept import Event
@@ -50,6 +53,17 @@ def room() -> World:
 START = Pose(0.0, 0.0, 0.0)
 
 
+SHOWN = (
+    Told(3, "ann", Mode.SHARED, "", "near a wall", 0.4, "the link is slow",
+         (Alarm(7, Severity.WARNING, True, False, "the stick is lost"),)),
+    Map(1, Pose(-4.0, -3.0, 0.5), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(bytes([0, 100, 255] * 2))),
+    Polyline(Line.REFERENCE, np.array([[0.0, 0.0], [1.0, 0.5]], dtype=np.float32)),
+    Polyline(Line.WAYPOINTS, np.array([[1.0, 0.5]], dtype=np.float32)),
+    Discs(0, np.array([[2.0, 1.0, 0.25, -0.5, 0.25, 0.75]], dtype=np.float32)),
+)  # fmt: skip
+"""What stations were shown of a drive, one of each kind."""
+
+
 def recorded(path: Path, seconds: float) -> Path:
     """A drive on a curve, written down as the loop does it."""
     robot = Kinematic(sally(), START, room(), seed=4)
@@ -68,6 +82,8 @@ def recorded(path: Path, seconds: float) -> Path:
             row["t"] = robot.now()
             drive.period(row)
             robot.wait(robot.now() + 0.02)
+        for what in SHOWN:
+            drive.write(Shown(robot.now(), what))
         drive.write(Event(robot.now(), "loop", "the end"))
         drive.finish()
     return path

@@ -11,10 +11,11 @@ from cohelm.core.types import Pose, Twist
 from cohelm.record.drive import TOPICS, DriveFile, periods
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed, recorded_model
+from cohelm.record.shown import TOPICS as SHOWN_TOPICS, understood
 from cohelm.robot.keep.kept import Event
 from cohelm.robot.port import Odometry
 from cohelm.sim.kinematic import Kinematic
-from tests.ports.adapters import recorded, room, sally
+from tests.ports.adapters import SHOWN, recorded, room, sally
 
 EPOCH = 1_700_000_000_000_000_000
 
@@ -60,6 +61,11 @@ def test_another_reader_understands_every_message(drive):
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         seen = {channel.topic for _, channel, _, _ in reader.iter_decoded_messages()}
     assert seen == set(TOPICS)
+
+
+def test_what_was_shown_comes_back(drive):
+    back = [understood(topic, said) for topic, _, said in messages(drive, list(SHOWN_TOPICS))]
+    assert repr(back) == repr(list(SHOWN))
 
 
 def test_a_period_comes_back_to_the_last_bit(tmp_path):

@@ -110,11 +110,11 @@ def drive(
 
 
 def _recorded(path: Path) -> Connect:
-    from cohelm.drive.film import RunFilm
+    from cohelm.drive.film import film
     from cohelm.drive.replayed import Replaying
 
-    film = RunFilm(path / "record.mcap" if path.is_dir() else path)
-    return lambda _: Replaying(film)
+    shown = film(path / "record.mcap" if path.is_dir() else path)
+    return lambda _: Replaying(shown)
 
 
 def _linked(robot: str, name: str | None) -> Connect:

@@ -33,6 +33,9 @@ PERIOD = np.dtype(
         ("overruns", "i8"),  # so far
         ("refused", "i8"),  # proposals the gate has refused so far
         ("dropped", "i8"),  # messages the recorder had no room for, so far
+        ("h", "f8"),  # least value of the paper's barrier (22) [m^2]
+        ("culprit_x", "f8"), ("culprit_y", "f8"),  # where in the map that is
+        ("progress", "f8"),  # share of the route done
     ]
 )  # fmt: skip
 """Lengths in m, angles in rad, speeds in m/s and rad/s."""

@@ -10,7 +10,6 @@ import logging
 import queue
 import threading
 import time
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,13 +21,13 @@ from cohelm.drive.over_link import OverLink
 from cohelm.drive.proposed import judged
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session, driver_of
-from cohelm.law.reference import Reference, desired
-from cohelm.link.messages import Answer, Checked, Map, Mode, Waypoints
+from cohelm.drive.shown import drawn, way
+from cohelm.law.reference import Reference
+from cohelm.link.messages import Answer, Checked, Map, Mode, Polyline, Waypoints
 from cohelm.link.robot_bulk import Proposed
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.known import Known
-from cohelm.pilot.course import poses_along
 from cohelm.robot.keep.kept import standing
 from cohelm.robot.keep.lines import Line
 from cohelm.scenario.load import dump
@@ -55,13 +54,12 @@ class Desk:
         self._built: tuple[Driver, Reference] | None = None
         self._recording: Recording | None = None
         self._line: Line | None = None
+        self._drawn: tuple[Map | Polyline, ...] = ()
         self._wanted = False
         self._taken = threading.Event()
         operator.record = self._record
-        if known is not None:
-            operator.publish(drawn(known))
-        reference = session.plan.robot.scenario.reference.spline()
-        self._show(reference)
+        self._map = () if known is None else (drawn(known),)
+        self._show(*self._map, *way(session.plan.robot.scenario.reference.spline()))
         self._thread = threading.Thread(target=self._work, name="desk", daemon=True)
         self._thread.start()
 
@@ -81,6 +79,8 @@ class Desk:
             loop.record_into(self._line)
             self._line = None
             self._taken.set()
+            for one in self._drawn:
+                loop.note(one)
         self._change_way(loop)
 
     def _change_way(self, loop: Loop) -> None:
@@ -98,7 +98,10 @@ class Desk:
             old, loop.driver = loop.driver, driver
             self._session.driver = driver
             self._jobs.put(old.close)
-            self._show(reference)
+            lines = way(reference)
+            self._show(*self._map, *lines)
+            for line in lines:
+                loop.note(line)
             self._building = False
             after, self._after = self._after, None
             if after is not None and self._accepted is None:
@@ -175,10 +178,11 @@ class Desk:
         made.path.rename(made.path.with_suffix(".mcap"))
         self._operator.list_records()
 
-    def _show(self, reference: Reference) -> None:
-        at = [desired(reference, float(t), False) for t in reference.knots]
-        points = np.array([(d.x, d.y) for d in at])
-        self._operator.way(poses_along(reference, 0.1)[:, :2], points)
+    def _show(self, *all_: Map | Polyline) -> None:
+        """To the stations now, and to records that begin later."""
+        self._drawn = all_
+        for one in all_:
+            self._operator.publish(one)
 
     def close(self) -> None:
         """Finish what is being done, and the record."""
@@ -187,17 +191,6 @@ class Desk:
         self._thread.join(30.0)
         if self._built is not None:
             self._built[0].close()
-
-
-def drawn(known: Known) -> Map:
-    """The map as a page draws it."""
-    cells = np.where(known.gap <= 0.0, 100, 0).astype(np.uint8)
-    cells[known.unknown] = 255
-    rows, columns = cells.shape
-    return Map(
-        1, known.origin, known.resolution, columns, rows, 0, 0, columns, rows,
-        zlib.compress(np.ascontiguousarray(cells).tobytes()),
-    )  # fmt: skip
 
 
 def _occupied(known: Known | None) -> tuple[Floats, Floats]:

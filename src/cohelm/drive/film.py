@@ -12,8 +12,10 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import SAFE, Floats, Pose, Stick, Twist
+from cohelm.drive.driven import DriveFilm
 from cohelm.drive.walls import drawn
 from cohelm.link import messages as m
+from cohelm.record.messages import messages
 from cohelm.record.read import IncompleteRecord, read
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
@@ -46,8 +48,15 @@ class Film(Protocol):
         ...
 
     def at(self, t: float) -> list[News]:
-        """What was told last at `t` seconds after the beginning."""
+        """What was told last at `t` seconds after the beginning; the same object where nothing is
+        new of a kind."""
         ...
+
+
+def film(path: Path) -> Film:
+    """Of any record: of a run, or of a drive. Raises CohelmError where it is neither."""
+    topic = next((topic for topic, _, _ in messages(path, ("/status", "/period"))), "/status")
+    return DriveFilm(path) if topic == "/period" else RunFilm(path)
 
 
 class RunFilm:

@@ -22,9 +22,7 @@ from cohelm.link.messages import (
     Discs,
     FromRobot,
     Hello,
-    Line,
     Picture,
-    Polyline,
     Records,
     ScanPart,
     Status,
@@ -61,9 +59,7 @@ class OverLink:
         self._thread = threading.Thread(target=self._pack, name="pictures", daemon=True)
         self._thread.start()
         self.publish(
-            _hello(
-                model if camera else model.model_copy(update={"camera": None}), on_loss, watchdog
-            )
+            hello(model if camera else model.model_copy(update={"camera": None}), on_loss, watchdog)
         )
         self.list_records()
 
@@ -101,11 +97,6 @@ class OverLink:
     def publish(self, message: FromRobot) -> None:
         """To all stations, now and later."""
         self._bulk.publish(message)
-
-    def way(self, line: np.ndarray, points: np.ndarray) -> None:
-        """The reference (n, 2) and its way-points (m, 2) [m]."""
-        self.publish(Polyline(Line.REFERENCE, line.astype(np.float32)))
-        self.publish(Polyline(Line.WAYPOINTS, points.astype(np.float32)))
 
     def list_records(self) -> None:
         """Say which records there are."""
@@ -154,7 +145,8 @@ class OverLink:
             self.publish(Picture(frame.number, frame.stamp, pose, file.getvalue()))
 
 
-def _hello(model: RobotModel, on_loss: str, watchdog: float) -> Hello:
+def hello(model: RobotModel, on_loss: str, watchdog: float) -> Hello:
+    """What robot it is. watchdog: [s]."""
     nan, camera = math.nan, model.camera
     lens = (nan, nan, nan, nan)
     if camera is not None:

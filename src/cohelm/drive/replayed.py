@@ -26,6 +26,7 @@ class Replaying:
         self._new = True
         self._number = 0
         self._refused: list[News] = []
+        self._shown: dict[object, object] = {}
 
     @property
     def duration(self) -> float:
@@ -67,8 +68,14 @@ class Replaying:
         if self._new or now - self._told_at >= _EVERY:
             self._new = False
             self._told_at = now
-            out += self._film.at(self.place.at)
+            out += [news for news in self._film.at(self.place.at) if self._is_new(news.message)]
         return out
+
+    def _is_new(self, message: object) -> bool:
+        """Whether it was not the last of its kind that was told."""
+        slot = (type(message), getattr(message, "what", None))
+        before, self._shown[slot] = self._shown.get(slot), message
+        return before is not message
 
     def steer(
         self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float

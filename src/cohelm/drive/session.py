@@ -11,6 +11,7 @@ from typing import Any
 
 from cohelm.core.types import Pose
 from cohelm.drive.recorder import Recording
+from cohelm.drive.shown import drawn, way
 from cohelm.drive.simulated import Simulated, surveyed
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
@@ -94,6 +95,10 @@ class Session:
                 Line(ends[0], waits=not real_time),
                 plan.ways._replace(period=plan.period), has_map=where is not None,
             )  # fmt: skip
+            for one in () if where is None else (drawn(where),):
+                self.loop.note(one)
+            for line in way(robot.scenario.reference.spline()):
+                self.loop.note(line)
             self._warm()
             if real_time:
                 self.scheduling = urgent()

@@ -16,14 +16,15 @@ from cohelm.core.types import Twist, wrap
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.cap import FREE as NOTICED
 from cohelm.link.heard import Asked
-from cohelm.link.messages import Arming, Ask, Discs, Mode
+from cohelm.link.messages import Arming, Ask, Discs, Map, Mode, Polyline, Status
+from cohelm.link.told import Shown, Told
 from cohelm.loop.alarms import Alarms
 from cohelm.loop.driver import Driver
 from cohelm.loop.leash import FREE, allowed, cap, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.person import CENTRED, Manner, Person, renewed
 from cohelm.loop.senses import Senses, patience
-from cohelm.loop.telling import Said, predicted, scan_parts, sigma, status
+from cohelm.loop.telling import Said, culprit, predicted, scan_parts, sigma, status
 from cohelm.loop.timing import Timing
 from cohelm.perceive.seen import Perception, Seen
 from cohelm.pilot.step import Decision
@@ -94,6 +95,8 @@ class Loop:
         self._swept = -math.inf
         self._late = self._took = 0.0
         self._recorder = ""
+        self._driven_by = (0, "")
+        self._kept: Told | None = None
 
     def run(self, until: Callable[[Loop], bool]) -> None:
         """Turn until `until` says so; it is asked after every period."""
@@ -123,8 +126,12 @@ class Loop:
 
     def record_into(self, line: Line) -> None:
         """Another recorder from now on, or none; the one before is not closed."""
-        self._record, self._recorder = line, ""
+        self._record, self._recorder, self._kept = line, "", None
         self.alarms.off("recorder")
+
+    def note(self, what: Map | Polyline) -> None:
+        """Into the record, that a drive can be shown again."""
+        self._record(Shown(self.keeper.now(), what))
 
     def choose(self, mode: Mode) -> str:
         """Who drives from now on; why not, or nothing."""
@@ -182,6 +189,7 @@ class Loop:
     def _listen(self) -> None:
         """What does the person want, and may the stick be believed?"""
         heard = self.operator.heard()
+        self._driven_by = (heard.driver, heard.name)
         self._scale = allowed(heard, self._scale)
         for asked in heard.asked:
             granted, reason = self._request(asked)
@@ -283,7 +291,9 @@ class Loop:
             self._record(scan)
             if self.seen is not None:
                 self.operator.show(*scan_parts(scan, self.perception.lidar, self.seen.pose))
-                self.operator.show(Discs(scan.number, self._discs(self.seen)))
+                discs = Discs(scan.number, self._discs(self.seen))
+                self.operator.show(discs)
+                self._record(Shown(now, discs))
         nan = math.nan
         d, seen, gate, person = self.decision, self.seen, self.keeper.gate, self.person
         if seen is None:
@@ -299,6 +309,7 @@ class Loop:
             now - odometry.stamp if odometry else nan,
             now - scan.stamp - scan.duration if scan else nan,
             self._late, self._took, self.timing.overruns, gate.refused, self._record.dropped,
+            d.h if d else nan, *(culprit(d, seen) if d else (nan, nan)), self._progress(),
         )  # fmt: skip
         self._record(self._row.tobytes())
 
@@ -319,7 +330,16 @@ class Loop:
             self._record.open and not self._recorder, self.timing.recent, self.timing.overruns,
             self.alarms.worst(), self.cap,
         )  # fmt: skip
-        self.operator.tell(status(said, predicted(self.seen.pose, passed.out)))
+        told = status(said, predicted(self.seen.pose, passed.out))
+        self.operator.tell(told)
+        self._note(now, told)
+
+    def _note(self, now: float, s: Status) -> None:
+        """The words of a status to the recorder, where they are new."""
+        told = Told(*self._driven_by, s.mode, s.stopped, s.why, s.speed_cap, s.cap_reason, s.alarms)
+        if told != self._kept:
+            self._kept = told
+            self._record(Shown(now, told))
 
     def _keep_time(self, now: float) -> None:
         """When the next period is due. Missed ones are counted, never made up for in a burst."""

@@ -127,18 +127,23 @@ def sigma(covariance: Floats) -> float:
     return math.sqrt(max(0.5 * (a + c) + math.hypot(0.5 * (a - c), b), 0.0))
 
 
+def culprit(d: Decision, seen: Seen) -> tuple[float, float]:
+    """Where in the map the thing is that the guard acted for [m]; NaN where there is none."""
+    if d.culprit < 0:
+        return (math.nan, math.nan)
+    moving = len(seen.discs)
+    things = seen.discs if d.culprit < moving else seen.points
+    row = d.culprit if d.culprit < moving else d.culprit - moving
+    if row >= len(things):
+        return (math.nan, math.nan)
+    place = compose(seen.map_odom, Pose(float(things[row, 0]), float(things[row, 1]), 0.0))
+    return (place.x, place.y)
+
+
 def _guarding(d: Decision | None, seen: Seen) -> Guarding:
     if d is None:
         return Guarding(Verdict.UNTOUCHED, math.nan, (math.nan, math.nan), math.nan)
-    at = (math.nan, math.nan)
-    if d.culprit >= 0:
-        moving = len(seen.discs)
-        things = seen.discs if d.culprit < moving else seen.points
-        row = d.culprit if d.culprit < moving else d.culprit - moving
-        if row < len(things):
-            place = compose(seen.map_odom, Pose(float(things[row, 0]), float(things[row, 1]), 0.0))
-            at = (place.x, place.y)
-    return Guarding(_VERDICTS.get(d.verdict, Verdict.NO_FILTER), d.gap, at, d.h)
+    return Guarding(_VERDICTS.get(d.verdict, Verdict.NO_FILTER), d.gap, culprit(d, seen), d.h)
 
 
 def _localised(said: Said) -> Localised:

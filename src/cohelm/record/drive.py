@@ -1,7 +1,8 @@
 """A drive as it goes, into one MCAP file of ROS 2's own messages: what a robot's loop records.
 
 `/odom` in the odometry frame, `/scan`, `/tf` (map, odom, base_link), `/cmd_vel` and
-`/cmd_vel_asked`, `/joy`, `/rosout` for what happened, and `/period`: every number of a period.
+`/cmd_vel_asked`, `/joy`, `/rosout` for what happened, and `/period`: every number of a period;
+besides, what the stations were shown (`shown.TOPICS`).
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm import __version__
 from cohelm.core.period import PERIOD
 from cohelm.core.types import Pose, wrap
+from cohelm.link.told import Shown
+from cohelm.record import shown
 from cohelm.record.status import STORE
 from cohelm.robot.keep.kept import Event
 from cohelm.robot.model import RobotModel
@@ -56,6 +59,7 @@ TOPICS = {
     "/joy": "sensor_msgs/msg/Joy",
     "/rosout": "rcl_interfaces/msg/Log",
     "/period": PERIOD_TYPE,
+    **shown.TOPICS,
 }
 
 
@@ -102,9 +106,12 @@ class DriveFile:
         self._odometry: Pose | None = None
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan or an Event."""
+        """One message: an Odometry, a Scan, an Event, or what was Shown."""
         if isinstance(message, Odometry):
             self._odom(message)
+        elif isinstance(message, Shown):
+            for topic, what in shown.said(message.what, self._stamp(message.stamp), MAP):
+                self._say(message.stamp, topic, what)
         elif isinstance(message, Scan):
             self._scan(message)
         elif isinstance(message, Event):

@@ -87,17 +87,17 @@ class Scene:
 
 def once(scene: Scene, stamp: int) -> Iterator[Said]:
     """What is drawn once. stamp: [ns]."""
-    world = _header(stamp, WORLD)
-    poses = [PoseStamped(world, _pose(x, y, psi)) for x, y, psi in scene.reference.tolist()]
+    world = header(stamp, WORLD)
+    poses = [PoseStamped(world, pose(x, y, psi)) for x, y, psi in scene.reference.tolist()]
     yield "/reference", Path(world, poses)
     outline, walls = scene.outline.tolist(), scene.walls.reshape(-1, 2).tolist()
-    robot = _marker(
-        _header(stamp, ROBOT), "robot", 0, Marker.LINE_STRIP,
-        _pose(0.0, 0.0, 0.0), (0.03, 0.0, 0.0), _ROBOT_COLOUR, [*outline, *outline[:1]],
+    robot = marker(
+        header(stamp, ROBOT), "robot", 0, Marker.LINE_STRIP,
+        pose(0.0, 0.0, 0.0), (0.03, 0.0, 0.0), _ROBOT_COLOUR, [*outline, *outline[:1]],
     )  # fmt: skip
-    wall = _marker(
+    wall = marker(
         world, "walls", 0, Marker.LINE_LIST,
-        _pose(0.0, 0.0, 0.0), (0.05, 0.0, 0.0), _WALL_COLOUR, walls,
+        pose(0.0, 0.0, 0.0), (0.05, 0.0, 0.0), _WALL_COLOUR, walls,
     )  # fmt: skip
     shown: list[Any] = [marker for marker in (robot, wall) if marker.points]
     yield "/scene", MarkerArray(shown)
@@ -126,14 +126,14 @@ def _moved(discs: Floats, j: int, since: int) -> bool:
 
 def _motion(row: np.void, stamp: int) -> Iterator[Said]:
     """Where the robot is, what it was asked, what reached its wheels, and the stick."""
-    world, robot = _header(stamp, WORLD), _header(stamp, ROBOT)
-    pose = _pose(float(row["x"]), float(row["y"]), float(row["psi"]))
+    world, robot = header(stamp, WORLD), header(stamp, ROBOT)
+    here = pose(float(row["x"]), float(row["y"]), float(row["psi"]))
     asked = _twist(float(row["v"]), float(row["omega"]))
     applied = _twist(float(row["applied_v"]), float(row["applied_omega"]))
     axes = np.array([row["stick_x"], row["stick_psi"]], dtype=np.float32)
-    at = Transform(Vector3(pose.position.x, pose.position.y, 0.0), pose.orientation)
+    at = Transform(Vector3(here.position.x, here.position.y, 0.0), here.orientation)
     yield "/tf", TFMessage([TransformStamped(world, ROBOT, at)])
-    known, driven = PoseWithCovariance(pose, _EXACT), TwistWithCovariance(applied, _EXACT)
+    known, driven = PoseWithCovariance(here, _EXACT), TwistWithCovariance(applied, _EXACT)
     yield "/odom", Odometry(world, ROBOT, known, driven)
     yield "/cmd_vel", TwistStamped(robot, applied)
     yield "/cmd_vel_asked", TwistStamped(robot, asked)
@@ -142,32 +142,34 @@ def _motion(row: np.void, stamp: int) -> Iterator[Said]:
 
 def _obstacles(stamp: int, names: tuple[str, ...], discs: Floats) -> MarkerArray:
     """Every disc as a low cylinder, on a translucent one as wide as its safe distance."""
-    world, cylinder = _header(stamp, WORLD), Marker.CYLINDER
+    world, cylinder = header(stamp, WORLD), Marker.CYLINDER
     markers: list[Any] = []  # rosbags types it with the markers of an older ROS
     for name, disc in zip(names, discs.tolist(), strict=True):
-        pose, radius, safe = _pose(disc[X], disc[Y], 0.0), disc[RADIUS], disc[SAFE]
+        at, radius, safe = pose(disc[X], disc[Y], 0.0), disc[RADIUS], disc[SAFE]
         body = (2 * radius, 2 * radius, 0.2)
         ring = (2 * safe, 2 * safe, 0.01)
-        markers.append(_marker(world, name, 0, cylinder, pose, body, _OBSTACLE_COLOUR))
-        markers.append(_marker(world, name, 1, cylinder, pose, ring, _SAFE_COLOUR))
+        markers.append(marker(world, name, 0, cylinder, at, body, OBSTACLE_COLOUR))
+        markers.append(marker(world, name, 1, cylinder, at, ring, SAFE_COLOUR))
     return MarkerArray(markers)
 
 
 _EXACT = np.zeros(36)  # covariance of a simulated pose
 _ROBOT_COLOUR = ColorRGBA(0.1, 0.4, 0.9, 1.0)
 _WALL_COLOUR = ColorRGBA(0.5, 0.5, 0.5, 1.0)
-_OBSTACLE_COLOUR = ColorRGBA(0.9, 0.4, 0.1, 1.0)
-_SAFE_COLOUR = ColorRGBA(0.9, 0.4, 0.1, 0.25)
+OBSTACLE_COLOUR = ColorRGBA(0.9, 0.4, 0.1, 1.0)
+SAFE_COLOUR = ColorRGBA(0.9, 0.4, 0.1, 0.25)
 _FOR_EVER = Duration(0, 0)
 _NO_TEXTURE = CompressedImage(Header(Time(0, 0), ""), "", np.empty(0, dtype=np.uint8))
 _NO_MESH = MeshFile("", np.empty(0, dtype=np.uint8))
 
 
-def _header(stamp: int, frame: str) -> Header:
+def header(stamp: int, frame: str) -> Header:
+    """stamp: [ns]."""
     return Header(Time(*divmod(stamp, 1_000_000_000)), frame)
 
 
-def _pose(x: float, y: float, psi: float) -> Pose:
+def pose(x: float, y: float, psi: float) -> Pose:
+    """On the ground [m, m, rad]."""
     half = psi / 2 if math.isfinite(psi) else math.nan  # sin and cos refuse infinity
     return Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
 
@@ -176,18 +178,19 @@ def _twist(v: float, omega: float) -> Twist:
     return Twist(Vector3(v, 0.0, 0.0), Vector3(0.0, 0.0, omega))
 
 
-def _marker(
-    header: Header, name: str, number: int, shape: int,
-    pose: Pose, scale: tuple[float, float, float],
+def marker(
+    head: Header, name: str, number: int, shape: int,
+    at: Pose, scale: tuple[float, float, float],
     colour: ColorRGBA, points: Sequence[Sequence[float]] = (),
 ) -> Marker:  # fmt: skip
+    """One thing to draw. at: of its middle. scale, points: [m]."""
     return Marker(
-        header=header,
+        header=head,
         ns=name,
         id=number,
         type=shape,
         action=Marker.ADD,
-        pose=pose,
+        pose=at,
         scale=Vector3(*scale),
         color=colour,
         lifetime=_FOR_EVER,

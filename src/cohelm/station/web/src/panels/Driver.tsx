@@ -2,6 +2,7 @@
 import { send } from '../socket'
 import * as s from '../state'
 import type { Do } from '../messages'
+import { MODES } from './words'
 
 function ask(what: Do['what'], value = 0): void {
   send({ type: 'do', what, value })
@@ -9,7 +10,7 @@ function ask(what: Do['what'], value = 0): void {
 
 export function Driver() {
   const who = s.who.value
-  if (s.isReplay.value) return <div class="driver"><strong>Replay</strong> of a record</div>
+  if (s.isReplay.value) return <Replay />
   if (who === null) return <div class="driver">…</div>
   const left = who.left_s === null ? '' : ` (${Math.max(0, Math.ceil(who.left_s))} s)`
   return (
@@ -31,6 +32,21 @@ export function Driver() {
         <button type="button" onClick={() => ask('take')}>Ask for it</button>
       )}
       {who.you_ask && <span role="status">asked{left}</span>}
+    </div>
+  )
+}
+
+/** Who drove then, how, and why the robot was stopped: nothing of it can be changed any more. */
+function Replay() {
+  const now = s.state.value
+  const driver = s.who.value?.driver
+  const mode = MODES.find(([name]) => name === now?.mode)?.[1]
+  return (
+    <div class="driver" role="group" aria-label="Replay of a record">
+      <strong>Replay</strong>
+      {driver != null && <span>{driver} drives</span>}
+      {mode !== undefined && <span>mode: {mode}</span>}
+      {now !== null && now.stopped !== '' && <span class="stopped"><b>Stopped:</b> {now.stopped}</span>}
     </div>
   )
 }

@@ -4,17 +4,10 @@ import { choose, hand, speedScale } from '../input/drive'
 import { pad } from '../input/gamepad'
 import { change, DEFAULTS, settings } from '../input/settings'
 import { DEVICE_NAMES, type Device } from '../input/source'
-import type { State } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
-import { percent } from './words'
+import { MODES, percent } from './words'
 
-const MODES: Array<[State['mode'], string, string]> = [
-  ['hold', 'Hold', 'stand still'],
-  ['shared', 'Shared', 'the controller follows the way; you take over as far as you deflect the stick'],
-  ['automatic', 'Auto', 'the controller alone'],
-  ['manual', 'Manual', 'the stick alone; obstacles are still avoided'],
-]
 const open = signal(false)
 
 export function Modes() {

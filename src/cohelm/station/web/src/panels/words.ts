@@ -1,4 +1,13 @@
-// Numbers as people read them.
+// Numbers and modes as people read them.
+import type { State } from '../messages'
+
+/** Mode, its name, and what it means. */
+export const MODES: Array<[State['mode'], string, string]> = [
+  ['hold', 'Hold', 'stand still'],
+  ['shared', 'Shared', 'the controller follows the way; you take over as far as you deflect the stick'],
+  ['automatic', 'Auto', 'the controller alone'],
+  ['manual', 'Manual', 'the stick alone; obstacles are still avoided'],
+]
 
 export function metres(value: number | null | undefined): string {
   return value == null ? '–' : `${value.toFixed(2)} m`

@@ -1,0 +1,227 @@
+"""A recorded drive as what the robot told its stations meanwhile."""
+
+from __future__ import annotations
+
+import bisect
+import math
+import tempfile
+import weakref
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Stick, Twist
+from cohelm.drive.over_link import hello
+from cohelm.law import verdict as verdicts
+from cohelm.link import messages as m
+from cohelm.link.station_end import WholeScan
+from cohelm.link.told import Told
+from cohelm.perceive.frames import compose
+from cohelm.record.drive import periods
+from cohelm.record.messages import messages
+from cohelm.record.replay import recorded_model
+from cohelm.record.shown import TOPICS as SHOWN, understood
+from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.station.robot_link import News
+
+_NAN = math.nan
+_AHEAD, _AHEAD_STEP = 12, 0.15
+_POOR = 0.1  # a place with a larger standard deviation is poorly known [m]
+_EVENT = 4.0  # how long what happened stays on the screen [s]
+_MODES = {GateMode.SHARED: m.Mode.SHARED, GateMode.AUTOMATIC: m.Mode.AUTOMATIC}
+_VERDICTS = {
+    verdicts.UNTOUCHED: m.Verdict.UNTOUCHED, verdicts.SHAPED: m.Verdict.SHAPED,
+    verdicts.BRAKING: m.Verdict.BRAKING, verdicts.STANDING: m.Verdict.STANDING,
+    verdicts.INVALID: m.Verdict.INVALID,
+}  # fmt: skip
+_UNTOLD = Told(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
+_CAMERA = "/camera/compressed"
+
+
+class _Series:
+    """Things in the order of time."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        self.all: list[Any] = []
+
+    def add(self, t: float, thing: Any) -> None:
+        """The next one."""
+        self.times.append(max(t, self.times[-1]) if self.times else t)
+        self.all.append(thing)
+
+    def newest(self, t: float) -> Any:
+        """The last one by `t`, or None."""
+        k = bisect.bisect_right(self.times, t)
+        return self.all[k - 1] if k else None
+
+    def between(self, since: float, t: float) -> list[Any]:
+        """Those after `since`, up to `t`."""
+        at = bisect.bisect_right
+        return self.all[at(self.times, since) : at(self.times, t)]
+
+
+class _Scan(NamedTuple):
+    number: int
+    taken: float
+    first: float
+    step: float
+    ranges: NDArray[np.uint16]
+
+
+class _Jpeg(NamedTuple):
+    number: int
+    taken: float
+    at: int
+    size: int
+
+
+class DriveFilm:
+    """A `film.Film` of a drive: of `cohelm robot --record`, or started from the screen."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises CohelmError where there is no drive in the file."""
+        self._model = recorded_model(path)
+        lidar = self._model.lidar
+        self._mount = lidar.lidar().mount if lidar is not None else Pose(0.0, 0.0, 0.0)
+        self._series: dict[str, _Series] = {}
+        self._pictures = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the film
+        weakref.finalize(self, self._pictures.close)
+        self._scan: WholeScan | None = None
+        self._picture: m.Picture | None = None
+        self._rows = self._read(path)
+        self._times: list[float] = self._rows["t"].tolist()
+        self.start = self._times[0]
+        self.duration = self._times[-1] - self.start
+
+    def first(self) -> list[m.FromRobot]:
+        """The robot."""
+        camera = _CAMERA in self._series
+        model = self._model if camera else self._model.model_copy(update={"camera": None})
+        return [hello(model, "", _NAN)]
+
+    def at(self, t: float) -> list[News]:
+        """All that was newest then; the same things again as long as nothing is new."""
+        now = self.start + t + 1e-9
+        k = max(bisect.bisect_right(self._times, now) - 1, 0)
+        out = [News(self._status(k), self._times[k], 0.0)]
+        for topic in SHOWN:
+            if topic != "/diagnostics" and (what := self._newest(topic, now)) is not None:
+                out.append(News(what, now, 0.0))
+        scan, jpeg = self._newest("/scan", now), self._newest(_CAMERA, now)
+        if scan is not None:
+            if self._scan is None or self._scan.number != scan.number:
+                self._scan = self._placed(scan)
+            out.append(News(self._scan, scan.taken, now - scan.taken))
+        if jpeg is not None:
+            if self._picture is None or self._picture.number != jpeg.number:
+                self._picture = self._seen(jpeg)
+            out.append(News(self._picture, jpeg.taken, now - jpeg.taken))
+        return out
+
+    # ---- reading ------------------------------------------------------------------------
+
+    def _read(self, path: Path) -> NDArray[np.void]:
+        begin = next(messages(path, ("/period",)), None)
+        if begin is None:
+            raise CohelmError(f"{path} holds no drive (/period): give the record of one")
+        zero = begin[1] - round(begin[2].t * 1e9)  # stamp of the robot's clock 0 [ns]
+        rows: list[Any] = []
+        for topic, stamp, message in messages(
+            path, ("/period", "/scan", "/rosout", _CAMERA, *SHOWN)
+        ):
+            if topic == "/period":
+                rows.append(message)
+            else:
+                self._add(topic, (stamp - zero) * 1e-9, message)
+        return periods(rows)
+
+    def _add(self, topic: str, t: float, message: Any) -> None:
+        series = self._series.setdefault(topic, _Series())
+        count = len(series.all)
+        if topic == "/scan":
+            far = ~np.isfinite(message.ranges)
+            known = np.where(far, 0.0, message.ranges)
+            ranges = np.minimum(np.round(1000.0 * known), 65534).astype(np.uint16)
+            ranges[far & (message.ranges > 0.0)] = 65535
+            series.add(
+                t, _Scan(count, t, float(message.angle_min), float(message.angle_increment), ranges)
+            )
+        elif topic == "/rosout":
+            level = m.Severity.WARNING if message.level >= 40 else m.Severity.NOTICE
+            text = f"{message.name}: {message.msg}"
+            series.add(t, m.Alarm(10_000 + count, level, True, True, text))
+        elif topic == _CAMERA:
+            jpeg = bytes(message.data)
+            at = self._pictures.seek(0, 2)
+            self._pictures.write(jpeg)
+            series.add(t, _Jpeg(count, t, at, len(jpeg)))
+        else:
+            series.add(t, understood(topic, message))
+
+    # ---- telling ------------------------------------------------------------------------
+
+    def _newest(self, topic: str, now: float) -> Any:
+        series = self._series.get(topic)
+        return None if series is None else series.newest(now)
+
+    def _pose(self, t: float) -> Pose:
+        row = self._rows[max(bisect.bisect_right(self._times, t) - 1, 0)]
+        return Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
+
+    def _placed(self, scan: _Scan) -> WholeScan:
+        sensor = compose(self._pose(scan.taken), self._mount)
+        return WholeScan(scan.number, scan.taken, sensor, scan.first, scan.step, scan.ranges)
+
+    def _seen(self, jpeg: _Jpeg) -> m.Picture:
+        self._pictures.seek(jpeg.at)
+        data = self._pictures.read(jpeg.size)
+        return m.Picture(jpeg.number, jpeg.taken, self._pose(jpeg.taken), data)
+
+    def _status(self, k: int) -> m.Status:
+        row = self._rows[k]
+
+        def f(name: str) -> float:
+            return float(row[name])
+
+        now = f("t")
+        told: Told = self._newest("/diagnostics", now) or _UNTOLD._replace(
+            mode=_MODES.get(GateMode(int(row["mode"])), m.Mode.HOLD)
+        )
+        happened: list[m.Alarm] = []
+        if "/rosout" in self._series:
+            happened = self._series["/rosout"].between(now - _EVENT, now)
+        pose = Pose(f("x"), f("y"), f("psi"))
+        given = Twist(f("v_given"), f("omega_given"))
+        return m.Status(
+            m.Lease(0, told.driver, told.name, 0, "", _NAN), told.mode, told.stopped,
+            m.Arming(int(row["arming"])), Stick(f("stick_x"), f("stick_psi")),
+            min(f("authority_x"), f("authority_psi")), pose, pose,
+            Twist(f("v_measured"), f("omega_measured")), Twist(f("v_wished"), f("omega_wished")),
+            given, told.why,
+            m.Guarding(
+                _VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("gap"),
+                (f("culprit_x"), f("culprit_y")), f("h"),
+            ),
+            f("e_p"), Pose(f("x_d"), f("y_d"), f("psi_d")), f("progress"), told.cap,
+            told.cap_reason, _localised(row), f("sigma"), False,
+            m.Timing(f("late"), int(row["overruns"]), f("stick_age"), _NAN, _NAN, 0),
+            (*told.alarms, *reversed(happened))[:8], (), self._ahead(now), _AHEAD_STEP,
+        )  # fmt: skip
+
+    def _ahead(self, now: float) -> tuple[tuple[float, float], ...]:
+        """Where it went next: a record knows."""
+        then = [now + (i + 1) * _AHEAD_STEP for i in range(_AHEAD)]
+        return tuple(self._pose(t)[:2] for t in then if t <= self._times[-1])
+
+
+def _localised(row: np.void) -> m.Localised:
+    if row["lost"]:
+        return m.Localised.LOST
+    sigma = float(row["sigma"])
+    if math.isnan(sigma):
+        return m.Localised.UNKNOWN
+    return m.Localised.POOR if sigma > _POOR else m.Localised.GOOD

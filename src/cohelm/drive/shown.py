@@ -1,0 +1,33 @@
+"""What stations and records are shown of a drive that does not change from period to period."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from cohelm.law.reference import Reference, desired
+from cohelm.link.messages import Line, Map, Polyline
+from cohelm.perceive.known import Known
+from cohelm.pilot.course import poses_along
+
+_STEP = 0.1  # between two points of a way [m]
+
+
+def drawn(known: Known) -> Map:
+    """The map as a page draws it."""
+    cells = np.where(known.gap <= 0.0, 100, 0).astype(np.uint8)
+    cells[known.unknown] = 255
+    rows, columns = cells.shape
+    return Map(
+        1, known.origin, known.resolution, columns, rows, 0, 0, columns, rows,
+        zlib.compress(np.ascontiguousarray(cells).tobytes()),
+    )  # fmt: skip
+
+
+def way(reference: Reference) -> tuple[Polyline, Polyline]:
+    """The reference as a line, and its way-points."""
+    at = [desired(reference, float(t), False) for t in reference.knots]
+    points = np.array([(d.x, d.y) for d in at], dtype=np.float32)
+    line = poses_along(reference, _STEP)[:, :2].astype(np.float32)
+    return Polyline(Line.REFERENCE, line), Polyline(Line.WAYPOINTS, points)

@@ -1,0 +1,123 @@
+"""A drive that was recorded is shown again as the stations were shown it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.drive.driven import DriveFilm
+from cohelm.drive.film import film
+from cohelm.drive.replayed import Replaying
+from cohelm.drive.session import Plan, Session
+from cohelm.drive.shown import drawn, way
+from cohelm.drive.simulated import simulated, surveyed
+from cohelm.link.messages import Ask, Discs, Line, Map, Mode, Polyline, Severity, Status
+from cohelm.link.station_end import WholeScan
+from cohelm.loop.operator import Scripted
+from cohelm.record.drive import DriveFile
+from tests.drive.faults import CORRIDOR
+from tests.ports.adapters import sally
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """Follows the corridor, led to the left from 2 s to 3 s, stopped by the driver at 4 s."""
+    path = tmp_path_factory.mktemp("drive") / "drive.mcap"
+    robot = simulated(CORRIDOR, real_time=False)
+    operator = Scripted(lambda t: Stick(0.0, 0.6 if 2.0 < t < 3.0 else 0.0), lambda: 0.0)
+    with Session(Plan(robot, record=path), operator) as session:
+        keeper = session.loop.keeper
+        operator._clock = keeper.now
+        session.run(lambda loop: keeper.now() >= 4.0, Mode.SHARED)
+        operator.ask(Ask.STOP)
+        session.run(lambda loop: keeper.now() >= 5.0)
+        told = list(operator.statuses)
+        known = surveyed(robot.scenario.walls(), robot.start)
+        shown = [drawn(known), *way(robot.scenario.reference.spline())]
+    return path, told, shown
+
+
+def at(seen: DriveFilm, t: float) -> dict:
+    """The messages at a time of the robot's clock, by type; of lines, by what they are."""
+    out = {}
+    for news in seen.at(t - seen.start):
+        out[getattr(news.message, "what", type(news.message))] = news.message
+    return out
+
+
+def test_numbers_and_words_come_back_as_they_were_told(driven):
+    path, told, _ = driven
+    seen = DriveFilm(path)
+    for k in (-1, -20, -49):  # standing, braking, and being stopped
+        t = seen._times[k]
+        then, now = told[k], at(seen, t)[Status]
+        for name in ("pose", "given", "asked", "stick", "arming", "e_p", "reference", "progress",
+                     "mode", "stopped", "why", "localised", "sigma", "speed_cap"):  # fmt: skip
+            assert repr(getattr(now, name)) == repr(getattr(then, name)), (k, name)
+        assert now.guarding.gap == pytest.approx(then.guarding.gap, nan_ok=True)
+        assert [a for a in now.alarms if a.number < 10_000] == list(then.alarms)
+
+
+def test_who_drove_and_what_happened_is_seen(driven):
+    seen = DriveFilm(driven[0])
+    leading = at(seen, 2.9)[Status]
+    assert (leading.lease.driver, leading.lease.driver_name) == (1, "script")
+    assert leading.mode == Mode.SHARED
+    assert leading.automatic < 0.9
+    assert leading.stopped == ""
+    stopped = at(seen, 4.5)[Status]
+    assert stopped.stopped == "stop by script"
+    words = [alarm.text for alarm in stopped.alarms]
+    assert "stop by script" in words  # the alarm
+    assert any("gate:" in word and "STOPPED" in word for word in words)
+    assert any(a.severity == Severity.NOTICE and "asks for STOP" in a.text for a in stopped.alarms)
+
+
+def test_map_way_scan_and_obstacles_are_those_of_the_drive(driven):
+    path, _, (grid, line, points) = driven
+    seen = at(DriveFilm(path), 2.0)
+    assert seen[Map] == grid
+    assert np.array_equal(seen[Line.REFERENCE].points, line.points)
+    assert np.array_equal(seen[Line.WAYPOINTS].points, points.points)
+    scan = seen[WholeScan]
+    assert 1.8 < scan.taken <= 2.0
+    known = scan.ranges[(scan.ranges > 0) & (scan.ranges < 65535)] / 1000.0
+    assert 0.8 < known.min() < 1.6  # the corridor's walls
+    assert seen[Discs].rows.shape[1] == 6
+    # beams that hit do so where the map has walls
+    k = np.flatnonzero((scan.ranges > 0) & (scan.ranges < 3000))
+    bearing = scan.sensor.psi + scan.first + k * scan.step
+    y = scan.sensor.y + scan.ranges[k] / 1000.0 * np.sin(bearing)
+    assert np.median(np.abs(np.abs(y) - 1.5)) < 0.1
+
+
+def test_what_is_not_new_is_not_told_again_and_a_jump_back_tells_what_was(driven):
+    now = [0.0]
+    link = Replaying(film(driven[0]), lambda: now[0])
+    first = [type(news.message) for news in link.news()]
+    assert Map in first
+    assert Polyline in first
+    now[0] += 0.05
+    assert {type(news.message) for news in link.news()} <= {Status, WholeScan, Discs}
+    link.play(False, 1.0, 4.5)
+    link.news()
+    link.play(False, 1.0, 1.0)
+    (status,) = (n.message for n in link.news() if isinstance(n.message, Status))
+    assert status.stopped == ""
+
+
+def test_a_file_is_shown_for_what_it_is(driven, tmp_path):
+    assert isinstance(film(driven[0]), DriveFilm)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(driven[0].read_bytes()[: driven[0].stat().st_size // 2])
+    assert 0.5 < film(cut).duration < film(driven[0]).duration
+    empty = tmp_path / "empty.mcap"
+    with empty.open("wb") as file:
+        DriveFile(file, sally(), 0).finish()
+    with pytest.raises(CohelmError, match="no run of cohelm"):
+        film(empty)
+    with pytest.raises(CohelmError, match="holds no drive"):
+        DriveFilm(empty)
+    assert not math.isnan(film(driven[0]).start)
