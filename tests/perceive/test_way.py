@@ -156,3 +156,16 @@ def test_a_line_spread_out_keeps_its_ends_and_its_course(spacing):
     assert even[[0, -1]].tolist() == bent[[0, -1]].tolist()
     assert np.hypot(*np.diff(even, axis=0).T).max() <= spacing + 1e-9
     assert all(LineString(bent).distance(LineString(even[[i, i]])) < 1e-9 for i in range(len(even)))
+
+
+def test_of_two_ways_that_are_about_as_good_the_one_chosen_before_is_kept():
+    def side(y, chosen):
+        found = way(AT, circle(3.0, y, 0.4), LINE, JACKAL, chosen=chosen)
+        return math.copysign(1.0, found.points[np.abs(found.points[:, 1]).argmax(), 1])
+
+    assert side(0.02, NOTHING) == -1.0
+    left = way(AT, circle(3.0, -0.02, 0.4), LINE, JACKAL).points
+    assert left[:, 1].max() > 0.5
+    assert side(0.02, left) == 1.0
+    assert side(0.02, left + np.array([1000.0, 0.0])) == -1.0  # one that is far away says nothing
+    assert side(0.5, left) == -1.0  # now it is much the longer

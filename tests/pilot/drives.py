@@ -12,6 +12,7 @@ from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.plan import Care
 from cohelm.pilot.step import Settings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
@@ -46,9 +47,10 @@ def drive(
     speed=0.5,
     settings=SETTINGS,
     agility=0.5,
+    care: Care | None = None,
 ) -> Drive:
     """Until arrival or for `seconds`. discs: rows of `disc`, those with a velocity drift."""
-    pilot = Pilot(through(waypoints, speed), settings, delay=delay)
+    pilot = Pilot(through(waypoints, speed), settings, delay=delay, care=care)
     rows = np.array([disc(*d) for d in discs]).reshape(-1, 6)
     walls = np.array(walls, dtype=float).reshape(-1, 4)
     moving = np.hypot(rows[:, 2], rows[:, 3]) > 0.0

@@ -32,6 +32,9 @@ class Manners(NamedTuple):
     """How far from the line's end a way may end where the end is taken [m]."""
     stray: float = 0.15
     """Share dearer a metre is, per metre away from the given line; 0 to ignore the line [1/m]."""
+    loyal: float = 0.2
+    """Share dearer a metre is, half a metre or more away from the way chosen before: of two that
+    are about as good, the robot does not take now one, now the other."""
     border: float = 1.5
     """How far beyond robot and line a way is looked for [m]; three times as far if there is
     none."""
@@ -44,6 +47,7 @@ class Manners(NamedTuple):
 
 
 _MANNERS = Manners()
+_NONE: Floats = np.empty((0, 2))
 
 
 class Way(NamedTuple):
@@ -69,7 +73,7 @@ def first_blocked(line: Floats, points: Floats, outline: Floats, gap: float) -> 
 
 def way(
     pose: Pose, points: Floats, line: Floats, outline: Floats, manners: Manners = _MANNERS,
-    begin: int = 0, horizon: float = math.inf, farther: bool = True,
+    begin: int = 0, horizon: float = math.inf, farther: bool = True, chosen: Floats = _NONE,
 ) -> Way | None:  # fmt: skip
     """A way from the robot back onto a line, around all points seen; None if none is known.
 
@@ -78,7 +82,8 @@ def way(
     robot for good. The way ends on the line `horizon` metres after the row nearest to the robot,
     or farther on where that can not be reached; at the latest at the line's end, or up to
     `beside` from it. What has not been seen counts as free. farther: whether to look beyond
-    `border`, which takes a while, if there is none nearer.
+    `border`, which takes a while, if there is none nearer. chosen: (m, 2), the way that the robot
+    is on [m]; see `Manners.loyal`.
     """
     off = line[begin:] - np.array(pose[:2])
     here = begin + int(np.argmin(np.hypot(off[:, 0], off[:, 1])))
@@ -92,6 +97,8 @@ def way(
         known = chart(points, (low[0], low[1]), (high[0], high[1]), manners.resolution)
         cells = _cells(known, line[here:])
         dear = straying(known, cells, manners)
+        if len(chosen):
+            dear *= disloyal(known, chosen, manners)
         for _ in range(_TRIES):
             found = cheapest(known, dear, cells, pose, line, here, aim, narrow, wide, manners)
             if found is None:
@@ -112,12 +119,22 @@ def way(
 
 def straying(chart: Chart, cells: Ints, manners: Manners) -> Floats:
     """How many times dearer each cell of a chart is for its distance from a line's (k, 2)."""
-    off = np.ones(chart.clearance.shape, dtype=np.bool_)
     if manners.stray == 0.0:
-        return off.astype(np.float64)
+        return np.ones(chart.clearance.shape)
+    return 1.0 + manners.stray * np.minimum(_away(chart, cells), 3.0)
+
+
+def disloyal(chart: Chart, chosen: Floats, manners: Manners) -> Floats:
+    """How many times dearer each cell of a chart is for its distance from a way, (m, 2) [m]."""
+    away = _away(chart, _cells(chart, chosen))
+    return 1.0 + manners.loyal * np.minimum(2.0 * away, 1.0)
+
+
+def _away(chart: Chart, cells: Ints) -> Floats:
+    """The distance of each cell of a chart from the nearest of some (k, 2), k >= 1 [m]."""
+    off = np.ones(chart.clearance.shape, dtype=np.bool_)
     off[cells[:, 0], cells[:, 1]] = False
-    away = np.asarray(ndimage.distance_transform_edt(off)) * chart.resolution
-    return 1.0 + manners.stray * np.minimum(away, 3.0)
+    return np.asarray(ndimage.distance_transform_edt(off)) * chart.resolution
 
 
 def cheapest(

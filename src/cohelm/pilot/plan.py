@@ -13,15 +13,19 @@ from cohelm.law.govern import Clock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
 from cohelm.perceive.band import distances
-from cohelm.perceive.escape import Escape, escape, kind
+from cohelm.perceive.chart import swept
+from cohelm.perceive.escape import Choices, Escape, escape, kind
 from cohelm.perceive.way import Manners, way
-from cohelm.pilot.course import Course, Route, course, nearest_row, paced
+from cohelm.pilot.ahead import ahead
+from cohelm.pilot.course import Course, Route, course, nearest_row, paced, window
 from cohelm.pilot.movers import Foresight, met
 from cohelm.pilot.step import NO_MOVE, Settings, State
 
 _ROUND = 24  # points around a disc, at least
 _FINE = 0.03  # between points around a disc that is near [m]
 _NEAR = 1.5  # the robot's centre to a disc's surface [m]
+_CHOICES = Choices()
+_NO_WAY: Floats = np.empty((0, 2))
 _PERIOD = 0.25  # of plans, at most, for `_once_a_second` to come once a second [s]
 
 
@@ -98,7 +102,7 @@ def plan(task: Task, route: Route, settings: Settings, manners: Manners, care: C
     if made.failed and len(coming):
         far = _once_a_second(task)
         made = _course(task, there, kept, route, settings, manners, care, far)
-    return made._replace(move=_way_out(task, made, there, route, settings, care))
+    return made._replace(move=_way_out(task, made, there, route, settings, manners, care))
 
 
 def _course(
@@ -139,7 +143,13 @@ def _rejoined(
     made, gap = paced(
         own, float(route.times[row]), care.look, points, settings.outline, settings.pace
     )
-    return Plan(made, True, None, False, gap) if gap >= 1.25 * care.accept else None
+    if gap < 1.25 * care.accept:
+        return None
+    clock = entered(made, route, row, pose, task.twist)
+    drive = ahead(made, clock, pose, task.twist, care.look, settings)
+    if len(drive) and swept(points, settings.outline, drive).min() < care.accept:
+        return None
+    return Plan(made, True, None, False, gap)
 
 
 def _round(
@@ -152,9 +162,15 @@ def _round(
     """
     line, pose = route.line, task.pose
     row = nearest_row(line, pose, task.state.row, max(task.state.row + 20, task.course.row))
+    now, clock = task.course, task.state.clock
+    chosen = _NO_WAY
+    if now.row > 0 and clock.waited <= care.waits:
+        chosen = now.poses[slice(*window(now, clock.tau, care.known)), :2]
     for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
         end = min(len(line), row + int(reach * care.look / 0.1))
-        found = way(pose, points, line[:end], settings.outline, manners, row, care.look, farther)
+        found = way(
+            pose, points, line[:end], settings.outline, manners, row, care.look, farther, chosen
+        )
         if found is not None:
             break
     else:
@@ -178,23 +194,25 @@ def _round(
 
 
 def _way_out(
-    task: Task, made: Plan, points: Floats, route: Route, settings: Settings, care: Care
-) -> Escape | None:
+    task: Task, made: Plan, points: Floats, route: Route, settings: Settings, manners: Manners,
+    care: Care,
+) -> Escape | None:  # fmt: skip
     """A move out of a tight spot, if one is needed and there is one."""
     pose = task.pose
     clock = task.state.clock
     if made.new:
         clock = entered(made.course, route, task.state.row, pose, task.twist)
-    ahead = governed(made.course.reference, clock, pose, settings.pace)
-    off = math.remainder(ahead.psi - pose.psi, 2.0 * math.pi)
+    to = governed(made.course.reference, clock, pose, settings.pace)
+    off = math.remainder(to.psi - pose.psi, 2.0 * math.pi)
     held = task.state.clock.waited > care.waits
     over = clock.tau >= made.course.reference.knots[-1]
     if over or (abs(off) <= care.turned and not held):
         return None
     refused = task.state.refused
-    move = escape(pose, ahead.psi, points, settings.outline, refused=refused)
+    choices = _CHOICES._replace(gaps=(*(g for g in _CHOICES.gaps if g > manners.gap), manners.gap))
+    move = escape(pose, to.psi, points, settings.outline, choices, refused)
     if move is None and refused:
-        move = escape(pose, ahead.psi, points, settings.outline)
+        move = escape(pose, to.psi, points, settings.outline, choices)
     if move is not None and abs(off) < 0.3 and move.distance == 0.0:
         back = Escape(-0.2, 0.0, 0.0)  # looks where it should, but does not get on
         return Escape(0.1, 0.0, 0.0) if kind(back) & refused else back

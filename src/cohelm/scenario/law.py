@@ -150,6 +150,9 @@ class PlanModel(Schema):
     """Least gap of a way round, not less than the guard's margin_m; by default 1 cm more."""
     room_m: Length = _MANNERS.room
     """Gap beside the robot from which more is not better."""
+    pass_right_m: AtLeast0 = 0.0
+    """How much wider things that move are taken to be on the robot's left, so that it rather passes
+    them on the right, as the paper's k_cbf does; 0 for the shorter side."""
     period_s: Annotated[float, Field(gt=0.0, le=10.0)] = 0.2
     """From one plan to the next."""
     escape_mps: Rate = 0.4
@@ -160,7 +163,10 @@ class PlanModel(Schema):
     def care(self, margin: float) -> Care:
         """When plans are made, as numbers. margin: the guard's [m]."""
         accept = margin + 0.03 if self.accept_m is None else self.accept_m
-        return _CARE._replace(look=self.look_m, known=1.5 * self.look_m, accept=accept)
+        return _CARE._replace(
+            look=self.look_m, known=1.5 * self.look_m, accept=accept,
+            foresight=_CARE.foresight._replace(right=self.pass_right_m),
+        )  # fmt: skip
 
     def manners(self, margin: float) -> Manners:
         """What makes a way good, as numbers."""

@@ -102,12 +102,14 @@ class _Run:
         self.guarded = setup.pilot is not None
         given_pilot = setup.pilot or _unguarded(setup)
         settings = given_pilot.settings._replace(limits=held(model.bounds(), given.physics))
-        if self.guarded:
+        manners, care = given_pilot.manners, given_pilot.care
+        if self.guarded:  # ways are as much wider as the guard is more careful
             settings = settings._replace(rules=careful(settings.rules))
+            manners = manners._replace(gap=manners.gap + 2.0 * SLOP)
+            care = care._replace(accept=care.accept + 2.0 * SLOP)
         delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
-            setup.reference, settings, delay=delay, manners=given_pilot.manners,
-            care=given_pilot.care,
+            setup.reference, settings, delay=delay, manners=manners, care=care,
         )  # fmt: skip
         seeing = given_pilot.lidar is not None
         self.perception = Perception(self.robot.model) if seeing else None
