@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import threading
+import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,10 +15,11 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.link.lent import borrowed
-from cohelm.link.messages import Device, Mode
+from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.station_end import StationEnd
 from cohelm.link.sticks.at_helm import drive as at_helm
-from cohelm.link.sticks.port import CENTRED, Button, Feel, Reading
+from cohelm.link.sticks.port import CENTRED, Feel, Reading
+from cohelm.record.messages import messages
 from cohelm.station.app import pages
 from tests.drive.faults import CORRIDOR
 from tests.link.ends import until
@@ -31,6 +34,7 @@ class Drive:
 
     def __init__(self, folder: Path) -> None:
         command = [sys.executable, "-m", "cohelm", "drive", str(CORRIDOR), "--kinematic"]
+        self.folder = folder
         self.process = subprocess.Popen(
             [*command, "--port", "0"], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             text=True, env=os.environ | {"NO_COLOR": "1"},
@@ -90,11 +94,9 @@ class Hand:
 
     def __init__(self) -> None:
         self.stick, self.there = CENTRED, True
-        self.buttons: list[Button] = []
 
     def read(self) -> Reading:
-        pressed, self.buttons = tuple(self.buttons), []
-        return Reading(self.stick, self.there, "" if self.there else "let go", pressed)
+        return Reading(self.stick, self.there, "" if self.there else "let go", ())
 
     def feel(self, feel: Feel) -> None:
         pass
@@ -103,7 +105,7 @@ class Hand:
         pass
 
 
-def test_a_stick_of_this_machine_joins_drives_and_its_loss_stops_the_robot(drive):
+def test_a_stick_of_this_machine_joins_and_takes_the_helm(drive):
     assert "cohelm stick --drive" in drive.said
     own, to = borrowed()
     hand, said = Hand(), []
@@ -112,17 +114,45 @@ def test_a_stick_of_this_machine_joins_drives_and_its_loss_stops_the_robot(drive
         stick.start()
         try:
             until(watching.status, PATIENT)
-            told = lambda: watching.status().status  # noqa: E731
-            until(lambda: "you drive" in said and told().arming == 2, PATIENT)
-            assert told().lease.driver_name == "stick"
-            hand.buttons = [Button.MODE]
-            until(lambda: told().mode == Mode.SHARED, PATIENT)
+            until(lambda: watching.status().status.arming == Arming.ARMED, PATIENT)
+            assert watching.status().status.lease.driver_name == "stick"
+            assert "you drive" in said
             hand.stick = Stick(-0.8, 0.0)
-            until(lambda: told().twist.v < -0.05, PATIENT)
+            until(lambda: watching.status().status.stick.x < -0.7, PATIENT)
         finally:
             hand.there = False
             stick.join(PATIENT)
-        until(lambda: "stick" in told().stopped and abs(told().twist.v) < 0.01, PATIENT)
+        until(lambda: watching.status().status.arming == Arming.ABSENT, PATIENT)
+
+
+def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
+    own, to = borrowed()
+    with StationEnd(own, *to) as station:
+        told = lambda: station.status().status  # noqa: E731
+        steer = partial(station.steer, CENTRED, True, True, Device.SCRIPT)
+
+        def ask(what: Ask, value: int, done) -> None:
+            """Again and again: on a busy machine it may come too late, or not be granted yet."""
+            end = time.monotonic() + 2 * PATIENT
+            while not done():
+                assert time.monotonic() < end, what
+                number = station.ask(what, value)
+                until(lambda n=number: station.answer(n) or done(), PATIENT, steer)
+
+        until(station.status, PATIENT)
+        ask(Ask.TAKE, 0, lambda: told().lease.driver == told().lease.you)
+        ask(Ask.RECORD, 1, lambda: told().recording)
+        ask(Ask.MODE, Mode.AUTOMATIC, lambda: told().mode == Mode.AUTOMATIC or told().stopped)
+        ask(Ask.STOP, 0, lambda: told().stopped)
+        until(lambda: abs(told().twist.v) < 0.01, PATIENT, steer)
+        ask(Ask.RECORD, 0, lambda: not told().recording)
+        until(lambda: list(drive.folder.glob("out/records/*.mcap")), 2 * PATIENT, steer)
+    (record,) = drive.folder.glob("out/records/*.mcap")
+    said = [m.msg for _, _, m in messages(record, ("/rosout",)) if m.name == "gate"]
+    assert said[:2] == ["IDLE", "IDLE -> AUTOMATIC"]
+    latched = [line for line in said if re.match("AUTOMATIC -> (STOPPED|FAULTED): .", line)]
+    assert len(latched) == 1  # a stop, or on a very busy machine the watchdog
+    assert [line for line in said[said.index(latched[0]) :] if line.startswith("stands, ")]
 
 
 def test_when_its_robot_dies_it_says_so_and_ends(drive):

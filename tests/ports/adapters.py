@@ -4,6 +4,7 @@ A new adapter adds itself to `ADAPTERS`; the suite then holds it to the port's p
 """
 
 import atexit
+import io
 import shutil
 import tempfile
 import zlib
@@ -13,12 +14,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from PIL import Image
 
 from cohelm.core.period import PERIOD
 from cohelm.core.types import Pose, Twist
 from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
 from cohelm.link.told import Shown, Told
-from cohelm.record.drive import DriveFile
+from cohelm.record.drive import DriveFile, Photo
 from cohelm.record.replay import Replayed
 from cohelm.robot.keep.kept import Event
 from cohelm.robot.model import RobotModel
@@ -84,6 +86,9 @@ def recorded(path: Path, seconds: float) -> Path:
             robot.wait(robot.now() + 0.02)
         for what in SHOWN:
             drive.write(Shown(robot.now(), what))
+        grey = io.BytesIO()
+        Image.new("RGB", (8, 6), (99, 99, 99)).save(grey, "JPEG")
+        drive.write(Photo(robot.now(), 0, grey.getvalue()))
         drive.write(Event(robot.now(), "loop", "the end"))
         drive.finish()
     return path

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.tell import Json, console, plain, print_json, print_table, say
+from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say
 
 if TYPE_CHECKING:
     from cohelm.drive.session import Plan, Session
@@ -40,6 +40,7 @@ def robot(
     record: Annotated[
         Path | None, typer.Option("--record", metavar="FILE", help="Record into this MCAP file.")
     ] = None,
+    pictures: Pictures = 5.0,
     chart: Annotated[
         Path | None,
         typer.Option(
@@ -87,7 +88,7 @@ def robot(
     known = None if chart is None else mapped(chart, made.start)
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
-    plan = Plan(made, rate, record, known, ways=Ways(carry_on=carry_on))
+    plan = Plan(made, rate, record, known, ways=Ways(carry_on=carry_on), pictures=pictures)
     say(f"starting {plain(made.model.name)} in {plain(made.scenario.name)}")
     if listen is not None:
         _told(made.scenario.name, _served(plan, listen, seconds), as_json)

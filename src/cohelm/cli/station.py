@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.tell import plain, say
+from cohelm.cli.tell import Pictures, plain, say
 
 if TYPE_CHECKING:
     from cohelm.station.robot_link import Connect
@@ -74,6 +74,7 @@ def drive(
     carry_on: Annotated[
         bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
     ] = False,
+    pictures: Pictures = 5.0,
     host: Host = "127.0.0.1",
     port: Port = 8765,
     tls: Tls = False,
@@ -97,8 +98,9 @@ def drive(
     pages()  # a checkout without them is told at once, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
     say(f"starting the robot in {plain(scenario)}; the first time takes a minute")
+    door = Door(of_robot, "127.0.0.1", 0, records)
     with (
-        Beside(scenario, twin, Door(of_robot, "127.0.0.1", 0, records), carry_on) as robot,
+        Beside(scenario, twin, door, carry_on, pictures=pictures) as robot,
         lent(of_stick, robot.host, robot.port),
     ):
         say("to join it with a stick of this machine: cohelm stick --drive")

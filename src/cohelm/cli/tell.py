@@ -15,6 +15,14 @@ Out = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object, on stdout.")]
 
+Pictures = Annotated[
+    float,
+    typer.Option(
+        "--pictures", metavar="HZ", min=0.0, max=60.0,
+        help="Of the camera, so many a second go into a record; 0 for none.",
+    ),
+]  # fmt: skip
+
 
 def print_table(title: str, headings: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
     """A table on stdout, for a person."""

@@ -25,16 +25,19 @@ class Beside:
     """
 
     def __init__(
-        self, name: str, twin: bool, door: Door, carry_on: bool = False, watchdog: float = 0.1
-    ) -> None:
-        """name: of a scenario. watchdog: as in `session.Plan`.
+        self, name: str, twin: bool, door: Door, carry_on: bool = False, watchdog: float = 0.1,
+        pictures: float = 5.0,
+    ) -> None:  # fmt: skip
+        """name: of a scenario. watchdog, pictures: as in `session.Plan`.
 
         Raises CohelmError where the robot can not be started.
         """
         context = multiprocessing.get_context("spawn")
         self._line, theirs = context.Pipe(duplex=True)
         self._process = context.Process(
-            target=_drive, args=(theirs, name, twin, door, carry_on, watchdog), name="cohelm robot"
+            target=_drive,
+            name="cohelm robot",
+            args=(theirs, name, twin, door, carry_on, watchdog, pictures),
         )
         self._process.start()
         theirs.close()
@@ -109,8 +112,9 @@ class Beside:
 
 
 def _drive(
-    line: Connection, name: str, twin: bool, door: Door, carry_on: bool, watchdog: float
-) -> None:
+    line: Connection, name: str, twin: bool, door: Door, carry_on: bool, watchdog: float,
+    pictures: float,
+) -> None:  # fmt: skip
     """The robot's process."""
     from cohelm.drive.operate import ended
     from cohelm.drive.served import serve
@@ -128,7 +132,8 @@ def _drive(
 
         try:
             made = simulated(name, "twin" if twin else "kinematic")
-            plan = Plan(made, ways=Ways(carry_on=carry_on), watchdog=watchdog)
+            ways = Ways(carry_on=carry_on)
+            plan = Plan(made, ways=ways, watchdog=watchdog, pictures=pictures)
             serve(plan, door, lambda address: line.send(address), over)
         except CohelmError as error:
             try:

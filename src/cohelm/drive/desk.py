@@ -6,8 +6,10 @@ thread, and taken up by a later turn.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import queue
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -47,17 +49,18 @@ class Desk:
         self._speed = session.plan.robot.scenario.reference.speed_mps
         self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._pose = session.plan.robot.start
-        self._frame = -1
         self._accepted: Floats | None = None
         self._after: Mode | None = None
         self._building = False
         self._built: tuple[Driver, Reference] | None = None
         self._recording: Recording | None = None
-        self._line: Line | None = None
+        self._lines: tuple[socket.socket | None, socket.socket | None] | None = None
+        """Ends for loop and keeper to speak into from the next turn on."""
         self._drawn: tuple[Map | Polyline, ...] = ()
         self._wanted = False
         self._taken = threading.Event()
         operator.record = self._record
+        session.shown = operator.picture
         self._map = () if known is None else (drawn(known),)
         self._show(*self._map, *way(session.plan.robot.scenario.reference.spline()))
         self._thread = threading.Thread(target=self._work, name="desk", daemon=True)
@@ -69,15 +72,13 @@ class Desk:
         """Between two periods."""
         if loop.seen is not None:
             self._pose = loop.seen.pose
-        frame = loop.readings.frame if loop.readings is not None else None
-        if frame is not None and frame.number != self._frame:
-            self._frame = frame.number
-            self._operator.picture(frame, self._pose, loop.keeper.now() - frame.stamp)
         for one in self._operator.proposed()[-_MOST:]:
             self._jobs.put(lambda one=one: self._judge(one))
-        if self._line is not None:
-            loop.record_into(self._line)
-            self._line = None
+        if self._lines is not None:
+            ours, keepers = self._lines
+            loop.record_into(Line(ours))
+            loop.keeper.record_into(keepers)
+            self._lines = None
             self._taken.set()
             for one in self._drawn:
                 loop.note(one)
@@ -161,19 +162,23 @@ class Desk:
             _log.warning("no record: %s", error)
             self._wanted = False
             return
-        made.keeper.close()
         now = self._session.loop.keeper.now()
         made.begin(time.time_ns() - round(now * 1e9))
-        self._recording, self._line = made, Line(made.loop)
+        self._recording, self._lines = made, (made.loop, made.keeper)
 
     def _finish(self) -> None:
         made, self._recording = self._recording, None
         if made is None:
             return
-        self._taken.clear()
-        self._line = Line(None)
-        if self._session.loop.turning:  # it must speak no more when the line is closed
+        loop = self._session.loop  # it must speak no more when the lines are closed
+        if loop.turning:
+            self._taken.clear()
+            self._lines = (None, None)
             self._taken.wait(1.0)
+        else:
+            loop.record_into(Line(None))
+            with contextlib.suppress(CohelmError):  # there is no keeper any more
+                loop.keeper.record_into(None)
         made.close(within=120.0)  # what starts slowly on a busy machine also ends slowly
         made.path.rename(made.path.with_suffix(".mcap"))
         self._operator.list_records()

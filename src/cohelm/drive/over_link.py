@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import io
-import logging
 import math
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from cohelm import __version__
-from cohelm.core.types import Pose
+from cohelm.drive.pictures import Packed
 from cohelm.link.heard import Asked, Heard
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
@@ -30,14 +26,10 @@ from cohelm.link.messages import (
 from cohelm.link.robot_bulk import Proposed, RobotBulk, listed
 from cohelm.link.robot_end import RobotEnd
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Frame
-
-_QUALITY = 75  # of a JPEG
-_log = logging.getLogger("cohelm.drive")
 
 
 class OverLink:
-    """A `loop.operator.Operator`. Its calls return at once; pictures are packed in a thread."""
+    """A `loop.operator.Operator`. Its calls return at once."""
 
     def __init__(
         self, keys: Keys, model: RobotModel, host: str, port: int, records: Path,
@@ -53,11 +45,6 @@ class OverLink:
         self._records = records
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"
         """Starts or ends a record; why not, or nothing."""
-        self._frame: tuple[Frame, Pose] | None = None
-        self._bell = threading.Event()
-        self._open = True
-        self._thread = threading.Thread(target=self._pack, name="pictures", daemon=True)
-        self._thread.start()
         self.publish(
             hello(model if camera else model.model_copy(update={"camera": None}), on_loss, watchdog)
         )
@@ -115,34 +102,18 @@ class OverLink:
         """The driver's number; 0: nobody."""
         return self._end.driver
 
-    def picture(self, frame: Frame, pose: Pose, age: float) -> None:
-        """Send a picture, unless a newer one comes before it is packed.
+    def picture(self, packed: Packed, age: float) -> None:
+        """Send a picture, unless a newer one comes before it has left.
 
-        age: of the frame now [s]; on the link it is stamped with the link's clock, not the robot's.
+        age: of the picture now [s]; on the link its stamp is of the link's clock, not the robot's.
         """
-        self._frame = (frame._replace(stamp=self._end.clock() - age), pose)
-        self._bell.set()
+        taken = self._end.clock() - age
+        self.publish(Picture(packed.number, taken, packed.pose, packed.data))
 
     def close(self) -> None:
         """Say good-bye."""
-        self._open = False
-        self._bell.set()
-        self._thread.join(2.0)
         self._bulk.close()
         self._end.close()
-
-    def _pack(self) -> None:
-        while True:
-            self._bell.wait()
-            self._bell.clear()
-            if not self._open:
-                return
-            if self._frame is None:
-                continue
-            frame, pose = self._frame
-            file = io.BytesIO()
-            Image.fromarray(frame.pixels).save(file, "JPEG", quality=_QUALITY)
-            self.publish(Picture(frame.number, frame.stamp, pose, file.getvalue()))
 
 
 def hello(model: RobotModel, on_loss: str, watchdog: float) -> Hello:

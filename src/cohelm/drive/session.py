@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.types import Pose
+from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Recording
 from cohelm.drive.shown import drawn, way
 from cohelm.drive.simulated import Simulated, surveyed
@@ -24,6 +25,7 @@ from cohelm.perceive.known import Known
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import GUARD
+from cohelm.record.drive import Photo
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.keep.kept import Keeper, Kept, rules, standing
 from cohelm.robot.keep.lines import Line
@@ -52,6 +54,8 @@ class Plan:
     ways: Ways = field(default_factory=Ways)
     watchdog: float = 0.1
     """The loop may be so late, or the robot stops [s]."""
+    pictures: float = 5.0
+    """Of the camera, so many a second are recorded; 0: none [Hz]."""
 
     @property
     def period(self) -> float:
@@ -71,6 +75,10 @@ class Session:
         self.recording: Recording | None = None
         self.keeper: Keeper | None = None
         self.driver: Driver | None = None
+        self.pictures = Pictures(waits=not real_time)
+        self.shown: Callable[[Packed, float], None] | None = None
+        """Who is shown the pictures, with their age [s]."""
+        self._recorded = -math.inf
         try:
             if plan.record is not None:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
@@ -123,9 +131,28 @@ class Session:
                 ready = not loop.choose(wanted)
                 late = keeper.now() - begun > _READY
                 wanted = Mode.HOLD if ready or late else wanted
+            self._look()
             return until(loop)
 
         self.loop.run(chosen)
+
+    def _look(self) -> None:
+        """Through the camera: have frames packed, and pass on what is packed. Takes no time."""
+        loop, rate = self.loop, self.plan.pictures
+        frame = loop.readings.frame if loop.readings is not None else None
+        if frame is None or loop.seen is None:
+            return
+        due = rate > 0.0 and loop.recording and frame.stamp - self._recorded > 0.9 / rate
+        if due or self.shown is not None:
+            self.pictures.give(frame, loop.seen.pose)
+        packed = self.pictures.take()
+        if packed is None:
+            return
+        if due:
+            self._recorded = packed.stamp
+            loop.record(Photo(packed.stamp, packed.number, packed.data))
+        if self.shown is not None:
+            self.shown(packed, loop.keeper.now() - packed.stamp)
 
     def end(self, reason: str) -> None:
         """Stop the robot, and go on turning until it stands, so that the record has it."""
@@ -178,6 +205,7 @@ class Session:
             self.keeper.close()
         if self.driver is not None:
             self.driver.close()
+        self.pictures.close()
         if self.recording is not None:
             self.recording.close()
 

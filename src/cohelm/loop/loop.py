@@ -124,6 +124,15 @@ class Loop:
         """Messages the recorder had no room for."""
         return self._record.dropped
 
+    @property
+    def recording(self) -> bool:
+        """Whether there is a recorder that still writes."""
+        return self._record.open and not self._recorder
+
+    def record(self, message: object) -> None:
+        """Something that is not the loop's own, to its recorder, if that has room for it."""
+        self._record(message)
+
     def record_into(self, line: Line) -> None:
         """Another recorder from now on, or none; the one before is not closed."""
         self._record, self._recorder, self._kept = line, "", None
@@ -327,7 +336,7 @@ class Loop:
         said = Said(
             self.mode, gate.reason, self.person, self.seen, self._has_map, self.decision,
             passed.out, passed.reason, self._e_p(), self._progress(),
-            self._record.open and not self._recorder, self.timing.recent, self.timing.overruns,
+            self.recording, self.timing.recent, self.timing.overruns,
             self.alarms.worst(), self.cap,
         )  # fmt: skip
         told = status(said, predicted(self.seen.pose, passed.out))

@@ -1,14 +1,14 @@
 """A drive as it goes, into one MCAP file of ROS 2's own messages: what a robot's loop records.
 
 `/odom` in the odometry frame, `/scan`, `/tf` (map, odom, base_link), `/cmd_vel` and
-`/cmd_vel_asked`, `/joy`, `/rosout` for what happened, and `/period`: every number of a period;
-besides, what the stations were shown (`shown.TOPICS`).
+`/cmd_vel_asked`, `/joy`, `/camera/image/compressed`, `/rosout` for what happened, and `/period`:
+every number of a period; besides, what the stations were shown (`shown.TOPICS`).
 """
 
 from __future__ import annotations
 
 import math
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
@@ -29,6 +29,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     geometry_msgs__msg__Vector3 as Vector3,
     nav_msgs__msg__Odometry as RosOdometry,
     rcl_interfaces__msg__Log as Log,
+    sensor_msgs__msg__CompressedImage as CompressedImage,
     sensor_msgs__msg__Joy as Joy,
     sensor_msgs__msg__LaserScan as LaserScan,
     std_msgs__msg__Header as Header,
@@ -47,7 +48,8 @@ from cohelm.robot.port import Odometry, Scan
 
 PERIOD_TYPE = "cohelm_msgs/msg/Period"
 METADATA = "cohelm drive"
-MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "laser"
+MAP, ODOM, BASE, LASER, CAMERA = "map", "odom", "base_link", "laser", "camera"
+IMAGE = "/camera/image/compressed"
 
 TOPICS = {
     "/odom": "nav_msgs/msg/Odometry",
@@ -57,6 +59,7 @@ TOPICS = {
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
     "/cmd_vel_asked": "geometry_msgs/msg/TwistStamped",
     "/joy": "sensor_msgs/msg/Joy",
+    IMAGE: "sensor_msgs/msg/CompressedImage",
     "/rosout": "rcl_interfaces/msg/Log",
     "/period": PERIOD_TYPE,
     **shown.TOPICS,
@@ -71,6 +74,16 @@ def _definition() -> str:
 
 DEFINITION = _definition()
 STORE.register(get_types_from_msg(DEFINITION, PERIOD_TYPE))
+
+
+class Photo(NamedTuple):
+    """A frame of the camera, packed."""
+
+    stamp: float
+    """When it was taken [s]."""
+    number: int
+    """As the camera counts."""
+    jpeg: bytes
 
 
 class DriveFile:
@@ -106,7 +119,7 @@ class DriveFile:
         self._odometry: Pose | None = None
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, an Event, or what was Shown."""
+        """One message: an Odometry, a Scan, a Photo, an Event, or what was Shown."""
         if isinstance(message, Odometry):
             self._odom(message)
         elif isinstance(message, Shown):
@@ -114,6 +127,10 @@ class DriveFile:
                 self._say(message.stamp, topic, what)
         elif isinstance(message, Scan):
             self._scan(message)
+        elif isinstance(message, Photo):
+            image = np.frombuffer(message.jpeg, dtype=np.uint8)
+            seen = CompressedImage(Header(self._time(message.stamp), CAMERA), "jpeg", image)
+            self._say(message.stamp, IMAGE, seen, message.number)
         elif isinstance(message, Event):
             self._event(message)
         else:

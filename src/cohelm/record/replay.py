@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import bisect
+import io
 import json
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, wrap
+from cohelm.record.drive import IMAGE, Photo
 from cohelm.record.messages import attachment, messages
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import AsFast, Pace
-from cohelm.robot.port import Health, Odometry, Readings, Scan
+from cohelm.robot.port import Frame, Health, Odometry, Readings, Scan
 
 
 class Replayed:
-    """Plays `/odom`, `/scan` and `/cmd_vel` of a record; time 0 is its first odometry reading.
+    """Plays `/odom`, `/scan`, `/cmd_vel` and the camera's pictures of a record; time 0 is its first
+    odometry reading.
 
     It does not obey: `send` and `stop` answer with, and change nothing of, what was driven. After
     the record's end nothing new comes.
@@ -36,10 +40,12 @@ class Replayed:
         self._model = model or recorded_model(path)
         self._pace = AsFast() if pace is None else pace
         self._closed = False
-        self._odometry, self._scans, self._driven = _read(path)
+        self._odometry, self._scans, self._driven, self._photos = _read(path)
         self._stamps = [o.stamp for o in self._odometry]
         self._ends = [s.stamp + s.duration for s in self._scans]
         self._turns = [t for t, _ in self._driven]
+        self._taken = [photo.stamp for photo in self._photos]
+        self._frame: Frame | None = None
 
     @property
     def model(self) -> RobotModel:
@@ -77,9 +83,21 @@ class Replayed:
         k = bisect.bisect_right(self._stamps, now)
         s = bisect.bisect_right(self._ends, now)
         return Readings(
-            self._odometry[k - 1] if k else None, self._scans[s - 1] if s else None, None,
+            self._odometry[k - 1] if k else None, self._scans[s - 1] if s else None,
+            self._picture(now),
             Health(self.now(), math.nan, ()),
         )  # fmt: skip
+
+    def _picture(self, now: float) -> Frame | None:
+        """The newest frame, unpacked once."""
+        k = bisect.bisect_right(self._taken, now)
+        if not k:
+            return None
+        stamp, number, jpeg = self._photos[k - 1]
+        if self._frame is None or self._frame.number != number:
+            with Image.open(io.BytesIO(jpeg)) as image:
+                self._frame = Frame(stamp, number, np.asarray(image.convert("RGB")))
+        return self._frame
 
     def send(self, twist: Twist) -> Twist:
         """What was driven then."""
@@ -110,12 +128,15 @@ def recorded_model(path: Path) -> RobotModel:
         raise CohelmError(f"{path}: its description of the robot is damaged: {error}") from error
 
 
-def _read(path: Path) -> tuple[list[Odometry], list[Scan], list[tuple[float, Twist]]]:
+def _read(
+    path: Path,
+) -> tuple[list[Odometry], list[Scan], list[tuple[float, Twist]], list[Photo]]:
     odometry: list[Odometry] = []
     scans: list[Scan] = []
     driven: list[tuple[float, Twist]] = []
+    photos: list[Photo] = []
     zero, psi = -1, 0.0
-    for topic, stamp, m in messages(path, ("/odom", "/scan", "/cmd_vel")):
+    for topic, stamp, m in messages(path, ("/odom", "/scan", "/cmd_vel", IMAGE)):
         zero = stamp if zero < 0 and topic == "/odom" else zero
         t = (stamp - zero) * 1e-9
         if zero < 0:
@@ -133,11 +154,13 @@ def _read(path: Path) -> tuple[list[Odometry], list[Scan], list[tuple[float, Twi
                 ranges, m.range_min, m.range_max, where=np.isfinite(ranges), out=ranges
             )
             scans.append(Scan(t, len(scans), ranges, float(m.time_increment) * max(n - 1, 1)))
+        elif topic == IMAGE:
+            photos.append(Photo(t, len(photos), bytes(m.data)))
         else:
             driven.append((t, Twist(m.twist.linear.x, m.twist.angular.z)))
     if not odometry:
         raise CohelmError(f"{path} holds no odometry (/odom): give the record of a drive")
-    return odometry, scans, driven
+    return odometry, scans, driven, photos
 
 
 def _yaw(q: Any) -> float:

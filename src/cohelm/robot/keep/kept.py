@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
@@ -10,10 +11,13 @@ from cohelm.core.types import Twist
 from cohelm.robot.gate import gate as gates
 from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
-from cohelm.robot.gate.modes import Mode, latched
+from cohelm.robot.gate.modes import Mode, driving, latched
+from cohelm.robot.keep.lines import Line
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings, Robot
 
+QUIET = 1.0
+"""A refusal or limit is told again when it has been away for so long [s]."""
 STANDS_V, STANDS_OMEGA = 0.02, 0.03
 """A robot whose odometry says less than this stands [m/s, rad/s]."""
 
@@ -75,6 +79,11 @@ class Keeper(Protocol):
         """Choose who drives; why not, or nothing."""
         ...
 
+    def record_into(self, end: socket.socket | None) -> None:
+        """Tell another recorder from now on what the gate does, or none. The end is the keeper's,
+        which closes it when the next one comes."""
+        ...
+
     def close(self) -> None:
         """Stop the robot and let it go."""
         ...
@@ -98,8 +107,11 @@ class Kept:
     ) -> None:
         self._robot, self._rules = robot, rules
         self._told = told or _nobody
+        self._line: Line | None = None
         self._gate = Gate()
         self._latched_at = math.nan
+        self._why: dict[str, float] = {}
+        """When each reason to change what was proposed was last there [s]."""
 
     @property
     def model(self) -> RobotModel:
@@ -165,6 +177,18 @@ class Kept:
         """What only a simulated robot knows; None of any other."""
         return getattr(self._robot, "truth", lambda: None)()
 
+    def record_into(self, end: socket.socket | None) -> None:
+        """Another recorder, which is told first how things stand."""
+        before, self._line = self._line, Line(end)
+        self._told = self._line
+        self.say(f"{self._gate.mode.name} {self._gate.reason}".strip())
+        if before is not None:
+            before.close()
+
+    def say(self, text: str, serious: bool = False) -> None:
+        """To the recorder."""
+        self._told(Event(self._robot.now(), "gate", text, serious))
+
     def close(self) -> None:
         """Stop the robot and let it go."""
         self._robot.stop()
@@ -176,14 +200,24 @@ class Kept:
             self._robot.stop()
 
     def _out(self, gate: Gate, passed: Passed) -> Passed:
+        refused = gate.refused > self._gate.refused
         self._changed(gate)
         if latched(gate.mode):
             self._robot.stop()
             return passed
         tried = self._robot.send(passed.out)
-        if tried == passed.out:
-            return passed
-        return Passed(tried, passed.reason or "the robot does not do more")
+        if tried != passed.out:
+            passed = Passed(tried, passed.reason or "the robot does not do more")
+        if passed.reason and driving(gate.mode):
+            self._note(f"{'refused' if refused else 'limited'}: {passed.reason}")
+        return passed
+
+    def _note(self, said: str) -> None:
+        """Tell why a proposal did not pass as it was: once, until that was away for a while."""
+        now = self._robot.now()
+        if not now - self._why.get(said, -math.inf) < QUIET:
+            self.say(said)
+        self._why[said] = now
 
     def _changed(self, gate: Gate) -> None:
         before, self._gate = self._gate, gate
@@ -191,7 +225,7 @@ class Kept:
             now = self._robot.now()
             serious = latched(gate.mode)
             said = f"{before.mode.name} -> {gate.mode.name}"
-            self._told(Event(now, "gate", f"{said}: {gate.reason}" if serious else said, serious))
+            self.say(f"{said}: {gate.reason}" if serious else said, serious)
             self._latched_at = now if serious else math.nan
 
     def _stands(self, readings: Readings) -> None:

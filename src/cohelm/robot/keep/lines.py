@@ -38,8 +38,12 @@ class Line:
         """Say it, or drop it."""
         if self._end is None or self.broken:
             return
+        data = pickle.dumps(message, protocol=5)
+        if len(data) > LARGEST:
+            self.dropped += 1
+            return
         try:
-            self._end.send(pickle.dumps(message, protocol=5), self._how)
+            self._end.send(data, self._how)
         except BlockingIOError:
             self.dropped += 1
         except OSError as error:

@@ -13,6 +13,7 @@ import signal
 import socket
 import time
 from collections.abc import Callable
+from multiprocessing import reduction
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -20,7 +21,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.gate import gate as gates
 from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
 from cohelm.robot.gate.modes import Mode
-from cohelm.robot.keep.kept import Event, Kept, standing
+from cohelm.robot.keep.kept import Kept, standing
 from cohelm.robot.keep.lines import Line
 from cohelm.robot.keep.priority import named, urgent
 from cohelm.robot.model import RobotModel
@@ -113,6 +114,17 @@ class KeptElsewhere:
         """What only a simulated robot knows."""
         return self._ask("truth", None)
 
+    def record_into(self, end: socket.socket | None) -> None:
+        """The recorder's end goes over to the keeper's process, and is closed here."""
+        try:
+            self._line.send(("record", end is not None))
+            if end is not None:
+                reduction.send_handle(self._line, end.fileno(), self.pid)
+                end.close()
+        except OSError as error:
+            raise _gone() from error
+        self._answer(_ANSWER)
+
     def close(self) -> None:
         """The robot is stopped there, and let go when it stands."""
         with contextlib.suppress(OSError, CohelmError):
@@ -149,10 +161,9 @@ def _serve(line: Connection, make: Make, rules: Rules, record: socket.socket | N
     """The other process."""
     named("cohelm keeper")
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the loop's to handle
-    say = Line(record)
     try:
         robot = make()
-        kept = Kept(robot, rules, say)
+        kept = Kept(robot, rules, Line(record))
         kept.read()
     except CohelmError as error:
         line.send((error, Gate(), 0.0, 0.0))
@@ -165,7 +176,7 @@ def _serve(line: Connection, make: Make, rules: Rules, record: socket.socket | N
         kept.fault("the loop's process is gone")
     except BaseException as error:
         kept.fault(f"the keeper failed: {error!r}")
-        say(Event(kept.now(), "gate", f"the keeper failed: {error!r}", True))
+        kept.say(f"the keeper failed: {error!r}", True)
         _bring_to_stand(kept)
         raise
     _bring_to_stand(kept)
@@ -195,6 +206,9 @@ def _attend(line: Connection, kept: Kept, robot: Robot, rules: Rules) -> None:
             kept.fault(with_)
         elif what == "reset":
             answer = kept.reset()
+        elif what == "record":
+            end = socket.socket(fileno=reduction.recv_handle(line)) if with_ else None
+            kept.record_into(end)
         elif what == "drive":
             answer = kept.drive(with_)
         elif what == "close":

@@ -1,0 +1,89 @@
+"""The camera's frames as JPEG, packed in a thread: the loop hands one over, and takes one back."""
+
+from __future__ import annotations
+
+import io
+import logging
+import threading
+from collections import deque
+from typing import NamedTuple
+
+from PIL import Image
+
+from cohelm.core.types import Pose
+from cohelm.robot.port import Frame
+
+_QUALITY = 75  # of a JPEG
+_log = logging.getLogger("cohelm.drive")
+
+
+class Packed(NamedTuple):
+    """A picture, ready to be sent or written down."""
+
+    stamp: float
+    """When it was taken, by the robot's clock [s]."""
+    number: int
+    pose: Pose
+    """Of the robot on the map, as it was known when the frame was handed over."""
+    data: bytes
+    """JPEG."""
+
+
+class Pictures:
+    """Packs the newest frame; one that is not packed when a newer one comes never is."""
+
+    def __init__(self, waits: bool) -> None:
+        """waits: pack at once instead of in the thread, as simulated time may."""
+        self._waits = waits
+        self._frames: deque[tuple[Frame, Pose]] = deque(maxlen=1)
+        self._packed: deque[Packed] = deque(maxlen=1)
+        self._number = -1
+        self._bell = threading.Event()
+        self._open = True
+        self._thread = threading.Thread(target=self._pack, name="pictures", daemon=True)
+        if not waits:
+            self._thread.start()
+
+    def give(self, frame: Frame, pose: Pose) -> None:
+        """Have a frame packed; one that was given before is not packed again."""
+        if frame.number == self._number:
+            return
+        self._number = frame.number
+        if self._waits:
+            self._packed.append(_packed(frame, pose))
+        else:
+            self._frames.append((frame, pose))
+            self._bell.set()
+
+    def take(self) -> Packed | None:
+        """The newest that is packed; each once."""
+        try:
+            return self._packed.pop()
+        except IndexError:
+            return None
+
+    def close(self) -> None:
+        """No more."""
+        self._open = False
+        self._bell.set()
+        if self._thread.is_alive():
+            self._thread.join(2.0)
+
+    def _pack(self) -> None:
+        while True:
+            self._bell.wait()
+            self._bell.clear()
+            if not self._open:
+                return
+            try:
+                self._packed.append(_packed(*self._frames.pop()))
+            except IndexError:  # it was packed with the bell before
+                continue
+            except Exception:  # one picture less
+                _log.exception("a picture could not be packed")
+
+
+def _packed(frame: Frame, pose: Pose) -> Packed:
+    file = io.BytesIO()
+    Image.fromarray(frame.pixels).save(file, "JPEG", quality=_QUALITY)
+    return Packed(frame.stamp, frame.number, pose, file.getvalue())

@@ -1,0 +1,65 @@
+"""The camera in the record: the twin's pictures come back, at the rate asked for, or none do."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cohelm.drive.pictures import Pictures
+from cohelm.drive.session import Plan, Session
+from cohelm.drive.simulated import simulated
+from cohelm.link.messages import Mode
+from cohelm.record.drive import IMAGE
+from cohelm.record.messages import messages
+from cohelm.record.replay import Replayed
+from cohelm.robot.port import Frame
+from cohelm.robot.sensors import CameraModel
+from tests.drive.faults import CORRIDOR
+from tests.link.ends import until
+
+SMALL = CameraModel(width=64, height=48, rate_hz=10.0)
+
+
+@pytest.mark.parametrize("rate", [5.0, 0.0])
+def test_a_drive_of_the_twin_holds_its_pictures(rate, tmp_path):
+    made = simulated(CORRIDOR, "twin", real_time=False, seed=1)
+    robot = made.model.model_copy(update={"camera": SMALL})
+    made = replace(made, scenario=made.scenario.model_copy(update={"robot": robot}))
+    record = tmp_path / "drive.mcap"
+    with Session(Plan(made, record=record, pictures=rate)) as session:
+        end = session.loop.keeper.now() + 2.0
+        session.run(lambda loop: loop.keeper.now() >= end, Mode.AUTOMATIC)
+        assert session.loop.dropped == 0
+    seen = [(stamp, m) for _, stamp, m in messages(record, (IMAGE,))]
+    assert len(seen) == pytest.approx(2.0 * rate, abs=1)
+    for stamp, m in seen:
+        assert m.format == "jpeg"
+        assert stamp == m.header.stamp.sec * 10**9 + m.header.stamp.nanosec
+        with Image.open(io.BytesIO(bytes(m.data))) as image:
+            assert image.size == (64, 48)
+    again = Replayed(record)
+    again.wait(1.5)
+    frame = again.read().frame
+    assert (frame is None) == (rate == 0.0)
+    if frame is not None:
+        assert frame.pixels.shape == (48, 64, 3)
+        assert 1.0 < frame.stamp <= 1.5
+
+
+def test_a_picture_that_is_not_packed_when_a_newer_one_comes_never_is():
+    pictures = Pictures(waits=False)
+    try:
+        pose = simulated(CORRIDOR).start
+        for number in range(50):
+            grey = np.full((480, 640, 3), number, dtype=np.uint8)
+            pictures.give(Frame(0.1 * number, number, grey), pose)
+        got = []
+        until(lambda: got.append(pictures.take()) or (got[-1] and got[-1].number == 49), 30.0)
+        numbers = [packed.number for packed in got if packed]
+        assert numbers == sorted(set(numbers))
+        with Image.open(io.BytesIO(got[-1].data)) as image:
+            assert abs(int(np.asarray(image)[0, 0, 0]) - 49) < 3
+    finally:
+        pictures.close()
