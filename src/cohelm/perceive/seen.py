@@ -68,13 +68,16 @@ class Perception:
     """
 
     def __init__(
-        self, model: RobotModel, known: Known | None = None, start: Pose | None = None,
+        self, model: RobotModel | Lidar, known: Known | None = None, start: Pose | None = None,
         remembering: Remembering | None = None, watching: Watching | None = None,
     ) -> None:  # fmt: skip
-        """Raises CohelmError for a robot without a LiDAR."""
-        if model.lidar is None:
+        """Of a robot, or of a LiDAR alone. Raises CohelmError for a robot without a LiDAR."""
+        if isinstance(model, Lidar):
+            self.lidar = model
+        elif model.lidar is None:
             raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
-        self.lidar = model.lidar.lidar()
+        else:
+            self.lidar = model.lidar.lidar()
         self._view = View(self.lidar.mount, self.lidar.first, self.lidar.step, self.lidar.range_min)
         self._care = remembering or Remembering()
         self._locator = Locator(known, self.lidar, start) if known is not None else None

@@ -1,4 +1,8 @@
-"""A run with the pilot: the robot sees, plans now and then, and drives by what it knows."""
+"""A run with the pilot: the robot sees, plans now and then, and drives by what it knows.
+
+With a LiDAR it sees as the robot's loop does, `perceive.seen`, with odometry that is exact: what
+stands as points, what moves as discs with velocities that it has estimated.
+"""
 
 from __future__ import annotations
 
@@ -13,25 +17,27 @@ from numpy.typing import NDArray
 from cohelm.core.jit import jit
 from cohelm.core.trace import ROW
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Twist, X, Y
-from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.human import supplied_energy
 from cohelm.law.track import pose_error
-from cohelm.perceive.memory import Care as MemoryCare, View, renew
+from cohelm.perceive.movers import Care as Watching
+from cohelm.perceive.seen import Perception
 from cohelm.perceive.way import Manners
 from cohelm.pilot.course import Course, course
-from cohelm.pilot.pilot import Planner, taken
+from cohelm.pilot.foresee import moved_on
+from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
 from cohelm.pilot.plan import Care, Task
 from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_step
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
-from cohelm.robot.sensors import Lidar, LidarModel
+from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
 from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.lidar import scan
 from cohelm.sim.loop import State, at_rest
 from cohelm.sim.world import NOWHERE, World, clearance, place
 
-_NO_LIDAR = LidarModel(beams=1, field_of_view_deg=1.0).lidar()
 _NEAR = 8.0  # walls farther than this from the robot are left out of a stretch of steps [m]
 _FEW = 64  # up to so many walls, all are kept
 
@@ -47,23 +53,14 @@ class Piloted:
     """What the robot sees with; None: it knows all discs and walls, as they are."""
     rate: float = 10.0
     """Scans per second."""
+    watching: Watching = field(default_factory=Watching)
+    """How things that move are told by the LiDAR."""
     manners: Manners = field(default_factory=Manners)
     care: Care = field(default_factory=Care)
     period: float = 0.2
     """From the beginning of one plan to the next [s]."""
     thinking: float = 0.04
     """From the snapshot to the plan that is made of it [s]."""
-
-
-class Eyes(NamedTuple):
-    """What the robot sees with, as numbers."""
-
-    active: bool
-    """Whether it sees at all; else it is told."""
-    lidar: Lidar
-    vantage: View
-    care: MemoryCare
-    rate: float
 
 
 class Scene(NamedTuple):
@@ -82,6 +79,8 @@ class Scene(NamedTuple):
     """Nearer to the goal than this, the robot has arrived [m]."""
     barred: Floats
     """(s, 4), the walls that a LiDAR sees beside the map [m]."""
+    sees: bool
+    """Whether the robot sees at all; else it is told everything, as it is."""
 
 
 class Now(NamedTuple):
@@ -90,8 +89,10 @@ class Now(NamedTuple):
     robot: State
     pilot: PilotState
     person: Person
-    points: Floats
-    """(p, 2), what the robot remembers to have seen, world frame [m]."""
+    told: Surroundings
+    """What it knows by its last scan, world frame; nothing for a robot that does not see."""
+    stamp: float
+    """When that was [s]."""
     led: bool
     arrived: bool
 
@@ -114,23 +115,24 @@ def stretches(
 ) -> Iterator[Rows]:  # fmt: skip
     """The run in pieces of at most `length` steps; it ends when the robot has arrived."""
     settings = given.settings
-    lidar = given.lidar or _NO_LIDAR
-    view = View(lidar.mount, lidar.first, lidar.step, lidar.range_min)
-    eyes = Eyes(given.lidar is not None, lidar, view, MemoryCare(), given.rate)
+    eyes = None if given.lidar is None else Perception(given.lidar, watching=given.watching)
     m = len(scene.around.discs)
     queue, sent = np.zeros((delay, 2)), np.zeros((delay, 2))
     period = max(round(given.period / dt), 1)
     thinking = min(round(given.thinking / dt), period - 1)
-    now = Now(at_rest(start), START, IDLE, np.empty((0, 2)), False, False)
+    now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, 0.0, False, False)
     current = course(planner.route.reference, 0, True, settings.pace)
     number, since, waiting = 0, 0, None
     walls = near_walls(scene.around.walls, start)
-    k, written = 0, 0
+    k, written, scanning = 0, 0, 0
     out = _empty(min(length, steps), m)
     while k < steps and not now.arrived:
+        if eyes is not None and k == scanning:
+            scanning = _next_scan(k, dt, given.rate)
+            now = now._replace(told=look(k, dt, now, scene, given, eyes), stamp=k * dt)
         if k % period == 0:
             walls = near_walls(scene.around.walls, now.robot.pose)
-            told = seen(k * dt, now.points, walls, scene, eyes)
+            told = known(k * dt, now.told, now.stamp, walls, scene)
             task = Task(
                 now.pilot, now.robot.pose, now.robot.applied, told, current, (k - since) * dt,
                 now.led,
@@ -144,10 +146,12 @@ def stretches(
                 number, since = number + 1 if current.row else 0, k
             waiting = None
         upto = min(_next(k, period, thinking), steps, k + len(out.rows) - written)
+        if eyes is not None:
+            upto = min(upto, scanning)
         part = out.part(written, written + upto - k)
         now, done = _advance(
-            k, dt, now, current, number, planner.route.line, settings, eyes, scene, walls, queue,
-            sent, part.rows, part.h, part.discs,
+            k, dt, now, current, number, planner.route.line, settings, scene, walls, queue, sent,
+            part.rows, part.h, part.discs,
         )  # fmt: skip
         k, written = k + done, written + done
         if written == len(out.rows) or now.arrived or k == steps:
@@ -175,41 +179,61 @@ def near_walls(walls: Floats, pose: Pose) -> Floats:
     return walls[((low < here) & (here < high)).all(axis=1)]
 
 
+def look(
+    k: int, dt: float, now: Now, scene: Scene, given: Piloted, eyes: Perception
+) -> Surroundings:
+    """What the robot knows after the scan of step k: points that stand, discs that move."""
+    lidar = eyes.lidar
+    discs = np.empty((len(scene.around.discs), 6))
+    place(discs, 0, scene.around, k * dt)
+    ranges = np.empty(len(lidar.beams))
+    pose, number = now.robot.pose, _scans(k, dt, given.rate)
+    scan(pose, lidar, discs, scene.barred, scene.grid, scene.seed, number, ranges)
+    seen = eyes.take(
+        k * dt,
+        Readings(
+            Odometry(k * dt, pose, now.robot.applied), Scan(k * dt, k, ranges, 0.0), None, None
+        ),
+    )
+    return surroundings(seen.discs, seen.agility, None, seen.points)
+
+
+def _scans(k: int, dt: float, rate: float) -> int:
+    """How many scans there were before step k, that of the very first not counted."""
+    return int(k * dt * rate + 1e-9)
+
+
+def _next_scan(k: int, dt: float, rate: float) -> int:
+    """The next step after k with a scan."""
+    return max(math.ceil((_scans(k, dt, rate) + 1 - 1e-9) / (dt * rate)), k + 1)
+
+
 @jit
-def seen(t: float, points: Floats, walls: Floats, scene: Scene, eyes: Eyes) -> Surroundings:
-    """What the robot knows of its surroundings at time t: points it has seen, or all there is."""
-    if eyes.active:
-        return Surroundings(np.empty((0, 6)), np.empty(0), np.empty((0, 4)), points)
+def known(t: float, told: Surroundings, stamp: float, walls: Floats, scene: Scene) -> Surroundings:
+    """What the robot knows of its surroundings at time t: what it has seen, or all there is."""
+    if scene.sees:
+        return moved_on(told, t - stamp, 0.0)
     discs = np.empty((len(scene.around.discs), 6))
     place(discs, 0, scene.around, t)
-    return Surroundings(discs, scene.agility, walls, points)
+    return Surroundings(discs, scene.agility, walls, told.points)
 
 
 @jit
 def _advance(
     first: int, dt: float, now: Now, course: Course, number: int, line: Floats, settings: Settings,
-    eyes: Eyes, scene: Scene, walls: Floats, queue: Floats, sent: Floats,
+    scene: Scene, walls: Floats, queue: Floats, sent: Floats,
     rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> tuple[Now, int]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were."""
-    robot, pilot, person, points = now.robot, now.pilot, now.person, now.points
+    robot, pilot, person, told = now.robot, now.pilot, now.person, now.told
     led, arrived = now.led, now.arrived
-    ranges = np.empty(len(eyes.lidar.beams))
-    none = np.empty((0, 4))
     done = 0
     for j in range(len(rows)):
         k = first + j
         pose, before = robot.pose, robot.applied
         there = discs[j]
         place(there, 0, scene.around, k * dt)
-        if eyes.active:
-            scans = int(k * dt * eyes.rate + 1e-9)
-            if k == 0 or scans != int((k - 1) * dt * eyes.rate + 1e-9):
-                scan(pose, eyes.lidar, there, scene.barred, scene.grid, scene.seed, scans, ranges)
-                points = renew(points, pose, eyes.vantage, ranges, eyes.care)
-            around = Surroundings(np.empty((0, 6)), np.empty(0), none, points)
-        else:
-            around = Surroundings(there, scene.agility, walls, points)
+        around = known(k * dt, told, now.stamp, walls, scene)
         if scene.operator.active:
             person, stick = operate(
                 person, scene.operator, pose, there, scene.around.noticed, k, dt, scene.seed
@@ -259,4 +283,4 @@ def _advance(
         done = j + 1
         if arrived:
             break
-    return Now(robot, pilot, person, points, led, arrived), done
+    return Now(robot, pilot, person, told, now.stamp, led, arrived), done

@@ -17,6 +17,7 @@ from cohelm.law.govern import Pace
 from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference, evaluate, tabulate
 from cohelm.law.track import pose_error
+from cohelm.perceive.movers import Care as Watching
 from cohelm.pilot.course import route
 from cohelm.pilot.pilot import Planner
 from cohelm.pilot.step import Settings
@@ -100,7 +101,7 @@ def with_pilot(
         settings, agility * moving.astype(np.float64), None if lidar is None else lidar.lidar()
     )
     if lidar is not None:
-        made = replace(made, rate=lidar.rate_hz)
+        made = replace(made, rate=lidar.rate_hz, watching=Watching(agility=agility))
     return replace(setup, pilot=made)
 
 
@@ -117,7 +118,7 @@ def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
     scene = Scene(
         setup.around, setup.grid, pilot.agility, setup.hands, setup.operator, setup.seed, reach,
         np.array([end.x, end.y]), setup.near,
-        setup.around.walls if setup.barred is None else setup.barred,
+        setup.around.walls if setup.barred is None else setup.barred, pilot.lidar is not None,
     )  # fmt: skip
     for part in stretches(
         setup.start, planner, scene, pilot, setup.dt, setup.delay_steps, setup.steps, length
