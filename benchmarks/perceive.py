@@ -53,7 +53,7 @@ Row = tuple[str, ...]
 def main() -> None:
     console = Console()
     truth = known(*lab_map())
-    rehearse(SALLY, truth)
+    rehearse(SALLY, mapped=True)
     wanted = [a for a in sys.argv[1:] if not a.startswith("-")]
     some = not wanted or {"mapping", "localisation"} & set(wanted)
     own = surveyed() if some else (truth, [])

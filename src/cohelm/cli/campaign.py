@@ -53,6 +53,14 @@ def campaign(
             help="Worlds and recordings made by others: needed by barn, crowd and hands.",
         ),
     ] = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PLANT",
+            help="kinematic (the default), twin, or twin-all-round: MuJoCo, knowing only what its "
+            "sensors say; in lab, random and adversary.",
+        ),
+    ] = None,
     out: Out = None,
     cluster: Annotated[
         str | None,
@@ -83,7 +91,7 @@ def campaign(
         from cohelm.study import single
         from cohelm.study.campaign import report, runner
 
-        folder, plan = _asked(suite, law, compare, n, seed, data, out)
+        folder, plan = _asked(suite, law, compare, n, seed, data, plant, out)
         jobs = _processors() if jobs is None else jobs
         runner.check(plan, jobs)  # what is wrong is told before a folder is made
         folder = folder or single.fresh(f"campaign-{plan.suite}")
@@ -100,13 +108,13 @@ def campaign(
     if as_json:
         print_json({**found.as_dict(), "out": str(folder), "report": str(page)})
     else:
-        print_table(f"{plan.suite}, seed {plan.seed}", *report.table(found))
+        print_table(f"{report.made_on(found)}, seed {plan.seed}", *report.table(found))
         say(f"rows and report: {plain(str(page))}")
 
 
 def _asked(
     suite: str, law: str | None, compare: str | None, n: int | None, seed: int,
-    data: Path | None, out: Path | None,
+    data: Path | None, plant: str | None, out: Path | None,
 ) -> tuple[Path | None, Plan]:  # fmt: skip
     """The folder, if one is named, and the plan, by the command line or by that folder."""
     from cohelm.study.campaign import runner, store
@@ -117,16 +125,16 @@ def _asked(
         kept = store.read_plan(folder)
         if kept is None:
             raise CohelmError(f"{folder}: holds no campaign; give a suite or a campaign's folder")
-        if law or compare or n or data or out:
+        if law or compare or n or data or plant or out:
             raise CohelmError(
                 f"{folder} is gone on with as it was asked for: leave out --law, --compare, --n, "
-                "--data and --out"
+                "--data, --plant and --out"
             )
         return folder, runner.planned(kept)
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
     laws = tuple(part.strip() for part in (compare or law or "guard").split(","))
-    return out, runner.Plan(suite, laws, seed, n, data)  # pyright: ignore[reportArgumentType]
+    return out, runner.Plan(suite, laws, seed, n, data, plant or "kinematic")  # pyright: ignore[reportArgumentType]
 
 
 def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:

@@ -11,9 +11,9 @@ from typing import Any
 from cohelm.drive.desk import Desk
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Plan, Session
-from cohelm.drive.simulated import surveyed
 from cohelm.link.keys import Keys
 from cohelm.loop.loop import Loop
+from cohelm.perceive.taped import surveyed
 
 _log = logging.getLogger("cohelm.drive")
 

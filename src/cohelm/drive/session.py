@@ -13,7 +13,7 @@ from cohelm.core.types import Pose
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Recording
 from cohelm.drive.shown import drawn, way
-from cohelm.drive.simulated import Simulated, surveyed
+from cohelm.drive.simulated import Simulated
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
@@ -22,7 +22,8 @@ from cohelm.loop.operator import Nobody, Operator
 from cohelm.loop.planning import Elsewhere, Here
 from cohelm.loop.timing import Timing
 from cohelm.perceive.known import Known
-from cohelm.perceive.seen import Perception
+from cohelm.perceive.seen import Perception, rehearse
+from cohelm.perceive.taped import surveyed
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import GUARD
 from cohelm.record.drive import Photo
@@ -96,6 +97,8 @@ class Session:
             where = plan.known
             if where is None and plan.localise:
                 where = surveyed(robot.scenario.walls(), robot.start)
+            if real_time:
+                rehearse(model, mapped=where is not None)
             perception = Perception(model, where, place)
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage
-
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Pose
 from cohelm.law.reference import desired
 from cohelm.perceive.frames import compose
-from cohelm.perceive.known import Known, known
+from cohelm.perceive.known import Known
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import pace
 from cohelm.robot.port import Robot
@@ -25,7 +20,6 @@ from cohelm.scenario.worlds.maps import read_map
 from cohelm.sim.kinematic import Kinematic
 
 Kind = Literal["kinematic", "twin"]
-_CELL = 0.025  # of the map that stands for one made by measuring the walls [m]
 
 
 @dataclass(frozen=True)
@@ -85,34 +79,3 @@ def mapped(path: Path, start: Pose) -> Known:
     """
     made = read_map(path)
     return replace(made, origin=compose(start, made.origin)).known()
-
-
-def surveyed(walls: Floats, inside: Pose) -> Known:
-    """The map of walls as if measured by tape: what can be reached from `inside` is free.
-
-    walls: (s, 4) segments [m]. Raises CohelmError where there is no wall to localise by.
-    """
-    if not len(walls):
-        raise CohelmError(
-            "there are no walls to localise by: give a map with --map, or walls_m in the scenario"
-        )
-    low = walls.reshape(-1, 2).min(axis=0) - 0.5
-    columns, rows = np.ceil((walls.reshape(-1, 2).max(axis=0) + 0.5 - low) / _CELL).astype(np.int64)
-    occupied = np.zeros((int(rows), int(columns)), dtype=np.bool_)
-    for x1, y1, x2, y2 in (walls - np.tile(low, 2)).tolist():
-        n = max(int(math.hypot(x2 - x1, y2 - y1) / (0.4 * _CELL)), 1) + 1
-        along = np.linspace(0.0, 1.0, n)
-        row = np.rint((y1 + along * (y2 - y1)) / _CELL).astype(np.int64)
-        column = np.rint((x1 + along * (x2 - x1)) / _CELL).astype(np.int64)
-        occupied[row, column] = True
-    origin = Pose(float(low[0]) - 0.5 * _CELL, float(low[1]) - 0.5 * _CELL, 0.0)
-    free = _reached(occupied, inside.y - origin.y, inside.x - origin.x)
-    return known(occupied, free, _CELL, origin)
-
-
-def _reached(occupied: NDArray[np.bool_], y: float, x: float) -> NDArray[np.bool_]:
-    """The cells connected with the one at a place [m] from the map's corner."""
-    labels: NDArray[np.int32] = ndimage.label(~occupied)[0]  # pyright: ignore[reportAssignmentType, reportUnknownVariableType]
-    i = min(max(int(y / _CELL), 0), len(labels) - 1)
-    j = min(max(int(x / _CELL), 0), labels.shape[1] - 1)
-    return (labels == labels[i, j]) & ~occupied

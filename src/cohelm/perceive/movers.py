@@ -30,10 +30,12 @@ from cohelm.perceive.clusters import (
 from cohelm.perceive.sweep import Sweep
 from cohelm.robot.sensors import Lidar
 
-TX, TY, TVX, TVY, PP, PV, VV, RADIUS, SEEN, MISSED, PROOF, MOVES, AX, AY, SINCE, GONE = range(16)
+TX, TY, TVX, TVY, PP, PV, VV, RADIUS, SEEN, MISSED, PROOF, MOVES, AX, AY, SINCE = range(15)
+GONE, CALM = 15, 16
 """Columns of tracks: position, velocity, their variances (the same along both axes: of position,
 both, velocity), radius, scans it was seen in, time since [s], proof that it moves, whether it
-counts as moving, where it stood a while ago, how long ago [s], scans in which its place was free.
+counts as moving, where it stood a while ago, how long ago [s], scans in which its place was free,
+how long nothing proved that it moves [s].
 """
 
 
@@ -51,7 +53,9 @@ class Care(NamedTuple):
     slowest: float = 0.1
     """What moves slower, stands [m/s]."""
     proof: int = 3
-    """Scans that must prove it moves; up to twice as many keep it moving."""
+    """Scans that must prove it moves; up to twice as many are remembered."""
+    calm: float = 3.0
+    """Who has moved, and stands, may walk on, and stays a mover for so long [s]."""
     keep: float = 1.5
     """Hidden, a mover is foreseen for so long [s]."""
     back: tuple[float, ...] = (0.45, 0.95, 1.4)
@@ -61,7 +65,7 @@ class Care(NamedTuple):
 
 
 class Movers(NamedTuple):
-    """tracks: (t, 16). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
+    """tracks: (t, 17). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
     points, whether it belongs to a mover."""
 
     tracks: Floats
@@ -70,7 +74,7 @@ class Movers(NamedTuple):
     mine: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
-NONE = Movers(np.empty((0, 16)), (), -math.inf, np.zeros(0, np.bool_))
+NONE = Movers(np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_))
 
 
 def follow(
@@ -111,7 +115,7 @@ def _followed(
 ) -> tuple[Floats, Floats]:
     """The tracks after these clusters, and the track of each cluster (k,)."""
     t, k = len(tracks), len(found)
-    out = np.zeros((t + k, 16))
+    out = np.zeros((t + k, 17))
     out[:t] = tracks
     q = care.agility * care.agility
     for i in range(t):
@@ -123,6 +127,7 @@ def _followed(
         one[VV] += q * dt * dt
         one[MISSED] += dt
         one[SINCE] += dt
+        one[CALM] += dt
     whose = np.full(k, -1.0)
     taken = np.zeros(t, np.bool_)
     while True:
@@ -214,8 +219,8 @@ def _prove(one: Floats, cluster: Floats, lidar: Lidar, now: Look, care: Care) ->
     else:
         one[PROOF] = max(one[PROOF] - 1.0, 0.0)
     if one[PROOF] >= care.proof:
-        one[MOVES] = 1.0
-    elif one[PROOF] == 0.0:
+        one[MOVES], one[CALM] = 1.0, 0.0
+    elif one[PROOF] == 0.0 and one[CALM] > care.calm:
         one[MOVES] = 0.0
     if one[SINCE] > _ANCHORED or math.isnan(one[AX]):
         one[AX] = one[TX] if whole else math.nan

@@ -17,6 +17,7 @@ from cohelm.perceive.memory import Care as Remembering, View, renew
 from cohelm.perceive.movers import MOVES, NONE, RADIUS, TX, TY, Care as Watching, bodies, follow
 from cohelm.perceive.steady import steadied
 from cohelm.perceive.sweep import Sweep, sweep
+from cohelm.perceive.taped import surveyed
 from cohelm.perceive.trail import EMPTY, extended, pose_at
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Readings, Scan
@@ -197,9 +198,14 @@ def _shadow(lidar: Lidar, points: Floats) -> NDArray[np.int64]:
     return beams[(beams >= 0) & (beams < len(lidar.beams))].astype(np.int64)
 
 
-def rehearse(model: RobotModel, known: Known | None) -> None:
-    """Run all of it once, so that nothing is left to compile when it has to be in time."""
-    nowhere = Perception(model, known)
+def rehearse(model: RobotModel, mapped: bool) -> None:
+    """Run all of it once, so that nothing is left to compile when it has to be in time.
+
+    mapped: whether there will be a map; a small room stands for it.
+    """
+    corner = np.array([[-2, -2, 2, -2], [2, -2, 2, 2], [2, 2, -2, 2], [-2, 2, -2, -2]], np.float64)
+    here = Pose(0.0, 0.0, 0.0)
+    nowhere = Perception(model, surveyed(corner, here) if mapped else None)
     n = len(nowhere.lidar.beams)
     bearings = np.arctan2(nowhere.lidar.beams[:, 1], nowhere.lidar.beams[:, 0])
     room = 2.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
@@ -208,8 +214,7 @@ def rehearse(model: RobotModel, known: Known | None) -> None:
         odometry = Odometry(t + 0.05, Pose(0.02 * k, 0.0, 0.01 * k), Twist(0.2, 0.1))
         ranges = np.where(np.abs(np.arange(n) - n // 2 - 12 * k) < 8, 1.2, room)
         scan = Scan(t, k, ranges, 0.05)
-        for _ in range(40):  # a search is a slice of work at every call
+        for _ in range(20):  # a search is a slice of work at every call
             nowhere.take(t + 0.05, Readings(odometry, scan, None, None))
-        if k == 9 and known is not None and len(known.places):
-            x, y = known.places[0].tolist()
-            nowhere.place(Pose(x, y, 0.0))
+        if k == 9:
+            nowhere.place(here)

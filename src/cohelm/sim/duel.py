@@ -31,7 +31,7 @@ RAM, BANG, SPIN, SCRIPT = range(4)
 changed at random about every 0.4 s, full ones preferred. SPIN: full turns, now and then a lunge
 ahead or back. SCRIPT: deflections from a table."""
 
-_TURNS = 10
+TURNS = 10
 """Steps for which a walker keeps what it does."""
 
 
@@ -88,7 +88,7 @@ def duel(
     pose, applied, stick = start, Twist(0.0, 0.0), Stick(0.0, 0.0)
     least = FAR
     for k in range(steps):
-        stick = _stick(attack, stick, k, dt, pose, now, scene.walls)
+        stick = deflection(attack, stick, k, dt, pose, now, scene.walls)
         wish = Twist(stick.x * limits.speed, stick.psi * limits.yaw_rate)
         verdict, culprit = 0, -1
         if law == GUARD:
@@ -106,11 +106,11 @@ def duel(
             twist = achievable(command, applied, limits, dt)
         for i in range(n):
             if scene.agility[i] > 0.0:
-                if k % _TURNS == 0:
-                    _choose(push, i, scene.agility[i], pose, now[i], attack.seed, k)
-                _walk(after[i], now[i], push[i, 0], push[i, 1], scene.walk, dt)
+                if k % TURNS == 0:
+                    choose(push, i, scene.agility[i], pose, now[i], attack.seed, k)
+                walk_on(after[i], now[i], push[i, 0], push[i, 1], scene.walk, dt)
         if len(rows) > 0:
-            _note(rows[k], k * dt, pose, stick, wish, command, twist, verdict, culprit)
+            note(rows[k], k * dt, pose, stick, wish, command, twist, verdict, culprit)
             for i in range(m):
                 discs[k, i] = now[i]
                 dx, dy = pose.x - now[i, X], pose.y - now[i, Y]
@@ -130,7 +130,7 @@ def duel(
 
 
 @jit_inline
-def _stick(
+def deflection(
     attack: Attack, before: Stick, k: int, dt: float, pose: Pose, things: Floats, walls: Floats
 ) -> Stick:
     """Where the attacker holds the stick in step k."""
@@ -175,7 +175,7 @@ def _nearest(pose: Pose, things: Floats, walls: Floats) -> tuple[float, float]:
 
 
 @jit_inline
-def _choose(
+def choose(
     push: Floats, i: int, agility: float, pose: Pose, disc: Floats, seed: int, k: int
 ) -> None:
     """What walker i does next: half of the time it goes at the robot, else anywhere."""
@@ -186,7 +186,7 @@ def _choose(
 
 
 @jit_inline
-def _walk(after: Floats, now: Floats, ax: float, ay: float, walk: float, dt: float) -> None:
+def walk_on(after: Floats, now: Floats, ax: float, ay: float, walk: float, dt: float) -> None:
     """One step at constant acceleration, cut where it would lead beyond the largest speed."""
     vx, vy = now[VX] + ax * dt, now[VY] + ay * dt
     speed = math.sqrt(vx * vx + vy * vy)
@@ -198,7 +198,7 @@ def _walk(after: Floats, now: Floats, ax: float, ay: float, walk: float, dt: flo
 
 
 @jit_inline
-def _note(
+def note(
     row: Any, t: float, pose: Pose, stick: Stick, wish: Twist, command: Twist, twist: Twist,
     verdict: int, culprit: int,
 ) -> None:  # fmt: skip

@@ -50,6 +50,8 @@ class Judged(NamedTuple):
     """The contact that goes on, if any."""
     before: Twist = Twist(0.0, 0.0)
     """What the wheels did in the last step judged."""
+    first: float = math.nan
+    """When the first moving contact was [s]."""
 
 
 @jit_inline
@@ -108,7 +110,7 @@ def judge(
     """
     gap, gap_moving, at = seen.gap, seen.gap_moving, seen.at
     moving, standing, over, touching = seen.moving, seen.standing, seen.excess, seen.touching
-    before, reach = seen.before, 0.0
+    before, first, reach = seen.before, seen.first, 0.0
     for i in range(len(outline)):
         reach = max(reach, math.hypot(outline[i, 0], outline[i, 1]))
     between = np.empty((discs.shape[1], discs.shape[2]))
@@ -131,6 +133,7 @@ def judge(
         elif moves and touching != _MOVING:
             standing -= touching == _STANDING
             moving, touching = moving + 1, _MOVING
+            first = row.t if math.isnan(first) else first
         elif not moves and touching == _NONE:
             standing, touching = standing + 1, _STANDING
-    return Judged(gap, gap_moving, at, moving, standing, over, touching, before)
+    return Judged(gap, gap_moving, at, moving, standing, over, touching, before, first)

@@ -17,7 +17,7 @@ from cohelm.law.human import supplied_energy
 from cohelm.law.reference import evaluate
 from cohelm.law.track import pose_error
 from cohelm.perceive.frames import compose, inverse
-from cohelm.perceive.seen import Perception
+from cohelm.perceive.seen import Perception, Seen
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import Plan
 from cohelm.pilot.step import BARRIER, NONE, Decision, Settings
@@ -55,9 +55,16 @@ def held(limits: Limits, physics: TwinModel) -> Limits:
     )
 
 
-def careful(rules: Rules) -> Rules:
-    """Rules for the twin: half of `clear` has room for SLOP beside what it had room for."""
-    return rules._replace(clear=rules.clear + 2.0 * SLOP, margin=rules.margin + 2.0 * SLOP)
+def careful(rules: Rules, more: float = 2.0 * SLOP) -> Rules:
+    """Rules for the twin: half of `clear` has room for SLOP beside what it had room for, or for
+    more: twice what a thing may be nearer, or a corner farther, than the guard takes it [m]."""
+    return rules._replace(clear=rules.clear + more, margin=rules.margin + more)
+
+
+def sight(model: RobotModel) -> float:
+    """How much nearer than it is seen a thing may be: one standard deviation of a range, of which
+    a surface near by is many beams' mean, and a post's width just one's [m]."""
+    return 0.0 if model.lidar is None else model.lidar.noise_m
 
 
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
@@ -102,17 +109,23 @@ class _Run:
         self.guarded = setup.pilot is not None
         given_pilot = setup.pilot or _unguarded(setup)
         settings = given_pilot.settings._replace(limits=held(model.bounds(), given.physics))
+        seeing = given_pilot.lidar is not None
         manners, care = given_pilot.manners, given_pilot.care
         if self.guarded:  # ways are as much wider as the guard is more careful
-            settings = settings._replace(rules=careful(settings.rules))
-            manners = manners._replace(gap=manners.gap + 2.0 * SLOP)
-            care = care._replace(accept=care.accept + 2.0 * SLOP)
+            more = 2.0 * (SLOP + (sight(self.robot.model) if seeing else 0.0))
+            settings = settings._replace(rules=careful(settings.rules, more))
+            manners = manners._replace(gap=manners.gap + more)
+            care = care._replace(accept=care.accept + more)
         delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
             setup.reference, settings, delay=delay, manners=manners, care=care,
         )  # fmt: skip
-        seeing = given_pilot.lidar is not None
-        self.perception = Perception(self.robot.model) if seeing else None
+        self.perception = (
+            Perception(self.robot.model, given.known, given.known and setup.start)
+            if seeing
+            else None
+        )
+        self.fastest = math.inf
         self.agility = given_pilot.agility
         self.period = max(round(given_pilot.period / setup.dt), 1)
         self.thinking = min(round(given_pilot.thinking / setup.dt), self.period - 1)
@@ -131,12 +144,11 @@ class _Run:
     def step(self, k: int, row: Any) -> None:
         """Control step k, from seeing to the next one, written into the row."""
         setup, now = self.setup, self.truth
-        pose = now.pose
         things = self.things()
-        seen, twist = self._seen(k * setup.dt, now, things)
-        stick = self._hand(k, pose, things)
+        pose, seen, twist = self._seen(k * setup.dt, now, things)
+        stick = self._hand(k, now.pose, things)
         self._plan(k, pose, twist, seen)
-        decided = self.pilot.step(k * setup.dt, pose, twist, stick, seen)
+        decided = self.pilot.step(k * setup.dt, pose, twist, stick, seen, self.fastest)
         possible = self.robot.send(Twist(decided.v, decided.omega))
         self.robot.wait((k + 1) * setup.dt)
         self.truth = self.robot.truth()
@@ -145,21 +157,16 @@ class _Run:
         self._write(row, k, now, stick, decided)
         row["saturated"] = possible != Twist(decided.v, decided.omega)
 
-    def _seen(self, t: float, now: Truth, things: Floats) -> tuple[Surroundings, Twist]:
-        """What the robot knows of its surroundings, in the world frame, and of its speed."""
+    def _seen(self, t: float, now: Truth, things: Floats) -> tuple[Pose, Surroundings, Twist]:
+        """Where the robot takes itself to be, what is around it, in the same frame, its speed."""
         if self.perception is None:
             around = Surroundings(things, self.agility, self.walls, _NO_POINTS)
-            return around, now.twist
-        # Where the robot is on the map is known; all else is as wheels, gyro and LiDAR tell.
+            return now.pose, around, now.twist
         known = self.perception.take(t, self.robot.read())
-        shift = compose(now.pose, inverse(known.odometry))
-        c, s = math.cos(shift.psi), math.sin(shift.psi)
-        turn = np.array([[c, s], [-s, c]])
-        discs = known.discs.copy()
-        discs[:, X : Y + 1] = discs[:, X : Y + 1] @ turn + shift[:2]
-        discs[:, VX : VY + 1] = discs[:, VX : VY + 1] @ turn
-        points = known.points @ turn + shift[:2]
-        return surroundings(discs, known.agility, None, points), known.twist
+        if self.given.known is None:  # where it is on the map is known; all else is as it senses
+            return now.pose, placed(known, compose(now.pose, inverse(known.odometry))), known.twist
+        self.fastest = 0.0 if known.lost else math.inf
+        return known.pose, placed(known, known.map_odom), known.twist
 
     def _hand(self, k: int, pose: Pose, things: Floats) -> Stick:
         setup = self.setup
@@ -186,7 +193,7 @@ class _Run:
 
     def _write(self, row: Any, k: int, then: Truth, stick: Stick, d: Decision) -> None:
         setup, pose = self.setup, then.pose
-        applied = _between(then, self.truth, setup.dt)
+        applied = between(then, self.truth, setup.dt)
         away = math.hypot(pose.x - self.goal[0], pose.y - self.goal[1])
         self.arrived = self.guarded and away < setup.near
         desired = Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d)
@@ -200,6 +207,16 @@ class _Run:
         row["applied_v"], row["applied_omega"] = applied
         row["clearance"], row["energy"] = then.clearance, self.energy
         row["course"], row["to_go"], row["arrived"] = self.courses, away, away < setup.near
+
+
+def placed(known: Seen, frame: Pose) -> Surroundings:
+    """What is seen, in the frame in which `odom` is at this pose."""
+    c, s = math.cos(frame.psi), math.sin(frame.psi)
+    turn = np.array([[c, s], [-s, c]])
+    discs = known.discs.copy()
+    discs[:, X : Y + 1] = discs[:, X : Y + 1] @ turn + frame[:2]
+    discs[:, VX : VY + 1] = discs[:, VX : VY + 1] @ turn
+    return surroundings(discs, known.agility, None, known.points @ turn + frame[:2])
 
 
 def _unguarded(setup: Setup) -> Piloted:
@@ -225,7 +242,7 @@ def _h(pose: Pose, discs: Floats) -> Floats:
     return dx * dx + dy * dy - discs[:, SAFE] ** 2
 
 
-def _between(a: Truth, b: Truth, dt: float) -> Twist:
+def between(a: Truth, b: Truth, dt: float) -> Twist:
     """The twist whose arc leads from one pose to the next; none while the robot stands."""
     if a.standing and b.standing:
         return Twist(0.0, 0.0)

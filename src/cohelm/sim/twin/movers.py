@@ -8,6 +8,7 @@ from typing import NamedTuple
 from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, X, Y
 from cohelm.robot.footprint import disc_clearance
+from cohelm.sim.duel import choose, walk_on
 from cohelm.sim.world import World, place
 
 STROLL = 0.4
@@ -21,6 +22,9 @@ _NEAR = 0.15  # nearer than this, it does not walk towards the robot [m]
 _BACK = 0.005  # nearer to where it should be than this [m], it is back on its way
 
 
+_KEEPS = 0.2  # for which an attacker keeps what it does [s]
+
+
 class Movers(NamedTuple):
     """Discs that move. One that bumps into the robot stops, finds its way round it, slowly and
     with no more acceleration than AGILITY, and then makes up for the time it lost."""
@@ -32,6 +36,30 @@ class Movers(NamedTuple):
     held: Floats
     """(m, 4): whether it is off its way (1) or not (0), on which side it goes round the robot
     (1 left, -1 right, 0 does not), and its velocity [m/s]."""
+    hunt: Hunt
+
+
+class Hunt(NamedTuple):
+    """Movers that have no way of their own: attackers, as in `sim.duel`. One that bumps into the
+    robot stops, until it turns to go elsewhere."""
+
+    agility: Floats
+    """(m,), the acceleration that each uses; 0 for one that goes its way [m/s^2]."""
+    fastest: float
+    """[m/s]"""
+    seed: int
+    push: Floats
+    """(m, 2), how each accelerates at the moment [m/s^2]."""
+
+
+class Hunters(NamedTuple):
+    """Who of a world's discs is after the robot."""
+
+    agility: Floats
+    """(n,) of all discs, 0 for those that are not [m/s^2]."""
+    fastest: float
+    """[m/s]"""
+    seed: int
 
 
 _OFF, _SIDE, _VX, _VY = range(4)
@@ -47,6 +75,11 @@ def walk(
     for m in range(len(movers.which)):
         i, held = movers.which[m], movers.held[m]
         x, y, radius = discs[i, X], discs[i, Y], discs[i, RADIUS]
+        if movers.hunt.agility[m] > 0.0:
+            _hunt(step, time, pose, outline, m, discs[i], movers.hunt)
+            farthest = max(farthest, math.hypot(discs[i, X] - x, discs[i, Y] - y))
+            mocap[m, 0], mocap[m, 1] = discs[i, X], discs[i, Y]
+            continue
         place(discs[i : i + 1], i, movers.paths, time)
         gap = disc_clearance(pose, outline, x, y, radius)
         if held[_OFF] == 0.0 and gap <= 0.0:
@@ -58,6 +91,23 @@ def walk(
         farthest = max(farthest, math.hypot(discs[i, X] - x, discs[i, Y] - y))
         mocap[m, 0], mocap[m, 1] = discs[i, X], discs[i, Y]
     return farthest
+
+
+@jit
+def _hunt(
+    step: float, time: float, pose: Pose, outline: Floats, m: int, disc: Floats, hunt: Hunt
+) -> None:
+    """One step of an attacker."""
+    k = int(time / _KEEPS + 1e-6)
+    if k != int((time - step) / _KEEPS + 1e-6) or time < 1.5 * step:
+        choose(hunt.push, m, hunt.agility[m], pose, disc, hunt.seed, k)
+    after = disc.copy()
+    walk_on(after, disc, hunt.push[m, 0], hunt.push[m, 1], hunt.fastest, step)
+    gap = disc_clearance(pose, outline, after[X], after[Y], disc[RADIUS])
+    if gap <= 0.0 and gap < disc_clearance(pose, outline, disc[X], disc[Y], disc[RADIUS]):
+        disc[VX], disc[VY] = 0.0, 0.0
+    else:
+        disc[:] = after
 
 
 @jit

@@ -20,6 +20,7 @@ from cohelm.sim.world import NOWHERE, clearance
 
 _ADDING = 2.0  # how fast the servos' integral part adds up a steady error [1/s]
 _STANDS = 0.01  # slower than this, a robot whose drives rest is standing [m/s]
+_DUST = 1e-4  # what is asked for is rounding, if less than this [m/s]
 
 STATE = np.dtype(
     [
@@ -172,7 +173,7 @@ def _score(
     walls: Floats,
 ) -> None:  # fmt: skip
     """Clearance where a new smallest one is possible, and contacts as physics felt them."""
-    if s.driven_v != 0.0 or s.driven_omega != 0.0:
+    if abs(s.driven_v) + reach * abs(s.driven_omega) > _DUST:
         s.standing = False
     elif math.hypot(s.v, s.side) + reach * abs(s.omega) < _STANDS:
         s.standing = True  # and stays so, even if somebody nudges it

@@ -21,7 +21,7 @@ from cohelm.sim.odometer import Odometer
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit
-from cohelm.sim.twin.movers import Movers
+from cohelm.sim.twin.movers import Hunt, Hunters, Movers
 from cohelm.sim.twin.physics import STATE, Trail, Wheels, advance, views
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.twin.sweep import rows, sweep
@@ -85,10 +85,12 @@ class Twin:
         settings: TwinModel = _DEFAULT,
         step: float = STEP,
         camera: Kind = "auto",
+        hunters: Hunters | None = None,
     ) -> None:
         """timeout: without a new command for so long the robot stops by itself [s].
 
         camera: who draws, if the robot has one. In real time it draws in a thread of its own.
+        hunters: those of the moving discs that are after the robot.
         """
         self._model = model = settings.fitted(model)
         self._step, self._seed, self._grid = step, seed, grid
@@ -102,7 +104,14 @@ class Twin:
             first=np.arange(len(self._discs) + 1), wall_first=np.zeros(len(self._discs) + 1, int)
         )
         moving = [i for i in range(len(self._discs)) if moves(i, solo)]
-        self._movers = Movers(np.array(moving, dtype=np.int64), solo, np.zeros((len(moving), 4)))
+        agility = np.zeros(len(moving)) if hunters is None else hunters.agility[moving]
+        hunt = Hunt(
+            agility, hunters.fastest if hunters else 0.0, hunters.seed if hunters else 0,
+            np.zeros((len(moving), 2)),
+        )  # fmt: skip
+        self._movers = Movers(
+            np.array(moving, dtype=np.int64), solo, np.zeros((len(moving), 4)), hunt
+        )
         text = mjcf(model, settings, step, self._discs, moving, around.walls, grid)
         try:
             self.mujoco: Any = mujoco.MjModel.from_xml_string(text)

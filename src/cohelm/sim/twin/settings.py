@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
+from cohelm.perceive.known import Known
 from cohelm.robot.model import RobotModel
 
 _AtLeast0 = Annotated[float, Field(ge=0.0)] | None
@@ -81,3 +82,5 @@ class Twinned:
 
     robot: RobotModel
     physics: TwinModel
+    known: Known | None = None
+    """With a LiDAR, the map on which the robot has to find its place; None: it is told."""

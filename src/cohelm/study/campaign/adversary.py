@@ -77,7 +77,8 @@ def case(
     )
     attack = Attack(code, int(rng.integers(2**31)), script, hold)
     return Case(
-        "adversary", number, f"{kind}, {model.name}", setup, None, Duel(scene, attack)
+        "adversary", number, f"{kind}, {model.name}", setup, None, Duel(scene, attack),
+        robot=model.name,
     )  # fmt: skip
 
 

@@ -23,6 +23,11 @@ LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")
 """Under which an episode may be driven: the guard, the paper's barrier, no filter at all, and
 two controllers of a peer, ir-sim: reciprocal velocity obstacles, and plain ones."""
 
+Plant = Literal["kinematic", "twin", "twin-all-round"]
+PLANTS: tuple[Plant, ...] = ("kinematic", "twin", "twin-all-round")
+"""What is driven: exact arcs that know all there is; or the physics twin, which knows what its own
+sensors tell it, with the robot's LiDAR as it is or with one that looks all round."""
+
 DT = 0.02
 """Control step of every campaign [s]."""
 
@@ -69,6 +74,9 @@ class Case:
     setup: Setup
     goal: Goal | None
     duel: Duel | None = None
+    plant: Plant = "kinematic"
+    robot: str = "sally"
+    """Name of the robot that drives."""
 
 
 def under(setup: Setup, law: Law) -> Setup:
@@ -77,9 +85,13 @@ def under(setup: Setup, law: Law) -> Setup:
     With the guard drives the pilot, as the suite has set it up, or else at its usual care.
     """
     if law == "guard":
-        lively = setup.gains._replace(k_psi=max(setup.gains.k_psi, 2.0))
-        return setup if setup.pilot is not None else with_pilot(setup, gains=lively)
+        return setup if setup.pilot is not None else with_pilot(setup, gains=lively(setup.gains))
     return replace(setup, pilot=None, gains=setup.gains._replace(barrier=law == "paper"))
+
+
+def lively(gains: Gains) -> Gains:
+    """The gains of a suite that has no pilot of its own."""
+    return gains._replace(k_psi=max(gains.k_psi, 2.0))
 
 
 def traced(case: Case, law: Law) -> Iterator[Trace]:
@@ -94,13 +106,20 @@ def traced(case: Case, law: Law) -> Iterator[Trace]:
 
 def fought(case: Case, law: Law, chosen: Duel) -> Trace:
     """The trace of a duel."""
+    if case.setup.twin is not None:
+        from cohelm.sim.twin import duel as on_twin  # needs MuJoCo, which is an extra
+        from cohelm.sim.twin.movers import Hunters
+
+        agility = np.zeros(len(case.setup.around.discs))
+        agility[: len(chosen.scene.agility)] = chosen.scene.agility
+        hunters = Hunters(agility, chosen.scene.walk, chosen.attack.seed)
+        return on_twin.duel(case.setup, chosen.attack, hunters, _RULES)
     n, m = case.setup.steps, len(chosen.scene.discs) + len(chosen.scene.points)
     rows, h, discs = np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6))
     _duel(case, law, chosen, rows, h, discs)
     return Trace(rows, h, discs, tuple(f"thing_{i}" for i in range(m)), DT)
 
 
-_RULES = Rules(dt=DT)
 _RULES = Rules(dt=DT)
 _NO_ROWS, _NO_H, _NO_DISCS = np.zeros(0, dtype=ROW), np.empty((0, 0)), np.empty((0, 0, 6))
 

@@ -17,6 +17,7 @@ from cohelm.sim.judge import FAR, Judged, judge
 from cohelm.sim.run import Setup
 from cohelm.study.campaign.case import DT, Case, Law, traced
 from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.touch import NOTHING_TOUCHED, Touch, first_touch
 from cohelm.study.metrics import BACK_ON_PATH, LEADS_BELOW, settling, spans
 
 STEERING = 0.5
@@ -40,17 +41,20 @@ def judged(case: Case, law: Law, pieces: Iterator[Trace], limits: Limits) -> Row
     walls = setup.around.walls
     seen = Judged()
     kept: list[NDArray[np.void]] = []
+    there: list[Floats] = []
     last: tuple[NDArray[np.void], Floats] | None = None
     arrived, nearest = False, ""
     for piece in pieces:
         rows, discs = piece.rows, piece.discs
         if case.goal is not None:
             far = np.hypot(rows["x"] - case.goal.x, rows["y"] - case.goal.y)
-            there = np.flatnonzero(far < case.goal.near)
-            if there.size:
+            near = np.flatnonzero(far < case.goal.near)
+            if near.size:
                 arrived = True
-                rows, discs = rows[: there[0] + 1], discs[: there[0] + 1]
+                rows, discs = rows[: near[0] + 1], discs[: near[0] + 1]
         kept.append(rows)
+        if setup.twin is not None:
+            there.append(discs)
         if last is not None:
             rows = np.concatenate((last[0], rows))
             discs = np.concatenate((last[1], discs))
@@ -61,7 +65,11 @@ def judged(case: Case, law: Law, pieces: Iterator[Trace], limits: Limits) -> Row
         last = rows[-1:], discs[-1:]
         if arrived:
             break
-    return _row(case, law, np.concatenate(kept), seen, nearest, arrived)
+    rows = np.concatenate(kept)
+    touched = NOTHING_TOUCHED
+    if setup.twin is not None and seen.moving:
+        touched = first_touch(setup, setup.twin, rows, np.concatenate(there), seen.first)
+    return _row(case, law, rows, seen, nearest, arrived, touched)
 
 
 def _nearest(
@@ -80,13 +88,15 @@ def _nearest(
 
 
 def _row(
-    case: Case, law: Law, rows: NDArray[np.void], seen: Judged, nearest: str, arrived: bool
-) -> Row:
+    case: Case, law: Law, rows: NDArray[np.void], seen: Judged, nearest: str, arrived: bool,
+    touched: Touch,
+) -> Row:  # fmt: skip
     duration = float(rows["t"][-1])
     recovery, unrecovered = _recovery(rows)
     measured = case.duel is None
     return Row(
         suite=case.suite,
+        plant=case.plant,
         law=law,
         episode=case.number,
         kind=case.kind,
@@ -110,6 +120,10 @@ def _row(
         recovery_s=recovery if measured else math.nan,
         unrecovered=unrecovered if measured else 0,
         filtered_share=float((rows["verdict"] != 0).mean()),
+        contact_seen_s=touched.seen,
+        contact_seen_share=touched.share,
+        contact_speed_mps=touched.speed,
+        contact_driven_mps=touched.driven,
         stick=[],
     )
 

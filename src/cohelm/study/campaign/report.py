@@ -35,7 +35,9 @@ class Outcome(NamedTuple):
     def as_dict(self) -> dict[str, Any]:
         """One object: the first law's numbers, and all laws under `compare` if there are more."""
         first = self.summaries[0].as_dict()
-        said: dict[str, Any] = {"suite": self.suite.name, "seed": self.suite.seed, **first}
+        said: dict[str, Any] = {
+            "suite": self.suite.name, "plant": self.suite.plant, "seed": self.suite.seed, **first,
+        }  # fmt: skip
         if len(self.laws) > 1:
             said["compare"] = [s.as_dict() for s in self.summaries]
         said["left_out"] = list(self.suite.notes)
@@ -98,6 +100,12 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     return ("quantity", *found.laws), shown
 
 
+def made_on(found: Outcome) -> str:
+    """The suite, and on what it was driven where that is not the kinematic simulator."""
+    suite = found.suite
+    return suite.name if suite.plant == "kinematic" else f"{suite.name}, {suite.plant}"
+
+
 def by_kind(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """The first law's episodes by their kind."""
     rows = found.rows[found.laws[0]]
@@ -156,7 +164,7 @@ def write(found: Outcome, folder: Path, told: Callable[[str, float], None]) -> P
         told(f"drawing the worst episodes: {law}/{row.episode}", k / len(shown))
         figures.append(_figure(found.suite, row))
     page = PAGE.format(
-        title=escape(f"cohelm campaign: {found.suite.name}, seed {found.suite.seed}"),
+        title=escape(f"cohelm campaign: {made_on(found)}, seed {found.suite.seed}"),
         about=escape(ABOUT[found.suite.name] or "").replace("\n\n", "</p><p>"),
         laws=_html(*table(found)),
         kinds=_html(*by_kind(found)),

@@ -10,6 +10,8 @@ class Row(NamedTuple):
     """What came of one episode under one law; NaN where there is nothing to measure."""
 
     suite: str
+    plant: str
+    """What was driven, see `case.PLANTS`."""
     law: str
     episode: int
     kind: str
@@ -51,12 +53,22 @@ class Row(NamedTuple):
     """Releases after which it never was."""
     filtered_share: float
     """Of all steps, those in which the law's filter changed the command."""
+    contact_seen_s: float
+    """Of the first moving contact on the twin's own sensors: for how long what was touched had been
+    in the LiDAR's view without a break, at five beams a scan, when it came to it; NaN: none."""
+    contact_seen_share: float
+    """And in which share of all scans before."""
+    contact_speed_mps: float
+    """How fast that was itself going then."""
+    contact_driven_mps: float
+    """And how fast the nearest corner or side of the robot at most."""
     stick: list[float]
     """The deflections that a search has found, fore-aft and left-right in turns, or nothing."""
 
 
 NOT_DRIVEN = Row(
-    "", "", 0, "", "", False, math.nan, 0, 0, math.nan, math.nan, math.nan, "", math.nan, math.nan,
-    math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan, [],
+    "", "", "", 0, "", "", False, math.nan, 0, 0, math.nan, math.nan, math.nan, "", math.nan,
+    math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan,
+    math.nan, math.nan, math.nan, math.nan, [],
 )  # fmt: skip
 """What remains of an episode that could not be driven."""

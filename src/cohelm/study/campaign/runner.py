@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign.case import LAWS, Law
+from cohelm.study.campaign.case import LAWS, Law, Plant
 from cohelm.study.campaign.drive import chunk, code
 from cohelm.study.campaign.row import Row
 from cohelm.study.campaign.store import Key, Store
@@ -40,6 +40,7 @@ class Plan:
     n: int | None = None
     """Episodes under each law; None for as many as the suite has by default."""
     data: Path | None = None
+    plant: Plant = "kinematic"
 
     def prepared(self) -> Suite:
         """The suite, read and checked against the rest of the plan."""
@@ -47,7 +48,7 @@ class Plan:
             raise CohelmError(f"--n must be between 1 and {_MOST}, got {self.n}")
         if not 0 <= self.seed < 2**32:
             raise CohelmError(f"--seed must be between 0 and 2**32 - 1, got {self.seed}")
-        made = suite(self.suite, self.seed, self.data)
+        made = suite(self.suite, self.seed, self.data, self.plant)
         if not self.laws or len(set(self.laws)) < len(self.laws):
             raise CohelmError(f"give each law once: {', '.join(made.laws)}")
         for law in self.laws:
@@ -55,7 +56,7 @@ class Plan:
                 raise CohelmError(f"there is no law {law!r}: choose {', '.join(made.laws)}")
             if law not in made.laws:
                 raise CohelmError(
-                    f"{law} drives in the suite random only, not in {self.suite}: "
+                    f"{law} does not drive in the suite {self.suite} with --plant {self.plant}: "
                     f"choose {', '.join(made.laws)}"
                 )
         return made
@@ -68,6 +69,7 @@ class Plan:
             "seed": self.seed,
             "n": episodes,
             "data": None if self.data is None else str(self.data.resolve()),
+            "plant": self.plant,
             "code": code(),
         }
 
@@ -77,7 +79,8 @@ def planned(kept: dict[str, Any]) -> Plan:
     try:
         data = None if kept["data"] is None else Path(str(kept["data"]))
         laws = tuple(str(law) for law in kept["laws"])
-        return Plan(str(kept["suite"]), laws, int(kept["seed"]), int(kept["n"]), data)  # pyright: ignore[reportArgumentType]
+        plant = str(kept["plant"])
+        return Plan(str(kept["suite"]), laws, int(kept["seed"]), int(kept["n"]), data, plant)  # pyright: ignore[reportArgumentType]
     except (KeyError, TypeError, ValueError) as error:
         raise CohelmError(
             "campaign.json is not a campaign's plan; choose another folder"

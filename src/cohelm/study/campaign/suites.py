@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.study.campaign import adversary, barn, crowd, hands, lab, rooms
-from cohelm.study.campaign.case import LAWS, Case, Law
+from cohelm.study.campaign.case import LAWS, PLANTS, Case, Law, Plant
+from cohelm.study.campaign.plant import on_twin
 
 NAMES = ("lab", "random", "barn", "crowd", "adversary", "hands")
 
@@ -20,6 +21,7 @@ ABOUT = {
 """What each suite is, in the words of its module."""
 
 _NEEDS_DATA = ("barn", "crowd", "hands")
+_ON_TWIN = ("lab", "random", "adversary")
 _CHUNKS = {"adversary": 10, "random": 5}
 
 
@@ -35,6 +37,7 @@ class Suite:
     """How many there are by default."""
     notes: tuple[str, ...] = ()
     """What was left out, a sentence each."""
+    plant: Plant = "kinematic"
 
     @property
     def goals(self) -> bool:
@@ -44,15 +47,21 @@ class Suite:
     @property
     def laws(self) -> tuple[Law, ...]:
         """Under which it can be driven."""
+        if self.plant != "kinematic":
+            return ("guard",) if self.name == "adversary" else ("guard", "paper", "none")
         return LAWS if self.name == "random" else ("guard", "paper", "none")
 
     @property
     def chunk(self) -> int:
         """Episodes that are handed out at a time."""
-        return _CHUNKS.get(self.name, 1)
+        return _CHUNKS.get(self.name, 1) if self.plant == "kinematic" else 1
 
     def case(self, number: int) -> Case:
         """Episode `number`: the same whenever and wherever it is asked for."""
+        made = self._case(number)
+        return made if self.plant == "kinematic" else on_twin(made, self.plant)
+
+    def _case(self, number: int) -> Case:
         if self.name == "lab":
             return lab.case(self.given, self.seed, number)
         if self.name == "random":
@@ -66,11 +75,24 @@ class Suite:
         return adversary.case(self.seed, number, self.given)
 
 
-def suite(name: str, seed: int, data: Path | None) -> Suite:
+def suite(name: str, seed: int, data: Path | None, plant: Plant = "kinematic") -> Suite:
     """A suite by its name. data: the folder of recordings and worlds made by others.
 
-    Raises CohelmError for a name that there is not, or data that is missing or not usable.
+    Raises CohelmError for a name that there is not, or data that is missing or not usable, or a
+    plant that the suite is not driven on.
     """
+    if plant not in PLANTS:
+        raise CohelmError(f"there is no plant {plant!r}: choose {', '.join(PLANTS)}")
+    made = _suite(name, seed, data)
+    if plant != "kinematic" and name not in _ON_TWIN:
+        raise CohelmError(
+            f"the suite {name} is driven with --plant kinematic only; on the twin there are "
+            f"{', '.join(_ON_TWIN)}"
+        )
+    return replace(made, plant=plant)
+
+
+def _suite(name: str, seed: int, data: Path | None) -> Suite:
     if name not in NAMES:
         near = get_close_matches(name, NAMES, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""

@@ -1,0 +1,88 @@
+"""Episodes of a suite on the physics twin, closed on its sensors alone.
+
+The robot finds its place on a map of all that stands, as if measured by tape (the walkers are on
+no map), in the adversary's field by its odometry alone. What is around it, it knows from its LiDAR
+and `perceive`; truth is for the judge. Its sensors: LiDAR as in the robot's file but with 2 cm of
+noise, a sweep that takes three quarters of the time between two, and 50 ms more until it is
+read; wheels that measure some 1.5 % wrongly, and a gyro that drifts 0.02 deg/s. Wherever the
+robot does not know its place, or has seen nothing yet, the reference waits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cohelm.core.types import RADIUS, VX, VY, X, Y, disc
+from cohelm.perceive.taped import surveyed
+from cohelm.robot.model import RobotModel
+from cohelm.scenario.load import robot
+from cohelm.sim.run import Setup, with_pilot
+from cohelm.sim.twin.settings import TwinModel, Twinned
+from cohelm.sim.world import Body, World, world
+from cohelm.study.campaign.case import Case, Plant, lively
+
+POST = 0.015
+"""Radius of what is a point without size in the kinematic adversary [m]."""
+
+_NOISE, _LATENCY, _SWEEPS = 0.02, 0.05, 0.75  # [m], [s], share of the time between two scans
+_WHEELS, _DRIFT = 0.015, 0.02  # share, [deg/s]
+
+
+def sensing(model: RobotModel) -> TwinModel:
+    """The errors of a robot's sensors here."""
+    rate = 10.0 if model.lidar is None else model.lidar.rate_hz
+    return TwinModel(
+        lidar_noise_m=_NOISE,
+        lidar_sweep_s=_SWEEPS / rate,
+        lidar_latency_s=_LATENCY,
+        odometry_distance_error=_WHEELS,
+        gyro_drift_degps=_DRIFT,
+    )
+
+
+def carried(name: str, plant: Plant) -> RobotModel:
+    """The robot, with the LiDAR that this plant gives it."""
+    model = robot(name)
+    if plant != "twin-all-round" or model.lidar is None:
+        return model
+    gaps = (model.lidar.beams - 1) / model.lidar.field_of_view_deg
+    round_ = {"field_of_view_deg": 360.0, "beams": round(360.0 * gaps), "mount_x_m": 0.0}
+    return model.model_copy(update={"lidar": model.lidar.model_copy(update=round_)})
+
+
+def on_twin(case: Case, plant: Plant) -> Case:
+    """The same episode on the twin."""
+    model = carried(case.robot, plant)
+    assert model.lidar is not None
+    physics, setup = sensing(model), case.setup
+    if case.duel is not None:
+        field = _field(case)
+        names = tuple(f"thing_{i}" for i in range(len(field.discs)))
+        setup = replace(setup, around=field, names=names, twin=Twinned(model, physics))
+        return replace(case, plant=plant, setup=setup)
+    if setup.pilot is None:
+        setup = with_pilot(setup, lidar=model.lidar, gains=lively(setup.gains))
+    assert setup.pilot is not None
+    seeing = replace(setup.pilot, lidar=model.lidar.lidar(), rate=model.lidar.rate_hz)
+    known = surveyed(setup.around.walls, setup.start, _resting(setup))
+    setup = replace(setup, pilot=seeing, twin=Twinned(model, physics, known))
+    return replace(case, plant=plant, setup=setup)
+
+
+def _resting(setup: Setup) -> np.ndarray:
+    """x, y and radius of what never moves."""
+    discs = setup.around.discs
+    still = (np.diff(setup.around.path_first) == 0) & (discs[:, VX] == 0) & (discs[:, VY] == 0)
+    return discs[still][:, [X, Y, RADIUS]]
+
+
+def _field(case: Case) -> World:
+    """What there is to hit; points are thin posts, which a LiDAR can see."""
+    assert case.duel is not None
+    scene = case.duel.scene
+    reach = float(np.hypot(*case.setup.outline.T).max())
+    bodies = [Body(tuple(row)) for row in scene.discs.tolist()]
+    bodies += [Body(disc(x, y, POST, POST + reach)) for x, y in scene.points.tolist()]
+    return world((bodies, scene.walls))

@@ -1,0 +1,76 @@
+"""Suites on the physics twin: what the robot carries, and what is said of a contact."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.trace import ROW
+from cohelm.study.campaign import suites
+from cohelm.study.campaign.drive import chunk
+from cohelm.study.campaign.runner import Plan
+from cohelm.study.campaign.touch import first_touch
+
+
+def test_a_room_is_driven_on_sensors_alone():
+    (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))
+    assert (row.plant, row.fault, row.contacts_moving) == ("twin", "", 0)
+    assert row.arrived
+
+
+def test_the_attackers_walkers_are_after_the_robot_on_the_twin_too():
+    made = suites.suite("adversary", 1, None, "twin")
+    (row,), (again,) = chunk(made, "guard", (2,)), chunk(made, "guard", (2,))
+    assert repr(row) == repr(again)
+    assert (row.plant, row.fault) == ("twin", "")
+    case = suites.suite("adversary", 1, None, "twin").case(2)
+    kinematic = suites.suite("adversary", 1, None).case(2)
+    assert case.duel is not None
+    assert case.duel.scene.discs.tolist() == kinematic.duel.scene.discs.tolist()
+    posts = case.setup.around.discs[len(case.duel.scene.discs) :]
+    assert posts[:, :2].tolist() == case.duel.scene.points.tolist()
+
+
+@pytest.mark.parametrize(("plant", "degrees"), [("twin", 270.0), ("twin-all-round", 360.0)])
+def test_the_plant_says_how_far_round_the_lidar_sees(plant, degrees):
+    twin = suites.suite("lab", 1, None, plant).case(1).setup.twin
+    assert twin.robot.lidar.field_of_view_deg == degrees
+    fitted = twin.physics.fitted(twin.robot).lidar
+    assert (fitted.noise_m, fitted.latency_s, fitted.sweep_s) == (0.02, 0.05, 0.075)
+    assert twin.known is not None
+
+
+def test_what_was_in_view_before_a_contact_is_told_from_the_truth():
+    """A walker straight ahead for 2 s, then behind a disc, at last on the robot's front."""
+    case = suites.suite("random", 1, None, "twin").case(0)
+    setup, n = case.setup, 151
+    rows = np.zeros(n, dtype=ROW)
+    rows["t"] = 0.02 * np.arange(n)
+    rows["x"], rows["y"], rows["applied_v"] = 5.0, 3.0, 0.5
+    discs = np.zeros((n, 2, 6))
+    discs[:, 0] = (5.61, 3.0, -0.4, 0.0, 0.25, 0.7)
+    discs[:, 1] = (5.5, 30.0, 0.0, 0.0, 0.05, 0.7)
+    discs[100:126, 0, :2] = (7.0, 3.0)
+    discs[100:126, 1, :2] = (5.9, 3.0)
+    discs[100:126, 1, 4] = 0.4
+    touch = first_touch(setup, setup.twin, rows, discs, 3.0)
+    assert touch.seen == pytest.approx(0.5)
+    assert touch.share == pytest.approx(25 / 31)
+    assert (touch.speed, touch.driven) == (0.4, 0.5)
+    behind = discs.copy()
+    behind[:, 0, 0] = 4.39
+    hidden = first_touch(setup, setup.twin, rows, behind, 3.0)
+    assert (hidden.seen, hidden.share) == (0.0, 0.0)
+
+
+def test_what_is_not_driven_on_the_twin_is_said():
+    for plan, words in (
+        (Plan("barn", ("guard",), 1, plant="twin"), "needs|drives on data"),
+        (Plan("random", ("guard",), 1, plant="twinn"), "no plant 'twinn'"),
+        (Plan("random", ("rvo",), 1, plant="twin"), "rvo does not drive"),
+        (Plan("adversary", ("paper",), 1, plant="twin"), "choose guard"),
+    ):
+        with pytest.raises(CohelmError, match=words):
+            plan.prepared()
+    assert math.isnan(chunk(suites.suite("adversary", 1, None), "guard", (0,))[0].contact_seen_s)
