@@ -62,6 +62,11 @@ class Care(NamedTuple):
     """Sweeps so old are asked what was free then [s]."""
     wider: float = 0.03
     """Added to a mover's radius, beside one standard deviation of its place [m]."""
+    body: float = 0.12
+    """What is wider than this is told from the first scan that proves it [m, radius]."""
+    unsure: float = 4.0
+    """Agility that one standard deviation of a velocity adds: after half a second it is as far off
+    as that much more acceleration would have taken it [1/s]."""
 
 
 class Movers(NamedTuple):
@@ -96,8 +101,15 @@ def follow(
 
 
 def bodies(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
-    """The moving discs (n, 6) foretold to `now` [s], and their agility (n,), in `odom`."""
-    t = movers.tracks[movers.tracks[:, MOVES] > 0.0]
+    """The moving discs (n, 6) foretold to `now` [s], and their agility (n,), in `odom`.
+
+    With bodies that perhaps move, by one scan so far: those are told in good time, and count as
+    standing as well; edges and noise are thinner. What is not known of a velocity makes a disc
+    more agile.
+    """
+    t = movers.tracks
+    perhaps = (t[:, PROOF] > 0.0) & (t[:, RADIUS] > care.body)
+    t = t[(t[:, MOVES] > 0.0) | perhaps]
     ahead = min(max(now - movers.stamp, 0.0), 1.0) if movers.looks else 0.0
     discs = np.zeros((len(t), 6))
     discs[:, 0] = t[:, TX] + ahead * t[:, TVX]
@@ -106,7 +118,7 @@ def bodies(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
     spread = np.minimum(np.sqrt(t[:, PP]), 0.3)
     discs[:, 4] = t[:, RADIUS] + care.wider + spread + 0.5 * care.agility * ahead * ahead
     discs[:, 5] = discs[:, 4]
-    return discs, np.full(len(t), care.agility)
+    return discs, care.agility + np.minimum(care.unsure * np.sqrt(t[:, VV]), 2.0)
 
 
 @jit
