@@ -63,7 +63,7 @@ class Drive:
 
     def ended(self) -> tuple[dict, str]:
         """Wait for its end; what it printed, and the log."""
-        out, err = self.process.communicate(timeout=60.0)
+        out, err = self.process.communicate(timeout=STARTED)
         assert out, err
         return json.loads(out), self.log.read_text()
 
@@ -165,7 +165,7 @@ def test_without_its_helpers_the_loop_drives_on(drive, who):
     going = drive("--for", "6")
     going.driving()
     os.kill(child(going.process.pid, who), signal.SIGKILL)
-    out, _ = going.process.communicate(timeout=60.0)
+    out, _ = going.process.communicate(timeout=STARTED)
     summary = json.loads(out)
     assert summary["reason"] == "the drive is over"
     assert summary["mode"] == "STOPPED"
@@ -177,7 +177,7 @@ def test_a_killed_keeper_ends_the_loop_with_one_sentence(drive):
     going = drive()
     going.driving()
     os.kill(child(going.process.pid, "keeper"), signal.SIGKILL)
-    _, err = going.process.communicate(timeout=60.0)
+    _, err = going.process.communicate(timeout=STARTED)
     assert going.process.returncode == 2
     assert "the process that keeps the robot is gone" in err
 

@@ -1,0 +1,70 @@
+"""The place on the map is lost while a person drives, on the twin, through the whole loop."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from cohelm.core.types import Stick
+from cohelm.drive.session import Plan, Session
+from cohelm.drive.simulated import simulated, surveyed
+from cohelm.law import verdict
+from cohelm.link.messages import Localised, Mode
+from cohelm.loop.operator import Scripted
+from cohelm.robot.gate.modes import Mode as GateMode
+from tests.drive.faults import CORRIDOR
+
+ROOM = [[-2.5, 17.2, 4.5, 20.0], [4.5, 20.0, -2.5, 22.8], [-2.5, 22.8, -2.5, 17.2]]
+"""A room that is not on the map, 20 m beside the corridor; no two of its walls are at the angles of
+the corridor's, so that the robot can not take it for a part of that."""
+PUSHED, FORWARD, ASIDE, END = 3.0, 6.0, 16.0, 20.0
+
+
+def stick(t: float) -> Stick:
+    """Centred at first, and for a while when it is lost; then ahead into the wall, then away."""
+    if t < FORWARD:
+        return Stick(0.0, 0.0)
+    return Stick(0.9, 0.0) if t < ASIDE else Stick(-0.8, 0.3)
+
+
+def test_lost_it_waits_and_the_person_still_drives_with_the_guard_on_the_scan():
+    made = simulated(CORRIDOR, "twin", real_time=False, seed=3)
+    walls = made.scenario.walls_m
+    known = surveyed(np.array(walls), made.start)
+    scenario = made.scenario.model_copy(update={"walls_m": [*walls, *ROOM]})
+    blind = made.model.model_copy(update={"camera": None})
+    made = replace(made, scenario=scenario.model_copy(update={"robot": blind}))
+    box: list[Session] = []
+    operator = Scripted(stick, lambda: box[0].loop.keeper.now() if box else 0.0)
+    with Session(Plan(made, known=known), operator) as session:
+        box.append(session)
+        keeper, loop = session.keeper, session.loop
+
+        def drive(until: float) -> list:
+            truths = []
+            session.run(
+                lambda loop: truths.append(keeper.truth()) or loop.keeper.now() >= until - 1e-9,
+                Mode.SHARED if until == PUSHED else Mode.HOLD,
+            )
+            return truths
+
+        assert abs(drive(PUSHED)[-1].twist.v) > 0.3  # the controller drives
+        keeper._robot.push(0.0, 20.0, 0.0)
+        drive(PUSHED + 1.0)
+        assert loop.seen.lost
+        tau = loop.driver.pilot.state.clock
+        waits = drive(FORWARD)
+        assert loop.seen.lost
+        assert loop.driver.pilot.state.clock == tau  # the reference waits
+        assert math.dist(waits[0].pose[:2], waits[-1].pose[:2]) < 0.05
+        assert operator.statuses[-1].localised == Localised.LOST
+        ahead = drive(ASIDE)
+        assert math.dist(ahead[0].pose[:2], ahead[-1].pose[:2]) > 0.5  # the person drives
+        assert loop.seen.lost
+        assert abs(ahead[-1].twist.v) < 0.02  # and stands before the wall, stick ahead
+        assert loop.decision.verdict != verdict.UNTOUCHED
+        away = drive(END)
+        assert math.dist(away[0].pose[:2], away[-1].pose[:2]) > 0.2
+        assert away[-1].least_moving > 0.01
+        assert keeper.gate.mode == GateMode.SHARED
+        assert any("lost" in alarm.text for alarm in operator.statuses[-1].alarms)
