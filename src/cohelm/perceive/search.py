@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, wrap
-from cohelm.perceive.known import Known, gap_at
+from cohelm.perceive.known import Known
 from cohelm.perceive.surfaces import moved
 
 _POINTS = 64
@@ -59,13 +59,28 @@ def _look(
     likely = np.empty(64)
     for k in range(64):
         likely[k] = math.exp(scale * (k / 64.0) ** 2)
+    # All in cells of the map from its corner: this is looked up half a million times a slice.
+    c, s = (
+        math.cos(known.origin.psi) / known.resolution,
+        math.sin(known.origin.psi) / known.resolution,
+    )
+    cells = np.empty((headings, m, 2))
+    for t in range(headings):
+        for p in range(m):
+            x, y = points[t, p, 0], points[t, p, 1]
+            cells[t, p, 0], cells[t, p, 1] = c * x + s * y, -s * x + c * y
+    rows, columns = known.gap.shape
     for k in range(first, end):
+        x, y = places[k, 0] - known.origin.x, places[k, 1] - known.origin.y
+        column, row = c * x + s * y, -s * x + c * y
         for t in range(headings):
             total = 0.0
             for p in range(m):
-                gap = gap_at(known, places[k, 0] + points[t, p, 0], places[k, 1] + points[t, p, 1])
-                if gap < 1.0:
-                    total += likely[int(64.0 * gap)]
+                u, v = column + cells[t, p, 0], row + cells[t, p, 1]
+                if 0.0 <= u < columns and 0.0 <= v < rows:
+                    gap = known.gap[int(v), int(u)]
+                    if gap < 1.0:
+                        total += likely[int(64.0 * gap)]
             sums[t] = total / m
         for t in range(headings):
             before, after = sums[t - 1], sums[(t + 1) % headings]
