@@ -1,30 +1,46 @@
-"""One server and one browser for a module of tests; skipped where one of them is not there."""
+"""One robot, one browser and a server for the tests; skipped where one of them is not there."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from cohelm.station.serve import Server
-from tests.station.servers import served
+from tests.station.servers import Robot, served
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
-STALE = 1.5
-"""Tests share their machine: a page that is late is not a page that is gone."""
+HALL = Path(__file__).parent / "hall.yaml"
+WAIT = 30_000
+"""Tests share their machine: what comes late is still right [ms]."""
+expect.set_options(timeout=WAIT)
+
+
+@pytest.fixture(scope="session")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    made = Robot(str(HALL), False, tmp_path_factory.mktemp("records"))
+    yield made
+    made.close()
+
+
+@pytest.fixture(autouse=True)
+def _tidy(request: pytest.FixtureRequest) -> None:
+    """Every test that drives finds the robot as if none had driven it before."""
+    if "robot" in request.fixturenames:
+        request.getfixturevalue("robot").tidy()
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[Server]:
-    with served(stale=STALE) as made:
+def server(robot: Robot) -> Iterator[Server]:
+    with served(robot.connect) as made:
         yield made
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     if not CHROMIUM.exists():
         pytest.skip(f"no browser at {CHROMIUM}; Debian: apt-get install chromium")
@@ -37,7 +53,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture
 def context(browser: Browser) -> Iterator[BrowserContext]:
     made = browser.new_context(viewport={"width": 1280, "height": 800})
-    made.set_default_timeout(15_000)
+    made.set_default_timeout(WAIT)
     yield made
     made.close()
 
@@ -62,6 +78,6 @@ def browser_phone(browser: Browser) -> Iterator[BrowserContext]:
         viewport={"width": 390, "height": 780}, device_scale_factor=2, is_mobile=True,
         has_touch=True,
     )  # fmt: skip
-    made.set_default_timeout(15_000)
+    made.set_default_timeout(WAIT)
     yield made
     made.close()

@@ -1,4 +1,4 @@
-"""A real station, with a robot to drive, for as long as a test needs it."""
+"""A real station, and a real robot to drive, for as long as tests need them."""
 
 import threading
 import time
@@ -9,54 +9,93 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.trial import SimulatedRobot
-from cohelm.link.messages import Status
-from cohelm.scenario import build, load
+from cohelm.core.types import Stick
+from cohelm.drive.beside import Beside
+from cohelm.drive.served import Door
+from cohelm.link import keys
+from cohelm.link.messages import Ask, Device, Mode, Status
+from cohelm.link.station_end import StationEnd
 from cohelm.station.app import pages
+from cohelm.station.linked import Linked
 from cohelm.station.robot_link import Connect
 from cohelm.station.serve import Server
+
+PATIENCE = 5.0
+"""Tests share their machine: who is late by less than this is not gone [s]. How soon things that
+are gone are noticed is tested where nobody else is in the way: tests/link, tests/drive."""
+NEAT = 60.0
+"""A driver that a failed test left behind is gone by then [s]."""
+
+
+class Robot:
+    """The simulated robot with its real loop, gate and link, in its own processes."""
+
+    def __init__(self, scenario: str, twin: bool, records: Path) -> None:
+        of_robot, self.keys = keys.pair_here()
+        self.records = records
+        self._made = Beside(
+            scenario, twin, Door(of_robot, "127.0.0.1", 0, records), False, PATIENCE
+        )
+        self.pid = self._made.pid
+        self.watcher = StationEnd(self.keys, self._made.host, self._made.port)
+
+    def connect(self, _: str) -> Linked:
+        """One more operator's link."""
+        return Linked(self.keys, self._made.host, self._made.port, fresh=PATIENCE)
+
+    def status(self) -> Status | None:
+        """What it tells now."""
+        told = self.watcher.status()
+        return None if told is None else told.status
+
+    def tidy(self) -> None:
+        """As a test wants to find it: standing, nothing latched, and nobody drives."""
+        end = time.monotonic() + NEAT
+        while not _neat(status := self.status()):
+            assert time.monotonic() < end, f"the robot is not fit for another test: {status}"
+            if status is not None and status.lease.driver != status.lease.you:
+                self.watcher.ask(Ask.TAKE)
+            elif status is not None:
+                self.watcher.steer(Stick(0.0, 0.0), True, True, Device.SCRIPT)
+                for what in (Ask.RESET, Ask.ACKNOWLEDGE, Ask.RECORD):
+                    self.watcher.ask(what, 0)
+                self.watcher.ask(Ask.MODE, Mode.HOLD)
+                if _neat(status._replace(lease=status.lease._replace(driver=0, asking=0))):
+                    self.watcher.ask(Ask.GIVE, 0)
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """End it."""
+        self.watcher.close()
+        self._made.close()
+
+
+def _neat(s: Status | None) -> bool:
+    return s is not None and (
+        not s.stopped and not s.alarms and not s.recording and s.mode == Mode.HOLD
+        and s.lease.driver == s.lease.asking == 0
+    )  # fmt: skip
 
 
 @contextmanager
 def served(
-    host: str = "127.0.0.1", certificate: tuple[Path, Path] | None = None,
-    stale: float | None = None, connect: Connect | None = None, port: int = 0,
+    connect: Connect, host: str = "127.0.0.1", certificate: tuple[Path, Path] | None = None,
+    port: int = 0, stale: float = PATIENCE,
 ) -> Iterator[Server]:  # fmt: skip
     try:
         pages()
     except CohelmError as error:
         pytest.skip(str(error))
-    if connect is None:
-        with (
-            robot() as simulated,
-            served(host, certificate, stale, simulated.connect, port) as server,
-        ):
-            yield server
-        return
     server = Server(connect, host, port, certificate, stale)
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     try:
-        until = time.monotonic() + 20.0
+        until = time.monotonic() + 60.0
         while not server.started:
             assert time.monotonic() < until
             time.sleep(0.01)
         yield server
     finally:
         server.stop()
-        thread.join(10.0)
+        thread.join(30.0)
         assert not thread.is_alive()
-
-
-@contextmanager
-def robot() -> Iterator[SimulatedRobot]:
-    made = SimulatedRobot(build.setup(load.scenario("lab-avoid", [], None)), "sally", None)
-    made.start()
-    link = made.connect("the test")
-    while not any(isinstance(news.message, Status) for news in link.news()):
-        time.sleep(0.05)  # the first step compiles
-    link.close()
-    try:
-        yield made
-    finally:
-        made.close()

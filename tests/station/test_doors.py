@@ -19,18 +19,20 @@ from cohelm.station import serve
 from cohelm.station.doors import is_loopback, own_name
 from cohelm.station.serve import Server
 from cohelm.station.tls import certificate
-from tests.station.servers import served
+from tests.station.servers import Robot, served
+
+pytestmark = pytest.mark.xdist_group("browser")  # they share the robot
 
 
 @pytest.fixture(scope="module")
-def open_server() -> Iterator[Server]:
-    with served() as server:
+def open_server(robot: Robot) -> Iterator[Server]:
+    with served(robot.connect) as server:
         yield server
 
 
 @pytest.fixture(scope="module")
-def locked_server() -> Iterator[Server]:
-    with served(host="0.0.0.0") as server:
+def locked_server(robot: Robot) -> Iterator[Server]:
+    with served(robot.connect, host="0.0.0.0") as server:
         yield server
 
 
@@ -108,8 +110,8 @@ def test_the_token_opens_and_its_cookie_is_for_this_site_and_no_script(
         pass
 
 
-def test_wrong_tokens_are_soon_not_heard_any_more() -> None:
-    with served(host="0.0.0.0") as server:
+def test_wrong_tokens_are_soon_not_heard_any_more(robot: Robot) -> None:
+    with served(robot.connect, host="0.0.0.0") as server:
         said = [_asked(server, "POST", "/session", "guess").status for _ in range(7)]
         assert said == [403] * 5 + [429] * 2
         assert _asked(server, "POST", "/session", server.token).status == 429
@@ -178,12 +180,12 @@ def test_a_taken_port_is_said_with_the_cure(open_server: Server) -> None:
         Server(open_server.station.connect, "127.0.0.1", open_server.port)
 
 
-def test_tls_with_a_certificate_that_is_kept(tmp_path: Path) -> None:
+def test_tls_with_a_certificate_that_is_kept(tmp_path: Path, robot: Robot) -> None:
     path, key, shown = certificate(tmp_path, "127.0.0.1")
     assert certificate(tmp_path, "localhost")[2] == shown
     assert key.stat().st_mode & 0o077 == 0
     trusting = ssl.create_default_context(cafile=path)
-    with served(certificate=(path, key)) as server:
+    with served(robot.connect, certificate=(path, key)) as server:
         assert server.address.startswith("https://127.0.0.1:")
         here = f"127.0.0.1:{server.port}"
         with connect(f"wss://{here}/ws", origin=f"https://{here}", ssl=trusting) as page:

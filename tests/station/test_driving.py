@@ -3,49 +3,35 @@
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import BrowserContext, Locator, Page, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.station.serve import Server
+from tests.station.person import (
+    LEFT,
+    RIGHT,
+    STILL,
+    choose,
+    device,
+    drive,
+    free,
+    given,
+    release,
+    stopped,
+    take,
+    who,
+)
 
 pytestmark = pytest.mark.xdist_group("browser")
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
-
-
-def who(page: Page) -> Locator:
-    return page.get_by_role("group", name="Who drives")
-
-
-def given(page: Page) -> Locator:
-    return page.get_by_role("row", name="given")
-
-
-def device(page: Page) -> Locator:
-    return page.locator(".device")
-
-
-def drive(page: Page, mode: str = "Manual") -> None:
-    """Take the robot and have it listen to the stick."""
-    page.get_by_role("button", name="Take over").click()
-    expect(who(page)).to_contain_text("You drive")
-    let = page.get_by_role("button", name="Let it drive")
-    if let.is_visible():
-        let.click()
-    page.get_by_role("radio", name=mode).click()
-    expect(page.get_by_role("radio", name=mode)).to_be_checked()
-
-
-def release(page: Page) -> None:
-    page.get_by_role("button", name="Release").click()
-    expect(who(page)).to_contain_text("Nobody drives")
 
 
 def test_take_over_drive_with_the_keyboard_and_let_go(page: Page) -> None:
     expect(who(page)).to_contain_text("Nobody drives")
     drive(page)
     page.keyboard.down("ArrowLeft")
-    expect(given(page)).to_contain_text("0.50 rad/s")
+    expect(given(page)).to_contain_text(LEFT)
     page.keyboard.up("ArrowLeft")
-    expect(given(page)).to_contain_text("0.00 rad/s")
+    expect(given(page)).to_contain_text(STILL)
     release(page)
 
 
@@ -54,8 +40,9 @@ def test_keys_in_a_field_do_not_steer(page: Page) -> None:
     page.get_by_role("button", name="Stick settings").click()
     page.get_by_label("stop button").focus()
     page.keyboard.down("ArrowUp")
-    page.wait_for_timeout(600)
-    expect(given(page)).to_contain_text("0.00 m/s")
+    expect(page.get_by_label("stop button")).to_have_value("2")
+    page.wait_for_timeout(300)
+    expect(given(page)).to_contain_text(STILL)
     page.keyboard.up("ArrowUp")
     release(page)
 
@@ -64,21 +51,21 @@ def test_keys_in_a_field_do_not_steer(page: Page) -> None:
 def test_stop_stops_and_only_the_driver_lets_it_drive_again(page: Page, how: str) -> None:
     drive(page)
     page.keyboard.down("ArrowLeft")
-    expect(given(page)).not_to_contain_text("0.00 rad/s")
+    expect(given(page)).to_contain_text(LEFT)
     if how == "button":
         page.get_by_role("button", name="Stop the robot").click()
     else:
         if how == "space on a button":
             page.get_by_role("button", name="Release").focus()
         page.keyboard.press("Space")
-    expect(given(page)).to_contain_text("0.00 rad/s")
-    expect(page.locator(".stopped")).to_be_visible()
+    expect(given(page)).to_contain_text(STILL)
+    expect(stopped(page)).to_be_visible()
     page.keyboard.up("ArrowLeft")
     expect(who(page)).to_contain_text("You drive")
     release(page)
     expect(page.get_by_role("button", name="Let it drive")).to_be_disabled()
     drive(page)
-    expect(page.locator(".stopped")).to_be_hidden()
+    expect(stopped(page)).to_be_hidden()
     release(page)
 
 
@@ -89,15 +76,15 @@ def test_a_gamepad_must_be_centred_before_it_steers(context: BrowserContext, pag
     drive(page)
     expect(device(page)).to_contain_text("gamepad: let it go to the centre first")
     expect(page.get_by_role("alert", name="Alarms")).to_contain_text("Your stick does not steer")
-    expect(given(page)).to_contain_text("0.00 rad/s")
+    expect(given(page)).to_contain_text(STILL)
     page.evaluate("testPad.deflect(0, 0)")
     expect(device(page)).to_contain_text("gamepad: ready")
     page.evaluate("testPad.deflect(0, 1)")
-    expect(given(page)).to_contain_text("0.50 rad/s")
+    expect(given(page)).to_contain_text(LEFT)
     page.evaluate("testPad.deflect(0, -1)")
-    expect(given(page)).to_contain_text("−0.50 rad/s")
+    expect(given(page)).to_contain_text(RIGHT)
     page.evaluate("testPad.deflect(0, 0)")
-    expect(given(page)).to_contain_text("0.00 rad/s")
+    expect(given(page)).to_contain_text(STILL)
     release(page)
 
 
@@ -108,19 +95,24 @@ def test_a_gamepad_that_is_unplugged_is_not_a_centred_one(page: Page) -> None:
     drive(page)
     expect(device(page)).to_contain_text("gamepad: ready")
     page.evaluate("testPad.deflect(0, 1)")
-    expect(given(page)).to_contain_text("0.50 rad/s")
+    expect(given(page)).to_contain_text(LEFT)
     page.evaluate("testPad.unplug()")
     alarms = page.get_by_role("alert", name="Alarms")
     expect(alarms).to_contain_text("the gamepad is gone")
-    expect(given(page)).to_contain_text("0.00 rad/s")
-    expect(page.locator(".stopped")).to_be_visible()
+    expect(given(page)).to_contain_text(STILL)
+    expect(stopped(page)).to_be_visible()
     alarm = alarms.locator(".alarm").filter(has=page.get_by_role("button", name="Acknowledge"))
     alarm.get_by_role("button").first.click()
     # with the pad back in its place, and centred, the driver lets it go on
-    page.evaluate("testPad.plug()")
+    page.evaluate("testPad.plug([-1, 0, 0, 0])")
+    expect(device(page)).to_contain_text("gamepad: let it go to the centre first")
+    page.evaluate("testPad.deflect(0, 0)")
+    free(page)
+    choose(page, "Manual")
     expect(device(page)).to_contain_text("gamepad: ready")
-    page.get_by_role("button", name="Let it drive").click()
-    expect(page.locator(".stopped")).to_be_hidden()
+    page.evaluate("testPad.deflect(0, 1)")
+    expect(given(page)).to_contain_text(LEFT)
+    page.evaluate("testPad.deflect(0, 0)")
     release(page)
 
 
@@ -130,7 +122,7 @@ def test_the_stop_button_of_the_gamepad_stops(page: Page) -> None:
     page.evaluate("testPad.plug()")
     drive(page)
     page.evaluate("testPad.press(1, true)")
-    expect(page.locator(".stopped")).to_be_visible()
+    expect(stopped(page)).to_be_visible()
     release(page)
 
 
@@ -149,7 +141,7 @@ def test_the_sticks_settings_are_remembered(page: Page) -> None:
     drive(page)
     page.evaluate("testPad.deflect(0, 0.45)")
     page.wait_for_timeout(400)
-    expect(given(page)).to_contain_text("0.00 rad/s")
+    expect(given(page)).to_contain_text(STILL)
     release(page)
 
 
@@ -157,7 +149,7 @@ def test_the_sticks_settings_are_remembered(page: Page) -> None:
 def test_a_tab_that_is_not_looked_at_does_not_steer(page: Page, how: str) -> None:
     drive(page)
     page.keyboard.down("ArrowLeft")
-    expect(given(page)).to_contain_text("0.50 rad/s")
+    expect(given(page)).to_contain_text(LEFT)
     if how == "hidden":
         page.evaluate(
             "Object.defineProperty(document, 'visibilityState', {value: 'hidden'});"
@@ -165,20 +157,17 @@ def test_a_tab_that_is_not_looked_at_does_not_steer(page: Page, how: str) -> Non
         )
     else:
         page.evaluate("document.hasFocus = () => false; dispatchEvent(new Event('blur'))")
-    expect(given(page)).to_contain_text("0.00 rad/s")
-    expect(page.locator(".stopped")).to_be_visible()
+    expect(given(page)).to_contain_text(STILL)
+    expect(stopped(page)).to_be_visible()
     release(page)
 
 
 def test_two_thumbs_on_a_phone(browser_phone: BrowserContext, server: Server) -> None:
     page = browser_phone.new_page()
     page.goto(server.address)
-    page.get_by_role("button", name="Take over").tap()
-    expect(who(page)).to_contain_text("You drive")
-    let = page.get_by_role("button", name="Let it drive")
-    if let.is_visible():
-        let.tap()
-    page.get_by_role("radio", name="Manual").tap()
+    take(page)
+    free(page)
+    choose(page, "Manual")
     screen = page.viewport_size
     assert screen is not None
     for name in ("Stop the robot", "Release"):
@@ -194,9 +183,9 @@ def test_two_thumbs_on_a_phone(browser_phone: BrowserContext, server: Server) ->
     touch = browser_phone.new_cdp_session(page)
     touch.send("Input.dispatchTouchEvent", _touch("touchStart", x, y))
     touch.send("Input.dispatchTouchEvent", _touch("touchMove", x - 60, y))
-    expect(given(page)).to_contain_text("0.50 rad/s")
+    expect(given(page)).to_contain_text(LEFT)
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    expect(given(page)).to_contain_text("0.00 rad/s")
+    expect(given(page)).to_contain_text(STILL)
     for panel in ("Camera", "Plots", "Link", "Drive"):
         page.get_by_role("navigation").get_by_role("button", name=panel).tap()
         expect(page.get_by_role("button", name="Stop the robot")).to_be_in_viewport()

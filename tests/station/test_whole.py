@@ -1,106 +1,118 @@
-"""The whole of it: browser, station, link, loop, gate, robot, each a process of its own."""
+"""What goes through all of it: browser, station, link, loop, gate, recorder, and back."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from mcap.reader import make_reader
 from playwright.sync_api import BrowserContext, Page, expect
 
-from cohelm.drive.beside import Beside
-from cohelm.drive.served import Door
-from cohelm.link import keys
-from cohelm.link.keys import Keys
-from cohelm.station.linked import Linked
-from cohelm.station.serve import Server
-from tests.station.conftest import STALE
-from tests.station.servers import served
-from tests.station.test_driving import drive, given, release, who
+from cohelm.drive.film import film
+from cohelm.drive.replayed import Replaying
+from cohelm.record.messages import messages
+from tests.station.person import (
+    LEFT,
+    SOON,
+    STILL,
+    choose,
+    drive,
+    given,
+    press,
+    release,
+    stopped,
+    until,
+    who,
+)
+from tests.station.servers import Robot, served
 
 pytestmark = pytest.mark.xdist_group("browser")
-PATIENT = 20_000
-"""A robot that shares its computer with tests is late now and then [ms]."""
+RECORDED = 150_000
+"""A recorder that starts slowly on a busy machine also ends slowly [ms]."""
 
 
-@pytest.fixture(scope="module")
-def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Beside, Keys]]:
-    of_robot, of_station = keys.pair_here()
-    door = Door(of_robot, "127.0.0.1", 0, tmp_path_factory.mktemp("records"))
-    with Beside("lab-avoid", False, door, watchdog=5.0) as made:
-        yield made, of_station
-
-
-@pytest.fixture(scope="module")
-def server(robot: tuple[Beside, Keys]) -> Iterator[Server]:
-    made, own = robot
-    with served(stale=STALE, connect=lambda _: Linked(own, made.host, made.port)) as server:
-        yield server
-
-
-def test_a_person_takes_over_drives_and_lets_go(page: Page) -> None:
-    expect(page.get_by_role("row", name="link", exact=False).first).to_be_visible()
-    drive(page)
-    page.keyboard.down("ArrowLeft")
-    expect(given(page)).not_to_contain_text("0.00 rad/s", timeout=PATIENT)
-    page.keyboard.up("ArrowLeft")
-    expect(given(page)).to_contain_text("0.00 rad/s", timeout=PATIENT)
-    page.keyboard.press("Space")
-    expect(page.locator(".stopped")).to_contain_text("stop")
-    release(page)
-
-
-def test_a_drive_on_a_way_of_ones_own_is_recorded_and_fetched(page: Page, tmp_path: Path) -> None:
-    drive(page, "Hold")
-    page.get_by_role("button", name="● Record").click()
-    expect(page.get_by_role("button", name="Stop recording")).to_be_visible(timeout=PATIENT)
+def new_way(page: Page, *points: tuple[str, str]) -> None:
+    """Type the way-points, have them checked, and send them."""
     page.get_by_role("button", name="Edit way").click()
     panel = page.get_by_role("dialog", name="Edit the way")
     panel.get_by_role("button", name="Clear").click()
-    panel.get_by_role("button", name="Add in the middle").click()
-    for axis, value in (("x", "3"), ("y", "3")):  # in the wall
-        panel.get_by_label(f"Way-point 1, {axis} in metres").fill(value)
-        panel.get_by_label(f"Way-point 1, {axis} in metres").press("Enter")
-    expect(panel.get_by_role("status")).to_contain_text("Refused", timeout=PATIENT)
-    for axis, value in (("x", "4"), ("y", "-2")):
-        panel.get_by_label(f"Way-point 1, {axis} in metres").fill(value)
-        panel.get_by_label(f"Way-point 1, {axis} in metres").press("Enter")
-    expect(panel.get_by_role("status")).to_contain_text("can go this way", timeout=PATIENT)
-    panel.get_by_role("button", name="Send").click()
-    expect(panel.get_by_role("status")).to_contain_text("took the new way", timeout=PATIENT)
+    for i, point in enumerate(points, 1):
+        panel.get_by_role("button", name="Add in the middle").click()
+        for axis, value in zip("xy", point, strict=True):
+            panel.get_by_label(f"Way-point {i}, {axis} in metres").fill(value)
+            panel.get_by_label(f"Way-point {i}, {axis} in metres").press("Enter")
+    status = panel.get_by_role("status")
+    expect(status).to_contain_text("can go this way")
+    until(
+        lambda: expect(status).to_contain_text("took the new way", timeout=SOON),
+        press(page, "Send"),
+    )
     panel.get_by_role("button", name="Close").click()
-    page.get_by_role("radio", name="Auto").click()
-    expect(given(page)).not_to_contain_text("0.00 m/s", timeout=PATIENT)
-    page.get_by_role("radio", name="Hold").click()
-    page.get_by_role("button", name="Stop recording").click()
+
+
+def record_on(page: Page, on: bool) -> None:
+    button = page.get_by_role("button", name="Stop recording")
+    seen = expect(button)
+    until(
+        lambda: seen.to_be_visible(timeout=SOON) if on else seen.to_be_hidden(timeout=SOON),
+        press(page, "● Record" if on else "Stop recording"),
+    )
+
+
+def test_a_drive_is_recorded_from_the_screen_fetched_and_shown_again(
+    page: Page, context: BrowserContext, tmp_path: Path
+) -> None:
+    drive(page, "Hold")
+    record_on(page, True)
+    new_way(page, ("2", "0.5"), ("3", "-2"))
+    choose(page, "Shared")
+    expect(given(page)).not_to_contain_text("0.00 m/s")
+    page.keyboard.down("ArrowLeft")
+    share = page.get_by_role("meter", name="Share of the person in the command")
+    expect(share).not_to_have_attribute("aria-valuenow", "0")
+    page.keyboard.up("ArrowLeft")
+    page.keyboard.press("Space")
+    expect(stopped(page)).to_contain_text("stop by")
+    record_on(page, False)
     records = page.get_by_role("button", name="Records (1)")
-    expect(records).to_be_visible(timeout=6 * PATIENT)
+    expect(records).to_be_visible(timeout=RECORDED)
     records.click()
     with page.expect_download() as download:
         page.get_by_role("list", name="Records on the robot").get_by_role("link").click()
     file = tmp_path / "record.mcap"
     download.value.save_as(file)
-    with file.open("rb") as stream:
-        topics = {channel.topic for _, channel, _ in make_reader(stream).iter_messages()}
-    assert {"/odom", "/scan", "/period"} <= topics
     release(page)
+    shown = film(file)
+    rows = [m for _, _, m in messages(file, ("/period",))]
+    led = next(m.t for m in rows if m.authority_x < 0.99) - shown.start
+    with served(lambda _: Replaying(shown)) as cinema:
+        replay = context.new_page()
+        replay.goto(cinema.address)
+        bar = replay.get_by_role("contentinfo", name="Replay")
+        bar.get_by_role("button", name="Pause").click()
+        place = bar.get_by_role("slider", name="Place in the record, seconds")
+        head = replay.get_by_role("group", name="Replay of a record")
+        place.fill(f"{led + 0.1:.2f}")
+        expect(replay.get_by_role("meter")).not_to_have_attribute("aria-valuenow", "0")
+        expect(head).to_contain_text("mode: Shared")
+        expect(head).to_contain_text("drives")
+        place.fill(f"{shown.duration:.2f}")
+        expect(stopped(replay)).to_contain_text("stop by")
+        expect(replay.get_by_label("Alarms", exact=True)).to_contain_text("stop by")
+        place.fill("0.1")
+        expect(stopped(replay)).to_be_hidden()
+        expect(replay.get_by_role("button", name="Stop the robot")).to_be_hidden()
 
 
 def test_the_robot_stops_when_its_station_dies_in_the_middle_of_a_drive(
-    robot: tuple[Beside, Keys], context: BrowserContext
+    robot: Robot, context: BrowserContext
 ) -> None:
-    made, own = robot
-    with served(stale=STALE, connect=lambda _: Linked(own, made.host, made.port)) as first:
+    with served(robot.connect) as first:
         page = context.new_page()
         page.goto(first.address)
         drive(page)
         page.keyboard.down("ArrowLeft")
-        expect(given(page)).not_to_contain_text("0.00 rad/s", timeout=PATIENT)
+        expect(given(page)).to_contain_text(LEFT)
         port = first.port
-    with served(
-        stale=STALE, connect=lambda _: Linked(own, made.host, made.port), port=port
-    ) as second:
+    with served(robot.connect, port=port) as second:
         assert second.port == port
-        expect(page.locator(".stopped")).to_be_visible(timeout=PATIENT)
-        expect(page.locator(".stopped")).to_contain_text("stick is lost")
-        expect(given(page)).to_contain_text("0.00 rad/s", timeout=PATIENT)
-        expect(who(page)).to_contain_text("Nobody drives", timeout=PATIENT)
+        expect(stopped(page)).to_contain_text("is lost:")
+        expect(given(page)).to_contain_text(STILL)
+        expect(who(page)).to_contain_text("Nobody drives")

@@ -25,10 +25,10 @@ class Beside:
     """
 
     def __init__(
-        self, name: str, twin: bool, door: Door, carry_on: bool = False, watchdog: float = 0.1,
+        self, name: str, twin: bool, door: Door, carry_on: bool = False, patience: float = 0.0,
         pictures: float = 5.0,
     ) -> None:  # fmt: skip
-        """name: of a scenario. watchdog, pictures: as in `session.Plan`.
+        """name: of a scenario. patience, pictures: as in `session.Plan`.
 
         Raises CohelmError where the robot can not be started.
         """
@@ -37,7 +37,7 @@ class Beside:
         self._process = context.Process(
             target=_drive,
             name="cohelm robot",
-            args=(theirs, name, twin, door, carry_on, watchdog, pictures),
+            args=(theirs, name, twin, door, carry_on, patience, pictures),
         )
         self._process.start()
         theirs.close()
@@ -112,7 +112,7 @@ class Beside:
 
 
 def _drive(
-    line: Connection, name: str, twin: bool, door: Door, carry_on: bool, watchdog: float,
+    line: Connection, name: str, twin: bool, door: Door, carry_on: bool, patience: float,
     pictures: float,
 ) -> None:  # fmt: skip
     """The robot's process."""
@@ -133,7 +133,7 @@ def _drive(
         try:
             made = simulated(name, "twin" if twin else "kinematic")
             ways = Ways(carry_on=carry_on)
-            plan = Plan(made, ways=ways, watchdog=watchdog, pictures=pictures)
+            plan = Plan(made, ways=ways, patience=patience, pictures=pictures)
             serve(plan, door, lambda address: line.send(address), over)
         except CohelmError as error:
             try:

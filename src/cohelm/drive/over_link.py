@@ -24,7 +24,7 @@ from cohelm.link.messages import (
     Status,
 )  # fmt: skip
 from cohelm.link.robot_bulk import Proposed, RobotBulk, listed
-from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_end import STALE, RobotEnd
 from cohelm.robot.model import RobotModel
 
 
@@ -33,13 +33,14 @@ class OverLink:
 
     def __init__(
         self, keys: Keys, model: RobotModel, host: str, port: int, records: Path,
-        on_loss: str, watchdog: float, camera: bool,
+        on_loss: str, watchdog: float, camera: bool, stale: float = STALE,
     ) -> None:  # fmt: skip
         """records: folder whose files can be fetched. camera: whether there will be pictures.
+        stale: as in `RobotEnd`.
 
         Raises CohelmError where it can not listen.
         """
-        self._end = RobotEnd(keys, host, port)
+        self._end = RobotEnd(keys, host, port, stale=stale)
         self.address = self._end.address
         self._bulk = RobotBulk(self._end, keys, records)
         self._records = records

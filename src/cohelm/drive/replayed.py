@@ -49,9 +49,11 @@ class Replaying:
                 return self._place
         return Place(at, playing, speed)
 
-    def play(self, playing: bool, speed: float, at: float | None) -> None:
+    def play(self, playing: bool | None, speed: float | None, at: float | None) -> None:
         """Go on from here, or from `at`; from the beginning where it was at the end."""
         now = self.place
+        playing = now.playing if playing is None else playing
+        speed = now.speed if speed is None else speed
         where = now.at if at is None else min(max(at, 0.0), self.duration)
         if playing and at is None and not now.playing and where >= self.duration:
             where = 0.0

@@ -12,6 +12,7 @@ from cohelm.drive.desk import Desk
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Plan, Session
 from cohelm.link.keys import Keys
+from cohelm.link.robot_end import STALE
 from cohelm.loop.loop import Loop
 from cohelm.perceive.taped import surveyed
 
@@ -48,7 +49,7 @@ def serve(
     on_loss = "goes on alone" if plan.ways.carry_on else "stops"
     operator = OverLink(
         door.keys, plan.robot.model, door.host, door.port, door.records, on_loss,
-        plan.ways.manner.stale, plan.robot.kind == "twin",
+        plan.ways.manner.stale, plan.robot.kind == "twin", STALE + plan.patience,
     )  # fmt: skip
     try:
         with Session(plan, operator) as session:

@@ -57,6 +57,9 @@ class Plan:
     """The loop may be so late, or the robot stops [s]."""
     pictures: float = 5.0
     """Of the camera, so many a second are recorded; 0: none [Hz]."""
+    patience: float = 0.0
+    """How much longer than usual loop, readings and driver may be silent: for a robot that shares
+    its computer with a crowd, as in tests, and is only simulated [s]."""
 
     @property
     def period(self) -> float:
@@ -83,7 +86,7 @@ class Session:
         try:
             if plan.record is not None:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
-            gate = rules(model, plan.period, plan.watchdog)
+            gate = rules(model, plan.period, plan.watchdog + plan.patience)
             ends = (self.recording.loop, self.recording.keeper) if self.recording else (None, None)
             if real_time:
                 self.keeper = KeptElsewhere(robot, gate, ends[1])
@@ -104,7 +107,7 @@ class Session:
             self.loop = Loop(
                 self.keeper, perception, self.driver, operator or Nobody(),
                 Line(ends[0], waits=not real_time),
-                plan.ways._replace(period=plan.period), has_map=where is not None,
+                _ways(plan), has_map=where is not None,
             )  # fmt: skip
             for one in () if where is None else (drawn(where),):
                 self.loop.note(one)
@@ -226,6 +229,12 @@ class Session:
         loop.driver.rehearse_plan(seen, keeper)
         loop.period()
         loop.timing = Timing()
+
+
+def _ways(plan: Plan) -> Ways:
+    manner = plan.ways.manner
+    patient = manner._replace(stale=manner.stale + plan.patience)
+    return plan.ways._replace(period=plan.period, manner=patient, patience=plan.patience)
 
 
 def driver_of(plan: Plan, real_time: bool, reference: Reference | None = None) -> Driver:

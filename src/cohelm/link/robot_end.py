@@ -72,10 +72,11 @@ class RobotEnd:
 
     def __init__(
         self, keys: Keys, host: str = "0.0.0.0", port: int = udp.PORT,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.monotonic, stale: float = STALE,
     ) -> None:  # fmt: skip
-        """host, port: where to listen; port 0 takes a free one. Raises CohelmError."""
-        self.clock = clock
+        """host, port: where to listen; port 0 takes a free one. stale: an older command is not
+        used [s]. Raises CohelmError."""
+        self.clock, self._stale = clock, stale
         self._door = Door(context(keys, server=True), host, port, clock)
         self.address = self._door.address
         self._session = secrets.randbits(64)
@@ -117,7 +118,7 @@ class RobotEnd:
                 return Heard(self._held.driver, self._name(self._held.driver), None, math.nan,
                              math.nan, asked)  # fmt: skip
             age = client.path.age(client.stamp, now)
-            fresh = client.command is not None and -AHEAD <= age <= STALE
+            fresh = client.command is not None and -AHEAD <= age <= self._stale
             if fresh:
                 client.used_age = age
             return Heard(
@@ -258,7 +259,7 @@ class RobotEnd:
                 self._not_used(client, "out of order")
                 return self._requests(client, message, now, stops_only=True)
             age = client.path.age(header.stamp, now)
-            if not -AHEAD <= age <= STALE:  # NaN too: the clocks are not compared yet
+            if not -AHEAD <= age <= self._stale:  # NaN too: the clocks are not compared yet
                 self._not_used(client, "clocks not compared" if math.isnan(age) else "too old")
                 return self._requests(client, message, now, stops_only=True)
             client.command, client.stamp = message, header.stamp

@@ -108,10 +108,13 @@ class StationEnd:
 
     def __init__(
         self, keys: Keys, host: str, port: int = udp.PORT,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.monotonic, fresh: float = FRESH,
     ) -> None:  # fmt: skip
-        """Raises CohelmError where there is no such host; else it tries for ever."""
-        self.clock = clock
+        """fresh: how long what was steered counts [s].
+
+        Raises CohelmError where there is no such host; else it tries for ever.
+        """
+        self.clock, self._fresh = clock, fresh
         self._context = context(keys, server=False)
         self._family, self._to = udp.resolved(host, port, socket.SOCK_DGRAM)
         self.session = secrets.randbits(64)
@@ -386,7 +389,7 @@ class StationEnd:
                 if request.what is not Ask.STOP and now - request.made > _REQUEST_LIFE:
                     self._expire(request, "the robot did not answer in time")
             new = self._steered is not None and self._steered_at > self._sent_at
-            gone = self._steered is None or now - self._steered_at > FRESH
+            gone = self._steered is None or now - self._steered_at > self._fresh
             if not new and not (gone and now - self._sent_at >= _BEAT):
                 return
             command = NO_STICK if gone or self._steered is None else self._steered

@@ -53,6 +53,8 @@ class Ways(NamedTuple):
     """Whether the controller drives on alone when a stick in use, or the driver, vanishes, instead
     of stopping."""
     manner: Manner = Manner()
+    patience: float = 0.0
+    """How much longer than usual a reading may be missing [s]."""
 
 
 class Loop:
@@ -82,7 +84,7 @@ class Loop:
         self.decision: Decision | None = None
         self._record = record
         self._has_map = has_map
-        self._senses = Senses(keeper.model, patience(keeper.model, ways.period))
+        self._senses = Senses(keeper.model, patience(keeper.model, ways.period + ways.patience))
         self._row = np.zeros((), dtype=PERIOD)
         self._number = 0
         self._due = -math.inf

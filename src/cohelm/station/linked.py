@@ -11,7 +11,7 @@ from cohelm.core.types import Stick
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Ask, Device, Fetch, Waypoints
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import StationEnd
+from cohelm.link.station_end import FRESH, StationEnd
 from cohelm.station.robot_link import News, Quality
 
 
@@ -19,11 +19,13 @@ class Linked:
     """`RobotLink` over the network. The robot's clock is only known once it was heard."""
 
     def __init__(
-        self, keys: Keys, host: str, port: int, over: Callable[[], str] = lambda: ""
-    ) -> None:
-        """over: why there is no robot any more, where somebody knows; else empty."""
+        self, keys: Keys, host: str, port: int, over: Callable[[], str] = lambda: "",
+        fresh: float = FRESH,
+    ) -> None:  # fmt: skip
+        """over: why there is no robot any more, where somebody knows; else empty.
+        fresh: as in `StationEnd`."""
         self._over = over
-        self._end = StationEnd(keys, host, port)
+        self._end = StationEnd(keys, host, port, fresh=fresh)
         self._bulk = StationBulk(keys, host, port, self._end.session)
         self._name = f"{host}:{port}"
         self._proposals = 0

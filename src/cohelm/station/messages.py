@@ -78,11 +78,11 @@ class Got(Schema):
 
 
 class Play(Schema):
-    """Whether a replay goes on, how fast, and where from."""
+    """Whether a replay goes on, how fast, and where from; None: as it is."""
 
     type: Literal["play"] = "play"
-    playing: bool
-    speed: Annotated[float, Field(ge=0.05, le=100.0)]
+    playing: bool | None = None
+    speed: Annotated[float, Field(ge=0.05, le=100.0)] | None = None
     seek_s: Annotated[float, Field(ge=0.0, le=1e7)] | None = None
 
 

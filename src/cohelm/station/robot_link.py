@@ -102,8 +102,8 @@ class Replayed(Protocol):
         """Where it is now."""
         ...
 
-    def play(self, playing: bool, speed: float, at: float | None) -> None:
-        """Go on or not, how fast, and from where if not from here."""
+    def play(self, playing: bool | None, speed: float | None, at: float | None) -> None:
+        """Go on or not, how fast, and from where; None: as it is."""
         ...
 
 

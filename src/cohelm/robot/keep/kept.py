@@ -93,7 +93,7 @@ def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> Rules:
     """The gate's rules for a robot, and for a loop with this period [s]."""
     limits = model.bounds()
     return Rules(
-        Bounds(*limits), age=max(0.1, 3.0 * period), watchdog=max(watchdog, 2.0 * period),
+        Bounds(*limits), age=max(0.1, 3.0 * period, watchdog), watchdog=max(watchdog, 2.0 * period),
         period=period, jitter=0.5 * period,
     )  # fmt: skip
 

@@ -66,11 +66,11 @@ export interface Got {
   stream: 'state' | 'scan' | 'frame'
 }
 
-/** Whether a replay goes on, how fast, and where from. */
+/** Whether a replay goes on, how fast, and where from; None: as it is. */
 export interface Play {
   type: 'play'
-  playing: boolean
-  speed: number
+  playing: boolean | null
+  speed: number | null
   seek_s: number | null
 }
 

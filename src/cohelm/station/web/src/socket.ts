@@ -7,7 +7,8 @@ import * as s from './state'
 const KEY = 'cohelm.key'
 const FIRST_WAIT_MS = 250
 const LONGEST_WAIT_MS = 2000
-/** A socket that has been silent for so long is given up; a new one may find a way. */
+/** A socket that has been silent for so long is given up, if that is much for this station; a new
+ * one may find a way. */
 const GIVE_UP_MS = 1500
 /** More waiting to be sent than this means that nothing gets through: say no more. */
 const FULL = 8192
@@ -35,9 +36,10 @@ export function start(): void {
 function watch(): void {
   if (socket?.readyState !== WebSocket.OPEN) return
   const silent = performance.now() - lastHeard
-  if (silent > GIVE_UP_MS) {
+  const stale = (s.welcome.value?.stale_s ?? 0.25) * 1000
+  if (silent > Math.max(GIVE_UP_MS, 2 * stale)) {
     lost(socket)
-  } else if (silent > (s.welcome.value?.stale_s ?? 0.25) * 1000) {
+  } else if (silent > stale) {
     if (s.connection.value === 'open') s.connection.value = 'silent'
   } else if (s.connection.value === 'silent') {
     s.connection.value = 'open'

@@ -8,6 +8,24 @@ function ask(what: Do['what'], value = 0): void {
   send({ type: 'do', what, value })
 }
 
+const HOLD_WITHIN_MS = 1000
+
+/** Have it hold first: a robot that is let go in the middle of a drive stops with an alarm. */
+function release(): void {
+  if (drives()) ask('hold')
+  const since = performance.now()
+  const give = () => {
+    if (drives() && performance.now() - since < HOLD_WITHIN_MS) setTimeout(give, 20)
+    else ask('give')
+  }
+  give()
+}
+
+function drives(): boolean {
+  const now = s.state.value
+  return now !== null && now.mode !== 'hold' && now.stopped === ''
+}
+
 export function Driver() {
   const who = s.who.value
   if (s.isReplay.value) return <Replay />
@@ -19,7 +37,7 @@ export function Driver() {
         {who.you_drive ? <strong>You drive</strong> : who.driver === null ? 'Nobody drives' : `${who.driver} drives`}
         {who.operators.length > 1 && <small> · {who.operators.length} here</small>}
       </span>
-      {who.you_drive && who.asking === null && <button type="button" onClick={() => ask('give')}>Release</button>}
+      {who.you_drive && who.asking === null && <button type="button" onClick={() => release()}>Release</button>}
       {who.you_drive && who.asking !== null && (
         <span class="asking" role="alert">
           {who.asking} asks for the robot{left}

@@ -10,7 +10,7 @@ export function Timeline() {
   const now = s.playing.value
   if (length == null || now === null) return null
   const play = (part: Partial<{ playing: boolean; speed: number; seek_s: number }>) =>
-    send({ type: 'play', playing: now.playing, speed: now.speed, seek_s: null, ...part })
+    send({ type: 'play', playing: null, speed: null, seek_s: null, ...part })
   return (
     <footer class="timeline" aria-label="Replay">
       <button type="button" aria-label={now.playing ? 'Pause' : 'Play'} onClick={() => play({ playing: !now.playing })}>

@@ -1,0 +1,100 @@
+"""A person at the screen: looks for things by their names, and presses again what came to nothing.
+
+A request that reached nobody within a second is not done later (docs/link.md), so on a machine that
+is busy with other tests one press may not be enough; a person presses again, and so do these.
+"""
+
+import re
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from playwright.sync_api import Error, Locator, Page, expect
+
+LEFT = re.compile(r"m/s\s*(?!0\.00)\d\.\d\d rad/s")
+RIGHT = re.compile(r"m/s\s*−\d\.\d\d rad/s")
+STILL = re.compile(r"given\s*0\.00 m/s\s*0\.00 rad/s")
+"""What the wheels are given, as the screen says it."""
+SOON = 4_000
+"""When a person would press again [ms]."""
+PATIENCE = 60.0
+"""When even a patient person gives up [s]."""
+
+
+def who(page: Page) -> Locator:
+    return page.get_by_role("group", name="Who drives")
+
+
+def given(page: Page) -> Locator:
+    return page.get_by_role("row", name="given")
+
+
+def device(page: Page) -> Locator:
+    return page.locator(".device")
+
+
+def stopped(page: Page) -> Locator:
+    return page.locator(".stopped")
+
+
+def alarms(page: Page) -> Locator:
+    return page.get_by_label("Alarms", exact=True)
+
+
+def press(page: Page, name: str) -> Callable[[], None]:
+    """Presses the button of this name, if it is there and can be pressed."""
+
+    def once() -> None:
+        button = page.get_by_role("button", name=name)
+        if button.is_visible() and button.is_enabled():
+            with suppress(Error):  # it went away just now
+                button.click(timeout=SOON)
+
+    return once
+
+
+def until(seen: Callable[[], object], do: Callable[[], object]) -> None:
+    """Do it, and again until it is `seen`, which raises AssertionError as long as it is not."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        do()
+        try:
+            seen()
+        except AssertionError:
+            if time.monotonic() > end:
+                raise
+        else:
+            return
+
+
+def take(page: Page) -> None:
+    """Become the driver of a robot that nobody drives."""
+    until(
+        lambda: expect(who(page)).to_contain_text("You drive", timeout=SOON),
+        press(page, "Take over"),
+    )
+
+
+def free(page: Page) -> None:
+    """Have the robot let go of a stop."""
+    until(lambda: expect(stopped(page)).to_be_hidden(timeout=SOON), press(page, "Let it drive"))
+
+
+def choose(page: Page, mode: str) -> None:
+    """A mode, as the robot tells it back."""
+    radio = page.get_by_role("radio", name=mode)
+    until(lambda: expect(radio).to_be_checked(timeout=SOON), lambda: radio.click())
+
+
+def drive(page: Page, mode: str = "Manual") -> None:
+    """Take the robot and have it listen to the stick."""
+    take(page)
+    free(page)
+    choose(page, mode)
+
+
+def release(page: Page) -> None:
+    until(
+        lambda: expect(who(page)).to_contain_text("Nobody drives", timeout=SOON),
+        press(page, "Release"),
+    )
