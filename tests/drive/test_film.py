@@ -6,17 +6,29 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.period import PERIOD
 from cohelm.core.types import Stick
 from cohelm.drive.driven import DriveFilm
 from cohelm.drive.film import film
 from cohelm.drive.replayed import Replaying
 from cohelm.drive.session import Plan, Session
 from cohelm.drive.shown import drawn, way
-from cohelm.drive.simulated import simulated, surveyed
-from cohelm.link.messages import Ask, Discs, Line, Map, Mode, Polyline, Severity, Status
+from cohelm.drive.simulated import simulated
+from cohelm.link.messages import (
+    Ask,
+    Discs,
+    Line,
+    Map,
+    Mode,
+    Picture,
+    Polyline,
+    Severity,
+    Status,
+)  # fmt: skip
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.operator import Scripted
-from cohelm.record.drive import DriveFile
+from cohelm.perceive.taped import surveyed
+from cohelm.record.drive import DriveFile, Photo
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
 
@@ -121,3 +133,24 @@ def test_a_file_is_shown_for_what_it_is(driven, tmp_path):
     with pytest.raises(CohelmError, match="holds no drive"):
         DriveFilm(empty)
     assert not math.isnan(film(driven[0]).start)
+
+
+def test_the_cameras_pictures_are_shown_from_where_they_were_taken(driven, tmp_path):
+    path = tmp_path / "pictures.mcap"
+    row = np.zeros((), dtype=PERIOD)
+    with path.open("wb") as file:
+        made = DriveFile(file, sally(), 10**18)
+        for k in range(20):
+            row["t"], row["x"] = 5.0 + 0.1 * k, 0.05 * k
+            made.period(row)
+            if k % 5 == 0:
+                made.write(Photo(5.0 + 0.1 * k, k, b"picture %d" % k))
+        made.finish()
+    seen = film(path)
+    (hello,) = seen.first()
+    assert not math.isnan(hello.camera[0])
+    for t, k in ((0.1, 0), (0.72, 5), (0.2, 0), (1.6, 15)):
+        picture = at(seen, seen.start + t)[Picture]
+        assert picture.jpeg == b"picture %d" % k
+        assert picture.pose.x == pytest.approx(0.05 * k, abs=0.051)
+    assert math.isnan(DriveFilm(driven[0]).first()[0].camera[0])

@@ -20,7 +20,7 @@ from cohelm.link import messages as m
 from cohelm.link.station_end import WholeScan
 from cohelm.link.told import Told
 from cohelm.perceive.frames import compose
-from cohelm.record.drive import periods
+from cohelm.record.drive import IMAGE, periods
 from cohelm.record.messages import messages
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, understood
@@ -38,7 +38,6 @@ _VERDICTS = {
     verdicts.INVALID: m.Verdict.INVALID,
 }  # fmt: skip
 _UNTOLD = Told(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
-_CAMERA = "/camera/compressed"
 
 
 class _Series:
@@ -99,7 +98,7 @@ class DriveFilm:
 
     def first(self) -> list[m.FromRobot]:
         """The robot."""
-        camera = _CAMERA in self._series
+        camera = IMAGE in self._series
         model = self._model if camera else self._model.model_copy(update={"camera": None})
         return [hello(model, "", _NAN)]
 
@@ -111,7 +110,7 @@ class DriveFilm:
         for topic in SHOWN:
             if topic != "/diagnostics" and (what := self._newest(topic, now)) is not None:
                 out.append(News(what, now, 0.0))
-        scan, jpeg = self._newest("/scan", now), self._newest(_CAMERA, now)
+        scan, jpeg = self._newest("/scan", now), self._newest(IMAGE, now)
         if scan is not None:
             if self._scan is None or self._scan.number != scan.number:
                 self._scan = self._placed(scan)
@@ -130,9 +129,7 @@ class DriveFilm:
             raise CohelmError(f"{path} holds no drive (/period): give the record of one")
         zero = begin[1] - round(begin[2].t * 1e9)  # stamp of the robot's clock 0 [ns]
         rows: list[Any] = []
-        for topic, stamp, message in messages(
-            path, ("/period", "/scan", "/rosout", _CAMERA, *SHOWN)
-        ):
+        for topic, stamp, message in messages(path, ("/period", "/scan", "/rosout", IMAGE, *SHOWN)):
             if topic == "/period":
                 rows.append(message)
             else:
@@ -154,7 +151,7 @@ class DriveFilm:
             level = m.Severity.WARNING if message.level >= 40 else m.Severity.NOTICE
             text = f"{message.name}: {message.msg}"
             series.add(t, m.Alarm(10_000 + count, level, True, True, text))
-        elif topic == _CAMERA:
+        elif topic == IMAGE:
             jpeg = bytes(message.data)
             at = self._pictures.seek(0, 2)
             self._pictures.write(jpeg)
