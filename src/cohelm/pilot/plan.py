@@ -46,6 +46,8 @@ class Care(NamedTuple):
     """Distance from the route up to which the robot changes back onto it [m]."""
     patience: float = 0.6
     """Between two looks for a way that is not needed but might be better [s]."""
+    beside: float = 0.15
+    """Where a way ends farther from the route's end than this, a better one is looked for [m]."""
     waits: float = 1.0
     """How long the robot is held up before it looks for a way out [s]."""
     turned: float = 1.2
@@ -122,11 +124,18 @@ def _course(
         if back is not None:
             return back
     short = not now.last and _remaining(now, state.clock.tau) < 0.75 * care.look
-    fine = kept.gap >= manners.gap and not (astray or held or short or on_route)
+    off = now.poses[-1, :2] - route.line[-1]
+    # What stood or walked where the route ends may be gone.
+    beside = now.last and not on_route and math.hypot(off[0], off[1]) > care.beside
+    ended = beside and _remaining(now, state.clock.tau) < 0.1
+    fine = kept.gap >= manners.gap and not (astray or held or short or on_route or ended)
     if fine and (kept.gap >= care.roomy or task.since < care.patience):
         return kept
     found = _round(task, points, route, settings, manners, care, far)
-    return kept._replace(failed=True) if found is None else found
+    if found is not None and ended:
+        nearer = found.course.poses[-1, :2] - route.line[-1]
+        found = found if math.hypot(*nearer) < math.hypot(*off) - 0.1 else None
+    return kept._replace(failed=not ended) if found is None else found
 
 
 def _rejoined(

@@ -142,8 +142,17 @@ def _clears_mover(
     m: Manoeuvre, outline: Floats, reach: float,
     x0: float, y0: float, vx: float, vy: float, radius: float, agility: float, clear: float,
 ) -> bool:  # fmt: skip
-    """A moving disc, until the robot stands: it keeps its velocity up to `agility` t^2 / 2."""
+    """A moving disc, until the robot stands: it keeps its velocity up to `agility` t^2 / 2.
+
+    Where the next command may come in while it is nearer than `clear`, there is a look too, so
+    that only a robot that stood finds one as near: see `_leaves`.
+    """
     closing = m.pace + math.sqrt(vx * vx + vy * vy) + agility * m.stop
+    g = _gap_at(m.pose, outline, x0, y0, x0, y0) - radius
+    if g < clear:
+        if g < 0.125 * clear:
+            return False
+        return _leaves(m, outline, x0, y0, vx, vy, radius, agility, g, closing)
     t = 0.0
     for _ in range(_MOST):
         grown = radius + 0.5 * agility * t * t
@@ -155,10 +164,48 @@ def _clears_mover(
             g = _gap_at(pose, outline, x, y, x, y) - grown
         if g < clear:
             return False
-        if closing * (m.stop - t) <= g - 0.5 * clear:
+        if closing * (m.stop - t) <= g - clear:
             return True
-        t += (g - 0.5 * clear) / closing
+        doubtful = math.ceil((t + (g - clear) / closing) / m.dt - 1e-9)
+        command = m.dt * max(doubtful, math.floor(t / m.dt + 1e-9) + 1)
+        t = min(t + (g - 0.5 * clear) / closing, command, m.stop)
     return False
+
+
+@jit
+def _leaves(
+    m: Manoeuvre, outline: Floats,
+    x0: float, y0: float, vx: float, vy: float, radius: float, agility: float, allowed: float,
+    closing: float,
+) -> bool:  # fmt: skip
+    """Whether a moving disc that is nearer than `clear`, by `allowed`, comes no nearer at any step.
+
+    Between two looks the gap can be half of that. Every step is a look, since the next command
+    may come in there, and finds what it finds.
+    """
+    end = max(m.stop - m.dt, m.dt)  # in the last step of braking it stands
+    t, k = 0.0, 1
+    for _ in range(_MOST):
+        g = _grown_gap(m, outline, x0, y0, vx, vy, radius, agility, t)
+        if g < allowed - 1e-12:
+            return False
+        if t >= end:
+            return True
+        t = min(t + (g - 0.5 * allowed) / closing, end)
+        if t >= k * m.dt:
+            t, k = k * m.dt, k + 1
+    return False
+
+
+@jit
+def _grown_gap(
+    m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
+    agility: float, t: float,
+) -> float:  # fmt: skip
+    """The gap to a moving disc at time t of the manoeuvre, at least [m]."""
+    pose = arc(m.pose, m.twist, _travelled(m, t))
+    x, y = x0 + vx * t, y0 + vy * t
+    return _gap_at(pose, outline, x, y, x, y) - radius - 0.5 * agility * t * t
 
 
 @jit

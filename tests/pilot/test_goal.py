@@ -1,0 +1,38 @@
+"""The end of the route, when something is in its way."""
+
+import numpy as np
+
+from cohelm.core.types import Pose
+from cohelm.law.reference import through
+from cohelm.sim.run import Setup, run, with_pilot
+from cohelm.sim.world import Body, world
+from tests.pilot.drives import SALLY
+
+
+def ended(*bodies: Body, seconds: float):
+    """The rows of a drive 4 m straight ahead."""
+    setup = Setup(
+        Pose(0.0, 0.0, 0.0), through([[0, 0], [2, 0], [4, 0]], 0.5), SALLY.outline, SALLY.bounds(),
+        around=world((list(bodies), np.empty((0, 4)))), names=("body",) * len(bodies), dt=0.02,
+        duration=seconds,
+    )  # fmt: skip
+    return run(with_pilot(setup)).rows
+
+
+def test_a_goal_that_is_taken_is_waited_for_beside_it_and_gone_to_when_it_is_free():
+    parked = Body((4.0, 0.35, 0.0, 0.02, 0.25, 0.6))  # rolls away slowly
+    rows = ended(parked, seconds=60.0)
+    waits = (rows["t"] > 9.0) & (rows["t"] < 11.0)
+    assert (rows["to_go"][waits] > 0.15).all()
+    assert (rows["to_go"][waits] < 0.6).all()
+    assert rows["arrived"][-1]
+    assert rows["clearance"].min() > 0.0075
+
+
+def test_beside_a_goal_that_stays_taken_the_robot_stands_still():
+    rows = ended(Body((4.0, 0.35, 0.0, 0.0, 0.25, 0.6)), seconds=30.0)
+    assert not rows["arrived"][-1]
+    late = rows[rows["t"] > 20.0]
+    assert np.abs(late["applied_v"]).max() < 1e-3
+    assert np.abs(late["applied_omega"]).max() < 1e-3
+    assert late["to_go"].max() < 1.0
