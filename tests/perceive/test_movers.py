@@ -6,13 +6,22 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist, disc, discs
+from cohelm.perceive.clusters import CX, CY, clusters
 from cohelm.perceive.frames import compose, inverse
+from cohelm.perceive.known import on_walls
 from cohelm.perceive.seen import Perception
+from cohelm.perceive.sweep import sweep
+from cohelm.perceive.taped import surveyed
+from cohelm.perceive.trail import EMPTY, extended
+from cohelm.robot.port import Odometry
 from cohelm.scenario import load
-from tests.perceive.drives import CONES, LIDAR, TOUR, along, drive
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import sight
+from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
 
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
 HERE = Pose(3.0, -1.0, 0.0)
+AT = Pose(0.0, 0.0, 0.0)
 
 
 def standing(seconds, pose=HERE):
@@ -122,3 +131,20 @@ def test_who_has_gone_out_of_sight_is_forgotten_in_the_end():
     told, _, _ = watch(around, standing(4.5))
     assert any(len(found) for _, found in told)
     assert len(told[-1][1]) == 0
+
+
+def test_who_stands_against_a_thing_of_the_map_is_a_thing_of_its_own():
+    lidar = LIDAR.lidar()
+    ranges = np.empty(len(lidar.beams))
+    post, person = disc(3.0, 0.3, 0.3), disc(2.9, -0.25, 0.25)
+    sight(AT, lidar, discs(post, person), np.empty((0, 4)), NO_GRID, ranges)
+    trail = extended(EMPTY, Odometry(0.0, AT, Twist(0.0, 0.0)))
+    seen = sweep(lidar, ranges, 0.0, 0.0, trail)
+    one = clusters(lidar, seen, AT, 12.0, np.zeros(len(seen.points), np.bool_))
+    assert len(one) == 1
+    assert math.hypot(one[0, CX] - 2.9, one[0, CY] + 0.25) > 0.2
+    mapped = np.hypot(*(seen.points - post[:2]).T) < 0.35
+    (found,) = clusters(lidar, seen, AT, 12.0, mapped)
+    assert math.hypot(found[CX] - 2.9, found[CY] + 0.25) < 0.05
+    known = surveyed(WALLS, AT, np.array([[3.0, 0.3, 0.3]]))
+    assert (on_walls(known, AT, seen.points, 0.1) & mapped).sum() == mapped.sum()

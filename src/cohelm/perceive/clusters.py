@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
@@ -33,9 +34,12 @@ class Look(NamedTuple):
 
 
 @jit
-def clusters(lidar: Lidar, sweep: Sweep, pose: Pose, farthest: float) -> Floats:
+def clusters(
+    lidar: Lidar, sweep: Sweep, pose: Pose, farthest: float, fixed: NDArray[np.bool_]
+) -> Floats:
     """The things in a sweep from an `odom` pose that may be bodies, (k, 7), in `odom`.
 
+    fixed: (m,) points of what surely stands: they belong to no body, and part those beside it.
     The centre is put behind what is seen of a disc: the mean of its visible side is pi/4 of the
     radius in front of it. FRESH is left 0.
     """
@@ -46,7 +50,10 @@ def clusters(lidar: Lidar, sweep: Sweep, pose: Pose, farthest: float) -> Floats:
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     while a < m:
         b = a + 1
-        while b < m and _joined(lidar, points, beams, b):
+        if fixed[a]:
+            a = b
+            continue
+        while b < m and not fixed[b] and _joined(lidar, points, beams, b):
             b += 1
         mx, my = lidar.mount.x, lidar.mount.y
         if b - a >= _FEWEST:

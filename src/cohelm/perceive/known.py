@@ -123,6 +123,18 @@ def gap_at(known: Known, x: float, y: float) -> float:
 
 
 @jit
+def on_walls(known: Known, pose: Pose, points: Floats, near: float) -> NDArray[np.bool_]:
+    """Which body-frame points (m, 2), seen from there, are as near to a wall as that [m]."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    on = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        x = pose.x + c * points[i, 0] - s * points[i, 1]
+        y = pose.y + s * points[i, 0] + c * points[i, 1]
+        on[i] = gap_at(known, x, y) < near
+    return on
+
+
+@jit
 def expected(known: Known, x: float, y: float, dx: float, dy: float, reach: float) -> float:
     """How far the map lets one see from a world point in a direction [m].
 

@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
@@ -83,11 +84,18 @@ NONE = Movers(np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_))
 
 
 def follow(
-    before: Movers, lidar: Lidar, sweep: Sweep, pose: Pose, stamp: float, care: Care
-) -> Movers:
-    """The movers after a sweep from an `odom` pose at `stamp` [s]."""
+    before: Movers, lidar: Lidar, sweep: Sweep, pose: Pose, stamp: float, care: Care,
+    fixed: NDArray[np.bool_] | None = None,
+) -> Movers:  # fmt: skip
+    """The movers after a sweep from an `odom` pose at `stamp` [s].
+
+    fixed: (m,) which of its points are on what surely stands, as a map says: who walks past that
+    is not taken for one thing with it.
+    """
+    if fixed is None:
+        fixed = np.zeros(len(sweep.points), np.bool_)
     dt = min(max(stamp - before.stamp, 0.0), 1.0) if before.looks else 0.0
-    found = clusters(lidar, sweep, pose, lidar.range_max)
+    found = clusters(lidar, sweep, pose, lidar.range_max, fixed)
     for back in care.back:
         if before.looks:
             nearest = min(before.looks, key=lambda look: abs(stamp - back - look.stamp))
@@ -95,7 +103,7 @@ def follow(
                 freshen(lidar, found, sweep, pose, nearest)
     now = looked(lidar, sweep, pose, stamp)
     tracks, whose = _followed(before.tracks, found, lidar, now, dt, care)
-    mine = _owned(tracks, whose, found, sweep, pose)
+    mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
     kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
     return Movers(tracks, (*kept, now), stamp, mine)
 

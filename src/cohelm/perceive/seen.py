@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.perceive.frames import between, compose, inverse
-from cohelm.perceive.known import Known
+from cohelm.perceive.known import Known, on_walls
 from cohelm.perceive.locate import Located, Locator
 from cohelm.perceive.memory import Care as Remembering, View, renew
 from cohelm.perceive.movers import MOVES, NONE, RADIUS, TX, TY, Care as Watching, bodies, follow
@@ -24,6 +24,7 @@ from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar
 
 NOTHING: Floats = np.empty((0, 2))
+_ON_WALL = 0.1  # what ends as near to a wall of the map as this stands [m]
 _APART = 0.06  # sweeps nearer in time are not asked who moves: too little has happened [s]
 
 
@@ -81,6 +82,7 @@ class Perception:
             self.lidar = model.lidar.lidar()
         self._view = View(self.lidar.mount, self.lidar.first, self.lidar.step, self.lidar.range_min)
         self._care = remembering or Remembering()
+        self._known = known
         self._locator = Locator(known, self.lidar, start) if known is not None else None
         self._trail = EMPTY
         self._twist = Twist(0.0, 0.0)
@@ -134,8 +136,9 @@ class Perception:
         pose = pose_at(self._trail, self._scanned)
         if self._scanned - self._movers.stamp > _APART:
             self._movers = follow(
-                self._movers, self.lidar, seen, pose, self._scanned, self._watching
-            )
+                self._movers, self.lidar, seen, pose, self._scanned, self._watching,
+                self._mapped(seen, pose),
+            )  # fmt: skip
             if self._movers.mine.any():
                 seen = self._without(seen, self._movers.mine)
         calm = steadied(seen.ranges, self.lidar.noise)
@@ -145,6 +148,13 @@ class Perception:
             self._located = self._locator.correct(seen, pose)
             self._map_odom = compose(self._located.pose, inverse(pose))
             self._matched = pose
+
+    def _mapped(self, seen: Sweep, pose: Pose) -> NDArray[np.bool_] | None:
+        """Which points are on the map's walls, where the robot knows its place on it."""
+        located, known = self._located, self._known
+        if known is None or located is None or located.lost:
+            return None
+        return on_walls(known, compose(self._map_odom, pose), seen.points, _ON_WALL)
 
     def _without(self, seen: Sweep, mine: NDArray[np.bool_]) -> Sweep:
         """The sweep without the points of movers: they tell nothing about what stands."""
