@@ -50,13 +50,19 @@ class Target:
     folder: under src/cohelm, or one file of it. tests: files under tests/, the quick ones first,
     since a dead mutant's remaining tests are not run. equal: (file, function, slip) as `--only`
     prints them, and why no test can tell that mutant from the original. limit_s: of processor
-    time; what takes longer hangs, and is noticed by that.
+    time; what takes longer hangs, and is noticed by that. nearest: for a file of the room, the one
+    of `tests` that most likely notices, and is run first.
     """
 
     folder: str
     tests: tuple[str, ...]
     equal: dict[tuple[str, str, str], str] = field(default_factory=dict)
     limit_s: int = 90
+    nearest: dict[str, str] = field(default_factory=dict)
+
+    def ordered(self, path: Path) -> list[str]:
+        """The tests, the nearest to a file first."""
+        return sorted(self.tests, key=lambda name: name != self.nearest.get(path.name))
 
     @property
     def files(self) -> list[Path]:
@@ -197,7 +203,8 @@ def survives(mutant: Mutant, target: Target) -> bool:
         there.write_text(mutant.text, encoding="utf-8")
         context = get_context("forkserver")
         context.set_forkserver_preload(list(LOADED))
-        worker = context.Process(target=_tried, args=(folder, target.tests, target.limit_s))
+        tests = target.ordered(mutant.path)
+        worker = context.Process(target=_tried, args=(folder, tests, target.limit_s))
         worker.start()
         worker.join()
         return worker.exitcode == 0

@@ -16,6 +16,8 @@ _EQUAL = (
     ("approach.py", "approach_rows", "dx * dx + dy * dy < far * far",
      "dx * dx + dy * dy <= far * far", _EDGE),
     ("approach.py", "_within", "x * x + y * y < far * far", "x * x + y * y <= far * far", _EDGE),
+    ("approach.py", "approach_rows", "if _within(ax, ay, bx, by, far + reach):", "if True:",
+     "`_wall_rows` writes none for a wall as far away as that"),
     ("certify.py", "_near", "gx * gx + gy * gy < far * far", "gx * gx + gy * gy <= far * far",
      _EDGE),
     ("certify.py", "in_the_way", "dx * dx + dy * dy < (far + radius) * (far + radius)",
@@ -44,6 +46,13 @@ GUARD = Target(
         "law/guard/test_guard.py",
         "law/guard/test_sequence.py",
     ),
+    nearest={
+        "certify.py": "law/guard/test_certify.py",
+        "approach.py": "law/guard/test_shaping.py",
+        "bounds.py": "law/guard/test_parts.py",
+        "contact.py": "law/guard/test_contact.py",
+        "step.py": "law/guard/test_guard.py",
+    },
     equal={(file, function, f"{was}  ->  {now}"): why for file, function, was, now, why in _EQUAL},
 )
 

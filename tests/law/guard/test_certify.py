@@ -254,3 +254,34 @@ def test_a_gap_between_clear_and_half_of_it_may_be_used_up_to_the_half_of_it():
     wall = surroundings(segments=[[0.372, -3.0, 0.372, 3.0]])
     assert certificate(SALLY, Twist(0.09, 0.0), SALLY_LIMITS, wall) == CLEAR  # 3 mm
     assert certificate(SALLY, Twist(0.2, 0.0), SALLY_LIMITS, wall) == 0  # 12 mm
+
+
+def thing(ends, drift, kind):
+    """A disc that may move, one at rest, a wall or two points, of the same numbers (3, 2)."""
+    disc = np.hstack((ends[:1], drift if kind == 0 else 0.0 * drift, [[0.2, 0.4]]))
+    if kind < 2:
+        return surroundings(disc, [0.5 * (kind == 0)])
+    walls = surroundings(segments=[[*ends[1], *ends[2]]])
+    return walls if kind == 2 else surroundings(points=ends[1:])
+
+
+def test_where_in_the_world_all_this_happens_makes_no_difference():
+    rng = np.random.default_rng(3)
+    told = []
+    for _ in range(150):
+        twist = Twist(rng.uniform(-0.8, 0.8), rng.uniform(-1.0, 1.0))
+        pose = Pose(*rng.uniform(-30.0, 30.0, 2), rng.uniform(-3.0, 3.0))
+        c, s = math.cos(pose.psi), math.sin(pose.psi)
+        turn = np.array([[c, s], [-s, c]])
+        ends = rng.uniform(-1.2, 1.2, (3, 2))
+        drift = rng.uniform(-0.5, 0.5, (1, 2)) * (rng.random() < 0.5)
+        kind = rng.integers(4)
+        here = thing(ends, drift, kind)
+        there = thing(ends @ turn + np.array(pose[:2]), drift @ turn, kind)
+        reach = farthest(SALLY)
+        a = manoeuvre(Pose(0.0, 0.0, 0.0), twist, SALLY_LIMITS, DT, reach)
+        b = manoeuvre(pose, twist, SALLY_LIMITS, DT, reach)
+        was = in_the_way(a, SALLY, reach, here, 0.015)
+        assert was == in_the_way(b, SALLY, reach, there, 0.015)
+        told.append((kind, was == CLEAR))
+    assert len(set(told)) == 8

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cohelm.core.types import Twist
-from cohelm.law.guard.project import NOBODY, project
+from cohelm.law.guard.project import _SLACK, NOBODY, project
 
 numbers = st.floats(-3.0, 3.0)
 twists = st.builds(Twist, numbers, numbers)
@@ -134,3 +134,11 @@ def test_ten_thousand_bounds_are_kept():
     got = project(Twist(2.0, 3.0), rows, len(rows), 0.5)
     assert got.feasible
     assert (rows[:, :2] @ np.array(got.twist) >= rows[:, 2] - 1e-9).all()
+
+
+def test_a_wish_that_misses_a_bound_by_no_more_than_the_slack_comes_back_to_the_last_bit():
+    wish = Twist(-_SLACK, 0.3)
+    got = project(wish, np.array([[1.0, 0.0, 0.0, 0.0]]), 1, 0.5)
+    assert got.twist == wish
+    off = Twist(-2.0 * _SLACK, 0.3)
+    assert project(off, np.array([[1.0, 0.0, 0.0, 0.0]]), 1, 0.5).twist == Twist(0.0, 0.3)

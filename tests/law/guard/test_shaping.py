@@ -157,3 +157,18 @@ def test_standing_is_told_from_braking():
     assert (spinning.v, spinning.omega) == (0.0, pytest.approx(0.84))
     rolling = guard_step(HERE, Twist(0.5, 0.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)
     assert rolling.verdict == BRAKING
+
+
+@pytest.mark.parametrize(
+    "far",
+    [
+        surroundings([disc(9.0, 0.0, 0.2)]),
+        surroundings([disc(9.0, 0.0, 0.2)], [1.0]),
+        surroundings([[9.0, 0.0, -0.5, 0.0, 0.2, 0.4]]),
+        surroundings(segments=[[9.0, -3.0, 9.0, 3.0]]),
+        surroundings(points=[[9.0, 0.0]]),
+    ],
+)
+def test_with_nothing_near_the_gap_is_infinite_and_the_wish_passes(far):
+    got = guard_step(HERE, Twist(0.5, 0.0), Twist(0.52, 0.0), far, SALLY, SALLY_LIMITS)
+    assert (got.v, got.omega, got.gap, got.change) == (0.52, 0.0, math.inf, 0.0)
