@@ -106,10 +106,8 @@ def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command
     refused = certificate(outline, twist, lim, around(*walker)) != CLEAR
     if refused or twist == Twist(0.0, 0.0):
         return
-    now = gaps(outline, Pose(0.0, 0.0, 0.0), around(*walker))[0]
-    promised = 0.0075 if now >= 0.015 else 0.5 * now
     for pose in list(stopped_after(twist, lim))[: FINE * max(len(braking(twist, lim, DT)), 1) + 1]:
-        assert gaps(outline, pose, around(*walker))[0] >= promised - 1e-9
+        assert gaps(outline, pose, around(*walker))[0] >= 0.0075 - 1e-9
         walker = walked(walker, pose, DT / FINE)
 
 
@@ -152,7 +150,7 @@ def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_m
         if now < 0.015:  # see `_leaves`
             moving = FINE * max(len(braking(twist, lim, DT)), 1)
             least = min(list(worst_gaps(outline, twist, lim, *oncomer))[: moving + 1])
-        assert least >= (0.0075 if now >= 0.015 else 0.5 * now) - 1e-9
+        assert least >= 0.0075 - 1e-9
     else:
         later = (pace + agility * stops) * DT  # it may look on for one step of rounded braking
         assert least <= 0.015 + between + later
@@ -190,7 +188,7 @@ def test_driving_on_into_a_thing_ahead_is_refused_and_backing_off_is_not(around:
     assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, around) == CLEAR
 
 
-@pytest.mark.parametrize("gap", [0.002, 0.005, 0.0149])
+@pytest.mark.parametrize("gap", [0.0085, 0.011, 0.0149])
 def test_who_came_near_while_the_robot_stood_may_be_left_but_not_be_come_nearer_to(gap):
     person = surroundings([[0.46 + gap, 0.05, 0.0, 0.0, 0.1, 0.2]], [1.0])
     for away in (-0.04, -0.1, -0.5, -1.0):
@@ -201,8 +199,8 @@ def test_who_came_near_while_the_robot_stood_may_be_left_but_not_be_come_nearer_
     assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, person) == CLEAR
 
 
-def test_who_all_but_touches_the_robot_holds_it_where_it_stands():
-    person = surroundings([[0.4618, 0.0, 0.0, 0.0, 0.1, 0.2]], [1.0])
+def test_who_is_upon_the_robot_already_holds_it_where_it_stands():
+    person = surroundings([[0.468, 0.0, 0.0, 0.0, 0.1, 0.2]], [1.0])
     assert certificate(SALLY, Twist(-0.1, 0.0), SALLY_LIMITS, person) == 0
     assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, person) == CLEAR
 

@@ -82,8 +82,7 @@ def walk(rng: np.random.Generator, around: Surroundings, pose: Pose, dt: float) 
 
 
 def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[float, float]:
-    """Smallest gap to what rests; and to walkers while the robot moves, as a share of what is
-    promised: half of `clear`, or of the gap to one who came nearer than `clear` while it stood."""
+    """Smallest gap to what rests, and to walkers while the robot moves."""
     outline, lim = ROBOTS[robot]
     rng = np.random.default_rng(seed)
     around = scene(rng, outline, walkers)
@@ -95,10 +94,6 @@ def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[f
         wish = attack(kind, rng, pose, wish, around)
         got = guard_step(pose, before, wish, around, outline, lim)
         after = Twist(got.v, got.omega)
-        if before == REST:
-            stood = np.minimum(gaps(outline, pose, around)[who], RULES.clear)
-        if after != REST:
-            assert (stood >= RULES.clear / 8).all()
         assert inside_limits(after, before, lim, RULES.dt)
         before = after
         for _ in range(FINE):
@@ -107,7 +102,7 @@ def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[f
             now = gaps(outline, pose, around)
             still = min(still, now[~who].min())
             if before != REST and walkers:
-                moving = min(moving, (now[who] / (stood / 2)).min())
+                moving = min(moving, now[who].min())
     return still, moving
 
 
@@ -117,7 +112,7 @@ def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[f
 def test_no_stick_motion_reaches_an_obstacle(robot, kind, walkers):
     still, moving = drive(walkers, robot, kind, walkers, 400)
     assert still >= RULES.clear / 2
-    assert moving >= 1.0
+    assert moving >= RULES.clear / 2
 
 
 @pytest.mark.slow
@@ -128,7 +123,7 @@ def test_no_stick_motion_reaches_an_obstacle_in_many_drives(robot, kind, walkers
     for seed in range(40):
         still, moving = drive(seed, robot, kind, walkers, 1000)
         assert still >= RULES.clear / 2, seed
-        assert moving >= 1.0, seed
+        assert moving >= RULES.clear / 2, seed
 
 
 @pytest.mark.parametrize("start", [0.02, 0.012, 0.009])

@@ -149,7 +149,7 @@ def test_the_culprit_is_counted_through_discs_walls_and_points(culprit):
 
 def test_standing_is_told_from_braking():
     """Somebody upon the robot lets it only stand; spinning, it first has to stop."""
-    upon = surroundings([disc(0.361, 0.0, 0.0)], [1.0])
+    upon = surroundings([disc(0.367, 0.0, 0.0)], [1.0])
     still = guard_step(HERE, Twist(0.0, 0.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)
     assert (still.v, still.omega, still.verdict) == (0.0, 0.0, STANDING)
     spinning = guard_step(HERE, Twist(0.0, 1.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)

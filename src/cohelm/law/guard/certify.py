@@ -150,9 +150,9 @@ def _clears_mover(
     closing = m.pace + math.sqrt(vx * vx + vy * vy) + agility * m.stop
     g = _gap_at(m.pose, outline, x0, y0, x0, y0) - radius
     if g < clear:
-        if g < 0.125 * clear:
+        if g < 0.5625 * clear:  # the floor of `_clears_still`
             return False
-        return _leaves(m, outline, x0, y0, vx, vy, radius, agility, g, closing)
+        return _leaves(m, outline, x0, y0, vx, vy, radius, agility, clear, g, closing)
     t = 0.0
     for _ in range(_MOST):
         grown = radius + 0.5 * agility * t * t
@@ -175,12 +175,12 @@ def _clears_mover(
 @jit
 def _leaves(
     m: Manoeuvre, outline: Floats,
-    x0: float, y0: float, vx: float, vy: float, radius: float, agility: float, allowed: float,
-    closing: float,
+    x0: float, y0: float, vx: float, vy: float, radius: float, agility: float, clear: float,
+    allowed: float, closing: float,
 ) -> bool:  # fmt: skip
     """Whether a moving disc that is nearer than `clear`, by `allowed`, comes no nearer at any step.
 
-    Between two looks the gap can be half of that. Every step is a look, since the next command
+    Between two looks the gap stays above clear / 2. Every step is a look, since the next command
     may come in there, and finds what it finds.
     """
     end = max(m.stop - m.dt, m.dt)  # in the last step of braking it stands
@@ -191,7 +191,7 @@ def _leaves(
             return False
         if t >= end:
             return True
-        t = min(t + (g - 0.5 * allowed) / closing, end)
+        t = min(t + (g - 0.5 * clear) / closing, end)
         if t >= k * m.dt:
             t, k = k * m.dt, k + 1
     return False
