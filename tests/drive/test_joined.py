@@ -114,15 +114,20 @@ def test_a_stick_of_this_machine_joins_and_takes_the_helm(drive):
         stick.start()
         try:
             until(watching.status, PATIENT)
-            until(lambda: watching.status().status.arming == Arming.ARMED, PATIENT)
-            assert watching.status().status.lease.driver_name == "stick"
-            assert "you drive" in said
-            hand.stick = Stick(-0.8, 0.0)
-            until(lambda: watching.status().status.stick.x < -0.7, PATIENT)
+            told = lambda: watching.status().status  # noqa: E731
+
+            def steer() -> None:
+                """Ahead while it is believed; else centred, as it must be seen first, and again
+                when a busy machine was too late."""
+                hand.stick = Stick(-0.8, 0.0) if told().arming == Arming.ARMED else CENTRED
+
+            until(lambda: told().lease.driver_name == "stick", PATIENT)
+            until(lambda: "you drive" in said, PATIENT)
+            until(lambda: told().stick.x < -0.7, PATIENT, steer)
         finally:
             hand.there = False
             stick.join(PATIENT)
-        until(lambda: watching.status().status.arming == Arming.ABSENT, PATIENT)
+        until(lambda: told().arming == Arming.ABSENT, PATIENT)
 
 
 def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
@@ -144,7 +149,8 @@ def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
         ask(Ask.RECORD, 1, lambda: told().recording)
         ask(Ask.MODE, Mode.AUTOMATIC, lambda: told().mode == Mode.AUTOMATIC or told().stopped)
         ask(Ask.STOP, 0, lambda: told().stopped)
-        until(lambda: abs(told().twist.v) < 0.01, PATIENT, steer)
+        logs = lambda: "".join(p.read_text() for p in drive.folder.glob("out/records/*.log"))  # noqa: E731
+        until(lambda: "gate: stands, " in logs(), 2 * PATIENT, steer)  # the recorder starts slowly
         ask(Ask.RECORD, 0, lambda: not told().recording)
         until(lambda: list(drive.folder.glob("out/records/*.mcap")), 2 * PATIENT, steer)
     (record,) = drive.folder.glob("out/records/*.mcap")
@@ -157,7 +163,7 @@ def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
 
 def test_when_its_robot_dies_it_says_so_and_ends(drive):
     os.kill(drive.robot(), signal.SIGKILL)
-    assert drive.process.wait(PATIENT) == 2
+    assert drive.process.wait(2 * PATIENT) == 2
     drive.close()
     last = drive.said.strip().splitlines()[-1]
     assert re.match("error: the robot's process has ended: killed by SIGKILL", last)

@@ -42,6 +42,7 @@ from cohelm.link.messages import (
 from cohelm.link.pace import Pace
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.stream import Stream
+from cohelm.link.turning import Turning
 from cohelm.link.wire import Header, encode, from_operator
 
 MOST_STREAMS = 24
@@ -74,7 +75,7 @@ class _Station:
         self.fetched: tuple[str, IO[bytes]] | None = None
 
 
-class RobotBulk:
+class RobotBulk(Turning):
     """Listens as long as it is open; a context manager."""
 
     def __init__(self, end: RobotEnd, keys: Keys, records: Path | None = None) -> None:
@@ -85,27 +86,13 @@ class RobotBulk:
         self._context = stream_context(keys)
         self._listener = _listening(end.address)
         self._session = secrets.randbits(64)
+        super().__init__("link bulk")
         self._lock = threading.Lock()
-        self._bell = udp.Bell()
         self._stations: list[_Station] = []
         self._published: dict[object, FromRobot] = {}
         self._proposed: deque[Proposed] = deque(maxlen=64)
         self._known: dict[int, str] = {}
-        self._open = True
-        self._thread = threading.Thread(target=self._run, name="link bulk", daemon=True)
-        self._thread.start()
-
-    def __enter__(self) -> RobotBulk:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Break off."""
-        self._open = False
-        self._bell.ring()
-        self._thread.join(2.0)
+        self._start()
 
     # ---- for the loop ------------------------------------------------------------------
 
@@ -135,19 +122,10 @@ class RobotBulk:
 
     # ---- the thread --------------------------------------------------------------------
 
-    def _run(self) -> None:
-        try:
-            while self._open:
-                try:
-                    self._turn()
-                except Exception:  # a mistake of ours must not end it for all stations
-                    _log.exception("a mistake in the robot's end of bulk; it goes on")
-                    time.sleep(0.01)
-        finally:
-            for station in list(self._stations):
-                self._leave(station, "the robot's end is closed")
-            self._listener.close()
-            self._bell.close()
+    def _let_go(self) -> None:
+        for station in list(self._stations):
+            self._leave(station, "the robot's end is closed")
+        self._listener.close()
 
     def _turn(self) -> None:
         waiting = select.poll()

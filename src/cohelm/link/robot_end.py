@@ -25,6 +25,7 @@ from cohelm.link.dtls import Channel, Refused, context
 from cohelm.link.heard import Asked, Heard
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
+from cohelm.link.turning import Turning
 from cohelm.link.wire import Header, encode, from_operator
 
 STALE = 0.25
@@ -67,7 +68,7 @@ class _Client:
         self.answers: deque[Answer] = deque(maxlen=3)
 
 
-class RobotEnd:
+class RobotEnd(Turning):
     """Listens as long as it is open; a context manager."""
 
     def __init__(
@@ -80,8 +81,8 @@ class RobotEnd:
         self._door = Door(context(keys, server=True), host, port, clock)
         self.address = self._door.address
         self._session = secrets.randbits(64)
+        super().__init__("link robot")
         self._lock = threading.RLock()
-        self._bell = udp.Bell()
         self._clients: dict[int, _Client] = {}
         self._held = lease.Held()
         self._numbers: dict[tuple[str, int], int] = {}
@@ -89,21 +90,7 @@ class RobotEnd:
         self._outbox: dict[object, Status | ScanPart | Discs] = {}
         self.counts: Counter[str] = Counter()
         """Messages that were not used, by reason; `door_counts` has those not let in."""
-        self._open = True
-        self._thread = threading.Thread(target=self._run, name="link robot", daemon=True)
-        self._thread.start()
-
-    def __enter__(self) -> RobotEnd:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Say good-bye to all and stop listening."""
-        self._open = False
-        self._bell.ring()
-        self._thread.join(2.0)
+        self._start()
 
     # ---- for the loop ------------------------------------------------------------------
 
@@ -178,22 +165,15 @@ class RobotEnd:
             self._outbox[slot] = message
         self._bell.ring()
 
-    def _run(self) -> None:
-        try:
-            while self._open:
-                try:
-                    self._turn()
-                except Exception:  # a mistake of ours must not leave the robot deaf
-                    self.counts["mistakes of the link"] += 1
-                    _log.exception("a mistake in the robot's end of the link; it goes on")
-                    time.sleep(0.01)
-        finally:
-            for client in list(self._clients.values()):
-                udp.send(client.socket, client.channel.close())
-                client.socket.close()
-            self._clients.clear()
-            self._door.close()
-            self._bell.close()
+    def _mistaken(self) -> None:
+        self.counts["mistakes of the link"] += 1
+
+    def _let_go(self) -> None:
+        for client in list(self._clients.values()):
+            udp.send(client.socket, client.channel.close())
+            client.socket.close()
+        self._clients.clear()
+        self._door.close()
 
     def _turn(self) -> None:
         sockets = [client.socket for client in self._clients.values()]

@@ -16,6 +16,7 @@ from cohelm.link.dtls import Refused, stream_context
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Fetch, FromOperator, FromRobot, Picture
 from cohelm.link.stream import Stream
+from cohelm.link.turning import Turning
 from cohelm.link.wire import LARGEST_BULK, Header, encode, from_robot
 
 _PATIENCE = 10.0  # [s], for a connection
@@ -24,7 +25,7 @@ _MOST_NEWS = 4096
 _log = logging.getLogger("cohelm.link")
 
 
-class StationBulk:
+class StationBulk(Turning):
     """Keeps connected as long as it is open; a context manager."""
 
     def __init__(
@@ -36,28 +37,14 @@ class StationBulk:
         self._family, self._to = udp.resolved(host, port, socket.SOCK_STREAM)
         self._session = session
         self._clock = clock
+        super().__init__("link bulk")
         self._lock = threading.Lock()
-        self._bell = udp.Bell()
         self._news: deque[FromRobot] = deque(maxlen=_MOST_NEWS)
         self._picture: Picture | None = None
         self._outbox: deque[FromOperator] = deque(maxlen=64)
         self._sequence = 0
         self.connected = False
-        self._open = True
-        self._thread = threading.Thread(target=self._run, name="link bulk", daemon=True)
-        self._thread.start()
-
-    def __enter__(self) -> StationBulk:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Break off."""
-        self._open = False
-        self._bell.ring()
-        self._thread.join(2.0)
+        self._start()
 
     def send(self, message: FromOperator) -> None:
         """Send it as soon as there is a connection."""
@@ -78,17 +65,18 @@ class StationBulk:
             newest, self._picture = self._picture, None
         return newest
 
-    def _run(self) -> None:
-        while self._open:
-            try:
-                self._connection()
-            except Refused as refused:
-                _log.info("no bulk from the robot: %s", refused)
-            except Exception:
-                _log.exception("the bulk end of the link broke down; it begins anew")
+    def _turn(self) -> None:
+        """One connection, from its beginning to its end."""
+        try:
+            self._connection()
+        except Refused as refused:
+            _log.info("no bulk from the robot: %s", refused)
+        finally:
             self.connected = False
-            self._wait(_AGAIN)
-        self._bell.close()
+        self._wait(_AGAIN)
+
+    def _mistaken(self) -> None:
+        self._wait(_AGAIN)
 
     def _wait(self, seconds: float) -> None:
         until = self._clock() + seconds

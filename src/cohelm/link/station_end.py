@@ -39,6 +39,7 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )  # fmt: skip
+from cohelm.link.turning import Turning
 from cohelm.link.wire import Header, encode, from_robot
 
 FRESH = 0.1
@@ -103,7 +104,7 @@ class _Way:
         self.socket.connect(to)
 
 
-class StationEnd:
+class StationEnd(Turning):
     """Keeps connected as long as it is open; a context manager."""
 
     def __init__(
@@ -119,8 +120,8 @@ class StationEnd:
         self._family, self._to = udp.resolved(host, port, socket.SOCK_DGRAM)
         self.session = secrets.randbits(64)
         """What this end calls itself in every message."""
+        super().__init__("link station")
         self._lock = threading.RLock()
-        self._bell = udp.Bell()
         self._path = Path()
         self._way: _Way | None = None
         self._next: _Way | None = None
@@ -137,21 +138,7 @@ class StationEnd:
         self._parts: dict[int, ScanPart] = {}
         self._scan: WholeScan | None = None
         self._discs: Discs | None = None
-        self._open = True
-        self._thread = threading.Thread(target=self._run, name="link station", daemon=True)
-        self._thread.start()
-
-    def __enter__(self) -> StationEnd:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Say good-bye."""
-        self._open = False
-        self._bell.ring()
-        self._thread.join(2.0)
+        self._start()
 
     # ---- for the station ---------------------------------------------------------------
 
@@ -222,22 +209,15 @@ class StationEnd:
 
     # ---- the thread --------------------------------------------------------------------
 
-    def _run(self) -> None:
-        try:
-            while self._open:
-                try:
-                    self._turn()
-                except Exception:  # a mistake of ours must not cut the person off
-                    _log.exception("a mistake in the station's end of the link; it goes on")
-                    self._why = "a mistake in the link: see the log"
-                    time.sleep(0.01)
-        finally:
-            for way in (self._way, self._next):
-                if way is not None:
-                    udp.send(way.socket, way.channel.close())
-                    way.socket.close()
-            self._way = self._next = None
-            self._bell.close()
+    def _mistaken(self) -> None:
+        self._why = "a mistake in the link: see the log"
+
+    def _let_go(self) -> None:
+        for way in (self._way, self._next):
+            if way is not None:
+                udp.send(way.socket, way.channel.close())
+                way.socket.close()
+        self._way = self._next = None
 
     def _turn(self) -> None:
         waiting = select.poll()

@@ -27,15 +27,17 @@ def drive(
         with StationEnd(keys, *to) as end, StationBulk(keys, *to, end.session) as bulk:
             say(f"{device.name}{' with force feedback' if device.force else ''}, to {to[0]}")
             limits = _limits(bulk)
-            asked = False
+            driven, asked = False, 0
             helm = Helm(end, device, limits, k_s)
             following = time.monotonic()
             while not until():
                 reading = helm.turn(time.monotonic())
                 status = end.status()
-                if status is not None and not asked:
-                    asked = True
-                    end.ask(Ask.TAKE)
+                if status is not None and not driven:
+                    lease = status.status.lease
+                    driven = lease.driver == lease.you
+                    if not asked or (lease.driver == 0 and end.answer(asked)):  # it was lost
+                        asked = end.ask(Ask.TAKE)
                 told.changes(end, status, reading)
                 if not reading.valid:
                     break  # a stick that is gone does not come back to this process
