@@ -45,12 +45,13 @@ class Result(NamedTuple):
 
 
 def drive(
-    kind: Kind, seed: int, push: float = 0.0, at: float = 22.0, limit: float = 120.0
-) -> Result:
+    kind: Kind, seed: int, push: float = 0.0, at: float = 22.0, limit: float = 120.0,
+    scenario: str = "lab-guard",
+) -> Result:  # fmt: skip
     """One drive of the lab; at a time [s] it is pushed `push` metres to the east."""
     rows: list[tuple[float, ...]] = []
     pushed = found = math.nan
-    with Session(Plan(simulated("lab-guard", kind, real_time=False, seed=seed))) as session:
+    with Session(Plan(simulated(scenario, kind, real_time=False, seed=seed))) as session:
         keeper, loop = session.loop.keeper, session.loop
 
         def until(_: object) -> bool:

@@ -10,6 +10,7 @@ from cohelm.perceive.seen import Perception
 from cohelm.record.drive import DriveFile
 from cohelm.scenario import load
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, read_map
+from cohelm.study import mapping
 from tests.perceive.drives import LIDAR, TOUR, along, drive
 
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
@@ -89,3 +90,39 @@ def test_what_is_no_record_is_refused_in_one_sentence(cohelm, tmp_path):
         done = cohelm("map", str(tmp_path / given))
         assert done.code == 2
         assert said in done.err
+
+
+def test_live_a_record_is_mapped_while_it_is_being_written(tmp_path, monkeypatch):
+    """The drive goes on whenever mapping waits for more of it; at its end comes Ctrl-C."""
+    path = tmp_path / "drive.mcap"
+    moments = iter(list(drive(*along(TOUR[:4]), 1)))
+    with path.open("wb") as file:
+        made = DriveFile(file, SALLY, 946_684_800_000_000_000)
+        number, waits, told = None, [], []
+
+        def driven(_seconds):
+            nonlocal number
+            waits.append(path.stat().st_size)
+            before = path.stat().st_size
+            while path.stat().st_size == before:
+                moment = next(moments, None)
+                if moment is None:
+                    raise KeyboardInterrupt
+                made.write(moment.readings.odometry)
+                scan = moment.readings.scan
+                if scan is not None and scan.number != number:
+                    number = scan.number
+                    made.write(scan)
+                file.flush()
+
+        driven(0.0)
+        monkeypatch.setattr(mapping.time, "sleep", driven)
+        out = tmp_path / "map"
+        result = mapping.mapped(path, out, 0.05, lambda what, _share: told.append(what), live=True)
+    assert len(waits) > 3
+    assert [what for what in told if what.startswith("scan 1,")]
+    rows = np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)
+    assert len(rows) == result.scans > 50
+    assert (np.diff(rows[:, 0]) > 0.0).all()
+    assert np.diff(rows[:, 0]).max() < 0.15  # none is left out where the record was cut
+    assert (read_map(out / "map.yaml").cells == OCCUPIED).sum() > 200

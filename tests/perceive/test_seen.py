@@ -12,7 +12,7 @@ from cohelm.perceive.known import known
 from cohelm.perceive.seen import Perception, rehearse, seen_from
 from cohelm.robot.port import Readings
 from cohelm.scenario import load
-from tests.perceive.drives import LIDAR, START, TOUR, along, drive, lab_map
+from tests.perceive.drives import DT, LIDAR, START, TOUR, along, drive, lab_map
 
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
 
@@ -116,3 +116,25 @@ def test_a_rehearsal_leaves_nothing_to_compile(lab, mapped):
     for moment in drive([START] * 80, [Twist(0.0, 0.0)] * 79, 0):
         perception.take(moment.now, moment.readings)
     assert [len(part.signatures) for part in parts] == before
+
+
+@pytest.mark.parametrize(("at", "by"), [(13, 2.0), (14, -2.0), (16, 2.0), (18, -2.0)])
+def test_moved_two_metres_along_the_corridor_the_robot_knows_it_within_3_seconds(lab, tour, at, by):
+    """Only a cone and two doors tell one place in the corridor from another."""
+    first, last = round((at - 2) / DT), round((at + 4) / DT)
+    poses, twists = tour[0][first : last + 1], tour[1][first:last]
+    perception = Perception(SALLY, lab, poses[0])
+    astray, at_last = [], False
+    for moment in drive(poses, twists, 1, pushes=((2.0, (by, 0.0, 0.0)),)):
+        seen = perception.take(moment.now, moment.readings)
+        off, _ = errors(seen, moment.truth)
+        if 0.5 < moment.now < 2.0:
+            assert not seen.lost
+        elif moment.now >= 2.0 and off > 0.1 and not seen.lost:
+            astray.append(moment.now - 2.0)
+        if moment.now > 5.0:
+            assert not seen.lost
+            assert off < 0.1
+            at_last = True
+    assert at_last
+    assert max(astray) < 1.5  # until then it is wrong, and does not know

@@ -40,7 +40,12 @@ class Caution(NamedTuple):
     """So many doubtful scans in a row mean lost."""
     odd: float = -4.0
     """As many scans less likely than this: is there a place near by that fits better?"""
-    pause: int = 15
+    drop: float = 1.0
+    """Or less likely by this than they were. A place near by that fits as well as the old one did,
+    and by so much better than that does now, makes it doubtful whether the robot was moved."""
+    settled: int = 5
+    """After as many scans with no other place that fits so well, it was."""
+    pause: int = 8
     """Which is asked again after so many scans."""
     good: float = 0.9
     """A new pose is believed only where as many beams agree, of those unblocked,"""
@@ -108,6 +113,9 @@ class Locator:
         self._everywhere = self.start is None
         self._odd = 0
         self._checking = False  # whether the search only checks a pose that is believed
+        self._moved = False  # whether that check has found one that fits as it used to
+        self._led = 0  # scans in which that was alone in it
+        self._usual = -math.inf  # log likelihood of scans, as they were before they were odd
         self._likely = 0.0  # log likelihood of the believed pose
         pose = self.start or Pose(0.0, 0.0, 0.0)
         lost = self.start is None
@@ -193,7 +201,11 @@ class Locator:
         self._joint = updated(joint, fit.information)
         self.located = Located(fit.pose, self._joint[:3, :3].copy(), judged.agree, False, "")
         self._likely = judged.log
-        self._odd = self._odd + 1 if judged.log < c.odd else 0
+        odd = judged.log < max(c.odd, self._usual - c.drop)
+        if not odd:
+            more = judged.log if self._usual == -math.inf else self._usual
+            self._usual = 0.99 * more + 0.01 * judged.log
+        self._odd = self._odd + 1 if odd else 0
         if self._odd >= c.patience and self._odd % c.pause == c.patience and not self._searched:
             self._everywhere, self._checking = False, True
             self._seek(points, across, sweep)
@@ -285,10 +297,15 @@ class Locator:
         best = kept[0] if kept else None
         if self._checking:
             self._checking = False
-            better = best is not None and best.latest > self._likely + self.caution.margin
-            if best is None or not better or _same(best.pose, self.located.pose):
+            if best is None or _same(best.pose, self.located.pose):
                 self._hypotheses = []
                 return
+            if best.latest <= self._likely + self.caution.margin:
+                drop = self.caution.drop
+                self._moved = best.latest > max(self._likely + drop, self._usual - 0.5 * drop)
+                if not self._moved:
+                    self._hypotheses = []
+                    return
         if best is None or not self._fair(best.judged, self.caution.fair):
             self._everywhere = True
             self._hypotheses = []
@@ -300,9 +317,14 @@ class Locator:
         c = self.caution
         driven = self._way >= c.travelled or self._turned >= 2.0 * c.travelled
         wanted = 0.5 * c.margin if driven or not self._everywhere else c.margin
+        if self._moved:
+            self._led = self._led + 1 if lead >= c.drop else 0
+            wanted = -math.inf if self._led >= c.settled else math.inf
         sigma = math.sqrt(float(np.linalg.eigvalsh(best.covariance[:2, :2])[-1]))
         if lead < wanted:
             why = f"{len(kept)} places on the map look alike: drive on a little"
+            if self._moved:
+                why = "the robot was moved, or something new stands here"
         elif (
             not self._fair(best.judged, c.good)
             or best.judged.agree < c.seen
@@ -321,6 +343,7 @@ class Locator:
     def _forget(self) -> None:
         self._search, self._searched, self._found, self._hypotheses = None, None, [], []
         self._doubts, self._odd, self._checking = 0, 0, False
+        self._moved, self._led, self._usual = False, 0, -math.inf
 
     def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
         return judge(self.known, self.lidar, pose, ranges, 1)

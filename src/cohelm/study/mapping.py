@@ -89,13 +89,13 @@ def mapped(
     live: the record is still being written; go on until nothing more comes, or Ctrl-C.
     """
     begun = time.perf_counter()
-    given = drive(path, robot)
+    given = _begun(path, robot) if live else drive(path, robot)
     survey = Survey(given.lidar.lidar())
     seen: list[Glimpse] = []
     try:
         grown = time.monotonic()
         while True:
-            new = _new(given, seen)
+            new = _new(given, seen, live)
             for k, glimpse in enumerate(new):
                 survey.add(glimpse)
                 seen.append(glimpse)
@@ -122,7 +122,19 @@ def mapped(
     return result
 
 
-def _new(given: Drive, seen: list[Glimpse]) -> list[Glimpse]:
+def _begun(path: Path, robot: RobotModel | None) -> Drive:
+    """What is there of a record that is being written, as soon as something is."""
+    end = time.monotonic() + _ENDED
+    while True:
+        try:
+            return drive(path, robot)
+        except CohelmError:
+            if time.monotonic() > end:
+                raise
+        time.sleep(_LOOK_AGAIN)
+
+
+def _new(given: Drive, seen: list[Glimpse], live: bool) -> list[Glimpse]:
     last = seen[-1].stamp if seen else -math.inf
     later = [s for s in given.scans if s.stamp + s.duration > last + 1e-6]
     if seen and not later:
@@ -130,7 +142,7 @@ def _new(given: Drive, seen: list[Glimpse]) -> list[Glimpse]:
     try:
         return glimpses(given.lidar.lidar(), given.odometry, later)
     except CohelmError:
-        if seen:
+        if seen or live:
             return []
         raise
 
