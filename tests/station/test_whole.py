@@ -81,7 +81,7 @@ def test_a_drive_is_recorded_from_the_screen_fetched_and_shown_again(
     release(page)
     shown = film(file)
     rows = [m for _, _, m in messages(file, ("/period",))]
-    led = next(m.t for m in rows if m.authority_x < 0.99) - shown.start
+    led = min((m for m in rows if m.authority_x < 0.99), key=lambda m: m.authority_x).t
     with served(lambda _: Replaying(shown)) as cinema:
         replay = context.new_page()
         replay.goto(cinema.address)
@@ -89,7 +89,7 @@ def test_a_drive_is_recorded_from_the_screen_fetched_and_shown_again(
         bar.get_by_role("button", name="Pause").click()
         place = bar.get_by_role("slider", name="Place in the record, seconds")
         head = replay.get_by_role("group", name="Replay of a record")
-        place.fill(f"{led + 0.1:.2f}")
+        place.fill(f"{led - shown.start + 0.005:.2f}")
         expect(replay.get_by_role("meter")).not_to_have_attribute("aria-valuenow", "0")
         expect(head).to_contain_text("mode: Shared")
         expect(head).to_contain_text("drives")
