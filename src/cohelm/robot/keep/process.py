@@ -31,6 +31,7 @@ _TICK = 0.02  # the gate is looked after this often when nothing comes [s]
 _BRAKING = 5.0  # a robot that does not stand by then is let go all the same [s]
 _START = 120.0  # a robot may take this long to be made, compiling included [s]
 _ANSWER = 2.0  # the keeper answers within this, or is gone [s]
+_WATCHDOGS = 10.0  # ... or within so many times the patience of the watchdog, if that is longer
 
 Make = Callable[[], Robot]
 
@@ -54,6 +55,7 @@ class KeptElsewhere:
         self._frame: Frame | None = None
         self._gate = Gate()
         self._offset = 0.0
+        self._within = max(_ANSWER, _WATCHDOGS * rules.watchdog)
         self._model: RobotModel = self._answer(_START)
 
     @property
@@ -123,7 +125,7 @@ class KeptElsewhere:
                 end.close()
         except OSError as error:
             raise _gone() from error
-        self._answer(_ANSWER)
+        self._answer(self._within)
 
     def close(self) -> None:
         """The robot is stopped there, and let go when it stands."""
@@ -138,7 +140,7 @@ class KeptElsewhere:
             self._line.send((what, with_))
         except OSError as error:
             raise _gone() from error
-        return self._answer(_ANSWER)
+        return self._answer(self._within)
 
     def _answer(self, within: float) -> Any:
         try:
