@@ -1,0 +1,153 @@
+"""The lab driven by hand from far away, on the twin: `python -m benchmarks.far [--delay 0.075]`.
+
+`cohelm robot --twin --listen` in a network namespace of its own, and a scripted person at the
+other end of a bad network of real packets (tests/link/net.py), 150 ms round trip unless told
+otherwise. He sees what the link tells him, as late as it comes, and steers in manual mode along the
+reference he is shown, 50 times a second; the guard on the robot keeps clear. Contacts are judged by
+the truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose, Stick, wrap
+from cohelm.link import keys
+from cohelm.link.messages import Arming, Ask, Device, Line, Mode, Polyline
+from cohelm.link.station_bulk import StationBulk
+from cohelm.link.station_end import StationEnd
+from cohelm.robot.kinematics import arc
+from tests.drive.far import PORT, FarRobot
+from tests.link import net
+
+BEAT = 0.02
+LOOK_AHEAD = 0.55  # where on the line the person aims [m]
+NEAR = 0.35  # the end is reached [m]
+STUCK = 4.0  # held for so long, the person backs out a little [s]
+
+
+class Person:
+    """Pure pursuit with a hand: aims at a place on the line, slower the more he must turn."""
+
+    def __init__(self, line: Floats) -> None:
+        """line: (n, 2) of the reference [m]."""
+        self.line, self.row = line, 0
+        self.free = math.nan  # when the robot last went on
+        self.back_until = -math.inf
+
+    def stick(self, now: float, pose: Pose, v: float) -> Stick:
+        """The deflection for what is seen."""
+        if not abs(v) < 0.02 or math.isnan(self.free):
+            self.free = now
+        if now - self.free > STUCK:
+            self.back_until, self.free = now + 1.5, now + 1.5
+        if now < self.back_until:
+            return Stick(-0.7, 0.0)
+        ahead = self.line[self.row : self.row + 40]
+        self.row += int(np.argmin(np.hypot(*(ahead - pose[:2]).T)))
+        far = np.hypot(*(self.line[self.row :] - pose[:2]).T) > LOOK_AHEAD
+        aim = self.line[self.row + (int(np.argmax(far)) if far.any() else len(far) - 1)]
+        turn = wrap(math.atan2(aim[1] - pose.y, aim[0] - pose.x) - pose.psi)
+        if abs(turn) > 0.9:  # on the spot: x just outside its dead band
+            return Stick(0.12, math.copysign(0.9, turn))
+        x = 0.95 - 0.5 * abs(turn)
+        return Stick(x, min(max(2.2 * turn, -0.9), 0.9))
+
+    def done(self, pose: Pose) -> bool:
+        """Whether the end of the line is here."""
+        return math.hypot(*(self.line[-1] - pose[:2])) < NEAR
+
+
+def drive(path: dict[str, float], scenario: str, limit: float) -> dict[str, object]:
+    """One drive; what became of it."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        os.environ["COHELM_KEYS"] = str(folder / "keys")
+        with net.Network() as network:
+            robot = FarRobot(network, scenario, folder, "--twin", "--pictures", "0")
+            try:
+                with network.station():
+                    own = keys.station()
+                    station = StationEnd(own, net.ROBOT, PORT)
+                    bulk = StationBulk(own, net.ROBOT, PORT, station.session)
+                with station, bulk:
+                    network.be(**path)
+                    took, stops, arrived, caps = _by_hand(station, bulk, limit)
+                    state = station.state()
+            finally:
+                summary = robot.end()
+    return {
+        "arrived": arrived, "seconds": took, "stops": stops, "least_cap_mps": caps,
+        "round_trip_ms": 1e3 * state.round_trip,
+        "least_clearance_moving_m": summary["least_clearance_moving_m"],
+        "contact": summary["least_clearance_moving_m"] <= 0.0, "overruns": summary["overruns"],
+        "within_2ms": summary["within_2ms"], "load": os.getloadavg()[0],
+    }  # fmt: skip
+
+
+def _by_hand(
+    station: StationEnd, bulk: StationBulk, limit: float
+) -> tuple[float, list[str], bool, float]:
+    """Seconds driven, why it was stopped meanwhile, whether it arrived, the least speed cap."""
+    person: Person | None = None
+    asked, stops, least, wanted = -math.inf, [], math.inf, Stick(0.0, 0.0)
+    began = math.nan
+    begun = time.monotonic()
+    while (now := time.monotonic()) - begun < limit:
+        for message in bulk.news():
+            if isinstance(message, Polyline) and message.what is Line.REFERENCE:
+                person = Person(np.asarray(message.points, dtype=np.float64))
+        station.steer(wanted, True, True, Device.SCRIPT)
+        time.sleep(BEAT)
+        told = station.status()
+        if told is None or person is None:
+            continue
+        status = told.status
+        ready = status.mode == Mode.MANUAL and status.arming == Arming.ARMED and not status.stopped
+        if not ready:
+            wanted = Stick(0.0, 0.0)
+            if now - asked > 0.5:
+                asked = now
+                if status.stopped:
+                    stops += [status.stopped] if not math.isnan(began) else []
+                    station.ask(Ask.RESET)
+                elif status.lease.driver != status.lease.you:
+                    station.ask(Ask.TAKE)
+                elif status.arming == Arming.ARMED:
+                    station.ask(Ask.MODE, Mode.MANUAL)
+            continue
+        began = now if math.isnan(began) else began
+        least = min(least, status.speed_cap)
+        here = arc(status.pose, status.twist, max(told.age, 0.0))  # a person thinks ahead
+        if person.done(here):
+            return now - began, stops, True, least
+        wanted = person.stick(now, here, status.twist.v)
+    return limit, stops, False, least
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--delay", type=float, default=0.075, help="each way [s]")
+    parser.add_argument("--jitter", type=float, default=0.005, help="its deviation [s]")
+    parser.add_argument("--loss", type=float, default=0.01)
+    parser.add_argument("--rate", type=float, default=4e6, help="[bit/s]")
+    parser.add_argument("--scenario", default="lab-guard")
+    parser.add_argument("--limit", type=float, default=300.0, help="[s]")
+    given = parser.parse_args()
+    why_not = net.why_not()
+    if why_not:
+        raise SystemExit(f"no bad network can be made: {why_not}")
+    path = {key: getattr(given, key) for key in ("delay", "jitter", "loss", "rate")}
+    print(json.dumps({**path, **drive(path, given.scenario, given.limit)}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
