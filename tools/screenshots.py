@@ -14,7 +14,6 @@ import re
 import signal
 import sys
 import tempfile
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,14 +24,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from cohelm.core.types import Pose  # noqa: E402
 from cohelm.drive.film import film  # noqa: E402
 from cohelm.drive.replayed import Replaying  # noqa: E402
-from cohelm.drive.served import Door, serve  # noqa: E402
-from cohelm.drive.session import Plan  # noqa: E402
-from cohelm.drive.simulated import simulated  # noqa: E402
-from cohelm.link import keys  # noqa: E402
-from cohelm.station.linked import Linked  # noqa: E402
 from tests.station.conftest import CHROMIUM, FLAGS  # noqa: E402
 from tests.station.person import (  # noqa: E402
     alarms,
@@ -47,7 +40,7 @@ from tests.station.person import (  # noqa: E402
     take,
     until,
 )  # fmt: skip
-from tests.station.servers import PATIENCE, Robot, served  # noqa: E402
+from tests.station.servers import Robot, served  # noqa: E402
 
 PAD = (ROOT / "tests" / "station" / "gamepad.js").read_text(encoding="utf-8")
 SCREEN = {"width": 1280, "height": 800}
@@ -250,39 +243,6 @@ def station_phone(robot: Robot, browser: Browser, take_it: Callable[[Page], None
 @shot
 def station_tablet(robot: Robot, browser: Browser, take_it: Callable[[Page], None]) -> None:
     _touched(robot, browser, 1024, 768, take_it)
-
-
-@shot
-def station_lost(_: Robot, browser: Browser, take_it: Callable[[Page], None]) -> None:
-    """A robot that was put down somewhere else than it was told."""
-    of_robot, own = keys.pair_here()
-    made = simulated("lab-guard")
-    ready, over = threading.Event(), threading.Event()
-    addresses: list[tuple[str, int]] = []
-
-    def listening(address: tuple[str, int]) -> None:
-        addresses.append(address)
-        ready.set()
-
-    with tempfile.TemporaryDirectory() as folder:
-        plan = Plan(made, start=Pose(8.0, 4.0, 0.0), patience=PATIENCE)
-        door = Door(of_robot, "127.0.0.1", 0, Path(folder))
-        thread = threading.Thread(
-            target=serve,
-            args=(plan, door, listening, lambda: "the end" if over.is_set() else ""),
-        )
-        thread.start()
-        assert ready.wait(300.0)
-        host, port = addresses[0][:2]
-        with served(lambda _: Linked(own, host, port, fresh=PATIENCE)) as server:
-            page = browser.new_context(viewport=SCREEN).new_page()  # type: ignore[arg-type]
-            page.goto(server.address)
-            expect(alarms(page)).to_contain_text("does not know where it is", timeout=60_000)
-            page.wait_for_timeout(1500)
-            take_it(page)
-            page.context.close()
-        over.set()
-        thread.join(30.0)
 
 
 @shot
