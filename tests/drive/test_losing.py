@@ -11,7 +11,7 @@ from cohelm.loop.loop import Ways
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.keep.kept import standing
-from tests.drive.faults import FAULTS, failing
+from tests.drive.faults import FAULTS, HELD_UP, failing
 
 AT = 3.0
 NOTICED = {"scans stop": 0.40, "odometry stops": 0.12}
@@ -48,6 +48,13 @@ def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
         log = record.with_suffix(".log").read_text()
         assert f"AUTOMATIC -> FAULTED: {FAULTS[fault]}" in log
         assert "gate: stands, 0." in log
+
+
+def test_a_loop_that_is_held_up_while_it_reads_takes_nothing_to_be_from_the_future():
+    with Session(Plan(failing(HELD_UP, AT))) as session:
+        drive(session, AT + 0.2, Mode.AUTOMATIC)
+        assert session.loop.problem == ""
+        assert "future" not in session.keeper.gate.reason
 
 
 def test_after_a_fault_has_gone_only_a_reset_and_a_choice_drive_again():

@@ -159,9 +159,10 @@ class Loop:
     def period(self) -> None:
         """One turn: read, perceive, step, gate, send; then tell and record."""
         keeper = self.keeper
-        now = keeper.now()
-        late = now - self._due if self._due > -math.inf else 0.0
+        began = keeper.now()
+        late = began - self._due if self._due > -math.inf else 0.0
         readings = self.readings = keeper.read()
+        now = keeper.now()  # after them: what a held-up loop reads is not from the future
         self._look(now, readings)
         self._listen()
         decision = None
@@ -170,7 +171,7 @@ class Loop:
             decision = self._decide(now, seen)
         passed = self._propose(readings, decision)
         self.decision = decision
-        self._late, self._took = late, keeper.now() - now
+        self._late, self._took = late, keeper.now() - began
         self._watch(now)
         self._write(now, readings, passed)
         self._tell(now, passed)
