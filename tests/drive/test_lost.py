@@ -7,10 +7,11 @@ import numpy as np
 
 from cohelm.core.types import Stick
 from cohelm.drive.session import Plan, Session
-from cohelm.drive.simulated import simulated, surveyed
+from cohelm.drive.simulated import simulated
 from cohelm.law import verdict
 from cohelm.link.messages import Localised, Mode
 from cohelm.loop.operator import Scripted
+from cohelm.perceive.taped import surveyed
 from cohelm.robot.gate.modes import Mode as GateMode
 from tests.drive.faults import CORRIDOR
 
