@@ -163,8 +163,10 @@ def test_a_scan_comes_whole_through_its_parts(both):
             for start in (0, 500)
         ]  # fmt: skip
         both.robot.show(*parts, Discs(number, np.ones((2, 6), np.float32)))
-        until(lambda number=number: one.scan() and one.scan().number == number)
-        assert np.array_equal(one.scan().ranges, ranges + number)
+        whole = ranges + number  # as long as a part is under way, the others are shown
+        until(lambda whole=whole: one.scan() and np.array_equal(one.scan().ranges, whole))
+        assert one.scan().number == number
+    until(lambda: one.discs() and one.discs().number == 2)
     assert one.discs().rows.shape == (2, 6)
 
 
