@@ -140,7 +140,7 @@ def measure(count: int, rate: float, twin: bool) -> list[float]:
 
 
 def main() -> None:
-    from benchmarks.loop import burn
+    from benchmarks.loop import beside
 
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--count", type=int, default=300)
@@ -148,15 +148,8 @@ def main() -> None:
     parser.add_argument("--busy", type=int, default=0, help="busy processes beside it")
     parser.add_argument("--twin", action="store_true")
     given = parser.parse_args()
-    context = multiprocessing.get_context("spawn")
-    others = [context.Process(target=burn, daemon=True) for _ in range(given.busy)]
-    for other in others:
-        other.start()
-    try:
+    with beside(given.busy):
         took = sorted(measure(given.count, given.rate, given.twin))
-    finally:
-        for other in others:
-            other.kill()
     parts = (took[len(took) // 2], took[int(0.99 * len(took))], took[-1])
     said = "median {:.1f}, 99 % {:.1f}, most {:.1f} ms".format(*(1e3 * part for part in parts))
     load = os.getloadavg()[0]

@@ -14,6 +14,8 @@ import multiprocessing
 import os
 import signal
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -32,6 +34,20 @@ def burn() -> None:
     while True:
         k = (k * 48271 + 1) % len(block)
         block[k] = k & 255
+
+
+@contextmanager
+def beside(busy: int) -> Generator[None]:
+    """So many busy processes, meanwhile."""
+    context = multiprocessing.get_context("spawn")
+    others = [context.Process(target=burn, daemon=True) for _ in range(busy)]
+    for other in others:
+        other.start()
+    try:
+        yield
+    finally:
+        for other in others:
+            other.kill()
 
 
 def used(pid: int) -> float:
@@ -80,18 +96,10 @@ def main() -> None:
     parser.add_argument("--busy", type=int, default=1, help="busy processes beside it")
     parser.add_argument("--twin", action="store_true")
     given = parser.parse_args()
-    context = multiprocessing.get_context("spawn")
-    others = [context.Process(target=burn, daemon=True) for _ in range(given.busy)]
-    for other in others:
-        other.start()
-    try:
-        with TemporaryDirectory() as folder:
-            for rate in given.rate:
-                found = measure(rate, given.seconds, given.twin, Path(folder))
-                print(json.dumps(found, indent=1, default=float), flush=True)
-    finally:
-        for other in others:
-            other.kill()
+    with beside(given.busy), TemporaryDirectory() as folder:
+        for rate in given.rate:
+            found = measure(rate, given.seconds, given.twin, Path(folder))
+            print(json.dumps(found, indent=1, default=float), flush=True)
 
 
 if __name__ == "__main__":
