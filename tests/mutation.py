@@ -19,6 +19,7 @@ import argparse
 import ast
 import copy
 import importlib
+import itertools
 import os
 import random
 import resource
@@ -276,14 +277,13 @@ def score(
     target: Target,
     drawn: Sequence[Mutant],
     jobs: int = 1,
-    told: Callable[[Mutant], None] = lambda _: None,
+    told: Callable[[Mutant, bool], None] = lambda _, __: None,
 ) -> Score:
-    """Try the mutants that are not argued equal; `told` hears of each that lives, at once."""
+    """Try the mutants that are not argued equal; `told` hears at once of each whether it lives."""
 
     def lives(mutant: Mutant) -> bool:
         alive = survives(mutant, target)
-        if alive:
-            told(mutant)
+        told(mutant, alive)
         return alive
 
     known = {m.key for m in every(target)}
@@ -313,4 +313,16 @@ def main(target: Target) -> None:
     if given.list:
         print(len(drawn))
         return
-    print(score(target, drawn, given.jobs, lambda m: print(m, file=sys.stderr, flush=True)))
+    tried, lived = itertools.count(1), itertools.count(1)
+    alive = 0
+
+    def told(mutant: Mutant, lives: bool) -> None:
+        nonlocal alive
+        alive = next(lived) if lives else alive
+        end = "\n" if lives else "\r"
+        print(
+            f"{alive} of {next(tried)} alive, {len(drawn)} drawn; {mutant}"[:160].ljust(160),
+            file=sys.stderr, end=end, flush=True,
+        )  # fmt: skip
+
+    print(score(target, drawn, given.jobs, told))
