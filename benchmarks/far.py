@@ -2,9 +2,9 @@
 
 `cohelm robot --twin --listen` in a network namespace of its own, and a scripted person at the
 other end of a bad network of real packets (tests/link/net.py), 150 ms round trip unless told
-otherwise. He sees what the link tells him, as late as it comes, and steers in manual mode along the
-reference he is shown, 50 times a second; the guard on the robot keeps clear. Contacts are judged by
-the truth.
+otherwise. He sees what the link tells him, as late as it comes, thinks ahead by as much, and steers
+in manual mode along the reference he is shown, around the obstacles that he is shown, 50 times a
+second; the guard on the robot keeps clear. Contacts are judged by the truth.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import os
 import tempfile
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,25 +24,79 @@ from cohelm.core.types import Floats, Pose, Stick, wrap
 from cohelm.link import keys
 from cohelm.link.messages import Arming, Ask, Device, Line, Mode, Polyline
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import StationEnd
+from cohelm.link.station_end import StationEnd, WholeScan
 from cohelm.robot.kinematics import arc
 from tests.drive.far import PORT, FarRobot
 from tests.link import net
 
 BEAT = 0.02
-LOOK_AHEAD = 0.55  # where on the line the person aims [m]
+LOOK_AHEAD = 0.45  # where on the line the person aims [m]
+BERTH = 0.5  # half the robot's width, and some more: so far from what stands on the line [m]
+ON_THE_LINE = 0.33  # what is nearer to it stands on it [m]
+BESIDE = 1.2  # so long before and after it the line is left [m]
+AHEAD, BEHIND = 40, 10  # rows of the line, of 0.1 m, that he looks ahead, and remembers
+SAME = 0.5  # what is seen so near to where it was is what it was [m]
 NEAR = 0.35  # the end is reached [m]
 STUCK = 4.0  # held for so long, the person backs out a little [s]
 
 
+class Thing(NamedTuple):
+    """Something that stands on the line."""
+
+    at: Floats
+    row: int
+    """Of the line, where it stands."""
+    side: float
+    """1: it is passed on its left, -1: on its right."""
+    far: float
+    """How far the line is left there [m]."""
+
+
 class Person:
-    """Pure pursuit with a hand: aims at a place on the line, slower the more he must turn."""
+    """Pure pursuit with a hand: aims at a place on the line, slower the more he must turn.
+
+    What stands on the line he passes, on the side that he chose when he saw it.
+    """
 
     def __init__(self, line: Floats) -> None:
         """line: (n, 2) of the reference [m]."""
-        self.line, self.row = line, 0
+        self.reference = self.line = line
+        self.row = 0
+        along = np.gradient(line, axis=0)
+        self._left = np.column_stack((-along[:, 1], along[:, 0])) / np.hypot(*along.T)[:, None]
+        self._things: list[Thing] = []
         self.free = math.nan  # when the robot last went on
         self.back_until = -math.inf
+
+    def sees(self, points: Floats) -> None:
+        """points: (n, 2) of the newest scan, in the map [m]."""
+        first = max(self.row - BEHIND, 0)
+        window = self.reference[first : self.row + AHEAD]
+        k = first + np.argmin(np.hypot(*(points[:, None] - window).T).T, axis=1)
+        off = np.sum((points - self.reference[k]) * self._left[k], axis=1)
+        inside = (np.abs(off) < ON_THE_LINE) & (k > first) & (k < first + len(window) - 1)
+        points, k, off = points[inside], k[inside], off[inside]
+        before = self._things
+        # beside him he remembers; further ahead what is not seen any more has gone
+        self._things = [thing for thing in before if first <= thing.row < self.row + BEHIND]
+        while len(points):
+            one = np.hypot(*(points - points[0]).T) < SAME
+            at, mean = points[one].mean(axis=0), float(off[one].mean())
+            known = [thing for thing in before if np.hypot(*(thing.at - at)) < SAME]
+            side = known[0].side if known else math.copysign(1.0, -mean)
+            far = BERTH + float((side * off[one]).max())
+            self._things = [thing for thing in self._things if np.hypot(*(thing.at - at)) >= SAME]
+            self._things.append(Thing(at, int(np.median(k[one])), side, far))
+            points, k, off = points[~one], k[~one], off[~one]
+        shift = np.zeros(len(self.reference))
+        for thing in self._things:
+            near = np.hypot(*(self.reference - self.reference[thing.row]).T)
+            shift += (
+                thing.side
+                * thing.far
+                * (0.5 + 0.5 * np.cos(np.pi * np.minimum(near / BESIDE, 1.0)))
+            )
+        self.line = self.reference + shift[:, None] * self._left
 
     def stick(self, now: float, pose: Pose, v: float) -> Stick:
         """The deflection for what is seen."""
@@ -64,6 +119,14 @@ class Person:
     def done(self, pose: Pose) -> bool:
         """Whether the end of the line is here."""
         return math.hypot(*(self.line[-1] - pose[:2])) < NEAR
+
+
+def points(scan: WholeScan) -> Floats:
+    """(n, 2) of what a scan hit, in the map [m]."""
+    hit = (scan.ranges > 0) & (scan.ranges < 65535)
+    angles = scan.sensor.psi + scan.first + scan.step * np.flatnonzero(hit)
+    away = 1e-3 * scan.ranges[hit, None]
+    return scan.sensor[:2] + away * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
 def drive(path: dict[str, float], scenario: str, limit: float) -> dict[str, object]:
@@ -129,6 +192,9 @@ def _by_hand(
         here = arc(status.pose, status.twist, max(told.age, 0.0))  # a person thinks ahead
         if person.done(here):
             return now - began, stops, True, least
+        scan = station.scan()
+        if scan is not None:
+            person.sees(points(scan))
         wanted = person.stick(now, here, status.twist.v)
     return limit, stops, False, least
 

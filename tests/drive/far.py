@@ -41,8 +41,12 @@ class FarRobot:
         self.said = ""
         self._reader = threading.Thread(target=self._read, args=(self.process.stderr,))
         self._reader.start()
-        until(lambda: "listening on" in self.said or self.process.poll() is not None, STARTED)
-        assert self.process.poll() is None, self.said
+        try:
+            until(lambda: "listening on" in self.said or self.process.poll() is not None, STARTED)
+            assert self.process.poll() is None, self.said
+        except BaseException:
+            self.close()
+            raise
 
     def _read(self, stream) -> None:
         for line in stream:
@@ -71,7 +75,11 @@ class FarRobot:
     def close(self) -> None:
         if self.process.poll() is None:
             self.process.terminate()
-        self.process.wait(60.0)
+        try:
+            self.process.wait(60.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
         self._reader.join()
         for pipe in (self.process.stdout, self.process.stderr):
             pipe.close()

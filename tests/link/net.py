@@ -95,6 +95,11 @@ class Network:
         with _inside(self._sides[1][0]):
             yield
 
+    @property
+    def station_side(self) -> int:
+        """A descriptor of the station's namespace, for programs that are started elsewhere."""
+        return self._sides[1][0]
+
     def _side(self, address: str) -> tuple[int, int]:
         before = os.open("/proc/thread-self/ns/net", os.O_RDONLY)
         _unshare()

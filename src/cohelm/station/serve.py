@@ -111,6 +111,7 @@ def _listening(host: str, port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
+        listening.listen()  # who opens the address as soon as it is printed waits, and is served
     except (OSError, OverflowError) as error:
         listening.close()
         cure = "choose another with --port (0 takes a free one)"
