@@ -1,19 +1,26 @@
 """Who comes to the web port to do harm: nothing breaks, nothing moves, and who drives goes on."""
 
+import asyncio
 import json
+import logging
 import random
 import socket
+import struct
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 
 import pytest
+from starlette.websockets import WebSocket
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection, connect
 
 from cohelm.link.messages import Mode
+from cohelm.station import app
 from cohelm.station.messages import Do, from_page
+from cohelm.station.operator import Operator
 from cohelm.station.serve import Server
 from tests.link.ends import until
 from tests.station.servers import Robot, served
@@ -196,3 +203,57 @@ def test_who_drives_goes_on_while_the_port_is_flooded(
         for one in left:
             one.close()
     until(lambda: welcomed(server), WITHIN)
+
+
+def test_pages_that_leave_in_the_handshake_or_in_a_word_leave_nothing_behind(
+    server: Server, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(app, "GRACE", 0.1)
+    here = f"127.0.0.1:{server.port}"
+    hello = (
+        f"GET /ws HTTP/1.1\r\nHost: {here}\r\nOrigin: http://{here}\r\nUpgrade: websocket\r\n"
+        "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    ).encode()
+    said = b'{"type":"got","stream":"state"}'
+    words = 40 * (bytes((0x81, 0x80 | len(said), 0, 0, 0, 0)) + said)
+    for number in range(20):
+        with socket.create_connection(("127.0.0.1", server.port), WITHIN) as page:
+            page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            page.sendall(hello + words)
+            if number % 2:
+                page.recv(1)  # the server has said yes
+                time.sleep(0.004 * number)
+    until(lambda: not server.station.operators, WITHIN)
+    assert [r.getMessage() for r in caplog.records if r.levelno >= logging.ERROR] == []
+    assert welcomed(server)
+
+
+def test_a_page_that_is_gone_while_its_words_still_come_breaks_nothing_down(robot: Robot) -> None:
+    operator = Operator("key", "operator 1", robot.connect, 0.25)
+    heard, sent, gone = [0], [0], asyncio.Event()
+
+    async def receive() -> dict[str, object]:
+        heard[0] += 1
+        if heard[0] == 1:
+            return {"type": "websocket.connect"}
+        await gone.wait()
+        return {"type": "websocket.receive", "text": '{"type": "got", "stream": "state"}'}
+
+    async def send(_: object) -> None:
+        sent[0] += 1
+        if sent[0] > 3:  # accepted, welcomed, a beat; then the way is cut
+            gone.set()
+            raise OSError
+
+    async def attended() -> None:
+        page = WebSocket({"type": "websocket", "headers": []}, receive, send)
+        await page.accept()
+        await operator.attend(page)
+
+    with ThreadPoolExecutor(1) as own:  # this thread may have a loop already, of a browser's
+        try:
+            own.submit(asyncio.run, attended()).result(WITHIN)
+        finally:
+            own.submit(operator.link.close).result(WITHIN)
+    assert operator.socket is None

@@ -12,7 +12,7 @@ import math
 import time
 
 from pydantic import ValidationError
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from cohelm.core.types import Stick
 from cohelm.link import messages as robot
@@ -131,13 +131,13 @@ class Operator:
         self._stick_n, self._stick_at = -1, -math.inf
         self._state_at = self._link_at = self._beat_at = -math.inf
         self._shown = None
-        await socket.send_text(
-            view.welcome(self.name, self.key, self.stale, self.link).model_dump_json()
-        )
-        for slot, message in self._kept.items():
-            self._outbox.put(slot, message)
-        both = {asyncio.create_task(self._read(socket)), asyncio.create_task(self._write(socket))}
+        both: set[asyncio.Task[None]] = set()
         try:
+            welcome = view.welcome(self.name, self.key, self.stale, self.link)
+            await socket.send_text(welcome.model_dump_json())
+            for slot, message in self._kept.items():
+                self._outbox.put(slot, message)
+            both |= {asyncio.create_task(do(socket)) for do in (self._read, self._write)}
             done, _ = await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
@@ -154,18 +154,18 @@ class Operator:
 
     async def _read(self, socket: WebSocket) -> None:
         rate = Rate(per_second=200.0, at_once=200.0)
-        while True:
+        while _open(socket):
             text = await socket.receive_text()
             if not rate.allows():
                 _log.warning("%s says too much; let go", self.name)
-                await socket.close(1008, "too many messages")
+                await _let_go(socket, 1008, "too many messages")
                 return
             try:
                 message = page.from_page(text)
             except ValidationError as error:
                 where = error.errors(include_url=False, include_input=False)[0]
                 _log.warning("%s sent what is no message: %s", self.name, where["msg"])
-                await socket.close(1008, "not a message")
+                await _let_go(socket, 1008, "not a message")
                 return
             self._said(message)
 
@@ -226,7 +226,7 @@ class Operator:
                     await asyncio.wait_for(sent(message), SEND_WITHIN)  # type: ignore[arg-type]
                 except TimeoutError:
                     _log.warning("%s takes nothing; let go", self.name)
-                    await socket.close(1013, "too slow")
+                    await _let_go(socket, 1013, "too slow")
                     return
                 except (WebSocketDisconnect, RuntimeError):  # it is gone, or closing
                     return
@@ -265,3 +265,13 @@ class Operator:
         self._outbox.put("who", everybody.model_dump_json(), changed_only=True)
         alarms = view.alarms(status.alarms).model_dump_json()
         self._outbox.put("alarms", alarms, changed_only=True)
+
+
+def _open(socket: WebSocket) -> bool:
+    """Whether neither of the two that speak with the page has found it gone, or has let it go."""
+    return socket.application_state is WebSocketState.CONNECTED
+
+
+async def _let_go(socket: WebSocket, code: int, why: str) -> None:
+    if _open(socket):
+        await socket.close(code, why)
