@@ -18,11 +18,11 @@ from cohelm.core.types import Pose, Twist, wrap
 from cohelm.record.drive import IMAGE, Photo
 from cohelm.record.messages import attachment, messages
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import AsFast, Pace
+from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Frame, Health, Odometry, Readings, Scan
 
 
-class Replayed:
+class Replayed(Paced):
     """Plays `/odom`, `/scan`, `/cmd_vel` and the camera's pictures of a record; time 0 is its first
     odometry reading.
 
@@ -37,20 +37,13 @@ class Replayed:
 
         Raises CohelmError for a file that is no record, or holds no odometry, or no robot.
         """
-        self._model = model or recorded_model(path)
-        self._pace = AsFast() if pace is None else pace
-        self._closed = False
+        super().__init__(model or recorded_model(path), pace)
         self._odometry, self._scans, self._driven, self._photos = _read(path)
         self._stamps = [o.stamp for o in self._odometry]
         self._ends = [s.stamp + s.duration for s in self._scans]
         self._turns = [t for t, _ in self._driven]
         self._taken = [photo.stamp for photo in self._photos]
         self._frame: Frame | None = None
-
-    @property
-    def model(self) -> RobotModel:
-        """Outline, limits, sensors."""
-        return self._model
 
     @property
     def odometry(self) -> list[Odometry]:
@@ -66,16 +59,6 @@ class Replayed:
     def duration(self) -> float:
         """Of the record [s]."""
         return self._stamps[-1]
-
-    def now(self) -> float:
-        """Seconds since the record's first odometry."""
-        self._open()
-        return self._pace.due()
-
-    def wait(self, until: float) -> None:
-        """Let time pass."""
-        self._open()
-        self._pace.wait(until)
 
     def read(self) -> Readings:
         """What was newest then."""
@@ -107,14 +90,6 @@ class Replayed:
     def stop(self) -> None:
         """What is past can not be stopped."""
         self._open()
-
-    def close(self) -> None:
-        """Nothing may be asked of it any more."""
-        self._closed = True
-
-    def _open(self) -> None:
-        if self._closed:
-            raise CohelmError("the robot is closed: make a new one")
 
 
 def recorded_model(path: Path) -> RobotModel:

@@ -10,6 +10,9 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
+from cohelm.core.errors import CohelmError
+from cohelm.robot.model import RobotModel
+
 
 class Pace(Protocol):
     """The clock of a simulated robot [s], from 0."""
@@ -59,3 +62,36 @@ class OnTheWall:
 def pace(real_time: bool) -> Pace:
     """The one or the other."""
     return OnTheWall() if real_time else AsFast()
+
+
+class Paced:
+    """What every robot that is not real has of the port: its model, its clock, and an end."""
+
+    def __init__(self, model: RobotModel, pace: Pace | None) -> None:
+        """pace: none is as fast as it can."""
+        self._model = model
+        self._pace: Pace = AsFast() if pace is None else pace
+        self._closed = False
+
+    @property
+    def model(self) -> RobotModel:
+        """Outline, limits, sensors."""
+        return self._model
+
+    def now(self) -> float:
+        """Seconds since its time began."""
+        self._open()
+        return self._pace.due()
+
+    def wait(self, until: float) -> None:
+        """Let time pass; the world is only worked out when somebody looks."""
+        self._open()
+        self._pace.wait(until)
+
+    def close(self) -> None:
+        """Nothing may be asked of it any more."""
+        self._closed = True
+
+    def _open(self) -> None:
+        if self._closed:
+            raise CohelmError("the robot is closed: make a new one")

@@ -8,13 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist, is_finite
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import AsFast, Pace
+from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.lidar import scan
@@ -56,7 +55,7 @@ class Motion(NamedTuple):
     least_moving: float
 
 
-class Kinematic:
+class Kinematic(Paced):
     """A differential drive that does what its wheels can do of what it is told, after a delay.
 
     It passes through what it hits; `truth` says that it did. One world (index 0) of `around`;
@@ -75,13 +74,12 @@ class Kinematic:
         timeout: float = 0.5,
     ) -> None:
         """timeout: without a new command for so long the robot stops by itself [s]."""
-        self._model = model
+        super().__init__(model, pace)
         self._limits = model.bounds()
         self._outline, self._reach = model.outline, model.reach
         self._world = world(([], np.empty((0, 4)))) if around is None else around
         self._discs = np.empty((len(self._world.discs), 6))
         self._grid, self._seed = grid, seed
-        self._pace = AsFast() if pace is None else pace
         self._timeout = max(round(timeout / TICK), 1)
         self._delay = round(model.delay_s / TICK)
         self._tick = 0
@@ -95,23 +93,7 @@ class Kinematic:
         self._lidar = None if model.lidar is None else model.lidar.lidar()
         self._scan: Scan | None = None
         self._next_scan = 0 if model.lidar else -1
-        self._closed = False
         self._on(0)
-
-    @property
-    def model(self) -> RobotModel:
-        """Outline, limits, sensors."""
-        return self._model
-
-    def now(self) -> float:
-        """Seconds since the robot was made."""
-        self._open()
-        return self._pace.due()
-
-    def wait(self, until: float) -> None:
-        """Let time pass; the world is only worked out when somebody looks."""
-        self._open()
-        self._pace.wait(until)
 
     def read(self) -> Readings:
         """Odometry and scan as of now."""
@@ -139,10 +121,6 @@ class Kinematic:
         self._coming.clear()
         self._coming.append((min([self._tick + self._delay, *under_way]), still))
 
-    def close(self) -> None:
-        """Nothing may be asked of it any more."""
-        self._closed = True
-
     def truth(self) -> Truth:
         """How it really is."""
         self._catch_up()
@@ -157,10 +135,6 @@ class Kinematic:
         self._catch_up()
         was = self._motion.pose
         self._motion = self._motion._replace(pose=Pose(was.x + x, was.y + y, was.psi + psi))
-
-    def _open(self) -> None:
-        if self._closed:
-            raise CohelmError("the robot is closed: make a new one")
 
     def _catch_up(self) -> None:
         """Move the world on to now."""

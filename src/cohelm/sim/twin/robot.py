@@ -13,7 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist, is_finite
 from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import AsFast, Pace
+from cohelm.robot.pace import AsFast, Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan
 from cohelm.sim.grid import NO_GRID, Grid, borders
 from cohelm.sim.lidar import measure
@@ -64,7 +64,7 @@ class Truth(NamedTuple):
     """What the drives have put in; braking gives nothing back [J]."""
 
 
-class Twin:
+class Twin(Paced):
     """A robot of steel and rubber, as far as MuJoCo goes.
 
     What it hits holds it back. Movers (index 0 of `around`) run with the robot's clock; who
@@ -92,7 +92,8 @@ class Twin:
         camera: who draws, if the robot has one. In real time it draws in a thread of its own.
         hunters: those of the moving discs that are after the robot.
         """
-        self._model = model = settings.fitted(model)
+        model = settings.fitted(model)
+        super().__init__(model, pace)
         self._step, self._seed, self._grid = step, seed, grid
         self._limits, self._outline, self._reach = model.bounds(), model.outline, model.reach
         around = world(([], np.empty((0, 4)))) if around is None else around
@@ -134,7 +135,6 @@ class Twin:
         self._delay = self._steps(model.delay_s)
         self._told = 0
         self._orders: deque[tuple[int, float, float]] = deque()
-        self._pace = AsFast() if pace is None else pace
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
         self._next_odometry = self._at(model.odometry.rate_hz, 1)
@@ -153,23 +153,7 @@ class Twin:
         if model.camera is not None and camera != "none":
             size = (model.camera.width, model.camera.height)
             self._eye = Eye(self.mujoco, *size, camera, not isinstance(self._pace, AsFast))
-        self._closed = False
         self._happen()
-
-    @property
-    def model(self) -> RobotModel:
-        """Outline, limits, sensors."""
-        return self._model
-
-    def now(self) -> float:
-        """Seconds since the robot was made."""
-        self._open()
-        return self._pace.due()
-
-    def wait(self, until: float) -> None:
-        """Let time pass; the world is only worked out when somebody looks."""
-        self._open()
-        self._pace.wait(until)
 
     def read(self) -> Readings:
         """What the sensors say as of now."""
@@ -207,7 +191,7 @@ class Twin:
         """Nothing may be asked of it any more."""
         if self._eye is not None and not self._closed:
             self._eye.close()
-        self._closed = True
+        super().close()
 
     def truth(self) -> Truth:
         """How it really is."""
@@ -278,10 +262,6 @@ class Twin:
     def _at(self, rate: float, number: int) -> int:
         """The step of reading `number` of a sensor that gives `rate` a second, number 0 at 0."""
         return math.ceil(number / (rate * self._step) - 1e-6)
-
-    def _open(self) -> None:
-        if self._closed:
-            raise CohelmError("the robot is closed: make a new one")
 
     def _catch_up(self) -> None:
         """Move the world on to now."""
