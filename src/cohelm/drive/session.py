@@ -30,7 +30,7 @@ from cohelm.record.drive import Photo
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.keep.kept import Keeper, Kept, rules, standing
 from cohelm.robot.keep.lines import Line
-from cohelm.robot.keep.priority import urgent
+from cohelm.robot.keep.priority import urgent, with_its_threads
 from cohelm.robot.keep.process import KeptElsewhere
 from cohelm.scenario.load import dump
 
@@ -140,6 +140,8 @@ class Session:
             self._look()
             return until(loop)
 
+        if self.plan.robot.real_time:
+            with_its_threads()
         self.loop.run(chosen)
 
     def _look(self) -> None:

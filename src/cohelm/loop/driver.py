@@ -16,6 +16,7 @@ from cohelm.loop.planning import Planning
 from cohelm.perceive.chart import swept
 from cohelm.perceive.seen import Seen
 from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.plan import entered
 from cohelm.pilot.step import Decision, Settings
 from cohelm.robot.keep.kept import Keeper
 from cohelm.robot.limits import achievable
@@ -127,6 +128,7 @@ class Driver:
         for pilot in pilots:
             state, sent = pilot.state, pilot.sent.copy()
             pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, around)
+            entered(pilot.course, pilot.planner.route, 0, pose, Twist(0.0, 0.0))
             pilot.state = state
             pilot.sent[:] = sent
         self.clear(pose, around)

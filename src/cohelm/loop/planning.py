@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
+import pickle
 import signal
+import socket
+import struct
 from collections import deque
-from multiprocessing.connection import Connection
 from typing import Protocol
 
 from cohelm.pilot.pilot import Planner
@@ -56,16 +59,22 @@ class Here:
 
 
 class Elsewhere:
-    """Plans in a process of its own."""
+    """Plans in a process of its own.
+
+    That process is below all others, and may be stopped by them in the middle of a message: so
+    nothing here waits for the rest of one, in either direction.
+    """
 
     def __init__(self, planner: Planner) -> None:
+        self._line, theirs = socket.socketpair()
         context = multiprocessing.get_context("spawn")
-        self._line, theirs = context.Pipe(duplex=True)
         self._process = context.Process(
             target=_plan, args=(theirs, planner), name="cohelm planner", daemon=True
         )
         self._process.start()
         theirs.close()
+        self._line.setblocking(False)
+        self._going, self._coming = b"", bytearray()
         self._busy = False
         self.broken = False
         """Whether the process is gone: the course stays as it is."""
@@ -74,26 +83,37 @@ class Elsewhere:
         """Send it over, unless one is there."""
         if self._busy or self.broken:
             return False
-        try:
-            self._line.send(task)
-        except OSError:
-            self.broken = True
-            return False
-        self._busy = True
-        return True
+        self._going, self._busy = _framed(task), True
+        self._exchange()
+        return not self.broken
 
     def plan(self, now: float) -> Plan | None:
-        """The plan, if it has come back."""
+        """The plan, if all of it has come back."""
         if not self._busy or self.broken:
             return None
-        try:
-            if not self._line.poll():
-                return None
-            self._busy = False
-            return self._line.recv()
-        except (EOFError, OSError):
-            self.broken = True
+        self._exchange()
+        if len(self._coming) < _SIZE.size:
             return None
+        (size,) = _SIZE.unpack_from(self._coming)
+        if len(self._coming) < _SIZE.size + size:
+            return None
+        made: Plan = pickle.loads(self._coming[_SIZE.size :])
+        self._coming.clear()
+        self._busy = False
+        return made
+
+    def _exchange(self) -> None:
+        """Send and receive what can be at once."""
+        try:
+            while self._going:
+                self._going = self._going[self._line.send(self._going) :]
+            while part := self._line.recv(1 << 18):
+                self._coming += part
+            self.broken = True
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.broken = True
 
     def close(self) -> None:
         """End the process."""
@@ -104,13 +124,20 @@ class Elsewhere:
             self._process.join()
 
 
-def _plan(line: Connection, planner: Planner) -> None:
+_SIZE = struct.Struct("!Q")
+
+
+def _framed(what: object) -> bytes:
+    data = pickle.dumps(what, pickle.HIGHEST_PROTOCOL)
+    return _SIZE.pack(len(data)) + data
+
+
+def _plan(line: socket.socket, planner: Planner) -> None:
     """The other process: below the loop, the keeper and the recorder."""
     named("cohelm planner")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(5)
-    while True:
-        try:
-            line.send(planner(line.recv()))
-        except (EOFError, OSError):
-            return
+    with line, line.makefile("rb") as tasks, contextlib.suppress(OSError):
+        while head := tasks.read(_SIZE.size):
+            task = tasks.read(*_SIZE.unpack(head))
+            line.sendall(_framed(planner(pickle.loads(task))))

@@ -140,7 +140,9 @@ class Locator:
         self._base = compose(self._base, step)
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
         every = max(1, -(-len(points) // self.caution.points))
-        points, across = points[::every], across[::every]
+        # contiguous whatever `every` is: other strides are another function to compile
+        points = np.ascontiguousarray(points[::every])
+        across = np.ascontiguousarray(across[::every])
         if self.located.lost:
             self._follow(step, sweep, points, across)
         else:

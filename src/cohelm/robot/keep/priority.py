@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import threading
+from pathlib import Path
 
 _SLACK, _NAME = 29, 15  # PR_SET_TIMERSLACK, PR_SET_NAME
 
@@ -35,3 +37,20 @@ def urgent() -> str:
     except OSError:
         return "ordinary scheduling (real-time scheduling needs the right CAP_SYS_NICE)"
     return "raised priority"
+
+
+def with_its_threads() -> None:
+    """Put this process's other threads right behind the urgent one that calls this.
+
+    They share its interpreter: one that is kept off the processor by an ordinary process while it
+    holds the interpreter's lock would keep the urgent one waiting. Where real-time scheduling is
+    not granted nothing changes.
+    """
+    own = threading.get_native_id()
+    with contextlib.suppress(OSError, AttributeError):
+        if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != os.SCHED_FIFO:
+            return
+        for task in Path("/proc/self/task").iterdir():
+            if int(task.name) != own:
+                policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+                os.sched_setscheduler(int(task.name), policy, os.sched_param(9))
