@@ -57,3 +57,10 @@ def test_no_range_moves_farther_than_noise_explains(ranges):
     out = steadied(ranges, NOISE)
     sane = np.isfinite(ranges) & (np.abs(ranges) < 1e6)
     assert (np.abs(out[sane] - ranges[sane]) <= 4.5 * NOISE + 1e-9).all()
+
+
+def test_the_near_end_of_a_wall_seen_along_its_length_stays_near():
+    """The beams beside it go past it; those behind it are 4 cm apart along the wall."""
+    past, wall = [3.0] * 10, [1.0 + 0.04 * k for k in range(12)]
+    for ranges in (np.array(past + wall), np.array(wall[::-1] + past)):
+        assert steadied(ranges, NOISE).min() == 1.0

@@ -77,12 +77,12 @@ class Driver:
         key = (id(seen.points), seen.map_odom)
         if key != self._map:
             self._map, self._points = key, _placed(seen.points, seen.map_odom)
-        discs = seen.discs
+        discs = seen.mobile
         if len(discs):
             discs = discs.copy()
             discs[:, :2] = _placed(discs[:, :2], seen.map_odom)
             discs[:, 2:4] = _placed(discs[:, 2:4], Pose(0.0, 0.0, seen.map_odom.psi))
-        return Surroundings(discs, seen.agility, np.empty((0, 4)), self._points)
+        return Surroundings(discs, seen.mobile_agility, np.empty((0, 4)), self._points)
 
     def clear(self, pose: Pose, around: Surroundings) -> float:
         """Smallest gap between the outline and anything seen; infinite where nothing is [m]."""

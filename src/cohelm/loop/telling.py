@@ -131,8 +131,8 @@ def culprit(d: Decision, seen: Seen) -> tuple[float, float]:
     """Where in the map the thing is that the guard acted for [m]; NaN where there is none."""
     if d.culprit < 0:
         return (math.nan, math.nan)
-    moving = len(seen.discs)
-    things = seen.discs if d.culprit < moving else seen.points
+    moving = len(seen.mobile)
+    things = seen.mobile if d.culprit < moving else seen.points
     row = d.culprit if d.culprit < moving else d.culprit - moving
     if row >= len(things):
         return (math.nan, math.nan)

@@ -22,7 +22,7 @@ _JUMP = 0.12  # neighbouring ends farther apart are of different things [m]
 _WIDEST = 1.1  # a wider thing is no body [m]
 _FARTHEST = 8.0  # and a farther one too few beams [m]
 _FEWEST = 3
-_FREE = 0.15  # so far before a beam's end it was free [m]
+FREE = 0.15  # so far before a beam's end it was free [m]
 
 
 class Look(NamedTuple):
@@ -113,9 +113,9 @@ def was_free(lidar: Lidar, look: Look, x: float, y: float) -> bool:
     if bearing < 0.0:
         bearing += 2.0 * math.pi
     beam = math.floor(bearing / lidar.step + 0.5)
-    if not 1 <= beam < len(look.ranges) - 1 or far > lidar.range_max - _FREE:
+    if not 1 <= beam < len(look.ranges) - 1 or far > lidar.range_max - FREE:
         return False
-    r, least = look.ranges, far + _FREE
+    r, least = look.ranges, far + FREE
     return r[beam - 1] > least and r[beam] > least and r[beam + 1] > least
 
 

@@ -28,6 +28,8 @@ from cohelm.perceive.clusters import (
     looked,
     was_free,
 )
+from cohelm.perceive.ground import Ground, noted, unknown
+from cohelm.perceive.loose import Wary, loose, spread, wild
 from cohelm.perceive.sweep import Sweep
 from cohelm.robot.sensors import Lidar
 
@@ -41,6 +43,7 @@ how long nothing proved that it moves [s].
 
 
 _LEFT = 0.15  # nearer to where it stood, nothing is said of that place [m]
+_BLIND = Look(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
 _ANCHORED = 1.2  # where it stood is remembered for so long [s]
 
 
@@ -65,22 +68,27 @@ class Care(NamedTuple):
     """Added to a mover's radius, beside one standard deviation of its place [m]."""
     body: float = 0.12
     """What is wider than this is told from the first scan that proves it [m, radius]."""
-    unsure: float = 4.0
-    """Agility that one standard deviation of a velocity adds: after half a second it is as far off
-    as that much more acceleration would have taken it [1/s]."""
+    unsure: float = 1.0
+    """So many standard deviations its velocity may be off."""
+    wary: Wary = Wary()
+    """Of things that may set off."""
 
 
 class Movers(NamedTuple):
     """tracks: (t, 17). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
-    points, whether it belongs to a mover."""
+    points, whether it belongs to a mover. ground: near the robot. loose: (l, 3) as in `loose`."""
 
     tracks: Floats
     looks: tuple[Look, ...]
     stamp: float
     mine: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    ground: Ground
+    loose: Floats
 
 
-NONE = Movers(np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_))
+NONE = Movers(
+    np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), np.empty((0, 3))
+)
 
 
 def follow(
@@ -92,20 +100,32 @@ def follow(
     fixed: (m,) which of its points are on what surely stands, as a map says: who walks past that
     is not taken for one thing with it.
     """
+    mapped = fixed is not None
     if fixed is None:
         fixed = np.zeros(len(sweep.points), np.bool_)
     dt = min(max(stamp - before.stamp, 0.0), 1.0) if before.looks else 0.0
     found = clusters(lidar, sweep, pose, lidar.range_max, fixed)
     for back in care.back:
-        if before.looks:
-            nearest = min(before.looks, key=lambda look: abs(stamp - back - look.stamp))
-            if abs(stamp - back - nearest.stamp) < 0.2:
-                freshen(lidar, found, sweep, pose, nearest)
+        earlier = _look(before.looks, stamp - back)
+        if earlier is not None:
+            freshen(lidar, found, sweep, pose, earlier)
     now = looked(lidar, sweep, pose, stamp)
     tracks, whose = _followed(before.tracks, found, lidar, now, dt, care)
     mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
     kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
-    return Movers(tracks, (*kept, now), stamp, mine)
+    first, second = (_look(before.looks, stamp - back) or _BLIND for back in care.back[-2:])
+    may = loose(
+        lidar, sweep, pose, mine, fixed, mapped, before.ground, first, second, stamp, care.wary
+    )
+    return Movers(tracks, (*kept, now), stamp, mine, noted(before.ground, lidar, now), may)
+
+
+def _look(looks: tuple[Look, ...], when: float) -> Look | None:
+    """The sweep of about that time, if there is one."""
+    if not looks:
+        return None
+    nearest = min(looks, key=lambda look: abs(when - look.stamp))
+    return nearest if abs(when - nearest.stamp) < 0.2 else None
 
 
 def bodies(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
@@ -123,10 +143,19 @@ def bodies(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
     discs[:, 0] = t[:, TX] + ahead * t[:, TVX]
     discs[:, 1] = t[:, TY] + ahead * t[:, TVY]
     discs[:, 2:4] = t[:, TVX : TVY + 1]
-    spread = np.minimum(np.sqrt(t[:, PP]), 0.3)
-    discs[:, 4] = t[:, RADIUS] + care.wider + spread + 0.5 * care.agility * ahead * ahead
+    off = np.minimum(care.unsure * np.sqrt(t[:, VV]), care.wary.fastest)
+    more, agile = spread(off, np.full(len(t), care.agility), ahead, care.wary.stop)
+    discs[:, 4] = t[:, RADIUS] + care.wider + np.minimum(np.sqrt(t[:, PP]), 0.3) + more
     discs[:, 5] = discs[:, 4]
-    return discs, care.agility + np.minimum(care.unsure * np.sqrt(t[:, VV]), 2.0)
+    return discs, agile
+
+
+def mobile(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
+    """All that may move: `bodies`, and behind them what is loose, as discs that may go anywhere."""
+    discs, agility = bodies(movers, now, care)
+    ahead = min(max(now - movers.stamp, 0.0), 1.0) if movers.looks else 0.0
+    more, agile = wild(movers.loose, ahead, care.agility, care.wary)
+    return np.vstack((discs, more)), np.concatenate((agility, agile))
 
 
 @jit

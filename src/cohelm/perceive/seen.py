@@ -14,7 +14,7 @@ from cohelm.perceive.frames import between, compose, inverse
 from cohelm.perceive.known import Known, on_walls
 from cohelm.perceive.locate import Located, Locator
 from cohelm.perceive.memory import Care as Remembering, View, renew
-from cohelm.perceive.movers import MOVES, NONE, RADIUS, TX, TY, Care as Watching, bodies, follow
+from cohelm.perceive.movers import MOVES, NONE, RADIUS, TX, TY, Care as Watching, bodies, follow, mobile as all_mobile
 from cohelm.perceive.steady import steadied
 from cohelm.perceive.sweep import Sweep, sweep
 from cohelm.perceive.taped import surveyed
@@ -56,6 +56,11 @@ class Seen(NamedTuple):
     """Moving things, (n, 6) as in `core.types`, in `odom`."""
     agility: Floats
     """(n,), how fast each may change its velocity [m/s^2]."""
+    mobile: Floats
+    """What the guard is told to move: `discs`, and behind them, as small discs that may go
+    anywhere, what may set off though nobody knows that it moves, (m, 6), in `odom`."""
+    mobile_agility: Floats
+    """(m,), of those [m/s^2]."""
     odometry_stamp: float
     """Of the newest odometry [s]; -inf before the first."""
     scan_stamp: float
@@ -184,11 +189,12 @@ class Perception:
         if located is None:
             located = Located(here, np.zeros((3, 3)), 1.0, False, "")
         discs, agility = bodies(self._movers, now, self._watching)
+        mobile, mobile_agility = all_mobile(self._movers, now, self._watching)
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom, points=self._points, discs=discs,
-            agility=agility, odometry_stamp=stamp, scan_stamp=self._scanned,
+            agility=agility, mobile=mobile, mobile_agility=mobile_agility, odometry_stamp=stamp, scan_stamp=self._scanned,
         )  # fmt: skip
 
 

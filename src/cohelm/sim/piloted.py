@@ -195,7 +195,7 @@ def look(
             Odometry(k * dt, pose, now.robot.applied), Scan(k * dt, k, ranges, 0.0), None, None
         ),
     )
-    return surroundings(seen.discs, seen.agility, None, seen.points)
+    return surroundings(seen.mobile, seen.mobile_agility, None, seen.points)
 
 
 def _scans(k: int, dt: float, rate: float) -> int:

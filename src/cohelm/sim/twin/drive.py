@@ -213,10 +213,10 @@ def placed(known: Seen, frame: Pose) -> Surroundings:
     """What is seen, in the frame in which `odom` is at this pose."""
     c, s = math.cos(frame.psi), math.sin(frame.psi)
     turn = np.array([[c, s], [-s, c]])
-    discs = known.discs.copy()
+    discs = known.mobile.copy()
     discs[:, X : Y + 1] = discs[:, X : Y + 1] @ turn + frame[:2]
     discs[:, VX : VY + 1] = discs[:, VX : VY + 1] @ turn
-    return surroundings(discs, known.agility, None, known.points @ turn + frame[:2])
+    return surroundings(discs, known.mobile_agility, None, known.points @ turn + frame[:2])
 
 
 def _unguarded(setup: Setup) -> Piloted:

@@ -1,0 +1,114 @@
+"""What may set off though nobody is known to move there: on no map, or come by itself a while ago.
+
+Movers are told by `movers`; until a thing is one, when two are seen as one, and after one was
+dropped, its points are loose. Each is told as a small disc of unknown velocity beside counting as
+a standing point, until it has stood; then as one that may begin to move.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.clusters import FREE, Look
+from cohelm.perceive.ground import Ground, came
+from cohelm.perceive.sweep import Sweep
+from cohelm.robot.sensors import Lidar
+
+LX, LY, STOOD = range(3)
+"""Columns of loose points: place in `odom` [m], whether it has stood (1) or not (0)."""
+
+_NEAR = 2.0  # farther from the robot than this there is time yet [m]
+_APART = 0.06  # of points that are nearer to each other one is told [m]
+
+
+class Wary(NamedTuple):
+    """What is assumed of things that may set off."""
+
+    fastest: float = 1.3
+    """Nobody is faster [m/s]."""
+    creeping: float = 0.1
+    """What has stood, as far as can be seen, may yet be as fast as this [m/s]."""
+    keep: float = 10.0
+    """What came by itself is taken to be able to go on for so long [s]."""
+    stop: float = 0.2
+    """A robot that moves stands within about this [s]: see `spread`."""
+
+
+@jit
+def loose(
+    lidar: Lidar, sweep: Sweep, pose: Pose, mine: NDArray[np.bool_], fixed: NDArray[np.bool_],
+    mapped: bool, ground: Ground, before: Look, earlier: Look, stamp: float, wary: Wary,
+) -> Floats:  # fmt: skip
+    """The loose points of a sweep from an `odom` pose, (l, 3).
+
+    mine: (m,) of its points, whether they belong to a mover. fixed: whether they are on the map's
+    walls, if it is `mapped`: then all others are loose, else those that came by themselves. before,
+    earlier: two sweeps of a while ago; a thing has stood if it was there in both of them.
+    """
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    out = np.empty((len(mine), 3))
+    k = 0
+    for i in range(len(mine)):
+        bx, by = sweep.points[i, 0], sweep.points[i, 1]
+        if mine[i] or fixed[i] or bx * bx + by * by > _NEAR * _NEAR:
+            continue
+        x, y = pose.x + c * bx - s * by, pose.y + s * bx + c * by
+        if not mapped and not came(ground, x, y, stamp - wary.keep):
+            continue
+        stood = _was_there(lidar, before, x, y) and _was_there(lidar, earlier, x, y)
+        near = False
+        for j in range(k - 1, -1, -1):
+            far = math.hypot(out[j, LX] - x, out[j, LY] - y)
+            if far < _APART and (out[j, STOOD] == 0.0 or stood):
+                near = True
+                break
+        if not near:
+            out[k, LX], out[k, LY], out[k, STOOD] = x, y, 1.0 if stood else 0.0
+            k += 1
+    return out[:k].copy()
+
+
+@jit
+def _was_there(lidar: Lidar, look: Look, x: float, y: float) -> bool:
+    """Whether an earlier sweep ended about there."""
+    wx, wy = x - look.sensor.x, y - look.sensor.y
+    c, s = math.cos(look.sensor.psi), math.sin(look.sensor.psi)
+    bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy) - lidar.first
+    if bearing < -0.5 * lidar.step:
+        bearing += 2.0 * math.pi
+    beam = math.floor(bearing / lidar.step + 0.5)
+    far = math.hypot(wx, wy)
+    for k in range(max(beam - 2, 0), min(beam + 3, len(look.ranges))):
+        if abs(look.ranges[k] - far) < FREE:
+            return True
+    return False
+
+
+def spread(
+    speed: Floats, agility: Floats, age: float, stop: float
+) -> tuple[Floats, Floats]:
+    """By how much discs are larger, and more agile, whose velocities were off by up to `speed`
+    `age` ago, and have changed by up to `agility` since [m, m/s^2].
+
+    v t <= v^2 / (2 b) + b t^2 / 2 for every b and t; with b = v / stop that is least for a robot
+    that needs `stop` to stand.
+    """
+    now = speed + agility * age
+    return speed * age + 0.5 * agility * age * age + 0.5 * now * stop, agility + now / stop
+
+
+def wild(points: Floats, age: float, agility: float, wary: Wary) -> tuple[Floats, Floats]:
+    """Loose points as discs that may go anywhere, (l, 6), `age` [s] later, and their agility."""
+    stood = points[:, STOOD] > 0.0
+    speed = np.where(stood, wary.creeping, wary.fastest)
+    more, agile = spread(speed, np.full(len(points), agility), age, wary.stop)
+    discs = np.zeros((len(points), 6))
+    discs[:, :2] = points[:, [LX, LY]]
+    discs[:, 4] = discs[:, 5] = 0.5 * _APART + more
+    return discs, agile
