@@ -91,8 +91,7 @@ def test_two_who_walk_as_one_thing_are_covered():
 def test_on_the_map_nothing_is_loose():
     poses, twists = along(TOUR)
     told = [
-        len(seen.mobile)
-        for _, seen in watch((poses[:1000], twists[:999]), CONES, LAB, poses[0])
+        len(seen.mobile) for _, seen in watch((poses[:1000], twists[:999]), CONES, LAB, poses[0])
     ]
     assert len(told) > 90
     assert sum(n > 0 for n in told) <= 1

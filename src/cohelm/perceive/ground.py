@@ -80,7 +80,7 @@ def noted(ground: Ground, lidar: Lidar, look: Look) -> Ground:
 
 @jit
 def came(ground: Ground, x: float, y: float, since: float) -> bool:
-    """Whether the patch of cells around an `odom` point was seen free, all of it, since then [s]."""
+    """Whether the patch of cells around an `odom` point was seen free since then [s]."""
     i, j = math.floor(x / CELL), math.floor(y / CELL)
     for a in range(i - 1, i + 2):
         for b in range(j - 1, j + 2):

@@ -90,9 +90,7 @@ def _was_there(lidar: Lidar, look: Look, x: float, y: float) -> bool:
     return False
 
 
-def spread(
-    speed: Floats, agility: Floats, age: float, stop: float
-) -> tuple[Floats, Floats]:
+def spread(speed: Floats, agility: Floats, age: float, stop: float) -> tuple[Floats, Floats]:
     """By how much discs are larger, and more agile, whose velocities were off by up to `speed`
     `age` ago, and have changed by up to `agility` since [m, m/s^2].
 

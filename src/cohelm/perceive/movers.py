@@ -86,9 +86,7 @@ class Movers(NamedTuple):
     loose: Floats
 
 
-NONE = Movers(
-    np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), np.empty((0, 3))
-)
+NONE = Movers(np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), np.empty((0, 3)))
 
 
 def follow(

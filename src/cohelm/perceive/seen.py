@@ -14,7 +14,17 @@ from cohelm.perceive.frames import between, compose, inverse
 from cohelm.perceive.known import Known, on_walls
 from cohelm.perceive.locate import Located, Locator
 from cohelm.perceive.memory import Care as Remembering, View, renew
-from cohelm.perceive.movers import MOVES, NONE, RADIUS, TX, TY, Care as Watching, bodies, follow, mobile as all_mobile
+from cohelm.perceive.movers import (
+    MOVES,
+    NONE,
+    RADIUS,
+    TX,
+    TY,
+    Care as Watching,
+    bodies,
+    follow,
+    mobile as all_mobile,
+)
 from cohelm.perceive.steady import steadied
 from cohelm.perceive.sweep import Sweep, sweep
 from cohelm.perceive.taped import surveyed
@@ -194,7 +204,8 @@ class Perception:
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom, points=self._points, discs=discs,
-            agility=agility, mobile=mobile, mobile_agility=mobile_agility, odometry_stamp=stamp, scan_stamp=self._scanned,
+            agility=agility, mobile=mobile, mobile_agility=mobile_agility, odometry_stamp=stamp,
+            scan_stamp=self._scanned,
         )  # fmt: skip
 
 

@@ -51,7 +51,6 @@ def steadied(ranges: Floats, noise: float) -> Floats:
 @jit
 def _ends(ranges: Floats, i: int, jump: float) -> bool:
     """Whether a surface ends beside a beam: the next one on either side sees much farther."""
-    for j in (i - 1, i + 1):
-        if 0 <= j < len(ranges) and ranges[j] > ranges[i] + jump:
-            return True
-    return False
+    n = len(ranges)
+    before = i > 0 and ranges[i - 1] > ranges[i] + jump
+    return before or (i + 1 < n and ranges[i + 1] > ranges[i] + jump)
