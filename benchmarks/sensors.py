@@ -37,14 +37,17 @@ def main() -> None:
     heads = ("of 1-2 m", "found again", "median", "last", "believed wrongly after 1 s")
     show(console, "pushed aside", heads, list(pushed(known(*lab_map()), 30)))
 
-    heads = ("scenario, seed", "arrived", "path rms", "99 %", "place rms", "99 %", "heading", "gap")
+    heads = (
+        "scenario, seed", "arrived", "free", "path rms", "99 %", "place rms", "99 %", "heading",
+        "gap",
+    )  # fmt: skip
     rows = []
     for name in ("lab-track", "lab-avoid", "lab-shared"):
         for seed in range(given.seeds):
             r = drive(given.kind, seed, scenario=name)
             rows.append((
                 f"{name}, {seed}", f"{r.time:.1f} s" if r.arrived else f"no: {r.reason}",
-                *(f"{100 * v:.1f} cm" for v in (r.path_rms, r.path_99)),
+                f"{100 * r.free:.0f} %", *(f"{100 * v:.1f} cm" for v in (r.path_rms, r.path_99)),
                 *(f"{100 * v:.2f} cm" for v in (r.located_rms, r.located_99)),
                 f"{math.degrees(r.heading_rms):.2f} deg", f"{100 * r.least:.1f} cm",
             ))  # fmt: skip

@@ -50,6 +50,12 @@ def test_a_wrong_scenario_is_refused_where_it_is_wrong(cohelm, tmp_path, text, w
     assert not (tmp_path / "out").exists()
 
 
+def test_a_drive_in_a_scenario_that_is_not_there_is_not_started(cohelm):
+    said = cohelm("drive", "lab-gard")
+    refused(said, "lab-gard", "did you mean lab-guard?")
+    assert "starting" not in said.err
+
+
 def test_of_many_problems_the_first_are_told_and_the_rest_counted(cohelm, tmp_path):
     wrong = ", ".join(f"{{name: o{i}, center_m: [1, 1], radius_m: -1}}" for i in range(500))
     (tmp_path / "s.yaml").write_text(f"{BASE}obstacles: [{wrong}]\n")

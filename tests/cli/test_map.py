@@ -16,19 +16,29 @@ from tests.perceive.drives import LIDAR, TOUR, along, drive
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
 
 
+class Written:
+    """A record into which the readings of a drive go, each scan once."""
+
+    def __init__(self, file) -> None:
+        self.made = DriveFile(file, SALLY, 946_684_800_000_000_000)
+        self._number = None
+
+    def __call__(self, moment) -> None:
+        self.made.write(moment.readings.odometry)
+        scan = moment.readings.scan
+        if scan is not None and scan.number != self._number:
+            self._number = scan.number
+            self.made.write(scan)
+
+
 @pytest.fixture(scope="module")
 def record(tmp_path_factory):
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
-    number = None
     with path.open("wb") as file:
-        made = DriveFile(file, SALLY, 946_684_800_000_000_000)
+        write = Written(file)
         for moment in drive(*along(TOUR[:6]), 1):
-            made.write(moment.readings.odometry)
-            scan = moment.readings.scan
-            if scan is not None and scan.number != number:
-                number = scan.number
-                made.write(scan)
-        made.finish()
+            write(moment)
+        write.made.finish()
     return path
 
 
@@ -97,22 +107,16 @@ def test_live_a_record_is_mapped_while_it_is_being_written(tmp_path, monkeypatch
     path = tmp_path / "drive.mcap"
     moments = iter(list(drive(*along(TOUR[:4]), 1)))
     with path.open("wb") as file:
-        made = DriveFile(file, SALLY, 946_684_800_000_000_000)
-        number, waits, told = None, [], []
+        write, waits, told = Written(file), [], []
 
         def driven(_seconds):
-            nonlocal number
             waits.append(path.stat().st_size)
             before = path.stat().st_size
             while path.stat().st_size == before:
                 moment = next(moments, None)
                 if moment is None:
                     raise KeyboardInterrupt
-                made.write(moment.readings.odometry)
-                scan = moment.readings.scan
-                if scan is not None and scan.number != number:
-                    number = scan.number
-                    made.write(scan)
+                write(moment)
                 file.flush()
 
         driven(0.0)

@@ -24,6 +24,10 @@ FAULTS = {
     "bumper": "the robot says: the bumper is pressed",
 }
 """What can happen, and what the record says then."""
+JUMPS = {"clock jumps on": 5.0, "clock jumps back": -1.0}
+"""By how much the robot's clock does [s]."""
+NOTICED = {"scans stop": 0.40, "odometry stops": 0.12}
+"""How long it may take until a loss is noticed [s]; others within two periods."""
 HELD_UP = "the loop is held up"
 """No fault: between looking at the clock and reading, other processes had the processor."""
 
@@ -34,33 +38,40 @@ class Failing(Simulated):
 
     fault: str = ""
     at: float = math.inf
+    when: Path | None = None
 
     def __call__(self):
-        return Faulty(super().__call__(), self.fault, self.at)
+        return Faulty(super().__call__(), self.fault, self.at, self.when)
 
 
-def failing(fault: str, at: float, real_time: bool = False) -> Failing:
+def failing(
+    fault: str, at: float, real_time: bool = False, when: Path | None = None
+) -> Failing:  # fmt: skip
+    """At a time of the robot's clock [s], or once a file is there: then that time is put in it."""
     made = simulated(CORRIDOR, real_time=real_time, seed=2)
-    return Failing(made.scenario, made.kind, real_time, made.seed, fault, at)
+    return Failing(made.scenario, made.kind, real_time, made.seed, fault, at, when)
 
 
 class Faulty:
     """Another robot, seen through broken glass."""
 
-    def __init__(self, robot, fault: str, at: float) -> None:
-        self._robot, self._fault, self._at = robot, fault, at
+    def __init__(self, robot, fault: str, at: float, when: Path | None = None) -> None:
+        self._robot, self._fault, self._at, self._when = robot, fault, at, when
         self._kept: Readings | None = None
 
     def __getattr__(self, name):
         return getattr(self._robot, name)
 
     def _broken(self) -> bool:
+        if self._when is not None and self._at == math.inf and self._when.exists():
+            self._at = self._robot.now()
+            self._when.write_text(f"{self._at}")
         return bool(self._fault) and self._robot.now() >= self._at
 
     def now(self) -> float:
         t = self._robot.now()
         if self._broken() and self._fault.startswith("clock"):
-            return t + (5.0 if self._fault.endswith("on") else -1.0)
+            return t + JUMPS[self._fault]
         return t
 
     def wait(self, until: float) -> None:

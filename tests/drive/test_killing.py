@@ -7,6 +7,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -14,22 +15,31 @@ from pathlib import Path
 
 import pytest
 
-from tests.drive.faults import CORRIDOR
+from cohelm.link import keys
+from cohelm.record.messages import messages
+from tests.drive.faults import CORRIDOR, FAULTS, JUMPS, NOTICED
 
 pytestmark = pytest.mark.xdist_group("realtime")
 
-WATCHDOG = 0.1
+LATE = 0.5
+"""What a loop among many busy processes may be later than in simulated time, which the tests of
+`test_losing` hold to; later than that its watchdog would have said something else [s]."""
 STARTED = 240.0  # with nothing compiled, on a busy machine [s]
 
 
 class Drive:
-    """`cohelm robot` on the corridor in a process of its own."""
+    """`cohelm robot` on the corridor in a process of its own; or with a sensor that breaks."""
 
-    def __init__(self, folder: Path, *more: str, limit: int = 0) -> None:
+    def __init__(self, folder: Path, *more: str, limit: int = 0, breaks: str = "") -> None:
         self.record = folder / "drive.mcap"
         self.log = folder / "drive.log"
+        self.now = folder / "now"
+        """The sensor breaks once this file is there, and writes into it when that was."""
         command = [sys.executable, "-m", "cohelm", "robot", str(CORRIDOR), "--json"]
         command += ["--record", str(self.record), *more]
+        if breaks:
+            command = [sys.executable, "-m", "tests.drive.broken", breaks]
+            command += [str(self.now), str(self.record)]
 
         def before() -> None:
             signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -77,8 +87,8 @@ class Drive:
 def drive(request, tmp_path):
     made = []
 
-    def start(*more: str, folder: Path = tmp_path, limit: int = 0) -> Drive:
-        made.append(Drive(folder, *more, limit=limit))
+    def start(*more: str, folder: Path = tmp_path, limit: int = 0, breaks: str = "") -> Drive:
+        made.append(Drive(folder, *more, limit=limit, breaks=breaks))
         return made[-1]
 
     yield start
@@ -91,9 +101,12 @@ def drive(request, tmp_path):
             pipe.close()
 
 
+BRAKED = 0.6
+"""From 0.5 m/s at 2 m/s^2, after the robot's 50 ms, shown by 50 Hz odometry [s]."""
+
+
 def braked_in_time(took: float) -> None:
-    """From 0.5 m/s at 2 m/s^2, after the robot's 50 ms, shown by 50 Hz odometry."""
-    assert 0.05 < took < 0.6
+    assert 0.05 < took < BRAKED
 
 
 def test_a_killed_loop_does_not_take_the_robot_along(drive):
@@ -130,6 +143,47 @@ def test_ctrl_c_stops_the_robot_first(drive):
     summary, _ = going.ended()
     assert going.process.returncode == 0
     assert summary["reason"] == "Ctrl-C"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", list(FAULTS))
+def test_a_sensor_that_breaks_stops_the_robot_and_is_named_in_the_record(drive, fault):
+    going = drive(breaks=fault)
+    going.driving()
+    going.now.touch()
+    summary, log = going.ended()
+    latched = re.search(rf"(\d+\.\d+) ! gate: AUTOMATIC -> FAULTED: .*{FAULTS[fault]}", log)
+    assert latched, log
+    noticed = float(latched[1]) - JUMPS.get(fault, 0.0) - float(going.now.read_text())
+    assert -0.001 < noticed < NOTICED.get(fault, 0.04) + LATE
+    assert summary["stood_after_s"] < BRAKED
+    assert summary["mode"] == "FAULTED"
+    assert log.count("-> AUTOMATIC") == 1
+    said = [m.msg for _, _, m in messages(going.record, ("/rosout",)) if m.name == "gate"]
+    assert any(FAULTS[fault] in line for line in said)
+
+
+@pytest.mark.slow
+def test_when_the_driver_s_process_is_killed_the_robot_stops(drive, tmp_path, monkeypatch):
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
+    keys.let_in("killed", tmp_path / "killed.pair")
+    keys.install(tmp_path / "killed.pair")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    going = drive("--listen", f"127.0.0.1:{port}")
+    driver = subprocess.Popen([sys.executable, "-m", "tests.drive.steers", port])
+    try:
+        going.said("IDLE -> SHARED", STARTED)
+        time.sleep(1.0)
+    finally:
+        driver.kill()
+        driver.wait()
+    going.said("SHARED -> STOPPED: the (stick|driver) is lost: no command for 2[5-9]. ms", 5.0)
+    braked_in_time(float(going.said(r"stands, (\d+\.\d+) s after", 8.0)[1]))
+    going.process.send_signal(signal.SIGINT)
+    summary, _ = going.ended()
+    assert summary["least_clearance_moving_m"] > 0.1
 
 
 @pytest.mark.slow

@@ -11,11 +11,9 @@ from cohelm.loop.loop import Ways
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.keep.kept import standing
-from tests.drive.faults import FAULTS, HELD_UP, failing
+from tests.drive.faults import FAULTS, HELD_UP, NOTICED, failing
 
 AT = 3.0
-NOTICED = {"scans stop": 0.40, "odometry stops": 0.12}
-"""How long it may take until a loss is noticed [s]; others within two periods."""
 BRAKING = 0.05 + 0.5 / 2.0 + 0.1
 """The delay, from 0.5 m/s at 2 m/s^2, and a little for the odometry to show it [s]."""
 

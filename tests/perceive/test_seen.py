@@ -138,3 +138,57 @@ def test_moved_two_metres_along_the_corridor_the_robot_knows_it_within_3_seconds
             at_last = True
     assert at_last
     assert max(astray) < 1.5  # until then it is wrong, and does not know
+
+
+@pytest.mark.parametrize("off", [(1.5, 0.0), (-1.0, 0.0), (0.3, -1.6)])
+@pytest.mark.parametrize("at", [0.0, 16.0, 27.0])
+def test_a_wrong_place_told_is_contradicted_by_the_lidar_within_3_seconds(lab, tour, at, off):
+    """At once, but where the corridor looks alike here and there."""
+    first = round(at / DT)
+    poses, twists = tour[0][first : first + 250], tour[1][first : first + 249]
+    perception = Perception(SALLY, lab, poses[0])
+    told, sure = False, 0.0
+    for moment in drive(poses, twists, 5):
+        if moment.now >= 1.0 and not told:
+            told = True
+            x, y, psi = moment.truth
+            perception.place(Pose(x + off[0], y + off[1], psi))
+        seen = perception.take(moment.now, moment.readings)
+        if moment.now > 1.0 and not seen.lost and errors(seen, moment.truth)[0] > 0.1:
+            sure = moment.now - 1.0
+    assert sure < 3.0
+    assert not seen.lost
+    assert errors(seen, moment.truth)[0] < 0.1
+
+
+def test_a_right_place_told_is_kept_and_corrects_a_wrong_one(lab, tour):
+    poses, twists = tour[0][650:850], tour[1][650:849]
+    x, y, psi = poses[0]
+    perception = Perception(SALLY, lab, Pose(x - 3.2, y, psi))
+    told = False
+    for moment in drive(poses, twists, 5):
+        if moment.now >= 0.5 and not told:
+            told = True
+            perception.place(moment.truth)
+        seen = perception.take(moment.now, moment.readings)
+        if moment.now > 0.6:
+            assert not seen.lost
+            assert errors(seen, moment.truth)[0] < 0.15  # the corridor does not tell more
+
+
+def test_switched_on_anywhere_it_believes_no_place_before_it_has_seen_more_than_one_view(lab, tour):
+    poses, twists = tour[0][300:700], tour[1][300:699]
+    standing = Perception(SALLY, lab)
+    for moment in drive([poses[0]] * 150, [], 4):
+        seen = standing.take(moment.now, moment.readings)
+    assert seen.lost
+    assert errors(seen, moment.truth)[0] < 0.1  # it has its guess
+    assert "drive on a little" in seen.reason
+    driving = Perception(SALLY, lab)
+    believed = []
+    for moment in drive(poses, twists, 4):
+        seen = driving.take(moment.now, moment.readings)
+        if not seen.lost:
+            believed.append(errors(seen, moment.truth)[0])
+    assert len(believed) > 100
+    assert max(believed) < 0.1

@@ -92,10 +92,12 @@ def drive(
     from cohelm.drive.served import Door
     from cohelm.link import keys
     from cohelm.link.lent import lent
+    from cohelm.scenario import load
     from cohelm.station.app import pages
     from cohelm.station.linked import Linked
 
-    pages()  # a checkout without them is told at once, not after the robot was made
+    load.scenario(scenario)  # one that can not be used is told at once,
+    pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
     say(f"starting the robot in {plain(scenario)}; the first time takes a minute")
     door = Door(of_robot, "127.0.0.1", 0, records)

@@ -55,6 +55,8 @@ class Caution(NamedTuple):
     """and no other pose comes within this of its log likelihood,"""
     travelled: float = 0.5
     """or, with half that margin, after this way [m] or twice the angle [rad]."""
+    views: int = 4
+    """Switched on with no idea where it is, it must hold from so many places some way apart."""
     least: float = -12.0
     """and this log likelihood, which allows for some four things that are not on the map,"""
     sure: float = 0.1
@@ -90,6 +92,11 @@ class _Hypothesis:
     """And of the newest."""
     judged: Judgement
 
+    @property
+    def total(self) -> float:
+        """Likelihood of all scans."""
+        return self.log + self.latest
+
 
 @dataclass
 class Locator:
@@ -109,8 +116,12 @@ class Locator:
         self._base = Pose(0.0, 0.0, 0.0)  # odometry pose of the sweep that is searched with
         self._searched: tuple[Floats, Floats, Floats] | None = None
         self._hypotheses: list[_Hypothesis] = []
-        self._way = self._turned = self._since = 0.0
-        self._everywhere = self.start is None
+        self._way = self._turned = 0.0
+        self._leg = Pose(0.0, 0.0, 0.0)  # on from where hypotheses were last judged afresh
+        self._views = 0  # places some way apart that they were judged from before
+        self._everywhere = self._cold = self.start is None
+        self._told = False  # whether somebody has just said where it is
+        self._before: Pose | None = None  # and where it believed to be until then
         self._odd = 0
         self._checking = False  # whether the search only checks a pose that is believed
         self._moved = False  # whether that check has found one that fits as it used to
@@ -125,11 +136,17 @@ class Locator:
         self.located = Located(pose, wide, 0.0, lost, reason)
 
     def place(self, pose: Pose, sigma: float = 0.3) -> None:
-        """Somebody says where the robot is, within about sigma [m]."""
+        """Somebody says where the robot is, within about sigma [m].
+
+        It is believed, and checked at once against the places near by. Where the LiDAR contradicts
+        it, what was believed before needs no proof but to fit.
+        """
         wide = np.diag([sigma, sigma, 0.5 * sigma]) ** 2
+        before, usual = None if self.located.lost else self.located.pose, self._usual
         self._forget()
         self._odometry = None
         self._believe(pose, wide, 0.0)
+        self._before, self._usual, self._told = before, usual, True
 
     def correct(self, sweep: Sweep, odometry: Pose) -> Located:
         """Take in a sweep. odometry: the odometry pose at its instant."""
@@ -138,6 +155,7 @@ class Locator:
         longer = 1.0 + self._stretch
         step = Pose(longer * step.x, longer * step.y, step.psi)
         self._base = compose(self._base, step)
+        self._before = compose(self._before, step) if self._before else None
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
         every = max(1, -(-len(points) // self.caution.points))
         # contiguous whatever `every` is: other strides are another function to compile
@@ -157,7 +175,7 @@ class Locator:
         if self._search is not None:
             self._search = looked(self._search, self.known, self.caution.places)
             if self._search.done == len(self._search.places):
-                self._found = candidates(self._search, self.caution.hypotheses)
+                self._found += candidates(self._search, self.caution.hypotheses)
                 self._search = None
             return self.located
         for pose in self._found[:4]:
@@ -208,12 +226,15 @@ class Locator:
             more = judged.log if self._usual == -math.inf else self._usual
             self._usual = 0.99 * more + 0.01 * judged.log
         self._odd = self._odd + 1 if odd else 0
-        if self._odd >= c.patience and self._odd % c.pause == c.patience and not self._searched:
+        due = self._odd >= c.patience and self._odd % c.pause == c.patience
+        if (due or self._told) and not self._searched:
             self._everywhere, self._checking = False, True
             self._seek(points, across, sweep)
+            self._told = self._told and self._searched is None
 
     def _believe(self, pose: Pose, covariance: Floats, share: float) -> None:
         """Track from here on."""
+        self._cold, self._before = False, None
         self._joint = joined(covariance, max(float(self._joint[3, 3]), 1e-6))
         self.located = Located(pose, covariance, share, False, "")
 
@@ -221,10 +242,9 @@ class Locator:
         """Lost: move all hypotheses along, and see which still hold."""
         pose, self._joint = moved(self.located.pose, self._joint, step)
         self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
-        self._way += math.hypot(step.x, step.y)
-        self._turned += abs(step.psi)
-        self._since += math.hypot(step.x, step.y) + 0.5 * abs(step.psi)
-        fresh = self._since > 0.15  # a scan from the same spot says nothing new
+        self._leg = compose(self._leg, step)
+        way, turned = math.hypot(self._leg.x, self._leg.y), abs(self._leg.psi)
+        fresh = way + 0.5 * turned > 0.15  # a scan from the same spot says nothing new
         for one in self._hypotheses:
             foretold, joint = moved(
                 one.pose, joined(one.covariance, float(self._joint[3, 3])), step
@@ -238,7 +258,9 @@ class Locator:
             else:
                 one.latest = max(0.9 * one.latest + 0.1 * one.judged.log, one.judged.log)
         if fresh:
-            self._since = 0.0
+            self._way, self._turned = self._way + way, self._turned + turned
+            self._leg = Pose(0.0, 0.0, 0.0)
+            self._views += 1
         if self._searched is None:
             if self._hypotheses:
                 self._settle()
@@ -258,9 +280,12 @@ class Locator:
             near = np.hypot(places[:, 0] - here.x, places[:, 1] - here.y) < self.caution.near
             places = places[near]
         self._search = search(sweep.points, places)
+        self._found = [self._before] if self._before else []
         self._searched = (points, across, sweep.ranges)
         self._base = Pose(0.0, 0.0, 0.0)
-        self._way = self._turned = self._since = 0.0
+        self._way = self._turned = 0.0
+        self._leg = Pose(0.0, 0.0, 0.0)
+        self._views = 0
 
     def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> None:
         """Match a candidate of the search; keep it as a hypothesis where it fits."""
@@ -280,7 +305,9 @@ class Locator:
                     other.pose, other.covariance = pose, covariance
                     other.latest, other.judged = judged.log, judged
                 return
-        self._hypotheses.append(_Hypothesis(pose, covariance, 0.0, judged.log, judged))
+        # as unlikely from the places before as from this one: to come late is no advantage
+        before = self._views * judged.log
+        self._hypotheses.append(_Hypothesis(pose, covariance, before, judged.log, judged))
 
     def _settle(self) -> None:
         """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
@@ -289,10 +316,10 @@ class Locator:
             if h.judged.agree > 0.35 and h.judged.through < 0.4
             and free_at(self.known, h.pose.x, h.pose.y)
         ]  # fmt: skip
-        alive.sort(key=lambda h: -(h.log + h.latest))
+        alive.sort(key=lambda h: -h.total)
         kept: list[_Hypothesis] = []
         for one in alive:
-            close = kept and kept[0].log + kept[0].latest - one.log - one.latest > 20.0
+            close = kept and kept[0].total - one.total > 20.0
             if not close and not any(_same(one.pose, other.pose) for other in kept):
                 kept.append(one)
         self._hypotheses = kept[:8]
@@ -300,13 +327,13 @@ class Locator:
         if self._checking:
             self._checking = False
             if best is None or _same(best.pose, self.located.pose):
-                self._hypotheses = []
+                self._hypotheses, self._before = [], None
                 return
             if best.latest <= self._likely + self.caution.margin:
                 drop = self.caution.drop
                 self._moved = best.latest > max(self._likely + drop, self._usual - 0.5 * drop)
                 if not self._moved:
-                    self._hypotheses = []
+                    self._hypotheses, self._before = [], None
                     return
         if best is None or not self._fair(best.judged, self.caution.fair):
             self._everywhere = True
@@ -314,27 +341,29 @@ class Locator:
             why = "no place on the map looks like what the LiDAR sees"
             self.located = self.located._replace(lost=True, reason=why)
             return
-        rival = kept[1].log + kept[1].latest if len(kept) > 1 else -math.inf
-        lead = best.log + best.latest - rival
         c = self.caution
-        driven = self._way >= c.travelled or self._turned >= 2.0 * c.travelled
-        wanted = 0.5 * c.margin if driven or not self._everywhere else c.margin
-        if self._moved:
-            self._led = self._led + 1 if lead >= c.drop else 0
-            wanted = -math.inf if self._led >= c.settled else math.inf
+        lead = best.total - kept[1].total if len(kept) > 1 else math.inf
+        back = next((h for h in kept if self._before and _same(h.pose, self._before)), None)
+        if back is not None and best.total - back.total < c.margin:
+            best, lead, wanted = back, math.inf, 0.0
+        else:
+            wanted = self._wanted(lead)
         sigma = math.sqrt(float(np.linalg.eigvalsh(best.covariance[:2, :2])[-1]))
-        if lead < wanted:
+        glimpsed = self._cold and self._views < c.views
+        if lead < wanted or glimpsed:
             why = f"{len(kept)} places on the map look alike: drive on a little"
             if self._moved:
                 why = "the robot was moved, or something new stands here"
+            elif lead >= wanted:
+                why = "one view is not enough to be sure: drive on a little"
         elif (
             not self._fair(best.judged, c.good)
             or best.judged.agree < c.seen
-            or (best.judged.log < c.least and lead < 3.0 * c.margin)
+            or (best.judged.log < c.least and (self._cold or lead < 3.0 * c.margin))
             or best.judged.told < 0.5 * len(self.lidar.beams)
         ):
             why = "too much of what the LiDAR sees is not on the map"
-        elif sigma > c.sure:
+        elif sigma > c.sure and best is not back:
             why = "too few features are in view to say where along them the robot is"
         else:
             self._forget()
@@ -342,10 +371,22 @@ class Locator:
             return
         self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
 
+    def _wanted(self, lead: float) -> float:
+        """The lead in log likelihood that makes the best hypothesis believed."""
+        c = self.caution
+        if self._moved:
+            self._led = self._led + 1 if lead >= c.drop else 0
+            return -math.inf if self._led >= c.settled else math.inf
+        if self._cold:
+            return c.margin
+        driven = self._way >= c.travelled or self._turned >= 2.0 * c.travelled
+        return 0.5 * c.margin if driven or not self._everywhere else c.margin
+
     def _forget(self) -> None:
         self._search, self._searched, self._found, self._hypotheses = None, None, [], []
         self._doubts, self._odd, self._checking = 0, 0, False
         self._moved, self._led, self._usual = False, 0, -math.inf
+        self._told = False
 
     def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
         return judge(self.known, self.lidar, pose, ranges, 1)

@@ -1,0 +1,33 @@
+"""A drive in real time, of the loop's own process, whose sensors fail once a file is there.
+
+`python -m tests.drive.broken FAULT FILE RECORD`; prints the summary when the robot really stands,
+and how long after its stop that was: without odometry the record can not know it.
+"""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+from cohelm.drive.session import Plan, Session
+from cohelm.link.messages import Mode
+from cohelm.robot.gate.modes import latched
+from cohelm.robot.keep.kept import STANDS_V
+from tests.drive.faults import failing
+
+
+def main() -> None:
+    fault, when, record = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
+    robot = failing(fault, math.inf, real_time=True, when=when)
+    with Session(Plan(robot, record=record)) as session:
+        keeper = session.loop.keeper
+        session.run(lambda _: latched(keeper.gate.mode), Mode.AUTOMATIC)
+        latched_at = keeper.now()
+        session.run(lambda _: abs(keeper.truth().twist.v) < STANDS_V)
+        stood = keeper.now() - latched_at
+        session.end("the drive is over")
+        print(json.dumps(session.summary() | {"stood_after_s": stood}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""A station that holds its stick ahead while it lives: `python -m tests.drive.steers PORT`."""
+
+import sys
+import time
+
+from cohelm.core.types import Stick
+from cohelm.link import keys
+from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.link.station_end import StationEnd
+from cohelm.link.sticks.port import CENTRED
+
+
+def main() -> None:
+    with StationEnd(keys.station(), "127.0.0.1", int(sys.argv[1])) as station:
+        asked = 0.0
+        while True:
+            told = station.status()
+            ahead = told and told.status.arming == Arming.ARMED and told.status.mode == Mode.MANUAL
+            station.steer(Stick(0.7, 0.0) if ahead else CENTRED, True, True, Device.SCRIPT)
+            if told and time.monotonic() - asked > 0.5:  # an answer may come too late
+                asked = time.monotonic()
+                lease = told.status.lease
+                if lease.driver != lease.you:
+                    station.ask(Ask.TAKE, 0)
+                elif told.status.mode != Mode.MANUAL and not told.status.stopped:
+                    station.ask(Ask.MODE, Mode.MANUAL)
+            time.sleep(0.02)
+
+
+if __name__ == "__main__":
+    main()
