@@ -211,6 +211,14 @@ def test_from_who_comes_on_faster_than_the_robot_can_leave_it_does_not_move():
     assert certificate(SALLY, Twist(-1.0, 0.0), SALLY_LIMITS, person) == 0  # it has to stop, too
 
 
+def test_who_is_being_left_does_not_come_nearer_than_half_of_clear_between_two_steps():
+    """Steps of 0.1 s: the corner swings past somebody, who is as far off after it as before."""
+    reach, backing = farthest(SALLY), Twist(-0.945, 0.0)
+    passing = surroundings([[0.352572, -0.459795, 0.782436, 0.024635, 0.155611, 0.2]])
+    m = manoeuvre(Pose(0.0, 0.0, 0.0), backing, SALLY_LIMITS, 0.1, reach)
+    assert in_the_way(m, SALLY, reach, passing, 0.015) == 0
+
+
 @given(outlines(), commands(), oncomers())
 def test_every_command_finds_a_mover_no_nearer_than_clear_or_than_it_was(outline, command, oncomer):
     lim, twist = command

@@ -93,3 +93,9 @@ def test_a_robot_of_no_size_is_a_point(corners, ax, ay, bx, by):
 def test_on_the_outline_the_way_out_is_through_the_edge():
     c = contact(SALLY, 0.36, 0.1)
     assert (c.gap, c.nx, c.ny) == (0.0, -1.0, 0.0)
+
+
+def test_a_robot_of_no_size_that_is_touched_is_told_some_way_out():
+    """Which one is nothing: but a direction, of length 1."""
+    c = contact(np.array([[0.1, -0.2]]), 0.1, -0.2)
+    assert (c.gap, math.hypot(c.nx, c.ny)) == (0.0, 1.0)

@@ -7,6 +7,7 @@ from hypothesis import assume, given, strategies as st
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, disc
+from cohelm.law.guard.bounds import braked
 from cohelm.law.guard.contact import wall_gap
 from cohelm.law.guard.step import (
     BRAKING,
@@ -191,6 +192,15 @@ def test_a_robot_without_limits_stops_at_once_in_front_of_a_wall():
         got = guard_step(HERE, Twist(9.0, 0.0), Twist(99.0, 0.0), wall, outline, free)
         front = outline[:, 0].max()
         assert front + got.v * 0.02 == pytest.approx(1.0 - RULES.margin)
+
+
+@pytest.mark.parametrize("was", [Twist(-0.0581, 0.0), Twist(-0.1425, 0.0)])
+def test_where_no_motion_keeps_all_bounds_it_brakes(was):
+    """Too near in front, behind and beside, and turning brings a corner nearer still."""
+    box = surroundings(points=[[0.39, 0.0957], [-0.3872, -0.1607], [-0.0622, 0.3053]])
+    got = guard_step(Pose(0.0, 0.0, 0.0), was, Twist(0.27, -0.48), box, SALLY, SALLY_LIMITS)
+    assert (got.v, got.omega) == braked(was, SALLY_LIMITS, RULES.dt)
+    assert got.verdict == BRAKING
 
 
 def test_it_backs_out_and_turns_where_it_is_boxed_in():

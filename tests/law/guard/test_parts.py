@@ -202,8 +202,10 @@ NUMBERS = {
     "velocity": lambda bad: (HERE, REST, REST, surroundings([disc(2, 1, 0.1, 0.2, 0.0, bad)])),
     "radius": lambda bad: (HERE, REST, REST, surroundings([disc(2.0, 1.0, bad)])),
     "agility": lambda bad: (HERE, REST, REST, surroundings([disc(2.0, 1.0, 0.1)], [bad])),
-    "wall": lambda bad: (HERE, REST, REST, surroundings(segments=[[1.0, bad, 2.0, 2.0]])),
+    "wall's x": lambda bad: (HERE, REST, REST, surroundings(segments=[[bad, 1.0, 2.0, 2.0]])),
+    "wall's y": lambda bad: (HERE, REST, REST, surroundings(segments=[[1.0, bad, 2.0, 2.0]])),
     "wall's end": lambda bad: (HERE, REST, REST, surroundings(segments=[[1.0, 2.0, bad, 2.0]])),
+    "wall's end's y": lambda bad: (HERE, REST, REST, surroundings(segments=[[1.0, 2.0, 2.0, bad]])),
 }
 
 

@@ -101,6 +101,12 @@ def test_a_bound_that_no_motion_can_keep_is_a_contradiction():
     assert (kept.twist, kept.feasible) == (Twist(0.3, 0.2), True)
 
 
+@pytest.mark.parametrize("most", [0.5, 2.0, 30.0])
+def test_the_obstacle_is_named_whatever_the_size_of_its_bound(most):
+    got = project(Twist(most + 1.0, 0.0), np.array([[-1.0, 0.0, -most, 5.0]]), 1, 0.5)
+    assert (got.twist, got.owner) == (Twist(most, 0.0), 5)
+
+
 def test_the_obstacle_is_named_where_the_wheels_hold_the_answer_too():
     rows = np.array([[-1.0, -0.4, -0.5, 5.0], [0.0, -1.0, -0.5, NOBODY]])
     for order in (rows, rows[::-1]):
