@@ -1,4 +1,4 @@
-"""What may set off though nobody is known to move there: on no map, or come by itself a while ago.
+"""What may set off though nobody is known to move there: it has come by itself a while ago.
 
 Movers are told by `movers`; until a thing is one, when two are seen as one, and after one was
 dropped, its points are loose. Each is told as a small disc of unknown velocity beside counting as
@@ -43,13 +43,13 @@ class Wary(NamedTuple):
 @jit
 def loose(
     lidar: Lidar, sweep: Sweep, pose: Pose, mine: NDArray[np.bool_], fixed: NDArray[np.bool_],
-    mapped: bool, ground: Ground, before: Look, earlier: Look, stamp: float, wary: Wary,
+    ground: Ground, before: Look, earlier: Look, stamp: float, wary: Wary,
 ) -> Floats:  # fmt: skip
     """The loose points of a sweep from an `odom` pose, (l, 3).
 
-    mine: (m,) of its points, whether they belong to a mover. fixed: whether they are on the map's
-    walls, if it is `mapped`: then all others are loose, else those that came by themselves. before,
-    earlier: two sweeps of a while ago; a thing has stood if it was there in both of them.
+    mine: (m,) of its points, whether they belong to a mover. fixed: whether they are on what surely
+    stands. Of all others those are loose that came by themselves. before, earlier: two sweeps of a
+    while ago; a thing has stood if it was there in both of them.
     """
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     out = np.empty((len(mine), 3))
@@ -59,7 +59,7 @@ def loose(
         if mine[i] or fixed[i] or bx * bx + by * by > _NEAR * _NEAR:
             continue
         x, y = pose.x + c * bx - s * by, pose.y + s * bx + c * by
-        if not mapped and not came(ground, x, y, stamp - wary.keep):
+        if not came(ground, x, y, stamp - wary.keep):
             continue
         stood = _was_there(lidar, before, x, y) and _was_there(lidar, earlier, x, y)
         near = False

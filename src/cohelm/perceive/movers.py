@@ -98,7 +98,6 @@ def follow(
     fixed: (m,) which of its points are on what surely stands, as a map says: who walks past that
     is not taken for one thing with it.
     """
-    mapped = fixed is not None
     if fixed is None:
         fixed = np.zeros(len(sweep.points), np.bool_)
     dt = min(max(stamp - before.stamp, 0.0), 1.0) if before.looks else 0.0
@@ -112,9 +111,7 @@ def follow(
     mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
     kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
     first, second = (_look(before.looks, stamp - back) or _BLIND for back in care.back[-2:])
-    may = loose(
-        lidar, sweep, pose, mine, fixed, mapped, before.ground, first, second, stamp, care.wary
-    )
+    may = loose(lidar, sweep, pose, mine, fixed, before.ground, first, second, stamp, care.wary)
     return Movers(tracks, (*kept, now), stamp, mine, noted(before.ground, lidar, now), may)
 
 
