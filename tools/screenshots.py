@@ -9,6 +9,7 @@ Needs chromium, as the tests do. One picture for every state an operator may mee
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import os
 import re
 import signal
@@ -16,8 +17,11 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
@@ -26,6 +30,14 @@ sys.path.insert(0, str(ROOT))
 
 from cohelm.drive.film import film  # noqa: E402
 from cohelm.drive.replayed import Replaying  # noqa: E402
+from cohelm.drive.served import Door, serve  # noqa: E402
+from cohelm.drive.session import Plan  # noqa: E402
+from cohelm.drive.simulated import Simulated, simulated  # noqa: E402
+from cohelm.link import keys  # noqa: E402
+from cohelm.link.keys import Keys  # noqa: E402
+from cohelm.perceive.taped import surveyed  # noqa: E402
+from cohelm.robot.port import Readings  # noqa: E402
+from cohelm.station.linked import Linked  # noqa: E402
 from tests.station.conftest import CHROMIUM, FLAGS  # noqa: E402
 from tests.station.person import (  # noqa: E402
     alarms,
@@ -40,9 +52,12 @@ from tests.station.person import (  # noqa: E402
     take,
     until,
 )  # fmt: skip
-from tests.station.servers import Robot, served  # noqa: E402
+from tests.station.servers import PATIENCE, Robot, served  # noqa: E402
 
 PAD = (ROOT / "tests" / "station" / "gamepad.js").read_text(encoding="utf-8")
+ROOM = [[-2.5, 17.2, 4.5, 20.0], [4.5, 20.0, -2.5, 22.8], [-2.5, 22.8, -2.5, 17.2]]
+ELSEWHERE = 21.0
+"""A room whose walls are at angles that none on the map are, and how far away it is [m]."""
 SCREEN = {"width": 1280, "height": 800}
 COLOURS = 128
 _shots: dict[str, Callable[[Robot, Browser, Callable[[Page], None]], None]] = {}
@@ -65,7 +80,7 @@ def opened(
         if pad:
             page.add_init_script(PAD)
         page.goto(server.address)
-        expect(page.locator("#camera, .camera.none")).to_be_visible()
+        expect(page.locator("#camera, .camera.none")).to_be_attached()  # on a phone behind a tab
         page.wait_for_timeout(1000)
         yield page, context, server.address
         context.close()
@@ -257,6 +272,70 @@ def station_link(robot: Robot, browser: Browser, take_it: Callable[[Page], None]
             take_it(page)
         finally:
             os.kill(robot.pid, signal.SIGCONT)
+
+
+@dataclass(frozen=True)
+class Lifted(Simulated):
+    """Somebody lifts it into a room that is not on its map, once there is the file `when`."""
+
+    when: str = ""
+
+    def __call__(self) -> object:  # noqa: D102 - as there
+        return _Liftable(super().__call__(), Path(self.when))
+
+
+class _Liftable:
+    def __init__(self, robot: object, when: Path) -> None:
+        self._robot, self._when = robot, when
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._robot, name)
+
+    def read(self) -> Readings:
+        if self._when.exists():
+            self._when.unlink()
+            self._robot.push(0.0, ELSEWHERE, 0.0)
+        return self._robot.read()
+
+
+def _driven(line: Connection, own: Keys, when: str) -> None:
+    """The process of a robot that can be lifted."""
+    made = simulated("lab-guard", "twin")
+    walls = made.scenario.walls_m
+    scenario = made.scenario.model_copy(update={"walls_m": [*walls, *ROOM]})
+    robot = Lifted(scenario, made.kind, made.real_time, made.seed, when)
+    known = surveyed(np.array(walls), made.start)
+    serve(
+        Plan(robot, known=known, patience=PATIENCE), Door(own, "127.0.0.1"), line.send,
+        lambda: "enough" if line.poll() else "",
+    )  # fmt: skip
+
+
+@shot
+def station_lost(robot: Robot, browser: Browser, take_it: Callable[[Page], None]) -> None:
+    of_robot, own = keys.pair_here()
+    context = multiprocessing.get_context("spawn")
+    line, theirs = context.Pipe()
+    with tempfile.TemporaryDirectory() as folder:
+        when = Path(folder) / "lift"
+        process = context.Process(target=_driven, args=(theirs, of_robot, str(when)))
+        process.start()
+        try:
+            host, port = line.recv()[:2]
+            with served(lambda _: Linked(own, host, port, fresh=PATIENCE)) as server:
+                page = browser.new_context(viewport=SCREEN).new_page()  # type: ignore[arg-type]
+                page.goto(server.address)
+                drive(page, "Shared")
+                page.wait_for_timeout(1500)
+                when.touch()
+                lost = "The robot does not know where it is"
+                expect(alarms(page)).to_contain_text(lost, timeout=60_000)
+                page.wait_for_timeout(1500)
+                take_it(page)
+                page.context.close()
+        finally:
+            line.send("enough")
+            process.join(60.0)
 
 
 def main() -> None:

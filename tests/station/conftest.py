@@ -1,5 +1,6 @@
 """One robot, one browser and a server for the tests; skipped where one of them is not there."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,8 @@ FLAGS = [
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
 HALL = Path(__file__).parent / "hall.yaml"
+TWIN = os.environ.get("COHELM_TEST_ROBOT") == "twin"
+"""Drive the physics twin, which is slower to make and to drive, and not the kinematic robot."""
 WAIT = 30_000
 """Tests share their machine: what comes late is still right [ms]."""
 expect.set_options(timeout=WAIT)
@@ -22,7 +25,7 @@ expect.set_options(timeout=WAIT)
 
 @pytest.fixture(scope="session")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    made = Robot(str(HALL), False, tmp_path_factory.mktemp("records"))
+    made = Robot(str(HALL), TWIN, tmp_path_factory.mktemp("records"))
     yield made
     made.close()
 

@@ -93,6 +93,21 @@ def drive(page: Page, mode: str = "Manual") -> None:
     choose(page, mode)
 
 
+def lead(page: Page, key: str, seen: re.Pattern[str]) -> None:
+    """Hold a key in manual mode until the wheels are given what is `seen`.
+
+    Where the machine held up the page for so long that the robot stopped, have it drive again.
+    """
+
+    def again() -> None:
+        page.keyboard.up(key)
+        press(page, "Let it drive")()
+        choose(page, "Manual")
+        page.keyboard.down(key)
+
+    until(lambda: expect(given(page)).to_contain_text(seen, timeout=SOON), again)
+
+
 def release(page: Page) -> None:
     until(
         lambda: expect(who(page)).to_contain_text("Nobody drives", timeout=SOON),

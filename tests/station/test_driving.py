@@ -18,6 +18,7 @@ from tests.station.person import (
     release,
     stopped,
     take,
+    until,
     who,
 )
 
@@ -125,10 +126,16 @@ def test_the_gamepad_shakes_where_something_is_near(page: Page) -> None:
     expect(device(page)).to_contain_text("gamepad: ready")
     assert page.evaluate("testPad.rumbles.length") == 0
     page.evaluate("testPad.deflect(1, 0)")
-    page.wait_for_function("testPad.rumbles.length > 5", timeout=120_000)
-    page.wait_for_timeout(3000)  # the guard holds it before the wall
-    strong = page.evaluate("testPad.rumbles.map(r => r.strongMagnitude)")
-    assert 0.0 < strong[0] < strong[-1] <= 1.0  # the nearer, the stronger
+
+    def rumbled() -> None:
+        assert page.evaluate("testPad.rumbles.length") > 5
+
+    def stronger() -> None:  # the nearer it is
+        strong = page.evaluate("testPad.rumbles.map(r => r.strongMagnitude)")
+        assert 0.0 < strong[0] < strong[-1] <= 1.0
+
+    for seen in (rumbled, stronger):
+        until(seen, lambda: page.wait_for_timeout(500))
     page.evaluate("testPad.deflect(0, 0)")
     page.get_by_role("button", name="Stick settings").click()
     page.get_by_label("rumble near obstacles").uncheck()

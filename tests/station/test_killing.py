@@ -31,8 +31,8 @@ from tests.station.person import (
     SOON,
     STILL,
     alarms,
-    choose,
     given,
+    lead,
     press,
     stopped,
     until,
@@ -153,19 +153,6 @@ def take(page: Page) -> None:
     until(lambda: expect(who(page)).to_contain_text("You drive", timeout=SOON), ask)
 
 
-def drives(page: Page, key: str) -> None:
-    """Arm, let go of what is latched, and drive until the robot is fast."""
-
-    def go() -> None:
-        page.keyboard.up(key)
-        press(page, "Let it drive")()
-        choose(page, "Manual")
-        page.keyboard.down(key)
-
-    take(page)
-    until(lambda: expect(given(page)).to_contain_text(FAST, timeout=SOON), go)
-
-
 def test_station_browser_and_wifi_die_in_every_order_and_the_robot_ends_safe(
     browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -191,7 +178,8 @@ def tried(cases: list[Case], browser: Browser, folder: Path) -> list[Case]:
                 page = operator.opened()
                 for number, case in enumerate(cases):
                     logged = len(robot.log.read_text())
-                    drives(page, "ArrowUp" if number % 2 == 0 else "ArrowDown")
+                    take(page)
+                    lead(page, "ArrowUp" if number % 2 == 0 else "ArrowDown", FAST)
                     begun = time.time()
                     page = dies_and_returns(robot, operator, case, logged)
                     darks.append(Dark(case, begun, time.time()))

@@ -20,10 +20,9 @@ from tests.station.person import (
     SOON,
     STILL,
     alarms,
-    choose,
     drive,
-    free,
     given,
+    lead,
     press,
     release,
     stopped,
@@ -75,19 +74,18 @@ def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
     drive(page)
     second = open_page(context, server)
     expect(second.get_by_role("button", name="Ask for it")).to_be_visible()
-    page.keyboard.down("ArrowLeft")
-    expect(given(page)).to_contain_text(LEFT)
+    lead(page, "ArrowLeft", LEFT)
     page.goto("about:blank")  # a reload that takes its time
     expect(stopped(second)).to_contain_text("the stick is lost: the stick vanished")
     page.goto(server.address)
     expect(who(page)).to_contain_text("You drive")
     expect(given(page)).to_contain_text(STILL)
     expect(stopped(page)).to_contain_text("the stick is lost: the stick vanished")
-    # the driver is back, and goes on
-    free(page)
-    choose(page, "Manual")
-    page.keyboard.down("ArrowRight")
-    expect(given(page)).to_contain_text(RIGHT)
+    lead(page, "ArrowRight", RIGHT)  # the driver is back, and goes on
+    page.reload()  # the browser's button, in the middle of a drive
+    expect(who(page)).to_contain_text("You drive")
+    expect(given(page)).to_contain_text(STILL)
+    expect(stopped(second)).to_contain_text("the stick is lost: the stick vanished")
     page.keyboard.up("ArrowRight")
     release(page)
     second.close()

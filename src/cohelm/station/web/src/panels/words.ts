@@ -10,7 +10,7 @@ export const MODES: Array<[State['mode'], string, string]> = [
 ]
 
 export function metres(value: number | null | undefined): string {
-  return value == null ? '–' : `${value.toFixed(2)} m`
+  return value == null ? '–' : `${tidy(value)} m`
 }
 
 export function speed(value: number): string {
