@@ -97,5 +97,6 @@ def test_on_the_outline_the_way_out_is_through_the_edge():
 
 def test_a_robot_of_no_size_that_is_touched_is_told_some_way_out():
     """Which one is nothing: but a direction, of length 1."""
-    c = contact(np.array([[0.1, -0.2]]), 0.1, -0.2)
-    assert (c.gap, math.hypot(c.nx, c.ny)) == (0.0, 1.0)
+    dot = np.array([[0.1, -0.2]])
+    for c in (contact(dot, 0.1, -0.2), overlap(dot, 0.1, -0.2, 0.1, -0.2)):
+        assert (c.gap, math.hypot(c.nx, c.ny)) == (0.0, 1.0)
