@@ -219,6 +219,8 @@ def test_without_its_helpers_the_loop_drives_on(drive, who):
     going = drive("--for", "6")
     going.driving()
     os.kill(child(going.process.pid, who), signal.SIGKILL)
+    if who == "planner":
+        going.said("what plans ways round is gone", 10.0)
     out, _ = going.process.communicate(timeout=STARTED)
     summary = json.loads(out)
     assert summary["reason"] == "the drive is over"

@@ -54,6 +54,11 @@ class Driver:
         """Whether the route is done."""
         return self.pilot is not None and self.pilot.arrived
 
+    @property
+    def stuck(self) -> bool:
+        """Whether nothing plans a way round any more."""
+        return self._planning is not None and self._planning.broken
+
     def moved(self, measured: Twist) -> Twist:
         """What the robot does now: what it was told, as long as that is about what is measured.
 
@@ -141,6 +146,8 @@ class Driver:
         end = keeper.now() + _COMPILING
         self._planning.offer(keeper.now(), task)
         while self._planning.plan(keeper.now()) is None and keeper.now() < end:
+            if self._planning.broken:
+                return
             keeper.wait(keeper.now() + 0.02)
 
     def close(self) -> None:

@@ -41,6 +41,7 @@ _GATE = {
 _MODES = frozenset(int(mode) for mode in Mode)
 _TOLD = 50.0  # statuses a second, at most
 _DISCS = 40  # shown, at most
+_NO_PLANNER = "what plans ways round is gone: the robot keeps to the course it has"
 _SWEEP = 5.0  # from one sweep of young garbage to the next [s]
 
 
@@ -287,6 +288,8 @@ class Loop:
         if said and said != self._recorder:
             self._recorder = str(said)
             self.alarms.on("recorder", self._recorder)
+        if self.driver.stuck and self.alarms.on("planner", _NO_PLANNER):
+            self._event(_NO_PLANNER, True)
         if self.driver.arrived != self._arrived:
             self._arrived = self.driver.arrived
             if self._arrived:

@@ -20,6 +20,9 @@ from cohelm.robot.keep.priority import named
 class Planning(Protocol):
     """Takes a snapshot, and has a plan some periods later."""
 
+    broken: bool
+    """Whether there will be no more plans: the course stays as it is."""
+
     def offer(self, now: float, task: Task) -> bool:
         """Plan from this; False where the last one is not done yet."""
         ...
@@ -39,6 +42,7 @@ class Here:
     def __init__(self, planner: Planner, takes: float = 0.04) -> None:
         """takes: as long as it would take elsewhere [s]."""
         self._planner, self._takes = planner, takes
+        self.broken = False
         self._made: deque[tuple[float, Plan]] = deque()
 
     def offer(self, now: float, task: Task) -> bool:
@@ -77,7 +81,6 @@ class Elsewhere:
         self._going, self._coming = b"", bytearray()
         self._busy = False
         self.broken = False
-        """Whether the process is gone: the course stays as it is."""
 
     def offer(self, now: float, task: Task) -> bool:
         """Send it over, unless one is there."""
