@@ -71,18 +71,24 @@ def test_who_walks_onto_free_ground_is_covered_at_once(speed):
 
 
 def test_three_who_walk_shoulder_to_shoulder_are_covered():
-    """Together they are too wide for a body."""
+    """Together they are too wide for a body. Who walks where another has just stood is told a
+    moment later."""
 
     def around(t):
         y = -2.8 + 0.5 * t
         return discs(*(disc(4.3 + 0.04 * k, y + 0.6 * k, 0.31) for k in range(3)))
 
+    short = []
     for moment, seen in watch(standing(3.0), around, LAB):
         if moment.now < 1.0:
             continue
-        for x, y, *_, radius, _ in around(moment.now + 0.3):
+        for k, (x, y, *_, radius, _) in enumerate(around(moment.now + 0.3)):
             if math.hypot(x - HERE.x, y - HERE.y) < 1.9:
-                assert reached(moment, seen, x, y, radius) < 0.0
+                by = reached(moment, seen, x, y, radius)
+                if by >= 0.0:
+                    short.append((k, by))
+    assert len(short) <= 5
+    assert all(k == 0 and by < 0.2 for k, by in short)
 
 
 def test_on_the_map_nothing_is_loose():
@@ -114,21 +120,61 @@ def test_without_a_map_what_always_stood_is_not_loose():
         assert len(seen.mobile) == 0
 
 
+NOTHING = np.empty((0, 2))
+
+
 def test_ground_keeps_what_was_free_and_when():
     lidar = LIDAR.lidar()
     n = len(lidar.beams)
     open_ = Look(np.full(n, 3.0), Pose(0.0, 0.0, 0.0), 1.0)
     walled = Look(np.full(n, 1.0), Pose(0.0, 0.0, 0.0), 5.0)
-    ground = noted(unknown(), lidar, open_)
+    ground = noted(unknown(), lidar, open_, NOTHING, 1.0)
     assert came(ground, 1.5, 0.0, 0.5)
     assert not came(ground, 1.5, 0.0, 1.5)
     assert not came(ground, -1.5, 0.0, 0.5)
-    later = noted(ground, lidar, walled)
+    later = noted(ground, lidar, walled, NOTHING, 5.0)
     assert came(later, 1.5, 0.0, 0.5)
     assert not came(later, 1.5, 0.0, 2.0)
     assert came(later, 0.5, 0.0, 2.0)
-    far = noted(later, lidar, Look(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0))
+    far = noted(later, lidar, Look(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0)
     assert not came(far, 1.5, 0.0, 0.5)
+
+
+def test_what_stood_before_its_ground_was_seen_free_has_not_come():
+    """Not even where it was seen free by looking along it; after a while it is forgotten."""
+    lidar = LIDAR.lidar()
+    open_ = Look(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    wall = np.array([[1.5, 0.0]])
+    short = Look(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
+    ground = unknown()
+    for k in range(9):
+        ground = noted(ground, lidar, short, wall, 1.0 + 0.1 * k)
+    ground = noted(ground, lidar, open_, NOTHING, 2.0)
+    assert not came(ground, 1.5, 0.0, 0.5)
+    assert not came(ground, 1.55, 0.05, 0.5)
+    assert came(ground, 1.5, 0.2, 0.5)
+    ground = noted(ground, lidar, open_, NOTHING, 12.5)
+    assert came(ground, 1.5, 0.0, 2.5)
+
+
+def test_who_walks_through_a_cell_has_not_stood_there():
+    lidar = LIDAR.lidar()
+    open_ = Look(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    short = Look(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
+    ground = noted(unknown(), lidar, open_, NOTHING, 1.0)
+    for k in range(3):
+        ground = noted(ground, lidar, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k)
+    assert came(noted(ground, lidar, open_, NOTHING, 2.0), 1.5, 0.0, 0.5)
+
+
+def test_a_thin_wall_that_is_driven_through_by_its_door_has_not_come():
+    door = np.array([[4.2, -4.0, 4.2, -1.5], [4.2, -0.5, 4.2, 2.9]])
+    path = along([[3.0, -1.0], [5.6, -1.0]])
+    perception = Perception(SALLY, None, None)
+    told = 0
+    for moment in drive(*path, 0, around=CONES[:0], walls=np.vstack([WALLS, door])):
+        told += len(perception.take(moment.now, moment.readings).mobile)
+    assert told == 0
 
 
 def test_the_spread_of_a_disc_covers_every_velocity_and_acceleration():

@@ -21,6 +21,7 @@ CELL = 0.05
 NEAR = 2.5
 """Farther from the LiDAR than this, ground is not looked at [m]."""
 
+_STOOD = 8.0  # what was seen in a cell in so many sweeps stood there
 _SIDE = 128  # cells along one side of the window; wider than NEAR both ways
 
 
@@ -29,23 +30,46 @@ class Ground(NamedTuple):
     its side.
 
     which: (n, n, 2), the cell that an entry is of. free: (n, n), when it was last seen free, with
-    room behind it [s]; -inf for never.
+    room behind it. hits: (n, n), in how many sweeps since then something was seen in it, and last:
+    in which. was: when it was seen free though something had stood in it. -inf for never.
+
+    All told by a clock that goes faster while the robot drives, since its odometry wears out what
+    is remembered. Along a wall one can look past it within a hand's breadth, and past its other
+    side later: in such cells something stood, and was not gone when they were seen free.
     """
 
     which: Ints
     free: Floats
+    hits: Floats
+    last: Floats
+    was: Floats
 
 
 def unknown() -> Ground:
     """Nothing has been seen yet."""
     far = np.full((_SIDE, _SIDE, 2), np.iinfo(np.int64).min, np.int64)
-    return Ground(far, np.full((_SIDE, _SIDE), -math.inf))
+    never = np.full((_SIDE, _SIDE), -math.inf)
+    return Ground(far, never, np.zeros_like(never), never, never)
 
 
 @jit
-def noted(ground: Ground, lidar: Lidar, look: Look) -> Ground:
-    """With what a sweep sees free."""
+def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: float) -> Ground:
+    """With what a sweep sees free, at `worn` by the ground's clock; standing: (p, 2), what it sees
+    in `odom` that has not come by itself [m]."""
     which, free = ground.which.copy(), ground.free.copy()
+    hits, last, was = ground.hits.copy(), ground.last.copy(), ground.was.copy()
+    for k in range(len(standing)):
+        i, j = math.floor(standing[k, 0] / CELL), math.floor(standing[k, 1] / CELL)
+        a, b = i % _SIDE, j % _SIDE
+        if abs(standing[k, 0] - look.sensor.x) > NEAR or abs(standing[k, 1] - look.sensor.y) > NEAR:
+            continue
+        if which[a, b, 0] != i or which[a, b, 1] != j:
+            which[a, b, 0], which[a, b, 1] = i, j
+            free[a, b] = last[a, b] = was[a, b] = -math.inf
+            hits[a, b] = 0.0
+        if last[a, b] != worn:
+            hits[a, b] += 1.0
+            last[a, b] = worn
     sensor, ranges = look.sensor, look.ranges
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     low_x, low_y = math.floor((sensor.x - NEAR) / CELL), math.floor((sensor.y - NEAR) / CELL)
@@ -73,9 +97,14 @@ def noted(ground: Ground, lidar: Lidar, look: Look) -> Ground:
                     break
             if open_:
                 a, b = i % _SIDE, j % _SIDE
-                which[a, b, 0], which[a, b, 1] = i, j
-                free[a, b] = look.stamp
-    return Ground(which, free)
+                if which[a, b, 0] != i or which[a, b, 1] != j:
+                    which[a, b, 0], which[a, b, 1] = i, j
+                    hits[a, b] = 0.0
+                    last[a, b] = was[a, b] = -math.inf
+                if hits[a, b] >= _STOOD:
+                    was[a, b] = worn
+                free[a, b], hits[a, b] = worn, 0.0
+    return Ground(which, free, hits, last, was)
 
 
 @jit
@@ -86,6 +115,6 @@ def came(ground: Ground, x: float, y: float, since: float) -> bool:
         for b in range(j - 1, j + 2):
             at, on = a % _SIDE, b % _SIDE
             known = ground.which[at, on, 0] == a and ground.which[at, on, 1] == b
-            if not (known and ground.free[at, on] >= since):
+            if not (known and ground.free[at, on] >= since > ground.was[at, on]):
                 return False
     return True

@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats
 from cohelm.perceive.clusters import FREE, Look
 from cohelm.perceive.ground import Ground, came
-from cohelm.perceive.sweep import Sweep
 from cohelm.robot.sensors import Lidar
 
+NEAR = 2.0
+"""Farther from the robot than this there is time yet [m]."""
 LX, LY, STOOD = range(3)
 """Columns of loose points: place in `odom` [m], whether it has stood (1) or not (0)."""
 
-_NEAR = 2.0  # farther from the robot than this there is time yet [m]
 _APART = 0.06  # of points that are nearer to each other one is told [m]
 
 
@@ -36,31 +36,44 @@ class Wary(NamedTuple):
     """What has stood, as far as can be seen, may yet be as fast as this [m/s]."""
     keep: float = 10.0
     """What came by itself is taken to be able to go on for so long [s]."""
+    vouched: float = 2.0
+    """So far driven, odometry no longer says to a hand's breadth what was free where [m]."""
     stop: float = 0.2
     """A robot that moves stands within about this [s]: see `spread`."""
 
 
 @jit
-def loose(
-    lidar: Lidar, sweep: Sweep, pose: Pose, mine: NDArray[np.bool_], fixed: NDArray[np.bool_],
-    ground: Ground, before: Look, earlier: Look, stamp: float, wary: Wary,
-) -> Floats:  # fmt: skip
-    """The loose points of a sweep from an `odom` pose, (l, 3).
+def came_by_itself(
+    places: Floats, near: NDArray[np.bool_], ground: Ground, since: float, look: Look, noise: float
+) -> NDArray[np.bool_]:
+    """(m,) which of a sweep's points in `odom` have come since then, of those that are `near`.
 
-    mine: (m,) of its points, whether they belong to a mover. fixed: whether they are on what surely
-    stands. Of all others those are loose that came by themselves. before, earlier: two sweeps of a
-    while ago; a thing has stood if it was there in both of them.
+    noise: of its ranges, one standard deviation; a thing may be farther than measured by that [m].
     """
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
-    out = np.empty((len(mine), 3))
+    found = np.zeros(len(places), np.bool_)
+    for i in range(len(places)):
+        if near[i]:
+            x, y = places[i, 0], places[i, 1]
+            wx, wy = x - look.sensor.x, y - look.sensor.y
+            far = noise / max(math.hypot(wx, wy), 0.05)
+            found[i] = came(ground, x + far * wx, y + far * wy, since)
+    return found
+
+
+@jit
+def loose(
+    lidar: Lidar, places: Floats, there: NDArray[np.bool_], before: Look, earlier: Look
+) -> Floats:
+    """The loose points among those in `odom` that have come by themselves, `there`: (l, 3).
+
+    before, earlier: two sweeps of a while ago; a thing has stood if it was there in both of them.
+    """
+    out = np.empty((len(there), 3))
     k = 0
-    for i in range(len(mine)):
-        bx, by = sweep.points[i, 0], sweep.points[i, 1]
-        if mine[i] or fixed[i] or bx * bx + by * by > _NEAR * _NEAR:
+    for i in range(len(there)):
+        if not there[i]:
             continue
-        x, y = pose.x + c * bx - s * by, pose.y + s * bx + c * by
-        if not came(ground, x, y, stamp - wary.keep):
-            continue
+        x, y = places[i, 0], places[i, 1]
         stood = _was_there(lidar, before, x, y) and _was_there(lidar, earlier, x, y)
         near = False
         for j in range(k - 1, -1, -1):

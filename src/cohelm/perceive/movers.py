@@ -29,7 +29,7 @@ from cohelm.perceive.clusters import (
     was_free,
 )
 from cohelm.perceive.ground import Ground, noted, unknown
-from cohelm.perceive.loose import Wary, loose, spread, wild
+from cohelm.perceive.loose import NEAR, Wary, came_by_itself, loose, spread, wild
 from cohelm.perceive.sweep import Sweep
 from cohelm.robot.sensors import Lidar
 
@@ -76,17 +76,21 @@ class Care(NamedTuple):
 
 class Movers(NamedTuple):
     """tracks: (t, 17). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
-    points, whether it belongs to a mover. ground: near the robot. loose: (l, 3) as in `loose`."""
+    points, whether it belongs to a mover. ground: near the robot. worn: its clock [s]. loose:
+    (l, 3) as in `loose`."""
 
     tracks: Floats
     looks: tuple[Look, ...]
     stamp: float
     mine: np.ndarray[tuple[int], np.dtype[np.bool_]]
     ground: Ground
+    worn: float
     loose: Floats
 
 
-NONE = Movers(np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), np.empty((0, 3)))
+NONE = Movers(
+    np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3))
+)
 
 
 def follow(
@@ -111,8 +115,23 @@ def follow(
     mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
     kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
     first, second = (_look(before.looks, stamp - back) or _BLIND for back in care.back[-2:])
-    may = loose(lidar, sweep, pose, mine, fixed, before.ground, first, second, stamp, care.wary)
-    return Movers(tracks, (*kept, now), stamp, mine, noted(before.ground, lidar, now), may)
+    wary, worn = care.wary, before.worn + dt
+    if before.looks:
+        way = math.dist(before.looks[-1].sensor[:2], now.sensor[:2])
+        worn += way * wary.keep / wary.vouched
+    places = _placed(sweep, pose)
+    near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~mine & ~fixed
+    since = worn - wary.keep
+    there = came_by_itself(places, near, before.ground, since, now, lidar.noise)
+    ground = noted(before.ground, lidar, now, places[~mine & ~there], worn)
+    may = loose(lidar, places, there, first, second)
+    return Movers(tracks, (*kept, now), stamp, mine, ground, worn, may)
+
+
+def _placed(sweep: Sweep, pose: Pose) -> Floats:
+    """A sweep's points in `odom`."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    return sweep.points @ np.array([[c, s], [-s, c]]) + (pose.x, pose.y)
 
 
 def _look(looks: tuple[Look, ...], when: float) -> Look | None:
