@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from cohelm import __version__
+from cohelm.cli.interrupt import patient
 from cohelm.cli.tell import plain, say
 from cohelm.core.errors import CohelmError
 
@@ -32,6 +33,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that has no m² shows m?
+    patient()
     try:
         try:
             app()

@@ -1,0 +1,51 @@
+"""Ctrl-C between two steps, never in the middle of one.
+
+What compiled code answers is made into Python objects by numba (0.68), which calls Python for that
+and does not expect it to fail: an interrupt that comes just there ends the process with a
+segmentation fault, and the record without its end. So it is put off by a moment.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from types import FrameType
+
+_MOMENT = 0.003  # [s]
+
+
+def patient() -> None:
+    """Take Ctrl-C as `KeyboardInterrupt`, as Python does, but not inside numba.
+
+    A process that does not heed Ctrl-C, or has its own way with it, is left as it is.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupted)
+
+
+def interrupted(number: int, frame: FrameType | None) -> None:
+    """The handler: raises, or comes again."""
+    if _coming.is_set():
+        return  # from inside `_again`
+    if frame is not None and _inside(frame.f_code.co_filename):
+        _coming.set()
+        _again(number)
+        _coming.clear()
+        return
+    raise KeyboardInterrupt
+
+
+_coming = threading.Event()
+
+
+def _again(number: int) -> None:
+    later = threading.Timer(_MOMENT, os.kill, (os.getpid(), number))
+    later.daemon = True
+    later.start()
+
+
+def _inside(file: str) -> bool:
+    """Whether code of this file runs while numba makes an answer: its own, that of named tuples,
+    which is made from text, or this one's."""
+    return file.startswith("<") or "/numba/" in file or file == __file__
