@@ -10,6 +10,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.model import RobotModel
 from cohelm.sim.grid import grid
 from cohelm.sim.twin.engine import mujoco
+from cohelm.sim.twin.movers import Hunters
 from cohelm.sim.twin.robot import Twin
 from tests.sim.twin.drives import brake, disc, drive, sally, scene
 
@@ -86,6 +87,65 @@ def test_who_walks_into_a_standing_robot_finds_the_way_round_it():
     assert np.sort(changes)[-3] <= 0.3 * 0.8  # one bump, perhaps two, and otherwise as people walk
     x, y = robot.things()[0, :2]
     assert (x, y) == pytest.approx((2.0 - 0.8 * robot.now(), 0.0), abs=0.05)  # back on its way
+
+
+FAR = Pose(20.0, 20.0, 0.0)
+
+
+def test_who_walks_at_a_wall_stays_on_this_side_of_it():
+    robot = Twin(sally(), FAR, scene(disc(2.0, 0.0, 0.25, -0.8, 0.0), walls=[[0, -9, 0, 9]]))
+    for _ in range(300):
+        brake(robot, 0.02)
+        assert robot.things()[0, 0] >= 0.25 - 1e-9
+
+
+def test_who_walks_at_a_thing_goes_round_it_and_on():
+    robot = Twin(sally(), FAR, scene(disc(2.0, 0.02, 0.25, -0.8, 0.0), disc(0.0, 0.0, 0.3)))
+    gaps = []
+    for _ in range(1200):
+        brake(robot, 0.02)
+        walker, thing = robot.things()
+        gaps.append(math.dist(walker[:2], thing[:2]) - 0.55)
+    assert 0.0 <= min(gaps) < 0.02
+    x, y = robot.things()[0, :2]
+    assert (x, y) == pytest.approx((2.0 - 0.8 * robot.now(), 0.02), abs=0.05)
+
+
+def test_two_who_meet_do_not_walk_through_each_other():
+    robot = Twin(
+        sally(), FAR,
+        scene(disc(2.0, 0.0, 0.25, -0.8, 0.0), disc(-2.0, 0.05, 0.25, 0.7, 0.0)),
+    )  # fmt: skip
+    for _ in range(1200):
+        brake(robot, 0.02)
+        one, other = robot.things()
+        assert math.dist(one[:2], other[:2]) >= 0.5 - 1e-9
+    assert one[0] < -5.0
+    assert other[0] > 5.0
+
+
+def test_attackers_come_through_nothing():
+    rng = np.random.default_rng(3)
+    bodies = [disc(*rng.uniform(1.0, 4.0, 2), 0.2) for _ in range(5)]
+    walls = np.array([[-1.5, -1.0, 1.5, -1.0], [-0.9, -1.5, -0.9, 1.5]])
+    runners = [disc(-2.0, -2.0, 0.25, 0.1, 0.0), disc(-3.0, 1.0, 0.25, 0.1, 0.0)]
+    robot = Twin(
+        sally(), Pose(0.0, 0.0, 0.0), scene(*bodies, *runners, walls=walls.tolist()), seed=5,
+        hunters=Hunters(np.array([0.0] * 5 + [1.0, 1.0]), 1.3, 5),
+    )  # fmt: skip
+    met = 0
+    for _ in range(1500):
+        brake(robot, 0.02)
+        things = robot.things()
+        for i in (5, 6):
+            for j in set(range(7)) - {i}:
+                away = math.dist(things[i, :2], things[j, :2])
+                assert away >= things[i, 4] + things[j, 4] - 1e-9
+            ends = np.linspace(walls[:, :2], walls[:, 2:], 3001).reshape(-1, 2)
+            away = np.hypot(*(ends - things[i, :2]).T).min()
+            assert away >= 0.25 - 1e-6
+            met += away < 0.26
+    assert met > 10
 
 
 def test_who_is_driven_into_is_a_contact_of_a_moving_robot():

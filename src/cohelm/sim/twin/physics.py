@@ -112,7 +112,7 @@ def advance(
         s.step += 1
         moved = _observe(step, views, s, limits, wheels, reach)
         pose = Pose(s.x, s.y, s.psi)
-        shift = walk(step, s.step * step, pose, outline, discs, movers, views.mocap)
+        shift = walk(step, s.step * step, pose, outline, discs, walls, movers, views.mocap)
         row = s.step % len(trail.poses)
         trail.poses[row, 0], trail.poses[row, 1], trail.poses[row, 2] = s.x, s.y, s.psi
         for m in range(len(movers.which)):
