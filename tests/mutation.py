@@ -19,7 +19,6 @@ import argparse
 import ast
 import copy
 import importlib
-import itertools
 import os
 import random
 import resource
@@ -313,15 +312,13 @@ def main(target: Target) -> None:
     if given.list:
         print(len(drawn))
         return
-    tried, lived = itertools.count(1), itertools.count(1)
-    alive = 0
+    tried: list[bool] = []
 
     def told(mutant: Mutant, lives: bool) -> None:
-        nonlocal alive
-        alive = next(lived) if lives else alive
+        tried.append(lives)
         end = "\n" if lives else "\r"
         print(
-            f"{alive} of {next(tried)} alive, {len(drawn)} drawn; {mutant}"[:160].ljust(160),
+            f"{sum(tried)} of {len(tried)} alive, {len(drawn)} drawn; {mutant}"[:160].ljust(160),
             file=sys.stderr, end=end, flush=True,
         )  # fmt: skip
 

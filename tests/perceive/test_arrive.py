@@ -13,7 +13,7 @@ from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.track import track
 from cohelm.perceive.escape import Choices, Escape, escape, rest, wish
-from cohelm.perceive.memory import Care, View, renew
+from cohelm.perceive.memory import Care, renew
 from cohelm.perceive.way import way
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.kinematics import arc
@@ -26,7 +26,6 @@ from tests.perceive.scenes import NOTHING, line
 DT = 0.02
 ROBOT = robot("jackal")
 LIDAR = LidarModel(noise_m=0.01, mount_x_m=0.12).lidar()
-VIEW = View(LIDAR.mount, LIDAR.first, LIDAR.step, LIDAR.range_min)
 PACE = Pace()
 GAINS = Gains(k_x=1.0, k_psi=4.0)
 CRUISE = 1.0
@@ -52,7 +51,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
     for k in range(round(seconds / DT)):
         if k % 2 == 0:
             scan(pose, LIDAR, world, np.empty((0, 4)), NO_GRID, 3, k, ranges)
-            points = renew(points, pose, VIEW, ranges, Care())
+            points = renew(points, pose, LIDAR, ranges, Care())
         if k % 20 == 0:
             left = NO_MOVE if left == before else left  # held up
             before = left

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, disc, discs
-from cohelm.perceive.memory import Care, View, renew, smoothed
+from cohelm.perceive.memory import Care, renew, smoothed
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
@@ -14,10 +14,6 @@ from tests.perceive.scenes import NOTHING
 
 MODEL = LidarModel(beams=720, field_of_view_deg=270.0, noise_m=0.01, mount_x_m=0.1)
 CARE = Care()
-
-
-def view(lidar):
-    return View(lidar.mount, lidar.first, lidar.step, lidar.range_min)
 
 
 def look(pose, world, number=0, model=MODEL):
@@ -28,7 +24,7 @@ def look(pose, world, number=0, model=MODEL):
 
 
 def seen(points, pose, world, number=0, model=MODEL):
-    return renew(points, pose, view(model.lidar()), look(pose, world, number, model), CARE)
+    return renew(points, pose, model.lidar(), look(pose, world, number, model), CARE)
 
 
 POLE = discs(disc(2.0, 0.5, 0.2))
@@ -49,7 +45,7 @@ def test_points_lie_on_what_was_hit_in_the_world_frame(pose):
 def test_averaging_over_a_surface_takes_most_of_the_noise_away():
     near = Pose(1.2, 0.5, 0.0)
     care = CARE._replace(half_width=0.0)
-    raw = renew(NOTHING, near, view(MODEL.lidar()), look(near, POLE), care)
+    raw = renew(NOTHING, near, MODEL.lidar(), look(near, POLE), care)
     clean = seen(NOTHING, near, POLE)
     assert off_surface(clean)[8:-8].mean() < 0.5 * off_surface(raw)[8:-8].mean()
 
@@ -95,14 +91,14 @@ def test_what_is_seen_again_is_not_kept_twice():
 def test_beams_that_saw_nothing_forget_nothing():
     points = seen(NOTHING, AT, POLE)
     blind = np.full(MODEL.beams, math.nan)
-    assert len(renew(points, AT, view(MODEL.lidar()), blind, CARE)) == len(points)
+    assert len(renew(points, AT, MODEL.lidar(), blind, CARE)) == len(points)
 
 
 def test_a_beam_that_dropped_out_forgets_nothing_hidden():
     points = seen(NOTHING, AT, POLE)
     ranges = look(AT, discs(disc(1.0, 0.25, 0.2)))
     ranges[::2] = math.inf
-    after = renew(points, AT, view(MODEL.lidar()), ranges, CARE)
+    after = renew(points, AT, MODEL.lidar(), ranges, CARE)
     assert (off_surface(after) < 0.05).sum() == len(points)
 
 

@@ -29,6 +29,7 @@ from cohelm.link.messages import Answer, Checked, Map, Mode, Polyline, Waypoints
 from cohelm.link.robot_bulk import Proposed
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
+from cohelm.perceive.frames import placed
 from cohelm.perceive.known import Known
 from cohelm.robot.keep.kept import standing
 from cohelm.robot.keep.lines import Line
@@ -202,14 +203,9 @@ def _occupied(known: Known | None) -> tuple[Floats, Floats]:
     """Centres of occupied cells (p, 2), and the corners of the map (2, 2) [m]."""
     if known is None:
         return np.empty((0, 2)), np.empty((0, 2))
-    pose = known.origin
-    c, s = np.cos(pose.psi), np.sin(pose.psi)
-    turn = np.array([[c, s], [-s, c]])
     rows, columns = np.nonzero(known.gap <= 0.0)
     own = np.asarray(np.column_stack((columns, rows)) + 0.5, dtype=np.float64) * known.resolution
     height, width = known.gap.shape
     ends = [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)]
-    corners = np.array(ends, dtype=np.float64) * known.resolution
-    corners = corners @ turn + (pose.x, pose.y)
-    points: Floats = np.ascontiguousarray(own @ turn + (pose.x, pose.y))
-    return points, np.stack((corners.min(axis=0), corners.max(axis=0)))
+    corners = placed(np.array(ends, dtype=np.float64) * known.resolution, known.origin)
+    return placed(own, known.origin), np.stack((corners.min(axis=0), corners.max(axis=0)))

@@ -14,6 +14,7 @@ from cohelm.law.reference import Reference, through
 from cohelm.loop.person import CENTRED
 from cohelm.loop.planning import Planning
 from cohelm.perceive.chart import swept
+from cohelm.perceive.frames import placed, turned
 from cohelm.perceive.seen import Seen
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import entered
@@ -81,12 +82,12 @@ class Driver:
         together when the robot finds itself elsewhere on the map, and nothing comes nearer."""
         key = (id(seen.points), seen.map_odom)
         if key != self._map:
-            self._map, self._points = key, _placed(seen.points, seen.map_odom)
+            self._map, self._points = key, placed(seen.points, seen.map_odom)
         discs = seen.mobile
         if len(discs):
             discs = discs.copy()
-            discs[:, :2] = _placed(discs[:, :2], seen.map_odom)
-            discs[:, 2:4] = _placed(discs[:, 2:4], Pose(0.0, 0.0, seen.map_odom.psi))
+            discs[:, :2] = placed(discs[:, :2], seen.map_odom)
+            discs[:, 2:4] = turned(discs[:, 2:4], seen.map_odom.psi)
         return Surroundings(discs, seen.mobile_agility, np.empty((0, 4)), self._points)
 
     def clear(self, pose: Pose, around: Surroundings) -> float:
@@ -164,11 +165,3 @@ def _alone(settings: Settings, delay: float) -> Pilot:
     still = Profile(np.zeros_like(pilot.course.paced.rate), pilot.course.paced.duration)
     pilot.course = pilot.course._replace(paced=still)
     return pilot
-
-
-def _placed(points: Floats, frame: Pose) -> Floats:
-    """Points of a frame, where they are in the frame that it is in."""
-    if not len(points):
-        return points
-    c, s = math.cos(frame.psi), math.sin(frame.psi)
-    return np.ascontiguousarray(points @ np.array([[c, s], [-s, c]]) + (frame.x, frame.y))

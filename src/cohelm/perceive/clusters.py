@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.frames import compose
-from cohelm.perceive.sweep import Sweep
+from cohelm.perceive.sweep import Sweep, beam_at
 from cohelm.robot.sensors import Lidar
 
 CX, CY, SIZE, HIDDEN, FRESH, FIRST, LAST = range(7)
@@ -109,10 +109,7 @@ def was_free(lidar: Lidar, look: Look, x: float, y: float) -> bool:
     c, s = math.cos(look.sensor.psi), math.sin(look.sensor.psi)
     sx, sy = c * wx + s * wy, -s * wx + c * wy
     far = math.hypot(sx, sy)
-    bearing = math.atan2(sy, sx) - lidar.first
-    if bearing < 0.0:
-        bearing += 2.0 * math.pi
-    beam = math.floor(bearing / lidar.step + 0.5)
+    beam = beam_at(lidar, sx, sy)
     if not 1 <= beam < len(look.ranges) - 1 or far > lidar.range_max - FREE:
         return False
     r, least = look.ranges, far + FREE

@@ -1,11 +1,13 @@
-"""Poses in poses: from one frame to another, compiled."""
+"""Poses, compiled, and points: from one frame to another."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from cohelm.core.jit import jit_inline
-from cohelm.core.types import Pose, wrap
+from cohelm.core.types import Floats, Pose, wrap
 
 
 @jit_inline
@@ -28,3 +30,14 @@ def between(a: Pose, b: Pose) -> Pose:
     c, s = math.cos(a.psi), math.sin(a.psi)
     dx, dy = b.x - a.x, b.y - a.y
     return Pose(c * dx + s * dy, -s * dx + c * dy, wrap(b.psi - a.psi))
+
+
+def turned(points: Floats, psi: float) -> Floats:
+    """Points, or directions, (p, 2), turned by an angle [rad]."""
+    c, s = math.cos(psi), math.sin(psi)
+    return points @ np.array([[c, s], [-s, c]])
+
+
+def placed(points: Floats, pose: Pose) -> Floats:
+    """Points (p, 2) of the frame at this pose, in the frame that the pose is in."""
+    return turned(points, pose.psi) + pose[:2]

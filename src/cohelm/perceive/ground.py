@@ -1,7 +1,7 @@
 """The ground near the robot, cell by cell: what has been seen free, and so what came there since.
 
 A thing that stands where a whole patch was free before has come by itself, however slowly and
-however it is seen now, and may go on. And ground that was never in view may hold anything.
+however it is seen now, and may go on.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
 from cohelm.perceive.clusters import FREE, Look
+from cohelm.perceive.sweep import beam_at
 from cohelm.robot.sensors import Lidar
 
 CELL = 0.05
@@ -74,9 +75,8 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     low_x, low_y = math.floor((sensor.x - NEAR) / CELL), math.floor((sensor.y - NEAR) / CELL)
     wide = math.ceil(2.0 * NEAR / CELL)
-    whole = 2.0 * math.pi
-    around = lidar.step * len(ranges) > whole - 1.5 * lidar.step
     n = len(ranges)
+    around = lidar.step * n > 2.0 * math.pi - 1.5 * lidar.step
     for i in range(low_x, low_x + wide):
         wx = (i + 0.5) * CELL - sensor.x
         for j in range(low_y, low_y + wide):
@@ -84,10 +84,7 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
             square = wx * wx + wy * wy
             if square > NEAR * NEAR:
                 continue
-            bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy) - lidar.first
-            if bearing < -0.5 * lidar.step:
-                bearing += whole
-            beam = math.floor(bearing / lidar.step + 0.5)
+            beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
             least = math.sqrt(square) + FREE
             open_ = True
             for k in range(beam - 1, beam + 2):
@@ -109,7 +106,8 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
 
 @jit
 def came(ground: Ground, x: float, y: float, since: float) -> bool:
-    """Whether the patch of cells around an `odom` point was seen free since then [s]."""
+    """Whether the patch of cells around an `odom` point was seen free since then [s], and nothing
+    stood there before it was seen free."""
     i, j = math.floor(x / CELL), math.floor(y / CELL)
     for a in range(i - 1, i + 2):
         for b in range(j - 1, j + 2):

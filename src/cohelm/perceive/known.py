@@ -12,6 +12,7 @@ from scipy import ndimage
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
+from cohelm.perceive.frames import placed, turned
 from cohelm.perceive.surfaces import Surfaces, surfaces, thinned
 from cohelm.robot.sensors import Lidar
 
@@ -54,9 +55,7 @@ def known(
     cells = np.asarray(np.argwhere(border)[:, ::-1] + 0.5, dtype=np.float64)
     points, across = _lined(cells * resolution, max(0.15, 3.0 * resolution))
     points, across = thinned(points, across, max(0.03, resolution))
-    c, s = math.cos(origin.psi), math.sin(origin.psi)
-    turn = np.array([[c, s], [-s, c]])
-    points, across = points @ turn + (origin.x, origin.y), across @ turn
+    points, across = placed(points, origin), turned(across, origin.psi)
     distance = ndimage.distance_transform_edt(~occupied) * resolution
     gap = np.minimum(distance, _FARTHEST).astype(np.float32)
     every = max(round(_SIDE / resolution), 1)
@@ -65,7 +64,7 @@ def known(
     own = np.column_stack((columns[open_] + 0.5, rows[open_] + 0.5)) * resolution
     return Known(
         surfaces(points, across, max(resolution, 0.025), _REACH),
-        gap, ~(occupied | free), float(resolution), origin, own @ turn + (origin.x, origin.y),
+        gap, ~(occupied | free), float(resolution), origin, placed(own, origin),
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats
 from cohelm.perceive.clusters import FREE, Look
 from cohelm.perceive.ground import Ground, came
+from cohelm.perceive.sweep import beam_at
 from cohelm.robot.sensors import Lidar
 
 NEAR = 2.0
@@ -92,10 +93,7 @@ def _was_there(lidar: Lidar, look: Look, x: float, y: float) -> bool:
     """Whether an earlier sweep ended about there."""
     wx, wy = x - look.sensor.x, y - look.sensor.y
     c, s = math.cos(look.sensor.psi), math.sin(look.sensor.psi)
-    bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy) - lidar.first
-    if bearing < -0.5 * lidar.step:
-        bearing += 2.0 * math.pi
-    beam = math.floor(bearing / lidar.step + 0.5)
+    beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
     far = math.hypot(wx, wy)
     for k in range(max(beam - 2, 0), min(beam + 3, len(look.ranges))):
         if abs(look.ranges[k] - far) < FREE:

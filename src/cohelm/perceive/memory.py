@@ -9,22 +9,11 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
+from cohelm.perceive.sweep import beam_at
+from cohelm.robot.sensors import Lidar
 
 _MOST = 12  # beams on either side that a range is averaged with
 _JUMP = 0.06  # neighbouring beams that differ by more than this are on different surfaces [m]
-
-
-class View(NamedTuple):
-    """How a planar LiDAR looks at the world; beams run counter-clockwise."""
-
-    mount: Pose
-    """Pose of the sensor in the body frame."""
-    first: float
-    """Bearing of beam 0 in the sensor frame [rad]."""
-    step: float
-    """Angle from one beam to the next, > 0 [rad]."""
-    range_min: float
-    """Nearer surfaces are reported as -inf, and put here [m]."""
 
 
 class Care(NamedTuple):
@@ -67,28 +56,29 @@ def smoothed(ranges: Floats, step: float, half_width: float) -> Floats:
 
 
 @jit
-def renew(points: Floats, pose: Pose, view: View, ranges: Floats, care: Care) -> Floats:
+def renew(points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, care: Care) -> Floats:
     """The points after a scan from `pose`, world frame, (p, 2) [m].
 
     All that the scan sees is replaced by what it sees; what it can not see, outside the field of
     view or hidden, is remembered. A beam without a return (inf) has seen that nothing is there, if
-    its neighbours saw no less: single ones are drop-outs; NaN has seen nothing.
+    its neighbours saw no less: single ones are drop-outs; NaN has seen nothing. What is too near to
+    be measured (-inf) is put at the least range.
     """
     n = len(ranges)
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    x = pose.x + c * view.mount.x - s * view.mount.y
-    y = pose.y + s * view.mount.x + c * view.mount.y
-    c, s = math.cos(pose.psi + view.mount.psi), math.sin(pose.psi + view.mount.psi)
+    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
+    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
+    c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
     made = np.empty((n + len(points), 2))
     m = 0
-    clean = smoothed(ranges, view.step, care.half_width)
+    clean = smoothed(ranges, lidar.step, care.half_width)
     lx, ly = math.inf, math.inf
     for i in range(n):
         r = clean[i]
         if not r < care.keep:
             continue
-        r = view.range_min if r == -math.inf else r
-        b = view.first + view.step * i
+        r = lidar.range_min if r == -math.inf else r
+        b = lidar.first + lidar.step * i
         dx, dy = r * math.cos(b), r * math.sin(b)
         px, py = x + c * dx - s * dy, y + s * dx + c * dy
         if abs(px - lx) + abs(py - ly) < care.spacing:
@@ -101,8 +91,7 @@ def renew(points: Floats, pose: Pose, view: View, ranges: Floats, care: Care) ->
         square = wx * wx + wy * wy
         if not square < care.keep * care.keep:
             continue
-        bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
-        beam = math.floor((bearing - view.first) / view.step + 0.5)
+        beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
         if 0 <= beam < n and _reaches(ranges, beam) + care.behind >= math.sqrt(square):
             continue
         made[m, 0], made[m, 1] = points[i, 0], points[i, 1]

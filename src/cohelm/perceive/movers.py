@@ -28,6 +28,7 @@ from cohelm.perceive.clusters import (
     looked,
     was_free,
 )
+from cohelm.perceive.frames import placed
 from cohelm.perceive.ground import Ground, noted, unknown
 from cohelm.perceive.loose import NEAR, Wary, came_by_itself, loose, spread, wild
 from cohelm.perceive.sweep import Sweep
@@ -119,19 +120,13 @@ def follow(
     if before.looks:
         way = math.dist(before.looks[-1].sensor[:2], now.sensor[:2])
         worn += way * wary.keep / wary.vouched
-    places = _placed(sweep, pose)
+    places = placed(sweep.points, pose)
     near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~mine & ~fixed
     since = worn - wary.keep
     there = came_by_itself(places, near, before.ground, since, now, lidar.noise)
     ground = noted(before.ground, lidar, now, places[~mine & ~there], worn)
     may = loose(lidar, places, there, first, second)
     return Movers(tracks, (*kept, now), stamp, mine, ground, worn, may)
-
-
-def _placed(sweep: Sweep, pose: Pose) -> Floats:
-    """A sweep's points in `odom`."""
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
-    return sweep.points @ np.array([[c, s], [-s, c]]) + (pose.x, pose.y)
 
 
 def _look(looks: tuple[Look, ...], when: float) -> Look | None:
@@ -152,7 +147,7 @@ def bodies(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
     t = movers.tracks
     perhaps = (t[:, PROOF] > 0.0) & (t[:, RADIUS] > care.body)
     t = t[(t[:, MOVES] > 0.0) | perhaps]
-    ahead = min(max(now - movers.stamp, 0.0), 1.0) if movers.looks else 0.0
+    ahead = _ahead(movers, now)
     discs = np.zeros((len(t), 6))
     discs[:, 0] = t[:, TX] + ahead * t[:, TVX]
     discs[:, 1] = t[:, TY] + ahead * t[:, TVY]
@@ -164,12 +159,14 @@ def bodies(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
     return discs, agile
 
 
-def mobile(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
-    """All that may move: `bodies`, and behind them what is loose, as discs that may go anywhere."""
-    discs, agility = bodies(movers, now, care)
-    ahead = min(max(now - movers.stamp, 0.0), 1.0) if movers.looks else 0.0
-    more, agile = wild(movers.loose, ahead, care.agility, care.wary)
-    return np.vstack((discs, more)), np.concatenate((agility, agile))
+def strays(movers: Movers, now: float, care: Care) -> tuple[Floats, Floats]:
+    """What is loose at `now` [s], as discs that may go anywhere, (l, 6), and their agility (l,)."""
+    return wild(movers.loose, _ahead(movers, now), care.agility, care.wary)
+
+
+def _ahead(movers: Movers, now: float) -> float:
+    """How far from the newest sweep on is foretold [s]."""
+    return min(max(now - movers.stamp, 0.0), 1.0) if movers.looks else 0.0
 
 
 @jit

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
+from cohelm.perceive.frames import placed
 
 _BEFORE = 0.07  # a beam says nothing about so much before its end [m]
 _SHARE = 0.35  # of the beams that met a cell, so many must have ended in it
@@ -43,7 +44,7 @@ def raster(poses: list[Pose], points: list[Floats], sensor: Pose, resolution: fl
     low, high = np.full(2, math.inf), np.full(2, -math.inf)
     for pose, seen in zip(poses, points, strict=True):
         if len(seen):
-            world = _world(pose, seen)
+            world = placed(seen, pose)
             low, high = np.minimum(low, world.min(axis=0)), np.maximum(high, world.max(axis=0))
         low, high = np.minimum(low, pose[:2]), np.maximum(high, pose[:2])
     low = np.floor((low - _BORDER) / resolution) * resolution
@@ -53,12 +54,6 @@ def raster(poses: list[Pose], points: list[Floats], sensor: Pose, resolution: fl
     for pose, seen in zip(poses, points, strict=True):
         _draw(hits, misses, pose, seen, sensor, resolution, float(low[0]), float(low[1]))
     return Raster(hits, misses, resolution, Pose(float(low[0]), float(low[1]), 0.0))
-
-
-def _world(pose: Pose, points: Floats) -> Floats:
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
-    turned = points @ np.array([[c, s], [-s, c]])
-    return np.asarray(turned + np.array([pose.x, pose.y]), dtype=np.float64)
 
 
 @jit

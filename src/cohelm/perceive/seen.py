@@ -13,7 +13,7 @@ from cohelm.core.types import Floats, Pose, Twist
 from cohelm.perceive.frames import between, compose, inverse
 from cohelm.perceive.known import Known, on_walls
 from cohelm.perceive.locate import Located, Locator
-from cohelm.perceive.memory import Care as Remembering, View, renew
+from cohelm.perceive.memory import Care as Remembering, renew
 from cohelm.perceive.movers import (
     MOVES,
     NONE,
@@ -23,7 +23,7 @@ from cohelm.perceive.movers import (
     Care as Watching,
     bodies,
     follow,
-    mobile as all_mobile,
+    strays,
 )
 from cohelm.perceive.steady import steadied
 from cohelm.perceive.sweep import Sweep, sweep
@@ -95,7 +95,6 @@ class Perception:
             raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
         else:
             self.lidar = model.lidar.lidar()
-        self._view = View(self.lidar.mount, self.lidar.first, self.lidar.step, self.lidar.range_min)
         self._care = remembering or Remembering()
         self._known = known
         self._locator = Locator(known, self.lidar, start) if known is not None else None
@@ -157,7 +156,7 @@ class Perception:
             if self._movers.mine.any():
                 seen = self._without(seen, self._movers.mine)
         calm = steadied(seen.ranges, self.lidar.noise)
-        points = renew(self._points, pose, self._view, calm, self._care)
+        points = renew(self._points, pose, self.lidar, calm, self._care)
         self._points = self._outside(points)
         if self._locator is not None:
             self._located = self._locator.correct(seen, pose)
@@ -199,12 +198,13 @@ class Perception:
         if located is None:
             located = Located(here, np.zeros((3, 3)), 1.0, False, "")
         discs, agility = bodies(self._movers, now, self._watching)
-        mobile, mobile_agility = all_mobile(self._movers, now, self._watching)
+        loose, agile = strays(self._movers, now, self._watching)
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom, points=self._points, discs=discs,
-            agility=agility, mobile=mobile, mobile_agility=mobile_agility, odometry_stamp=stamp,
+            agility=agility, mobile=np.vstack((discs, loose)),
+            mobile_agility=np.concatenate((agility, agile)), odometry_stamp=stamp,
             scan_stamp=self._scanned,
         )  # fmt: skip
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints
 from cohelm.perceive.frames import between
 from cohelm.perceive.trail import pose_at
@@ -26,6 +26,16 @@ class Sweep(NamedTuple):
     points: Floats
     beams: Ints
     ranges: Floats
+
+
+@jit_inline
+def beam_at(lidar: Lidar, x: float, y: float) -> int:
+    """The beam nearest in direction to a point of the sensor's frame; where none looks, the number
+    is none of theirs. A beam has half a step to either side, the first one too."""
+    bearing = math.atan2(y, x) - lidar.first
+    if bearing < -0.5 * lidar.step:
+        bearing += 2.0 * math.pi
+    return math.floor(bearing / lidar.step + 0.5)
 
 
 @jit
@@ -60,10 +70,7 @@ def sweep(lidar: Lidar, ranges: Floats, stamp: float, duration: float, trail: Fl
             bx, by = moved.x + c * bx - s * by, moved.y + s * bx + c * by
             dx, dy = bx - mount.x, by - mount.y
             sx, sy = mc * dx + ms * dy, -ms * dx + mc * dy
-            bearing = math.atan2(sy, sx) - lidar.first
-            if bearing < -0.5 * lidar.step:
-                bearing += 2.0 * math.pi
-            beam = math.floor(bearing / lidar.step + 0.5)
+            beam = beam_at(lidar, sx, sy)
             if not (far or near):
                 seen = math.hypot(sx, sy)
         if 0 <= beam < n and not made[beam] < seen:

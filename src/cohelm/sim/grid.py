@@ -12,6 +12,7 @@ from scipy import ndimage
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
+from cohelm.perceive.frames import placed
 
 _FARTHEST = 60_000  # cells; a jump must fit into 16 bits
 
@@ -160,6 +161,4 @@ def borders(grid: Grid) -> Floats:
         order = (1, 0, 3, 2) if turned else (0, 1, 2, 3)
         cells.append(np.column_stack([ends[k] for k in order]))
     local = np.concatenate(cells).reshape(-1, 2) * grid.resolution
-    c, s = math.cos(grid.origin.psi), math.sin(grid.origin.psi)
-    world = local @ np.array([[c, s], [-s, c]]) + (grid.origin.x, grid.origin.y)
-    return np.ascontiguousarray(world.reshape(-1, 4))
+    return placed(local, grid.origin).reshape(-1, 4)

@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
-from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, X, Y
+from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, Pose, X, Y
+from cohelm.perceive.frames import placed
 from cohelm.study.experiments import Run
 from cohelm.study.metrics import LEADS_BELOW, spans
 
@@ -188,16 +189,12 @@ def leads(run: Run) -> list[tuple[int, int]]:
 def robot(axes: Axes, run: Run, t: float, color: str = ROBOT, *, filled: bool = False) -> None:
     """The robot's real outline at time t, with a line to its nose."""
     row = run.trace.rows[run.step(t)]
-    c, s = math.cos(row["psi"]), math.sin(row["psi"])
-    turn = np.array([[c, s], [-s, c]])
-    corners = run.setup.outline @ turn + (row["x"], row["y"])
+    pose = Pose(row["x"], row["y"], row["psi"])
+    corners = placed(run.setup.outline, pose)
     axes.add_patch(Polygon(corners, fc=color, ec="none", alpha=0.3 if filled else 0.08, zorder=4))
     axes.add_patch(Polygon(corners, fc="none", ec=color, lw=0.8, alpha=0.9, zorder=4.5))
-    nose = float(run.setup.outline[:, 0].max())
-    axes.plot(
-        [row["x"], row["x"] + nose * c], [row["y"], row["y"] + nose * s],
-        color=color, lw=0.8, alpha=0.9, zorder=4.5,
-    )  # fmt: skip
+    nose = placed(np.array([[0.0, 0.0], [run.setup.outline[:, 0].max(), 0.0]]), pose)
+    axes.plot(*nose.T, color=color, lw=0.8, alpha=0.9, zorder=4.5)
 
 
 def clock(axes: Axes, run: Run, times: Sequence[float]) -> None:

@@ -26,8 +26,7 @@ def urgent() -> str:
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_SLACK, 1, 0, 0, 0)  # wake up on time, not 50 us later
     try:
-        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        os.sched_setscheduler(0, policy, os.sched_param(10))
+        _real_time(0, 10)
     except (OSError, AttributeError):
         pass
     else:
@@ -52,5 +51,9 @@ def with_its_threads() -> None:
             return
         for task in Path("/proc/self/task").iterdir():
             if int(task.name) != own:
-                policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-                os.sched_setscheduler(int(task.name), policy, os.sched_param(9))
+                _real_time(int(task.name), 9)
+
+
+def _real_time(task: int, priority: int) -> None:
+    """Real-time scheduling for a thread, 0 for the one that asks; what it starts is ordinary."""
+    os.sched_setscheduler(task, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))

@@ -16,6 +16,7 @@ from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.human import supplied_energy
 from cohelm.law.reference import evaluate
 from cohelm.law.track import pose_error
+from cohelm.perceive import frames
 from cohelm.perceive.frames import compose, inverse
 from cohelm.perceive.seen import Perception, Seen
 from cohelm.pilot.pilot import Pilot
@@ -211,12 +212,10 @@ class _Run:
 
 def placed(known: Seen, frame: Pose) -> Surroundings:
     """What is seen, in the frame in which `odom` is at this pose."""
-    c, s = math.cos(frame.psi), math.sin(frame.psi)
-    turn = np.array([[c, s], [-s, c]])
     discs = known.mobile.copy()
-    discs[:, X : Y + 1] = discs[:, X : Y + 1] @ turn + frame[:2]
-    discs[:, VX : VY + 1] = discs[:, VX : VY + 1] @ turn
-    return surroundings(discs, known.mobile_agility, None, known.points @ turn + frame[:2])
+    discs[:, X : Y + 1] = frames.placed(discs[:, X : Y + 1], frame)
+    discs[:, VX : VY + 1] = frames.turned(discs[:, VX : VY + 1], frame.psi)
+    return surroundings(discs, known.mobile_agility, None, frames.placed(known.points, frame))
 
 
 def _unguarded(setup: Setup) -> Piloted:

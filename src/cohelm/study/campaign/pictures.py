@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import io
-import math
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from cohelm.core.trace import Trace
-from cohelm.core.types import RADIUS, Floats, X, Y
+from cohelm.core.types import RADIUS, Floats, Pose, X, Y
+from cohelm.perceive.frames import placed
 from cohelm.scenario.worlds.tracks import ELSEWHERE
 from cohelm.study.campaign.case import Case
 from cohelm.study.campaign.row import Row
@@ -84,8 +84,7 @@ def _disc(axes: Axes, places: Floats, worst: int, dt: float) -> None:
 
 
 def _outline(axes: Axes, outline: Floats, row: np.void, color: str, width: float) -> None:
-    c, s = math.cos(row["psi"]), math.sin(row["psi"])
-    corners = outline @ np.array([[c, s], [-s, c]]) + [row["x"], row["y"]]
+    corners = placed(outline, Pose(row["x"], row["y"], row["psi"]))
     axes.add_patch(Polygon(corners, closed=True, fc="none", ec=color, lw=width, zorder=6))
 
 

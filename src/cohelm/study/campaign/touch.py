@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
-from cohelm.perceive.frames import compose
+from cohelm.perceive.frames import compose, placed
 from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.lidar import sight
@@ -65,11 +65,8 @@ def _in_view(
     ranges, walls = np.empty(len(lidar.beams)), setup.around.walls
     pose = _pose(row)
     sight(pose, lidar, discs, walls, setup.grid, ranges)
-    sensor = compose(pose, lidar.mount)
-    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     near = ranges < lidar.range_max
-    ends = ranges[near, None] * lidar.beams[near]
-    ends = ends @ np.array([[c, s], [-s, c]]) + (sensor.x, sensor.y)
+    ends = placed(ranges[near, None] * lidar.beams[near], compose(pose, lidar.mount))
     if which < len(discs):
         x, y, radius = discs[which, [X, Y, RADIUS]]
         on = np.abs(np.hypot(ends[:, 0] - x, ends[:, 1] - y) - radius) < _ON
