@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.jit import jit, jit_inline
+from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, X, Y
 from cohelm.robot.footprint import disc_clearance
 from cohelm.sim.duel import choose, walk_on
@@ -22,6 +22,7 @@ _HURRY = 1.25  # a mover that was held up goes so many times as fast until it is
 _PULL = 1.0  # how strongly it wants back [1/s]
 _BESIDE = 0.02  # gap with which it goes round a thing [m]
 _NEAR = 0.15  # nearer than this, it does not walk towards a thing [m]
+_INSIDE = 0.02  # who starts deeper within a thing than this comes out of it unhindered [m]
 _BACK = 0.005  # nearer to where it should be than this [m], it is back on its way
 
 
@@ -38,8 +39,8 @@ class Movers(NamedTuple):
     paths: World
     """Every disc as a world of its own."""
     held: Floats
-    """(m, 4): whether it is off its way (1) or not (0), on which side it goes round a thing
-    (1 left, -1 right, 0 does not), and its velocity [m/s]."""
+    """(m, 5): whether it is off its way (1) or not (0), on which side it goes round things
+    (1 left, -1 right, 0 does not), its velocity [m/s], and what it goes round."""
     hunt: Hunt
 
 
@@ -66,7 +67,8 @@ class Hunters(NamedTuple):
     seed: int
 
 
-_OFF, _SIDE, _VX, _VY = range(4)
+_OFF, _SIDE, _VX, _VY, _ROUND = range(5)
+_NOTHING, _ROBOT = -1, 0  # things by number: then discs, then walls
 
 
 @jit
@@ -101,10 +103,7 @@ def _hunt(
     if k != int((time - step) / _KEEPS + 1e-6) or time < 1.5 * step:
         choose(hunt.push, m, hunt.agility[m], pose, discs[i], hunt.seed, k)
     walk_on(after, discs[i], hunt.push[m, 0], hunt.push[m, 1], hunt.fastest, step)
-    was = disc_clearance(pose, outline, discs[i, X], discs[i, Y], discs[i, RADIUS])
-    gap = disc_clearance(pose, outline, after[X], after[Y], discs[i, RADIUS])
-    into = gap <= 0.0 and gap < was
-    if into or _bumps(pose, outline, discs, walls, i, after[X], after[Y]):
+    if _bumps(pose, outline, discs, walls, i, after[X], after[Y]) != _NOTHING:
         after[:] = discs[i]
         after[VX] = after[VY] = 0.0
 
@@ -115,27 +114,30 @@ def _go(
     after: Floats,
 ) -> None:  # fmt: skip
     """One step of disc i; `after` holds where it should be then, and where it is."""
+    x, y = discs[i, X], discs[i, Y]
     bumps = _bumps(pose, outline, discs, walls, i, after[X], after[Y])
     if held[_OFF] == 0.0:
-        if not bumps:
+        touches = bumps == _ROBOT and _gap(pose, outline, discs, walls, i, x, y, _ROBOT)[0] > 0.0
+        if bumps == _NOTHING or touches:
             return
-        held[_OFF], held[_SIDE], held[_VX], held[_VY] = 1.0, 0.0, 0.0, 0.0
-    x, y = discs[i, X], discs[i, Y]
+        held[:] = 0.0
+        held[_OFF], held[_ROUND] = 1.0, bumps
     dx, dy = after[X] - x, after[Y] - y
     wx, wy = after[VX] + _PULL * dx, after[VY] + _PULL * dy
     most = _HURRY * max(math.hypot(after[VX], after[VY]), STROLL)
     speed = math.hypot(wx, wy)
     if speed > most:
         wx, wy = wx * most / speed, wy * most / speed
-    gap, nx, ny = _nearest(pose, outline, discs, walls, i)
+    gap, nx, ny = _gap(pose, outline, discs, walls, i, x, y, int(held[_ROUND]))
+    if gap >= _NEAR or nx * wx + ny * wy >= 0.0:  # that one is no longer in the way
+        held[_SIDE], held[_ROUND] = 0.0, _nearest(pose, outline, discs, walls, i)
+        gap, nx, ny = _gap(pose, outline, discs, walls, i, x, y, int(held[_ROUND]))
     if gap < _NEAR and nx * wx + ny * wy < 0.0:
         if held[_SIDE] == 0.0:  # chosen once: behind a flat front both sides look the same
             held[_SIDE] = 1.0 if nx * wy - ny * wx >= 0.0 else -1.0
         out = min(max(2.0 * (_BESIDE - gap), -0.2), 0.2)
         wx = -ny * held[_SIDE] * STROLL + nx * out
         wy = nx * held[_SIDE] * STROLL + ny * out
-    else:
-        held[_SIDE] = 0.0
     ax, ay = wx - held[_VX], wy - held[_VY]
     change = math.hypot(ax, ay)
     share = min(AGILITY * step / change, 1.0) if change > 0.0 else 0.0
@@ -143,13 +145,15 @@ def _go(
     into = nx * vx + ny * vy
     if gap <= 0.0 and into < 0.0:  # it bumps again
         vx, vy = vx - into * nx, vy - into * ny
-    near = math.hypot(dx, dy) < _BACK
-    if near and not bumps and math.hypot(after[VX] - vx, after[VY] - vy) < AGILITY * 0.1:
+    steady = math.hypot(after[VX] - vx, after[VY] - vy) < AGILITY * 0.1
+    if bumps == _NOTHING and steady and math.hypot(dx, dy) < _BACK:
         held[_OFF] = 0.0
     else:
-        if _bumps(pose, outline, discs, walls, i, x + vx * step, y + vy * step):
-            vx, vy = 0.0, 0.0  # between two things
-            held[_SIDE] = -held[_SIDE]
+        other = _bumps(pose, outline, discs, walls, i, x + vx * step, y + vy * step)
+        if other != _NOTHING:
+            vx, vy = 0.0, 0.0
+            if other != held[_ROUND]:  # no way through there: round on the other side
+                held[_SIDE] = -held[_SIDE]
         after[X], after[Y], after[VX], after[VY] = x + vx * step, y + vy * step, vx, vy
     held[_VX], held[_VY] = vx, vy
 
@@ -157,56 +161,53 @@ def _go(
 @jit
 def _bumps(
     pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int, x: float, y: float
-) -> bool:
-    """Whether disc i, on its way to there, comes deeper into the robot, which it may touch, or into
-    a wall or another disc."""
-    was_x, was_y, radius = discs[i, X], discs[i, Y], discs[i, RADIUS]
-    gap = disc_clearance(pose, outline, was_x, was_y, radius)
-    if gap <= 0.0 and disc_clearance(pose, outline, x, y, radius) < gap:
-        return True
-    for j in range(len(discs)):
-        if j != i:
-            gap = math.hypot(x - discs[j, X], y - discs[j, Y])
-            before = math.hypot(was_x - discs[j, X], was_y - discs[j, Y])
-            if gap <= radius + discs[j, RADIUS] and gap < before:
-                return True
-    for w in range(len(walls)):
-        gap = _from_wall(walls[w], x, y)[0]
-        if gap <= radius and gap < _from_wall(walls[w], was_x, was_y)[0]:
-            return True
-    return False
+) -> int:
+    """What disc i comes into if it goes there: what it is nearer to then than now, and touches."""
+    was_x, was_y = discs[i, X], discs[i, Y]
+    for thing in range(1 + len(discs) + len(walls)):
+        gap = _gap(pose, outline, discs, walls, i, x, y, thing)[0]
+        if gap <= 0.0:
+            before = _gap(pose, outline, discs, walls, i, was_x, was_y, thing)[0]
+            if before > max(gap, -_INSIDE):
+                return thing
+    return _NOTHING
 
 
 @jit
-def _nearest(
-    pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int
-) -> tuple[float, float, float]:
-    """Gap of disc i to what is nearest [m], and the direction away from that, a unit vector."""
-    x, y, radius = discs[i, X], discs[i, Y], discs[i, RADIUS]
-    gap = disc_clearance(pose, outline, x, y, radius)
-    tiny = 1e-6
-    nx = disc_clearance(pose, outline, x + tiny, y, radius) - gap
-    ny = disc_clearance(pose, outline, x, y + tiny, radius) - gap
-    for j in range(len(discs)):
-        if j != i:
-            wx, wy = x - discs[j, X], y - discs[j, Y]
-            other = math.hypot(wx, wy) - radius - discs[j, RADIUS]
-            if other < gap:
-                gap, nx, ny = other, wx, wy
-    for w in range(len(walls)):
-        far, wx, wy = _from_wall(walls[w], x, y)
-        if far - radius < gap:
-            gap, nx, ny = far - radius, wx, wy
-    norm = math.hypot(nx, ny)
-    return (gap, nx / norm, ny / norm) if norm > 0.0 else (gap, 1.0, 0.0)
+def _nearest(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> int:
+    """What disc i is nearest to."""
+    best, least = _ROBOT, math.inf
+    for thing in range(1 + len(discs) + len(walls)):
+        gap = _gap(pose, outline, discs, walls, i, discs[i, X], discs[i, Y], thing)[0]
+        if -_INSIDE < gap < least:
+            best, least = thing, gap
+    return best
 
 
-@jit_inline
-def _from_wall(wall: Floats, x: float, y: float) -> tuple[float, float, float]:
-    """Distance of a point from a wall [m], and the vector from its nearest point."""
-    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-    wx, wy = x - wall[0], y - wall[1]
-    length = ex * ex + ey * ey
-    s = min(max((wx * ex + wy * ey) / length, 0.0), 1.0) if length > 0.0 else 0.0
-    wx, wy = wx - s * ex, wy - s * ey
-    return math.hypot(wx, wy), wx, wy
+@jit
+def _gap(
+    pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int, x: float, y: float,
+    thing: int,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Gap of disc i, at a place, to a thing [m], and the unit vector that leads away from it."""
+    radius = discs[i, RADIUS]
+    if thing == _ROBOT:
+        gap, tiny = disc_clearance(pose, outline, x, y, radius), 1e-6
+        wx = disc_clearance(pose, outline, x + tiny, y, radius) - gap
+        wy = disc_clearance(pose, outline, x, y + tiny, radius) - gap
+        far = math.hypot(wx, wy)
+    elif thing <= len(discs):
+        other = discs[thing - 1]
+        wx, wy = x - other[X], y - other[Y]
+        far = math.hypot(wx, wy)
+        gap = far - radius - other[RADIUS] if thing - 1 != i else math.inf
+    else:
+        wall = walls[thing - 1 - len(discs)]
+        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+        wx, wy = x - wall[0], y - wall[1]
+        length = ex * ex + ey * ey
+        s = min(max((wx * ex + wy * ey) / length, 0.0), 1.0) if length > 0.0 else 0.0
+        wx, wy = wx - s * ex, wy - s * ey
+        far = math.hypot(wx, wy)
+        gap = far - radius
+    return (gap, wx / far, wy / far) if far > 0.0 else (gap, 1.0, 0.0)

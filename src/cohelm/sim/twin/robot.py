@@ -111,7 +111,7 @@ class Twin(Paced):
             np.zeros((len(moving), 2)),
         )  # fmt: skip
         self._movers = Movers(
-            np.array(moving, dtype=np.int64), solo, np.zeros((len(moving), 4)), hunt
+            np.array(moving, dtype=np.int64), solo, np.zeros((len(moving), 5)), hunt
         )
         text = mjcf(model, settings, step, self._discs, moving, around.walls, grid)
         try:
