@@ -54,9 +54,10 @@ def test_clear_is_the_gap_of_the_outline_to_the_nearest_thing_of_any_kind():
     driver = Driver(None, SETTINGS, 0.0, None)
     pose = Pose(1.0, 2.0, 0.5 * math.pi)  # the nose, 0.36 m before the middle, looks up
     nothing = surroundings([])
-    assert driver.clear(pose, nothing) == math.inf
+    assert driver.clear(pose, nothing, 0) == math.inf
     point = surroundings([], points=[[1.0, 2.0 + 0.36 + 0.5]])
-    assert driver.clear(pose, point) == pytest.approx(0.5)
+    assert driver.clear(pose, point, 0) == pytest.approx(0.5)
+    assert driver.clear(pose, point, 1) == math.inf  # only ground that was never in view
     disc = surroundings([(1.0, 3.0, 0.0, 0.0, 0.1, 0.2)], points=[[1.0, 2.0 + 0.36 + 0.6]])
-    assert driver.clear(pose, disc) == pytest.approx(1.0 - 0.36 - 0.1)
-    assert driver.clear(pose, surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)])) == 0.0
+    assert driver.clear(pose, disc, 0) == pytest.approx(1.0 - 0.36 - 0.1)
+    assert driver.clear(pose, surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)]), 0) == 0.0

@@ -90,10 +90,14 @@ class Driver:
             discs[:, 2:4] = turned(discs[:, 2:4], seen.map_odom.psi)
         return Surroundings(discs, seen.mobile_agility, np.empty((0, 4)), self._points)
 
-    def clear(self, pose: Pose, around: Surroundings) -> float:
-        """Smallest gap between the outline and anything seen; infinite where nothing is [m]."""
+    def clear(self, pose: Pose, around: Surroundings, blind: int) -> float:
+        """Smallest gap between the outline and anything seen; infinite where nothing is [m].
+
+        blind: how many of the points, at their end, are only ground that was never in view.
+        """
         outline, here = self.settings.outline, np.array([pose], dtype=np.float64)
-        gap = float(swept(around.points, outline, here)[0])
+        seen = around.points[: len(around.points) - blind]
+        gap = float(swept(seen, outline, here)[0])
         for row in around.discs:
             gap = min(gap, float(swept(row[None, :2], outline, here)[0]) - float(row[4]))
         return max(gap, 0.0)
@@ -137,7 +141,7 @@ class Driver:
             entered(pilot.course, pilot.planner.route, 0, pose, Twist(0.0, 0.0))
             pilot.state = state
             pilot.sent[:] = sent
-        self.clear(pose, around)
+        self.clear(pose, around, 0)
 
     def rehearse_plan(self, seen: Seen, keeper: Keeper) -> None:
         """Have one plan made, and thrown away: what plans compiles too, and takes long over it."""

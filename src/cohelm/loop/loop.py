@@ -258,7 +258,9 @@ class Loop:
         """How fast it may be asked to go: what the driver allows, and his delay."""
         driver, self.cap = self.driver, FREE
         if self._delay > NOTICED:
-            self.cap = cap(self._delay, driver.clear(seen.pose, around), driver.settings)
+            self.cap = cap(
+                self._delay, driver.clear(seen.pose, around, seen.blind), driver.settings
+            )
         usual = self._scale * driver.settings.gains.u_d if self._scale < 1.0 else math.inf
         driver.fastest = min(usual, self.cap.speed)
 

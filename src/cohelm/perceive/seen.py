@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist
+from cohelm.perceive.blind import Blind
+from cohelm.perceive.clusters import looked
 from cohelm.perceive.frames import between, compose, inverse
 from cohelm.perceive.known import Known, on_walls
 from cohelm.perceive.locate import Located, Locator
@@ -61,7 +63,10 @@ class Seen(NamedTuple):
     map_odom: Pose
     """The pose of `odom` in the map: compose(map_odom, p) puts a pose of `odom` on the map."""
     points: Floats
-    """Standing things, (p, 2), in `odom` [m]."""
+    """Standing things, and behind them where ground begins that may hold anything, as nothing looks
+    there, (p, 2), in `odom` [m]."""
+    blind: int
+    """How many of the points are such ground."""
     discs: Floats
     """Moving things, (n, 6) as in `core.types`, in `odom`."""
     agility: Floats
@@ -87,20 +92,26 @@ class Perception:
     def __init__(
         self, model: RobotModel | Lidar, known: Known | None = None, start: Pose | None = None,
         remembering: Remembering | None = None, watching: Watching | None = None,
+        outline: Floats | None = None,
     ) -> None:  # fmt: skip
-        """Of a robot, or of a LiDAR alone. Raises CohelmError for a robot without a LiDAR."""
+        """Of a robot, or of a LiDAR alone. Raises CohelmError for a robot without a LiDAR.
+
+        outline: with a LiDAR alone, (k, 2) of what it is on [m]; without, ground that may hold
+        anything is not told.
+        """
         if isinstance(model, Lidar):
             self.lidar = model
         elif model.lidar is None:
             raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
         else:
-            self.lidar = model.lidar.lidar()
+            self.lidar, outline = model.lidar.lidar(), model.outline
+        self._blind = None if outline is None else Blind(self.lidar, outline)
         self._care = remembering or Remembering()
         self._known = known
         self._locator = Locator(known, self.lidar, start) if known is not None else None
         self._trail = EMPTY
         self._twist = Twist(0.0, 0.0)
-        self._points = NOTHING
+        self._points = self._told = NOTHING
         self._scan: int | None = None
         self._scanned = -math.inf
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
@@ -145,7 +156,8 @@ class Perception:
         if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(scan.stamp):
             return
         ranges = np.asarray(scan.ranges, dtype=np.float64)
-        seen: Sweep = sweep(self.lidar, ranges, scan.stamp, scan.duration, self._trail)
+        whole = sweep(self.lidar, ranges, scan.stamp, scan.duration, self._trail)
+        seen = whole
         self._scanned = scan.stamp + scan.duration
         pose = pose_at(self._trail, self._scanned)
         if self._scanned - self._movers.stamp > _APART:
@@ -157,7 +169,11 @@ class Perception:
                 seen = self._without(seen, self._movers.mine)
         calm = steadied(seen.ranges, self.lidar.noise)
         points = renew(self._points, pose, self.lidar, calm, self._care)
-        self._points = self._outside(points)
+        self._points = self._told = self._outside(points)
+        if self._blind is not None:
+            look = looked(self.lidar, whole, pose, self._scanned)
+            mobile = self._mobile(self._scanned)[2]
+            self._told = np.vstack((self._points, self._blind.points(look, pose, mobile)))
         if self._locator is not None:
             self._located = self._locator.correct(seen, pose)
             self._map_odom = compose(self._located.pose, inverse(pose))
@@ -197,16 +213,21 @@ class Perception:
             )
         if located is None:
             located = Located(here, np.zeros((3, 3)), 1.0, False, "")
-        discs, agility = bodies(self._movers, now, self._watching)
-        loose, agile = strays(self._movers, now, self._watching)
+        discs, agility, mobile, mobile_agility = self._mobile(now)
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
-            twist=self._twist, map_odom=self._map_odom, points=self._points, discs=discs,
-            agility=agility, mobile=np.vstack((discs, loose)),
-            mobile_agility=np.concatenate((agility, agile)), odometry_stamp=stamp,
+            twist=self._twist, map_odom=self._map_odom, points=self._told,
+            blind=len(self._told) - len(self._points), discs=discs, agility=agility,
+            mobile=mobile, mobile_agility=mobile_agility, odometry_stamp=stamp,
             scan_stamp=self._scanned,
         )  # fmt: skip
+
+    def _mobile(self, now: float) -> tuple[Floats, Floats, Floats, Floats]:
+        """Movers and their agility, and all that may move and theirs, foretold to now."""
+        discs, agility = bodies(self._movers, now, self._watching)
+        loose, agile = strays(self._movers, now, self._watching)
+        return discs, agility, np.vstack((discs, loose)), np.concatenate((agility, agile))
 
 
 def seen_from(seen: Seen, pose: Pose) -> Pose:

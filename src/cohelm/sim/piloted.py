@@ -115,7 +115,11 @@ def stretches(
 ) -> Iterator[Rows]:  # fmt: skip
     """The run in pieces of at most `length` steps; it ends when the robot has arrived."""
     settings = given.settings
-    eyes = None if given.lidar is None else Perception(given.lidar, watching=given.watching)
+    eyes = (
+        None
+        if given.lidar is None
+        else Perception(given.lidar, watching=given.watching, outline=settings.outline)
+    )
     m = len(scene.around.discs)
     queue, sent = np.zeros((delay, 2)), np.zeros((delay, 2))
     period = max(round(given.period / dt), 1)
