@@ -47,7 +47,7 @@ class Driver:
         self._twist = Twist(0.0, 0.0)
         self._off = 0
         self._planned = -math.inf
-        self._map: tuple[object, ...] = ()
+        self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
         self._points: Floats = np.empty((0, 2))
 
     @property
@@ -80,8 +80,8 @@ class Driver:
     def around(self, seen: Seen) -> Surroundings:
         """What is seen, in the map's frame as the pose has it now: pose and things in it jump
         together when the robot finds itself elsewhere on the map, and nothing comes nearer."""
-        key = (id(seen.points), seen.map_odom)
-        if key != self._map:
+        key = (seen.points, seen.map_odom)
+        if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)
         discs = seen.mobile
         if len(discs):

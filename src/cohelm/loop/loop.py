@@ -340,12 +340,15 @@ class Loop:
         if now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period or self.seen is None:
             return
         self._told = now
-        gate = self.keeper.gate
+        gate, clear = self.keeper.gate, -math.inf
+        if self.seen.blind:
+            around = self.driver.around(self.seen)
+            clear = self.driver.clear(self.seen.pose, around, self.seen.blind)
         said = Said(
             self.mode, gate.reason, self.person, self.seen, self._has_map, self.decision,
             passed.out, passed.reason, self._e_p(), self._progress(),
             self.recording, self.timing.recent, self.timing.overruns,
-            self.alarms.worst(), self.cap,
+            self.alarms.worst(), self.cap, clear,
         )  # fmt: skip
         told = status(said, predicted(self.seen.pose, passed.out))
         self.operator.tell(told)

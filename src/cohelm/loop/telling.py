@@ -32,6 +32,7 @@ from cohelm.robot.sensors import Lidar
 
 _POOR = 0.1  # a place with a larger standard deviation is poorly known [m]
 _AHEAD, _AHEAD_STEP = 12, 0.15
+_AS_ASKED = 0.03  # what differs by less is as asked [m/s, rad/s]
 _NOBODY = Lease(0, 0, "", 0, "", math.nan)
 _VERDICTS = {
     verdicts.UNTOUCHED: Verdict.UNTOUCHED, verdicts.SHAPED: Verdict.SHAPED,
@@ -58,6 +59,8 @@ class Said(NamedTuple):
     overruns: int
     alarms: tuple[Alarm, ...]
     cap: Cap
+    clear: float
+    """Gap to what is seen [m]; -inf where all that the guard knows is seen."""
 
 
 def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
@@ -77,8 +80,8 @@ def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
         twist=seen.twist,
         asked=asked,
         given=said.given,
-        why=said.why,
-        guarding=_guarding(d, seen),
+        why=said.why or _unseen(said, asked),
+        guarding=_guarding(d, said),
         e_p=said.e_p,
         reference=Pose(d.x_d, d.y_d, d.psi_d) if d else Pose(nan, nan, nan),
         progress=said.progress,
@@ -140,10 +143,21 @@ def culprit(d: Decision, seen: Seen) -> tuple[float, float]:
     return (place.x, place.y)
 
 
-def _guarding(d: Decision | None, seen: Seen) -> Guarding:
+def _guarding(d: Decision | None, said: Said) -> Guarding:
     if d is None:
         return Guarding(Verdict.UNTOUCHED, math.nan, (math.nan, math.nan), math.nan)
-    return Guarding(_VERDICTS.get(d.verdict, Verdict.NO_FILTER), d.gap, culprit(d, seen), d.h)
+    verdict, gap = _VERDICTS.get(d.verdict, Verdict.NO_FILTER), max(d.gap, said.clear)
+    return Guarding(verdict, gap, culprit(d, said.seen), d.h)
+
+
+def _unseen(said: Said, asked: Twist) -> str:
+    """That the guard holds the robot back for ground that may hold anything, where it does."""
+    d, seen, given = said.decision, said.seen, said.given
+    if d is None or d.culprit < len(seen.mobile) + len(seen.points) - seen.blind:
+        return ""
+    if abs(asked.v - given.v) < _AS_ASKED and abs(asked.omega - given.omega) < _AS_ASKED:
+        return ""
+    return "held back: nothing looks there, and somebody or something may be there"
 
 
 def _localised(said: Said) -> Localised:

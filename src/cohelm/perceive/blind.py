@@ -29,7 +29,7 @@ DOUBT = 10.0
 """Who left the view beside the robot may be anywhere there, for so long [s]."""
 
 _EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
-_APART = 0.03  # of the outline itself, nothing is said nearer than this [m]
+_APART = 0.03  # nobody slips nearer to the outline than this [m]
 _NEAR = 2.5  # farther from the LiDAR than this, ground is not looked at [m]
 _TOLD = 1.0  # and is told so far beyond the turning circle [m]
 _SIDE = 128  # cells along one side of the window; wider than _NEAR both ways
@@ -89,10 +89,12 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look) -> Viewed:
 
 @jit
 def doubted(
-    viewed: Viewed, lidar: Lidar, look: Look, mobile: Floats, x: float, y: float, far: float
+    viewed: Viewed, lidar: Lidar, look: Look, mobile: Floats, pose: Pose, outline: Floats,
+    far: float,
 ) -> Viewed:  # fmt: skip
-    """With doubt about all ground within `far` [m] of the robot at x, y where nothing looks, if
-    one of the discs that may move is at its edge, and as near."""
+    """With doubt about all ground where nothing looks, within `far` [m] of a robot with this
+    outline at this pose, if one of the discs that may move is at its edge, and as near."""
+    x, y = pose.x, pose.y
     sensor, n = look.sensor, len(lidar.beams)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     first, last = lidar.first - 0.5 * lidar.step, lidar.first + (n - 0.5) * lidar.step
@@ -113,7 +115,10 @@ def doubted(
         wx = (i + 0.5) * CELL - sensor.x
         for j in range(low_y, low_y + wide):
             wy = (j + 0.5) * CELL - sensor.y
-            if not 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < n:
+            if 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < n:
+                continue
+            gap = disc_clearance(pose, outline, (i + 0.5) * CELL, (j + 0.5) * CELL, 0.0)
+            if gap > _APART:
                 doubt[i % _SIDE, j % _SIDE] = look.stamp + DOUBT
     return Viewed(viewed.which, doubt)
 
@@ -140,7 +145,7 @@ def blind(
             if 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < n:
                 continue  # hidden by what is seen before it
             gap = disc_clearance(pose, outline, px, py, 0.0)
-            if gap < _APART:
+            if gap <= 0.0:
                 continue
             if (
                 gap < _APART + 1.5 * CELL
@@ -192,5 +197,5 @@ class Blind:
         if self._viewed is None:
             self._viewed = vouched(nothing(), pose.x, pose.y, self._reach + VOUCHED)
         viewed = looked_at(self._viewed, lidar, look)
-        self._viewed = doubted(viewed, lidar, look, mobile, pose.x, pose.y, far)
+        self._viewed = doubted(viewed, lidar, look, mobile, pose, self._outline, far)
         return blind(self._viewed, lidar, look, pose, self._outline, far)

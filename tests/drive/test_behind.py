@@ -1,0 +1,40 @@
+"""A person backs the robot up where it has never looked, through the whole loop."""
+
+import math
+
+from cohelm.core.types import Stick
+from cohelm.drive.session import Plan, Session
+from cohelm.drive.simulated import simulated
+from cohelm.link.messages import Mode
+from cohelm.loop.operator import Scripted
+from tests.drive.faults import CORRIDOR
+
+
+def test_nobody_backs_it_into_what_it_has_never_seen_and_the_screen_says_so():
+    made = simulated(CORRIDOR, "kinematic", real_time=False)
+    box: list[Session] = []
+
+    def stick(t: float) -> Stick:
+        if t < 1.0 or 7.0 < t < 7.5:
+            return Stick(0.0, 0.0)
+        return Stick(-1.0, 0.0) if t < 4.0 or t > 10.0 else Stick(0.9, 0.0)
+
+    operator = Scripted(stick, lambda: box[0].loop.keeper.now() if box else 0.0)
+    with Session(Plan(made), operator) as session:
+        box.append(session)
+
+        def drive(until: float) -> float:
+            session.run(lambda loop: loop.keeper.now() >= until - 1e-9, Mode.MANUAL)
+            return session.keeper.truth().pose.x
+
+        began = drive(1.5)
+        backed = drive(4.0)
+        assert -0.3 < backed < began + 0.01
+        held = operator.statuses[-1]
+        assert "nothing looks there" in held.why
+        assert held.guarding.gap > 0.5  # the walls are; that ground is not shown as a thing
+        assert math.dist(held.guarding.culprit, (backed, 0.0)) < 0.8
+        ahead = drive(10.0)
+        assert ahead > backed + 1.5
+        assert "nothing looks there" not in operator.statuses[-1].why
+        assert drive(13.0) < ahead - 0.8  # back over what it drove over
