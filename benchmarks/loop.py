@@ -35,13 +35,14 @@ TICK = os.sysconf("SC_CLK_TCK")
 
 
 def burn() -> None:
-    """A busy process: arithmetic and memory, for ever."""
+    """A busy process: arithmetic and memory, until whoever began it is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    block = bytearray(8 << 20)
+    block, parent = bytearray(8 << 20), os.getppid()
     k = 0
-    while True:
-        k = (k * 48271 + 1) % len(block)
-        block[k] = k & 255
+    while os.getppid() == parent:
+        for _ in range(1 << 16):
+            k = (k * 48271 + 1) % len(block)
+            block[k] = k & 255
 
 
 def wake(rate: float, said: Connection) -> None:
