@@ -93,7 +93,7 @@ class Driver:
     def clear(self, pose: Pose, around: Surroundings, blind: int) -> float:
         """Smallest gap between the outline and anything seen; infinite where nothing is [m].
 
-        blind: how many of the points, at their end, are only ground that was never in view.
+        blind: how many of the points, at their end, are only ground that may hold anything.
         """
         outline, here = self.settings.outline, np.array([pose], dtype=np.float64)
         seen = around.points[: len(around.points) - blind]

@@ -157,7 +157,7 @@ def _unseen(said: Said, asked: Twist) -> str:
         return ""
     if abs(asked.v - given.v) < _AS_ASKED and abs(asked.omega - given.omega) < _AS_ASKED:
         return ""
-    return "held back: nothing looks there, and somebody or something may be there"
+    return "held back: nothing looks there, it may not be free"
 
 
 def _localised(said: Said) -> Localised:

@@ -15,12 +15,11 @@ import numpy as np
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Ints, Pose, X, Y
 from cohelm.perceive.clusters import Look
+from cohelm.perceive.ground import CELL, NEAR, SIDE
 from cohelm.perceive.sweep import beam_at
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.sensors import Lidar
 
-CELL = 0.05
-"""Side of a cell [m]."""
 VOUCHED = 0.2
 """So far beyond its turning circle, ground is taken to be free where the robot is switched on: who
 does that has looked; and it can turn and look for itself [m]."""
@@ -30,9 +29,7 @@ DOUBT = 10.0
 
 _EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
 _APART = 0.03  # nobody slips nearer to the outline than this [m]
-_NEAR = 2.5  # farther from the LiDAR than this, ground is not looked at [m]
-_TOLD = 1.0  # and is told so far beyond the turning circle [m]
-_SIDE = 128  # cells along one side of the window; wider than _NEAR both ways
+_TOLD = 1.0  # such ground is told so far beyond the turning circle [m]
 
 
 class Viewed(NamedTuple):
@@ -49,8 +46,8 @@ class Viewed(NamedTuple):
 
 def nothing() -> Viewed:
     """Nothing has been in view yet."""
-    which = np.full((_SIDE, _SIDE, 2), np.iinfo(np.int64).min, np.int64)
-    return Viewed(which, np.full((_SIDE, _SIDE), -math.inf))
+    which = np.full((SIDE, SIDE, 2), np.iinfo(np.int64).min, np.int64)
+    return Viewed(which, np.full((SIDE, SIDE), -math.inf))
 
 
 @jit
@@ -72,14 +69,14 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look) -> Viewed:
     which, doubt = viewed.which.copy(), viewed.doubt.copy()
     sensor, n = look.sensor, len(look.ranges)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    low_x, low_y = math.floor((sensor.x - _NEAR) / CELL), math.floor((sensor.y - _NEAR) / CELL)
-    wide = math.ceil(2.0 * _NEAR / CELL)
+    low_x, low_y = math.floor((sensor.x - NEAR) / CELL), math.floor((sensor.y - NEAR) / CELL)
+    wide = math.ceil(2.0 * NEAR / CELL)
     for i in range(low_x, low_x + wide):
         wx = (i + 0.5) * CELL - sensor.x
         for j in range(low_y, low_y + wide):
             wy = (j + 0.5) * CELL - sensor.y
             far = math.hypot(wx, wy)
-            if far > _NEAR or _known(viewed, i, j, -math.inf):
+            if far > NEAR or _known(viewed, i, j, -math.inf):
                 continue
             beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
             if 0 <= beam < n and look.ranges[beam] > far - CELL:
@@ -119,7 +116,7 @@ def doubted(
                 continue
             gap = disc_clearance(pose, outline, (i + 0.5) * CELL, (j + 0.5) * CELL, 0.0)
             if gap > _APART:
-                doubt[i % _SIDE, j % _SIDE] = look.stamp + DOUBT
+                doubt[i % SIDE, j % SIDE] = look.stamp + DOUBT
     return Viewed(viewed.which, doubt)
 
 
@@ -159,31 +156,25 @@ def blind(
 
 @jit_inline
 def _note(which: Ints, doubt: Floats, i: int, j: int) -> None:
-    a, b = i % _SIDE, j % _SIDE
+    a, b = i % SIDE, j % SIDE
     which[a, b, 0], which[a, b, 1] = i, j
     doubt[a, b] = -math.inf
 
 
 @jit_inline
 def _known(viewed: Viewed, i: int, j: int, now: float) -> bool:
-    a, b = i % _SIDE, j % _SIDE
+    a, b = i % SIDE, j % SIDE
     mine = viewed.which[a, b, 0] == i and viewed.which[a, b, 1] == j
     return mine and viewed.doubt[a, b] <= now
 
 
-def all_round(lidar: Lidar) -> bool:
-    """Whether it looks everywhere."""
-    return lidar.step * len(lidar.beams) > 2.0 * math.pi - 1.5 * lidar.step
-
-
 class Blind:
-    """What one robot has had in view."""
+    """What one robot has had in view, whose LiDAR does not look all round."""
 
     def __init__(self, lidar: Lidar, outline: Floats) -> None:
         """outline: (k, 2) of what the LiDAR is on [m]."""
         self._lidar, self._outline = lidar, outline
         self._reach = float(np.hypot(*outline.T).max())
-        self._all = all_round(lidar)
         self._viewed: Viewed | None = None
 
     def points(self, look: Look, pose: Pose, mobile: Floats) -> Floats:
@@ -191,8 +182,6 @@ class Blind:
 
         mobile: discs that may move, as in `core.types`, in `odom`.
         """
-        if self._all:
-            return np.empty((0, 2))
         far, lidar = self._reach + _TOLD, self._lidar
         if self._viewed is None:
             self._viewed = vouched(nothing(), pose.x, pose.y, self._reach + VOUCHED)

@@ -14,16 +14,17 @@ import numpy as np
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
 from cohelm.perceive.clusters import FREE, Look
-from cohelm.perceive.sweep import beam_at
+from cohelm.perceive.sweep import all_round, beam_at
 from cohelm.robot.sensors import Lidar
 
 CELL = 0.05
 """Side of a cell [m]."""
 NEAR = 2.5
 """Farther from the LiDAR than this, ground is not looked at [m]."""
+SIDE = 128
+"""Cells along one side of a window of them; wider than NEAR both ways."""
 
 _STOOD = 8.0  # what was seen in a cell in so many sweeps stood there
-_SIDE = 128  # cells along one side of the window; wider than NEAR both ways
 
 
 class Ground(NamedTuple):
@@ -48,8 +49,8 @@ class Ground(NamedTuple):
 
 def unknown() -> Ground:
     """Nothing has been seen yet."""
-    far = np.full((_SIDE, _SIDE, 2), np.iinfo(np.int64).min, np.int64)
-    never = np.full((_SIDE, _SIDE), -math.inf)
+    far = np.full((SIDE, SIDE, 2), np.iinfo(np.int64).min, np.int64)
+    never = np.full((SIDE, SIDE), -math.inf)
     return Ground(far, never, np.zeros_like(never), never, never)
 
 
@@ -61,7 +62,7 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
     hits, last, was = ground.hits.copy(), ground.last.copy(), ground.was.copy()
     for k in range(len(standing)):
         i, j = math.floor(standing[k, 0] / CELL), math.floor(standing[k, 1] / CELL)
-        a, b = i % _SIDE, j % _SIDE
+        a, b = i % SIDE, j % SIDE
         if abs(standing[k, 0] - look.sensor.x) > NEAR or abs(standing[k, 1] - look.sensor.y) > NEAR:
             continue
         if which[a, b, 0] != i or which[a, b, 1] != j:
@@ -76,7 +77,7 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
     low_x, low_y = math.floor((sensor.x - NEAR) / CELL), math.floor((sensor.y - NEAR) / CELL)
     wide = math.ceil(2.0 * NEAR / CELL)
     n = len(ranges)
-    around = lidar.step * n > 2.0 * math.pi - 1.5 * lidar.step
+    around = all_round(lidar)
     for i in range(low_x, low_x + wide):
         wx = (i + 0.5) * CELL - sensor.x
         for j in range(low_y, low_y + wide):
@@ -93,7 +94,7 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
                     open_ = False
                     break
             if open_:
-                a, b = i % _SIDE, j % _SIDE
+                a, b = i % SIDE, j % SIDE
                 if which[a, b, 0] != i or which[a, b, 1] != j:
                     which[a, b, 0], which[a, b, 1] = i, j
                     hits[a, b] = 0.0
@@ -111,7 +112,7 @@ def came(ground: Ground, x: float, y: float, since: float) -> bool:
     i, j = math.floor(x / CELL), math.floor(y / CELL)
     for a in range(i - 1, i + 2):
         for b in range(j - 1, j + 2):
-            at, on = a % _SIDE, b % _SIDE
+            at, on = a % SIDE, b % SIDE
             known = ground.which[at, on, 0] == a and ground.which[at, on, 1] == b
             if not (known and ground.free[at, on] >= since > ground.was[at, on]):
                 return False

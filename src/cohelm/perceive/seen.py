@@ -28,7 +28,7 @@ from cohelm.perceive.movers import (
     strays,
 )
 from cohelm.perceive.steady import steadied
-from cohelm.perceive.sweep import Sweep, sweep
+from cohelm.perceive.sweep import Sweep, all_round, sweep
 from cohelm.perceive.taped import surveyed
 from cohelm.perceive.trail import EMPTY, extended, pose_at
 from cohelm.robot.model import RobotModel
@@ -105,7 +105,9 @@ class Perception:
             raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
         else:
             self.lidar, outline = model.lidar.lidar(), model.outline
-        self._blind = None if outline is None else Blind(self.lidar, outline)
+        self._blind = None
+        if outline is not None and not all_round(self.lidar):
+            self._blind = Blind(self.lidar, outline)
         self._care = remembering or Remembering()
         self._known = known
         self._locator = Locator(known, self.lidar, start) if known is not None else None

@@ -38,6 +38,12 @@ def beam_at(lidar: Lidar, x: float, y: float) -> int:
     return math.floor(bearing / lidar.step + 0.5)
 
 
+@jit_inline
+def all_round(lidar: Lidar) -> bool:
+    """Whether it looks everywhere: its last beam and its first are neighbours."""
+    return lidar.step * len(lidar.beams) > 2.0 * math.pi - 1.5 * lidar.step
+
+
 @jit
 def sweep(lidar: Lidar, ranges: Floats, stamp: float, duration: float, trail: Floats) -> Sweep:
     """Motion compensation: beam i was measured at stamp + duration i / (n - 1) [s].
