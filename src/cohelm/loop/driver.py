@@ -14,11 +14,12 @@ from cohelm.law.reference import Reference, through
 from cohelm.loop.person import CENTRED
 from cohelm.loop.planning import Planning
 from cohelm.perceive.chart import swept
-from cohelm.perceive.frames import placed, turned
+from cohelm.perceive.frames import placed
 from cohelm.perceive.seen import Seen
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import entered
 from cohelm.pilot.step import Decision, Settings
+from cohelm.pilot.told import told
 from cohelm.robot.keep.kept import Keeper
 from cohelm.robot.limits import achievable
 
@@ -83,12 +84,7 @@ class Driver:
         key = (seen.points, seen.map_odom)
         if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)
-        discs = seen.mobile
-        if len(discs):
-            discs = discs.copy()
-            discs[:, :2] = placed(discs[:, :2], seen.map_odom)
-            discs[:, 2:4] = turned(discs[:, 2:4], seen.map_odom.psi)
-        return Surroundings(discs, seen.mobile_agility, np.empty((0, 4)), self._points)
+        return told(seen, seen.map_odom, self._points)
 
     def clear(self, pose: Pose, around: Surroundings, blind: int) -> float:
         """Smallest gap between the outline and anything seen; infinite where nothing is [m].

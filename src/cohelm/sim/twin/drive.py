@@ -10,18 +10,18 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import ROW, Trace
-from cohelm.core.types import SAFE, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
+from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.human import supplied_energy
 from cohelm.law.reference import evaluate
 from cohelm.law.track import pose_error
-from cohelm.perceive import frames
 from cohelm.perceive.frames import compose, inverse
-from cohelm.perceive.seen import Perception, Seen
+from cohelm.perceive.seen import Perception
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import Plan
 from cohelm.pilot.step import BARRIER, NONE, Decision, Settings
+from cohelm.pilot.told import told
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.sim.hand import IDLE, operate, replayed
@@ -165,9 +165,9 @@ class _Run:
             return now.pose, around, now.twist
         known = self.perception.take(t, self.robot.read())
         if self.given.known is None:  # where it is on the map is known; all else is as it senses
-            return now.pose, placed(known, compose(now.pose, inverse(known.odometry))), known.twist
+            return now.pose, told(known, compose(now.pose, inverse(known.odometry))), known.twist
         self.fastest = 0.0 if known.lost else math.inf
-        return known.pose, placed(known, known.map_odom), known.twist
+        return known.pose, told(known, known.map_odom), known.twist
 
     def _hand(self, k: int, pose: Pose, things: Floats) -> Stick:
         setup = self.setup
@@ -208,14 +208,6 @@ class _Run:
         row["applied_v"], row["applied_omega"] = applied
         row["clearance"], row["energy"] = then.clearance, self.energy
         row["course"], row["to_go"], row["arrived"] = self.courses, away, away < setup.near
-
-
-def placed(known: Seen, frame: Pose) -> Surroundings:
-    """What is seen, in the frame in which `odom` is at this pose."""
-    discs = known.mobile.copy()
-    discs[:, X : Y + 1] = frames.placed(discs[:, X : Y + 1], frame)
-    discs[:, VX : VY + 1] = frames.turned(discs[:, VX : VY + 1], frame.psi)
-    return surroundings(discs, known.mobile_agility, None, frames.placed(known.points, frame))
 
 
 def _unguarded(setup: Setup) -> Piloted:

@@ -16,9 +16,10 @@ from cohelm.core.types import SAFE, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules, guard
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.foresee import foreseen, moved_on, stopping
+from cohelm.pilot.told import told
 from cohelm.sim.duel import Attack, deflection, note
 from cohelm.sim.run import Setup
-from cohelm.sim.twin.drive import SLOP, between, careful, held, lag, placed, sight
+from cohelm.sim.twin.drive import SLOP, between, careful, held, lag, sight
 from cohelm.sim.twin.movers import Hunters
 from cohelm.sim.twin.robot import Twin
 
@@ -54,7 +55,7 @@ def duel(setup: Setup, attack: Attack, hunters: Hunters, rules: Rules) -> Trace:
         seen = perception.take(k * dt, robot.read())
         asked = wish if math.isfinite(seen.scan_stamp) else Twist(0.0, 0.0)
         then, before = foreseen(seen.odometry, seen.twist, sent, k, limits, dt)
-        things = moved_on(placed(seen, _HERE), delay, stopping(before, limits, dt))
+        things = moved_on(told(seen, _HERE), delay, stopping(before, limits, dt))
         passed = guard(then, before, asked, things, setup.outline, limits, rules)
         command = Twist(passed.v, passed.omega)
         sent[k % len(sent)] = command
