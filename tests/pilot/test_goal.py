@@ -4,7 +4,8 @@ import numpy as np
 
 from cohelm.core.types import Pose
 from cohelm.law.reference import through
-from cohelm.sim.run import Setup, run, with_pilot
+from cohelm.sim.run import run
+from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
 from tests.pilot.drives import SALLY
 

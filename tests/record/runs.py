@@ -16,7 +16,8 @@ from cohelm.record.topics import Scene
 from cohelm.record.write import Recorder
 from cohelm.robot.limits import unlimited
 from cohelm.sim.hand import Operator
-from cohelm.sim.run import Setup, pieces
+from cohelm.sim.run import pieces
+from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 
 LAB = [

@@ -6,7 +6,7 @@ from cohelm.core.types import Floats, Pose, disc
 from cohelm.law.gains import Gains
 from cohelm.law.reference import through
 from cohelm.robot.limits import Limits, unlimited
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, World, world
 from tests.oracle import lab
 

@@ -11,7 +11,8 @@ from cohelm.law.reference import through
 from cohelm.robot.footprint import disc_clearance
 from cohelm.scenario.load import robot
 from cohelm.sim import piloted
-from cohelm.sim.run import Setup, run, with_pilot
+from cohelm.sim.run import run
+from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign import rooms
 

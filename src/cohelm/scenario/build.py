@@ -25,7 +25,7 @@ from cohelm.scenario.world import Read
 from cohelm.sim.grid import NO_GRID, solid_at
 from cohelm.sim.hand import Operator, Replay, replay
 from cohelm.sim.piloted import Piloted
-from cohelm.sim.run import REACHED, Setup
+from cohelm.sim.setup import REACHED, Setup
 from cohelm.sim.twin.settings import Twinned
 from cohelm.sim.world import NOWHERE, Body, clearance
 

@@ -12,7 +12,8 @@ import numpy as np
 from cohelm.core.trace import Trace
 from cohelm.robot.limits import Limits
 from cohelm.scenario import build, load
-from cohelm.sim.run import Setup, run
+from cohelm.sim.run import run
+from cohelm.sim.setup import Setup
 from cohelm.study.metrics import Metrics, measure, settling, spans
 
 SETTLED = 0.02

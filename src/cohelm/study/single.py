@@ -13,7 +13,8 @@ from cohelm.core.trace import Trace
 from cohelm.law.reference import tabulate
 from cohelm.record.topics import Scene
 from cohelm.record.write import Recorder
-from cohelm.sim.run import Setup, pieces
+from cohelm.sim.run import pieces
+from cohelm.sim.setup import Setup
 from cohelm.study.experiments import Progress, Run
 from cohelm.study.metrics import Metrics
 

@@ -26,7 +26,7 @@ from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.sim.hand import IDLE, operate, replayed
 from cohelm.sim.piloted import Piloted, near_walls
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.robot import Truth, Twin
 from cohelm.sim.twin.settings import TwinModel

@@ -18,7 +18,7 @@ from cohelm.perceive.seen import Perception
 from cohelm.pilot.foresee import foreseen, moved_on, stopping
 from cohelm.pilot.told import told
 from cohelm.sim.duel import Attack, deflection, note
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.sim.twin.drive import SLOP, between, careful, held, lag, sight
 from cohelm.sim.twin.movers import Hunters
 from cohelm.sim.twin.robot import Twin

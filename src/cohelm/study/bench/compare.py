@@ -14,7 +14,8 @@ from cohelm.core.types import RADIUS, SAFE, Floats, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.step import step
 from cohelm.sim.batch import Batch, run_batch
-from cohelm.sim.run import Setup, run
+from cohelm.sim.run import run
+from cohelm.sim.setup import Setup
 from cohelm.study.bench.measure import Rounds, machine, median_call_us
 from cohelm.study.bench.peers import INSTALL, Peer, PeerFailed, installed
 from cohelm.study.bench.result import CBFPY, IR_SIM, BenchResult

@@ -15,7 +15,7 @@ from cohelm.law.step import step
 from cohelm.robot.limits import unlimited
 from cohelm.robot.model import RobotModel, shipped_path
 from cohelm.sim.batch import Batch
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 
 POSES = 64

@@ -31,7 +31,7 @@ from cohelm.link.stick import Recording
 from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.scenario.load import robot
 from cohelm.sim.duel import BANG, RAM, SCRIPT, SPIN, Attack, Scene
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign.case import DT, PAPER, Case, Duel, Law, least_gap, sequence
 

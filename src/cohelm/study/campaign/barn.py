@@ -22,7 +22,7 @@ from cohelm.perceive.band import spread
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
-from cohelm.sim.run import Setup, with_pilot
+from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign.case import DT, PAPER, Case, Goal
 

@@ -16,7 +16,8 @@ from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules
 from cohelm.sim import duel as duels
 from cohelm.sim.duel import SCRIPT, Attack, Scene, duel
-from cohelm.sim.run import Setup, pieces, with_pilot
+from cohelm.sim.run import pieces
+from cohelm.sim.setup import Setup, with_pilot
 
 Law = Literal["guard", "paper", "none", "rvo", "vo"]
 LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")

@@ -26,7 +26,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import Reference, evaluate, through
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.tracks import ELSEWHERE, Track, read_tracks
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign.case import DT, PAPER, Case, Goal, sequence
 from cohelm.study.campaign.rooms import extremes

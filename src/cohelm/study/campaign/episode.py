@@ -14,7 +14,7 @@ from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.robot.limits import Limits
 from cohelm.scenario.worlds.barn import score
 from cohelm.sim.judge import FAR, Judged, judge
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.study.campaign.case import DT, Case, Law, traced
 from cohelm.study.campaign.row import Row
 from cohelm.study.campaign.touch import NOTHING_TOUCHED, Touch, first_touch

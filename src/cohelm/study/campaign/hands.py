@@ -19,7 +19,7 @@ from cohelm.link import stick as sticks
 from cohelm.link.stick import Recording
 from cohelm.scenario import build
 from cohelm.sim.hand import replay
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.study.campaign.case import Case, sequence
 from cohelm.study.campaign.lab import goal, limited, scenario
 

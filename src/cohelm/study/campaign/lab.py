@@ -13,7 +13,7 @@ from dataclasses import replace
 from cohelm.law.reference import Motion, evaluate
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
-from cohelm.sim.run import REACHED, Setup
+from cohelm.sim.setup import REACHED, Setup
 from cohelm.study.campaign.case import DT, Case, Goal, sequence
 
 

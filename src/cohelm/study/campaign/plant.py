@@ -18,7 +18,7 @@ from cohelm.core.types import RADIUS, VX, VY, X, Y, disc
 from cohelm.perceive.taped import surveyed
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
-from cohelm.sim.run import Setup, with_pilot
+from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.twin.settings import TwinModel, Twinned
 from cohelm.sim.world import Body, World, world
 from cohelm.study.campaign.case import Case, Plant, lively

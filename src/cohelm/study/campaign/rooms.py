@@ -24,7 +24,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import Reference, through
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign.case import DT, PAPER, Case, Goal, sequence
 

@@ -13,7 +13,7 @@ from cohelm.perceive.frames import compose, placed
 from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.lidar import sight
-from cohelm.sim.run import Setup
+from cohelm.sim.setup import Setup
 from cohelm.sim.twin.settings import Twinned
 
 _BEAMS = 5  # of a scan that end on a thing: fewer do not count as having it in view

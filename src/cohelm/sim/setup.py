@@ -1,0 +1,97 @@
+"""All that one run needs: robot, world, person, and how it is simulated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cohelm.core.types import VX, VY, Floats, Pose
+from cohelm.law.gains import Gains
+from cohelm.law.govern import Pace
+from cohelm.law.guard.step import Rules
+from cohelm.law.reference import Reference
+from cohelm.perceive.movers import Care as Watching
+from cohelm.pilot.step import Settings
+from cohelm.robot.limits import Limits
+from cohelm.robot.sensors import LidarModel
+from cohelm.sim.grid import NO_GRID, Grid
+from cohelm.sim.hand import Operator, Replay, replay
+from cohelm.sim.piloted import Piloted
+from cohelm.sim.twin.settings import Twinned
+from cohelm.sim.world import World, world
+
+REACHED = 0.1
+"""Distance to the end of a reference that counts as having reached it, by default [m]."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """All that one run needs."""
+
+    start: Pose
+    reference: Reference
+    outline: Floats
+    limits: Limits
+    gains: Gains = field(default_factory=Gains)
+    spline_speed: bool = False
+    around: World = field(default_factory=lambda: world(([], np.empty((0, 4)))))
+    names: tuple[str, ...] = ()
+    hands: Replay = field(default_factory=replay)
+    operator: Operator = field(default_factory=Operator)
+    dt: float = 0.01
+    duration: float | None = None
+    """[s]; by default that of the reference, or with the pilot twice that and half a minute."""
+    delay: float = 0.0
+    """From command to wheels, rounded to whole steps [s]."""
+    seed: int = 0
+    grid: Grid = NO_GRID
+    """An occupancy map, seen by a LiDAR; its borders are walls of `around` too."""
+    barred: Floats | None = None
+    """(s, 4), the walls that a LiDAR sees beside the map; None: all of `around`."""
+    near: float = REACHED
+    """Nearer to the end of the reference than this, the robot has arrived [m]."""
+    pilot: Piloted | None = None
+    """With the pilot; None for the paper's law, whose reference runs on with time."""
+    twin: Twinned | None = None
+    """With the physics twin as the plant; None for exact arcs."""
+    scenario: str = ""
+    """The YAML text this was made from, kept with the trace."""
+
+    @property
+    def steps(self) -> int:
+        """Control steps of the run, the last one at its end or just before. With the pilot, at
+        most: it ends on arrival."""
+        duration = self.duration
+        if duration is None:
+            duration = self.reference.duration
+            duration = duration if self.pilot is None else 2.0 * duration + 30.0
+        return math.floor(duration / self.dt + 1e-9) + 1
+
+    @property
+    def delay_steps(self) -> int:
+        """The delay in control steps."""
+        return round(self.delay / self.dt)
+
+
+def with_pilot(
+    setup: Setup, pace: Pace | None = None, lidar: LidarModel | None = None, agility: float = 1.0,
+    gains: Gains | None = None,
+) -> Setup:  # fmt: skip
+    """The same run with the pilot, at its usual care; without `gains` with those of the setup.
+
+    lidar: what the robot sees with; None: it knows everything as it is. agility: of the discs
+    that drift or follow a path, the largest acceleration they are taken to be capable of [m/s^2].
+    """
+    moving = np.hypot(setup.around.discs[:, VX], setup.around.discs[:, VY]) > 0.0
+    moving |= np.diff(setup.around.path_first) > 0
+    settings = Settings(
+        setup.outline, setup.limits, gains or setup.gains, Rules(dt=setup.dt), pace or Pace()
+    )
+    made = Piloted(
+        settings, agility * moving.astype(np.float64), None if lidar is None else lidar.lidar()
+    )
+    if lidar is not None:
+        made = replace(made, rate=lidar.rate_hz, watching=Watching(agility=agility))
+    return replace(setup, pilot=made)
