@@ -40,9 +40,11 @@ class Caution(NamedTuple):
     """So many doubtful scans in a row mean lost."""
     odd: float = -4.0
     """As many scans less likely than this: is there a place near by that fits better?"""
-    drop: float = 1.0
-    """Or less likely by this than they were. A place near by that fits as well as the old one did,
-    and by so much better than that does now, makes it doubtful whether the robot was moved."""
+    drop: float = 0.4
+    """Or less likely by this than they were. A place near by that fits by so much better,"""
+    alike: float = 0.5
+    """and no more than this worse than the old one did, makes it doubtful whether the robot was
+    moved."""
     settled: int = 5
     """After as many scans with no other place that fits so well, it was."""
     pause: int = 8
@@ -119,6 +121,8 @@ class Locator:
         self._way = self._turned = 0.0
         self._leg = Pose(0.0, 0.0, 0.0)  # on from where hypotheses were last judged afresh
         self._views = 0  # places some way apart that they were judged from before
+        self._answered = False  # whether they are those of a whole search
+        self._waited = 0  # scans since then
         self._everywhere = self._cold = self.start is None
         self._told = False  # whether somebody has just said where it is
         self._before: Pose | None = None  # and where it believed to be until then
@@ -182,8 +186,10 @@ class Locator:
             self._consider(pose, points, across, ranges)
         self._found = self._found[4:]
         if not self._found:
-            self._searched = None
+            self._searched, self._answered, self._waited = None, True, 0
             self._settle()
+            if self.located.lost and not any(self._plausible(h.judged) for h in self._hypotheses):
+                self._everywhere = self._cold or not self._everywhere
         return self.located
 
     def _track(self, step: Pose, sweep: Sweep, points: Floats, across: Floats) -> None:
@@ -261,11 +267,12 @@ class Locator:
             self._way, self._turned = self._way + way, self._turned + turned
             self._leg = Pose(0.0, 0.0, 0.0)
             self._views += 1
-        if self._searched is None:
-            if self._hypotheses:
-                self._settle()
-            else:
-                self._seek(points, across, sweep)
+        self._waited += 1
+        if self._answered and self._hypotheses:
+            self._settle()
+        tired = not self._hypotheses or self._waited >= self.caution.pause
+        if self.located.lost and self._searched is None and tired:
+            self._seek(points, across, sweep)
 
     def _seek(self, points: Floats, across: Floats, sweep: Sweep) -> None:
         """Begin a search: near by at first, then everywhere."""
@@ -283,9 +290,10 @@ class Locator:
         self._found = [self._before] if self._before else []
         self._searched = (points, across, sweep.ranges)
         self._base = Pose(0.0, 0.0, 0.0)
-        self._way = self._turned = 0.0
-        self._leg = Pose(0.0, 0.0, 0.0)
-        self._views = 0
+        if not self._hypotheses:
+            self._way = self._turned = 0.0
+            self._leg = Pose(0.0, 0.0, 0.0)
+            self._views = 0
 
     def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> None:
         """Match a candidate of the search; keep it as a hypothesis where it fits."""
@@ -324,19 +332,9 @@ class Locator:
                 kept.append(one)
         self._hypotheses = kept[:8]
         best = kept[0] if kept else None
-        if self._checking:
-            self._checking = False
-            if best is None or _same(best.pose, self.located.pose):
-                self._hypotheses, self._before = [], None
-                return
-            if best.latest <= self._likely + self.caution.margin:
-                drop = self.caution.drop
-                self._moved = best.latest > max(self._likely + drop, self._usual - 0.5 * drop)
-                if not self._moved:
-                    self._hypotheses, self._before = [], None
-                    return
+        if self._checking and self._holds(best):
+            return
         if best is None or not self._fair(best.judged, self.caution.fair):
-            self._everywhere = True
             self._hypotheses = []
             why = "no place on the map looks like what the LiDAR sees"
             self.located = self.located._replace(lost=True, reason=why)
@@ -371,6 +369,19 @@ class Locator:
             return
         self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
 
+    def _holds(self, best: _Hypothesis | None) -> bool:
+        """Whether the believed pose stands up to what a check of it has found; that ends it."""
+        c = self.caution
+        self._checking = False
+        if best is not None and not _same(best.pose, self.located.pose):
+            if best.latest > self._likely + c.margin:
+                return False
+            self._moved = best.latest > max(self._likely + c.drop, self._usual - c.alike)
+            if self._moved:
+                return False
+        self._hypotheses, self._before = [], None
+        return True
+
     def _wanted(self, lead: float) -> float:
         """The lead in log likelihood that makes the best hypothesis believed."""
         c = self.caution
@@ -384,12 +395,16 @@ class Locator:
 
     def _forget(self) -> None:
         self._search, self._searched, self._found, self._hypotheses = None, None, [], []
+        self._answered = False
         self._doubts, self._odd, self._checking = 0, 0, False
         self._moved, self._led, self._usual = False, 0, -math.inf
         self._told = False
 
     def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
         return judge(self.known, self.lidar, pose, ranges, 1)
+
+    def _plausible(self, judged: Judgement) -> bool:
+        return judged.log >= self.caution.least and self._fair(judged, self.caution.fair)
 
     def _fair(self, judged: Judgement, least: float) -> bool:
         unblocked = 1.0 - judged.short
