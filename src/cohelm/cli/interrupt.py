@@ -7,9 +7,7 @@ segmentation fault, and the record without its end. So it is put off by a moment
 
 from __future__ import annotations
 
-import os
 import signal
-import threading
 from types import FrameType
 
 _MOMENT = 0.003  # [s]
@@ -21,28 +19,16 @@ def patient() -> None:
     A process that does not heed Ctrl-C, or has its own way with it, is left as it is.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGALRM, interrupted)
         signal.signal(signal.SIGINT, interrupted)
 
 
-def interrupted(number: int, frame: FrameType | None) -> None:
-    """The handler: raises, or comes again."""
-    if _coming.is_set():
-        return  # from inside `_again`
+def interrupted(_: int, frame: FrameType | None) -> None:
+    """The handler: raises, or comes again as an alarm, however often, until it can."""
     if frame is not None and _inside(frame.f_code.co_filename):
-        _coming.set()
-        _again(number)
-        _coming.clear()
+        signal.setitimer(signal.ITIMER_REAL, _MOMENT)
         return
     raise KeyboardInterrupt
-
-
-_coming = threading.Event()
-
-
-def _again(number: int) -> None:
-    later = threading.Timer(_MOMENT, os.kill, (os.getpid(), number))
-    later.daemon = True
-    later.start()
 
 
 def _inside(file: str) -> bool:
