@@ -95,6 +95,7 @@ def robot(
         return
     chosen, operator = hands(made, mode)
     with ended() as stop, Session(plan, operator) as session:
+        stop.heed()
         operator.watches(session.loop.keeper.now)
         begun = session.loop.keeper.now()
 
@@ -134,10 +135,11 @@ def _served(plan: Plan, where: str, seconds: float | None) -> dict[str, Any]:
     host, port = address(where, PORT)
     begun = time.monotonic()
 
-    def ready(at: tuple[Any, ...]) -> None:
-        say(f"listening on {at[0]}:{at[1]}; robot {plain(own.name)}, Ctrl-C ends it")
-
     with ended() as stop:
+
+        def ready(at: tuple[Any, ...]) -> None:
+            stop.heed()
+            say(f"listening on {at[0]}:{at[1]}; robot {plain(own.name)}, Ctrl-C ends it")
 
         def over() -> str:
             late = seconds is not None and time.monotonic() - begun >= seconds

@@ -7,9 +7,11 @@ import signal
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
+from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.served import Door
+from cohelm.robot.keep.processes import bound, started
 
 _START = 900.0
 """A robot that is not ready by then, compiling included, never will be [s]."""
@@ -32,14 +34,10 @@ class Beside:
 
         Raises CohelmError where the robot can not be started.
         """
-        context = multiprocessing.get_context("spawn")
-        self._line, theirs = context.Pipe(duplex=True)
-        self._process = context.Process(
-            target=_drive,
-            name="cohelm robot",
-            args=(theirs, name, twin, door, carry_on, patience, pictures),
+        self._line, theirs = multiprocessing.Pipe()
+        self._process = started(
+            "cohelm robot", _drive, theirs, name, twin, door, carry_on, patience, pictures
         )
-        self._process.start()
         theirs.close()
         try:
             if not self._line.poll(_START):
@@ -49,6 +47,7 @@ class Beside:
             self.close()
             raise CohelmError("the robot's process ended before it was ready; see above") from None
         except BaseException:
+            self._process.kill()  # it does not drive yet, and need not be waited for
             self.close()
             raise
         if isinstance(answer, str):
@@ -116,6 +115,7 @@ def _drive(
     pictures: float,
 ) -> None:  # fmt: skip
     """The robot's process."""
+    let_go = bound()
     from cohelm.drive.operate import ended
     from cohelm.drive.served import serve
     from cohelm.drive.session import Plan
@@ -130,11 +130,16 @@ def _drive(
             except OSError:
                 return "the station is gone"
 
+        def ready(address: tuple[Any, ...]) -> None:
+            end.heed()
+            line.send(address)
+            let_go()
+
         try:
             made = simulated(name, "twin" if twin else "kinematic")
             ways = Ways(carry_on=carry_on)
             plan = Plan(made, ways=ways, patience=patience, pictures=pictures)
-            serve(plan, door, lambda address: line.send(address), over)
+            serve(plan, door, ready, over)
         except CohelmError as error:
             try:
                 line.send(str(error))

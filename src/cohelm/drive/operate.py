@@ -87,26 +87,34 @@ def hands(made: Simulated, mode: str) -> tuple[Mode, Hands]:
         raise CohelmError(f"--mode: there is no mode {mode!r}; there are {known}") from error
 
 
+_SIGNALS = {
+    signal.SIGINT: "Ctrl-C", signal.SIGTERM: "told to terminate",
+    signal.SIGHUP: "the terminal is gone",
+}  # fmt: skip
+
+
 class End:
     """Whether somebody wants the drive to end, and how they said so."""
 
     def __init__(self) -> None:
         self.asked = ""
 
+    def heed(self) -> None:
+        """The robot may move from now on, and must be stopped first."""
+        for number in _SIGNALS:
+            signal.signal(number, self._wish)
+
+    def _wish(self, number: int, _: object) -> None:
+        self.asked = _SIGNALS[signal.Signals(number)]
+
 
 @contextmanager
 def ended() -> Generator[End]:
-    """Ctrl-C, and being told to terminate, become a wish: the robot must be stopped first."""
+    """Ctrl-C, and being told to terminate: while a robot starts they end this process at once, even
+    in the middle of compiling; once it may move, see `End.heed`, they are a wish."""
     end = End()
-    words = {
-        signal.SIGINT: "Ctrl-C", signal.SIGTERM: "told to terminate",
-        signal.SIGHUP: "the terminal is gone",
-    }  # fmt: skip
-
-    def wish(number: int, _: object) -> None:
-        end.asked = words[signal.Signals(number)]
-
-    before = {number: signal.signal(number, wish) for number in words}
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in _SIGNALS}
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see `robot.keep.processes`
     try:
         yield end
     finally:

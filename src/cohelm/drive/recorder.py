@@ -8,7 +8,6 @@ disk is full: room for it is kept in `NAME.reserve` until then.
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import os
 import pickle
 import select
@@ -25,7 +24,7 @@ from cohelm.core.period import PERIOD
 from cohelm.record.drive import DriveFile
 from cohelm.robot.keep.kept import Event
 from cohelm.robot.keep.lines import LARGEST, line
-from cohelm.robot.keep.priority import named
+from cohelm.robot.keep.processes import started
 from cohelm.robot.model import RobotModel
 
 _RESERVE = 1 << 16  # bytes kept for the log
@@ -41,11 +40,7 @@ class Recording:
         _make(path)
         self.loop, loops = line()
         self.keeper, keepers = line()
-        context = multiprocessing.get_context("spawn")
-        self._process = context.Process(
-            target=_record, args=(path, model, scenario, loops, keepers), name="cohelm recorder"
-        )
-        self._process.start()
+        self._process = started("cohelm recorder", _record, path, model, scenario, loops, keepers)
         loops.close()
         keepers.close()
 
@@ -114,8 +109,6 @@ def _record(
     path: Path, model: RobotModel, scenario: str, loop: socket.socket, keeper: socket.socket
 ) -> None:
     """The other process."""
-    named("cohelm recorder")
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if hasattr(signal, "SIGXFSZ"):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a file-size limit is an OSError, then

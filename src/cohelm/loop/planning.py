@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import os
 import pickle
-import signal
 import socket
 import struct
 from collections import deque
@@ -14,7 +12,7 @@ from typing import Protocol
 
 from cohelm.pilot.pilot import Planner
 from cohelm.pilot.plan import Plan, Task
-from cohelm.robot.keep.priority import named
+from cohelm.robot.keep.processes import bound, started
 
 
 class Planning(Protocol):
@@ -71,11 +69,7 @@ class Elsewhere:
 
     def __init__(self, planner: Planner) -> None:
         self._line, theirs = socket.socketpair()
-        context = multiprocessing.get_context("spawn")
-        self._process = context.Process(
-            target=_plan, args=(theirs, planner), name="cohelm planner", daemon=True
-        )
-        self._process.start()
+        self._process = started("cohelm planner", _plan, theirs, planner, daemon=True)
         theirs.close()
         self._line.setblocking(False)
         self._going, self._coming = b"", bytearray()
@@ -137,8 +131,7 @@ def _framed(what: object) -> bytes:
 
 def _plan(line: socket.socket, planner: Planner) -> None:
     """The other process: below the loop, the keeper and the recorder."""
-    named("cohelm planner")
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    bound()
     os.nice(5)
     with line, line.makefile("rb") as tasks, contextlib.suppress(OSError):
         while head := tasks.read(_SIZE.size):

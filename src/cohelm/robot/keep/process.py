@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import select
-import signal
 import socket
 import time
 from collections.abc import Callable
@@ -23,7 +22,8 @@ from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
 from cohelm.robot.gate.modes import Mode
 from cohelm.robot.keep.kept import Kept, standing
 from cohelm.robot.keep.lines import Line
-from cohelm.robot.keep.priority import named, urgent
+from cohelm.robot.keep.priority import urgent
+from cohelm.robot.keep.processes import bound, started
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, Robot, Scan
 
@@ -44,19 +44,20 @@ class KeptElsewhere:
 
         Raises CohelmError if the robot can not be made.
         """
-        context = multiprocessing.get_context("spawn")
-        self._line, theirs = context.Pipe(duplex=True)
-        self._process = context.Process(
-            target=_serve, args=(theirs, make, rules, record), name="cohelm keeper"
-        )
-        self._process.start()
+        self._line, theirs = multiprocessing.Pipe()
+        self._process = started("cohelm keeper", _serve, theirs, make, rules, record)
         theirs.close()
         self._scan: Scan | None = None
         self._frame: Frame | None = None
         self._gate = Gate()
         self._offset = 0.0
         self._within = max(_ANSWER, _WATCHDOGS * rules.watchdog)
-        self._model: RobotModel = self._answer(_START)
+        try:
+            self._model: RobotModel = self._answer(_START)
+        except BaseException:
+            self._process.kill()  # nothing has reached the wheels
+            self._process.join()
+            raise
 
     @property
     def pid(self) -> int:
@@ -161,8 +162,7 @@ def _gone() -> CohelmError:
 
 def _serve(line: Connection, make: Make, rules: Rules, record: socket.socket | None) -> None:
     """The other process."""
-    named("cohelm keeper")
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the loop's to handle
+    let_go = bound()  # nothing reaches the wheels before the loop knows of the robot
     try:
         robot = make()
         kept = Kept(robot, rules, Line(record))
@@ -171,8 +171,9 @@ def _serve(line: Connection, make: Make, rules: Rules, record: socket.socket | N
         line.send((error, Gate(), 0.0, 0.0))
         return
     urgent()
-    line.send((kept.model, kept.gate, kept.now(), time.monotonic()))
+    let_go()
     try:
+        line.send((kept.model, kept.gate, kept.now(), time.monotonic()))
         _attend(line, kept, robot, rules)
     except (EOFError, OSError):
         kept.fault("the loop's process is gone")

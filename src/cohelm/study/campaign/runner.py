@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import threading
 import time
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import active_children, connection, get_context, parent_process
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
+from cohelm.robot.keep.processes import bound
 from cohelm.study.campaign.case import LAWS, Law, Plant
 from cohelm.study.campaign.drive import chunk, code
 from cohelm.study.campaign.row import Row
@@ -232,14 +231,7 @@ def _begin(made: Suite) -> None:
     global _suite
     _suite = made
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    connection.wait([sentinel])
-    os._exit(1)
+    bound()
 
 
 def _in_process(law: Law, numbers: tuple[int, ...]) -> list[Row]:

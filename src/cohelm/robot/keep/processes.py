@@ -1,0 +1,57 @@
+"""Processes that work for this one: deaf to Ctrl-C, and gone with it where nothing is at stake."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from multiprocessing import connection, resource_tracker
+from multiprocessing.context import SpawnProcess
+from typing import Any
+
+from cohelm.robot.keep.priority import named
+
+
+def started(
+    name: str, target: Callable[..., None], *args: Any, daemon: bool = False
+) -> SpawnProcess:
+    """A new process that runs `target`; it and what it starts never hear Ctrl-C.
+
+    A terminal sends that to all of them. It is for the first one to handle, which stops a robot
+    in order; and in one that still imports, it would be an error message.
+    """
+    context = multiprocessing.get_context("spawn")
+    process = context.Process(target=_run, name=name, args=(name, target, *args), daemon=daemon)
+    resource_tracker.ensure_running()  # started along with the process it would undo the mask
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        process.start()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)  # raises a Ctrl-C that came meanwhile
+    except BaseException:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if process.pid is not None:
+            process.kill()
+        raise
+    return process
+
+
+def _run(name: str, target: Callable[..., None], *args: Any) -> None:
+    named(name)
+    target(*args)
+
+
+def bound() -> Callable[[], None]:
+    """From now on this process ends at once when the one that started it is gone, whatever it is
+    doing; until it is let go by a call of what is returned."""
+    parent, free = multiprocessing.parent_process(), threading.Event()
+
+    def watch(sentinel: int) -> None:
+        connection.wait([sentinel])
+        if not free.is_set():
+            os._exit(1)
+
+    if parent is not None:
+        threading.Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
+    return free.set

@@ -1,0 +1,53 @@
+"""What works for a robot's process: deaf to Ctrl-C, and gone with it unless it has been let go."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+WITHIN = 10.0  # on a busy machine [s]
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize("how", ["bound", "free"])
+def test_a_child_hears_no_ctrl_c_and_ends_with_its_parent_while_it_is_bound(how):
+    parent = subprocess.Popen(
+        [sys.executable, "-m", "tests.robot.keep.children", how],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert parent.stdout is not None
+    assert parent.stderr is not None
+    child = int(parent.stdout.readline())
+    try:
+        os.kill(child, signal.SIGINT)  # it has only just begun
+        assert parent.stdout.readline() == "ready\n"
+        os.kill(child, signal.SIGINT)
+        time.sleep(0.1)
+        assert alive(child)
+
+        parent.kill()
+        parent.wait()
+        end = time.monotonic() + (WITHIN if how == "bound" else 0.3)
+        while alive(child) and time.monotonic() < end:
+            time.sleep(0.01)
+        assert alive(child) == (how == "free")
+    finally:
+        parent.kill()
+        if alive(child):
+            os.kill(child, signal.SIGTERM)  # that it does hear
+        said = parent.communicate()[1]
+    assert said == ""
+    end = time.monotonic() + WITHIN
+    while alive(child):
+        assert time.monotonic() < end
+        time.sleep(0.01)
