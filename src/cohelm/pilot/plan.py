@@ -44,6 +44,10 @@ class Care(NamedTuple):
     """Distance from the course at which a way back is looked for [m]."""
     rejoin: float = 0.3
     """Distance from the route up to which the robot changes back onto it [m]."""
+    slack: float = 0.02
+    """A way round is kept while it is no more than this tighter than it had to be when it was
+    found, and changed for one that leaves more than this more: sensors tell now a little more,
+    now a little less [m]."""
     patience: float = 0.6
     """Between two looks for a way that is not needed but might be better [s]."""
     beside: float = 0.15
@@ -128,10 +132,14 @@ def _course(
     # What stood or walked where the route ends may be gone.
     beside = now.last and not on_route and math.hypot(off[0], off[1]) > care.beside
     ended = beside and _remaining(now, state.clock.tau) < 0.1
-    fine = kept.gap >= manners.gap and not (astray or held or short or on_route or ended)
+    fine = kept.gap >= manners.gap - care.slack and not (
+        astray or held or short or on_route or ended
+    )
     if fine and (kept.gap >= care.roomy or task.since < care.patience):
         return kept
     found = _round(task, points, route, settings, manners, care, far)
+    if fine and (found is None or found.gap < kept.gap + care.slack):
+        return kept
     if found is not None and ended:
         nearer = found.course.poses[-1, :2] - route.line[-1]
         found = found if math.hypot(*nearer) < math.hypot(*off) - 0.1 else None
