@@ -15,8 +15,9 @@ import numpy as np
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Ints, Pose, X, Y
 from cohelm.perceive.clusters import Look
-from cohelm.perceive.ground import CELL, NEAR, SIDE
+from cohelm.perceive.ground import NEAR
 from cohelm.perceive.sweep import beam_at
+from cohelm.perceive.window import CELL, SIDE, cell, holds, nowhere
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.sensors import Lidar
 
@@ -33,11 +34,9 @@ _TOLD = 1.0  # such ground is told so far beyond the turning circle [m]
 
 
 class Viewed(NamedTuple):
-    """A window of cells that goes with the robot, in `odom`; rows and columns are taken modulo
-    its side.
+    """A window of cells, see `perceive.window`, each of which has been in view.
 
-    which: (n, n, 2), the cell that an entry is of, each of which has been in view; others are
-    unknown. doubt: (n, n), until when somebody may be there, unless it is in view before [s].
+    doubt: (n, n), until when somebody may be in a cell, unless it is in view before [s].
     """
 
     which: Ints
@@ -46,15 +45,14 @@ class Viewed(NamedTuple):
 
 def nothing() -> Viewed:
     """Nothing has been in view yet."""
-    which = np.full((SIDE, SIDE, 2), np.iinfo(np.int64).min, np.int64)
-    return Viewed(which, np.full((SIDE, SIDE), -math.inf))
+    return Viewed(nowhere(), np.full((SIDE, SIDE), -math.inf))
 
 
 @jit
 def vouched(viewed: Viewed, x: float, y: float, radius: float) -> Viewed:
     """As if the ground about an `odom` point had been in view."""
     which, doubt = viewed.which.copy(), viewed.doubt.copy()
-    low_x, low_y = math.floor((x - radius) / CELL), math.floor((y - radius) / CELL)
+    low_x, low_y = cell(x - radius), cell(y - radius)
     wide = math.ceil(2.0 * radius / CELL) + 1
     for i in range(low_x, low_x + wide):
         for j in range(low_y, low_y + wide):
@@ -69,7 +67,7 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look) -> Viewed:
     which, doubt = viewed.which.copy(), viewed.doubt.copy()
     sensor, n = look.sensor, len(look.ranges)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    low_x, low_y = math.floor((sensor.x - NEAR) / CELL), math.floor((sensor.y - NEAR) / CELL)
+    low_x, low_y = cell(sensor.x - NEAR), cell(sensor.y - NEAR)
     wide = math.ceil(2.0 * NEAR / CELL)
     for i in range(low_x, low_x + wide):
         wx = (i + 0.5) * CELL - sensor.x
@@ -106,7 +104,7 @@ def doubted(
     if not leaves:
         return viewed
     doubt = viewed.doubt.copy()
-    low_x, low_y = math.floor((x - far) / CELL), math.floor((y - far) / CELL)
+    low_x, low_y = cell(x - far), cell(y - far)
     wide = math.ceil(2.0 * far / CELL) + 1
     for i in range(low_x, low_x + wide):
         wx = (i + 0.5) * CELL - sensor.x
@@ -128,7 +126,7 @@ def blind(
     at this pose: cells beside one that was in view, or beside the robot itself."""
     n, now, sensor = len(lidar.beams), look.stamp, look.sensor
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    low_x, low_y = math.floor((pose.x - far) / CELL), math.floor((pose.y - far) / CELL)
+    low_x, low_y = cell(pose.x - far), cell(pose.y - far)
     wide = math.ceil(2.0 * far / CELL) + 1
     out = np.empty((wide * wide, 2))
     k = 0
@@ -163,9 +161,7 @@ def _note(which: Ints, doubt: Floats, i: int, j: int) -> None:
 
 @jit_inline
 def _known(viewed: Viewed, i: int, j: int, now: float) -> bool:
-    a, b = i % SIDE, j % SIDE
-    mine = viewed.which[a, b, 0] == i and viewed.which[a, b, 1] == j
-    return mine and viewed.doubt[a, b] <= now
+    return holds(viewed.which, i, j) and viewed.doubt[i % SIDE, j % SIDE] <= now
 
 
 class Blind:

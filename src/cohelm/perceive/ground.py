@@ -11,29 +11,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints
 from cohelm.perceive.clusters import FREE, Look
 from cohelm.perceive.sweep import all_round, beam_at
+from cohelm.perceive.window import CELL, SIDE, cell, holds, nowhere
 from cohelm.robot.sensors import Lidar
 
-CELL = 0.05
-"""Side of a cell [m]."""
 NEAR = 2.5
-"""Farther from the LiDAR than this, ground is not looked at [m]."""
-SIDE = 128
-"""Cells along one side of a window of them; wider than NEAR both ways."""
+"""Farther from the LiDAR than this, ground is not looked at; a window reaches farther [m]."""
 
 _STOOD = 8.0  # what was seen in a cell in so many sweeps stood there
 
 
 class Ground(NamedTuple):
-    """A window of cells that goes with the robot, in `odom`; rows and columns are taken modulo
-    its side.
+    """A window of cells, see `perceive.window`.
 
-    which: (n, n, 2), the cell that an entry is of. free: (n, n), when it was last seen free, with
-    room behind it. hits: (n, n), in how many sweeps since then something was seen in it, and last:
-    in which. was: when it was seen free though something had stood in it. -inf for never.
+    free: (n, n), when a cell was last seen free, with room behind it. hits: (n, n), in how many
+    sweeps since then something was seen in it, and last: in which. was: when it was seen free
+    though something had stood in it. -inf for never.
 
     All told by a clock that goes faster while the robot drives, since its odometry wears out what
     is remembered. Along a wall one can look past it within a hand's breadth, and past its other
@@ -49,32 +45,29 @@ class Ground(NamedTuple):
 
 def unknown() -> Ground:
     """Nothing has been seen yet."""
-    far = np.full((SIDE, SIDE, 2), np.iinfo(np.int64).min, np.int64)
     never = np.full((SIDE, SIDE), -math.inf)
-    return Ground(far, never, np.zeros_like(never), never, never)
+    return Ground(nowhere(), never, np.zeros_like(never), never, never)
 
 
 @jit
 def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: float) -> Ground:
     """With what a sweep sees free, at `worn` by the ground's clock; standing: (p, 2), what it sees
     in `odom` that has not come by itself [m]."""
-    which, free = ground.which.copy(), ground.free.copy()
-    hits, last, was = ground.hits.copy(), ground.last.copy(), ground.was.copy()
-    for k in range(len(standing)):
-        i, j = math.floor(standing[k, 0] / CELL), math.floor(standing[k, 1] / CELL)
-        a, b = i % SIDE, j % SIDE
-        if abs(standing[k, 0] - look.sensor.x) > NEAR or abs(standing[k, 1] - look.sensor.y) > NEAR:
-            continue
-        if which[a, b, 0] != i or which[a, b, 1] != j:
-            which[a, b, 0], which[a, b, 1] = i, j
-            free[a, b] = last[a, b] = was[a, b] = -math.inf
-            hits[a, b] = 0.0
-        if last[a, b] != worn:
-            hits[a, b] += 1.0
-            last[a, b] = worn
+    made = Ground(
+        ground.which.copy(), ground.free.copy(), ground.hits.copy(), ground.last.copy(),
+        ground.was.copy(),
+    )  # fmt: skip
     sensor, ranges = look.sensor, look.ranges
+    for k in range(len(standing)):
+        x, y = standing[k, 0], standing[k, 1]
+        if abs(x - sensor.x) > NEAR or abs(y - sensor.y) > NEAR:
+            continue
+        a, b = _entry(made, cell(x), cell(y))
+        if made.last[a, b] != worn:
+            made.hits[a, b] += 1.0
+            made.last[a, b] = worn
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    low_x, low_y = math.floor((sensor.x - NEAR) / CELL), math.floor((sensor.y - NEAR) / CELL)
+    low_x, low_y = cell(sensor.x - NEAR), cell(sensor.y - NEAR)
     wide = math.ceil(2.0 * NEAR / CELL)
     n = len(ranges)
     around = all_round(lidar)
@@ -94,26 +87,33 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
                     open_ = False
                     break
             if open_:
-                a, b = i % SIDE, j % SIDE
-                if which[a, b, 0] != i or which[a, b, 1] != j:
-                    which[a, b, 0], which[a, b, 1] = i, j
-                    hits[a, b] = 0.0
-                    last[a, b] = was[a, b] = -math.inf
-                if hits[a, b] >= _STOOD:
-                    was[a, b] = worn
-                free[a, b], hits[a, b] = worn, 0.0
-    return Ground(which, free, hits, last, was)
+                a, b = _entry(made, i, j)
+                if made.hits[a, b] >= _STOOD:
+                    made.was[a, b] = worn
+                made.free[a, b], made.hits[a, b] = worn, 0.0
+    return made
+
+
+@jit_inline
+def _entry(ground: Ground, i: int, j: int) -> tuple[int, int]:
+    """Where a cell's entry is; where it was of another cell, as if nothing had been seen yet."""
+    a, b = i % SIDE, j % SIDE
+    if not holds(ground.which, i, j):
+        ground.which[a, b, 0], ground.which[a, b, 1] = i, j
+        ground.free[a, b] = ground.last[a, b] = ground.was[a, b] = -math.inf
+        ground.hits[a, b] = 0.0
+    return a, b
 
 
 @jit
 def came(ground: Ground, x: float, y: float, since: float) -> bool:
     """Whether the patch of cells around an `odom` point was seen free since then [s], and nothing
     stood there before it was seen free."""
-    i, j = math.floor(x / CELL), math.floor(y / CELL)
-    for a in range(i - 1, i + 2):
-        for b in range(j - 1, j + 2):
-            at, on = a % SIDE, b % SIDE
-            known = ground.which[at, on, 0] == a and ground.which[at, on, 1] == b
-            if not (known and ground.free[at, on] >= since > ground.was[at, on]):
+    row, column = cell(x), cell(y)
+    for i in range(row - 1, row + 2):
+        for j in range(column - 1, column + 2):
+            a, b = i % SIDE, j % SIDE
+            known = holds(ground.which, i, j)
+            if not (known and ground.free[a, b] >= since > ground.was[a, b]):
                 return False
     return True
