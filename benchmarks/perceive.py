@@ -2,7 +2,8 @@
 
 `--quick` takes a few of each; name tables to see only those. The lab is driven with 1-2 % of
 odometry error, a gyro that drifts, and a LiDAR of 2 cm noise at 10 Hz that sweeps for 75 ms and
-reports 50 ms later. Real data are read from ../shared/data where that is there.
+reports 50 ms later. Real data are read from ../shared/data where that is there, and the Killian
+Court log from where COHELM_KILLIAN says it is.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.worlds.carmen import read_log, read_relations  # noqa: E402
 from cohelm.scenario.worlds.tracks import read_tracks  # noqa: E402
 from cohelm.study.mapping import mapped, occupancy  # noqa: E402
+from tests.perceive import killian  # noqa: E402
 from tests.perceive.drives import (  # noqa: E402
     CONES,
     DT,
@@ -68,6 +70,8 @@ def main() -> None:
         ("movers", ("scene", "seen of those in view", "false", "place", "velocity", "covered"),
          crowds),
         ("Intel", ("relations", "mean", "median", "rms", "heading mean", "median"), intel),
+        ("Killian Court", ("trajectory", "ATE rms", "largest", "loop edges", "mean", "median",
+         "0.5 m and more", "heading mean", "CPU"), court),
     ):  # fmt: skip
         if wanted and name.split()[0] not in wanted:
             continue
@@ -369,6 +373,35 @@ def intel() -> Iterator[Row]:
     yield (
         f"{len(asked)}", cm(np.mean(off)), cm(np.median(off)), cm(rms(np.array(off))),
         deg(np.mean(heading)), deg(np.median(heading)),
+    )  # fmt: skip
+
+
+def court() -> Iterator[Row]:
+    """Against the published solution, and the edges between scans that met."""
+    if killian.FILE is None:
+        return
+    log = killian.read(killian.FILE)
+    drifting = [glimpse.odometry for glimpse in log.seen]
+    for name, odometry in (("sequential edges", drifting), ("the log's own poses", log.poses)):
+        begun = time.process_time()
+        survey = Survey(log.lidar)
+        for glimpse, pose in zip(log.seen, odometry, strict=True):
+            survey.add(glimpse._replace(odometry=pose))
+        found = survey.finished()
+        took = time.process_time() - begun
+        if odometry is drifting:
+            yield against(log, name, found._replace(poses=drifting), "-")
+        yield against(log, f"mapped from {name}", found, f"{took:.0f} s")
+
+
+def against(log: killian.Log, name: str, found: Surveyed, took: str) -> Row:
+    off, _, _ = fitted(found, log.poses)
+    errors = [between(true, between(found.poses[a], found.poses[b])) for a, b, true in log.loops]
+    gaps = np.array([math.hypot(e.x, e.y) for e in errors])
+    return (
+        name, f"{rms(off):.2f} m", f"{off.max():.2f} m", f"{len(gaps)}", cm(gaps.mean()),
+        cm(np.median(gaps)), f"{(gaps >= 0.5).sum()}",
+        deg(np.mean([abs(e.psi) for e in errors])), took,
     )  # fmt: skip
 
 

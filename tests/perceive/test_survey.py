@@ -8,10 +8,14 @@ import shapely
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
+from cohelm.perceive.frames import between, compose
 from cohelm.perceive.graph import Link, solved
 from cohelm.perceive.raster import raster
+from cohelm.perceive.revisit import revisits
+from cohelm.perceive.surfaces import moved, surfaces
 from cohelm.perceive.survey import Survey, glimpses
 from cohelm.robot.port import Odometry, Scan
+from tests.perceive import killian
 from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
 
 HOME = [(-0.5, -1.75), (-0.6, -0.5), (-0.5, 0.8), (0.0, 2.5)]
@@ -112,8 +116,6 @@ def test_a_false_loop_is_outvoted():
 
 def test_a_loop_corrects_what_has_drifted():
     true = [Pose(math.cos(a), math.sin(a), a + math.pi / 2) for a in np.linspace(0, 2 * np.pi, 21)]
-    from cohelm.perceive.frames import between, compose
-
     drifted = [true[0]]
     links = []
     for k in range(20):
@@ -125,6 +127,97 @@ def test_a_loop_corrects_what_has_drifted():
     before = math.hypot(drifted[20].x - true[20].x, drifted[20].y - true[20].y)
     after = solved(drifted, links)[20]
     assert math.hypot(after.x - true[20].x, after.y - true[20].y) < 0.2 * before
+
+
+def test_a_link_is_firm_in_the_axes_of_the_place_that_was_seen():
+    turned = Pose(1.0, 0.0, math.pi / 2)  # its x axis is the other one's y
+    along_x = Link(0, 1, turned, np.diag([1e6, 1.0, 1e6]), False)
+    apart = Link(0, 1, Pose(2.0, 1.0, math.pi / 2), np.diag([1e3, 1e3, 1e6]), False)
+    found = solved([Pose(0.0, 0.0, 0.0), turned], [along_x, apart])[1]
+    assert found.x == pytest.approx(2.0, abs=0.01)
+    assert found.y == pytest.approx(0.0, abs=0.01)
+
+
+RING = np.array([
+    [0, 0, 24, 0], [24, 0, 24, 16], [24, 16, 0, 16], [0, 16, 0, 0], [6, 5, 18, 5], [18, 5, 18, 11],
+    [18, 11, 6, 11], [6, 11, 6, 5], [9, 0, 9, 1], [4, 16, 4, 15], [15, 5, 15, 4], [24, 7, 23, 7],
+], dtype=float)  # fmt: skip
+
+
+def test_a_loop_is_closed_though_the_robot_slid_metres_unnoticed():
+    way = along([(3, 2.5), (12, 2.5), (21, 2.5), (21, 13.5), (3, 13.5), (3, 2.5), (14, 2.5)], 1.0)
+    slid = [(30.0, (-2.2, -1.2, 0.0))]
+    odometry, scans, truth = recorded(way, walls=RING, around=CONES[:0], pushes=slid)
+    survey = Survey(LIDAR.lidar())
+    seen = glimpses(LIDAR.lidar(), odometry, scans)
+    for glimpse in seen:
+        survey.add(glimpse)
+    made = survey.finished()
+    true = [truth[round(g.stamp, 2)] for g in seen]
+    last = between(between(made.poses[0], made.poses[-1]), between(true[0], true[-1]))
+    assert math.hypot(last.x, last.y) < 0.1
+
+
+def lined(walls, pose):
+    """Points of walls 5 cm apart, and the directions across them, in the frame of a pose."""
+    points, across = [], []
+    for x1, y1, x2, y2 in walls:
+        n = int(math.hypot(x2 - x1, y2 - y1) / 0.05)
+        points.append(np.linspace((x1, y1), (x2, y2), n))
+        across.append(np.tile((y1 - y2, x2 - x1) / np.hypot(x2 - x1, y2 - y1), (n, 1)))
+    back = between(pose, Pose(0.0, 0.0, 0.0))
+    return moved(back, np.vstack(points), True), moved(back, np.vstack(across), False)
+
+
+def known(walls):
+    return surfaces(*lined(walls, Pose(0.0, 0.0, 0.0)), 0.05, 0.65)
+
+
+def test_a_submap_is_found_metres_and_degrees_from_where_drift_put_it():
+    true, thought = Pose(3.0, 2.5, 0.3), Pose(5.5, 0.0, 0.0)
+    trail = np.column_stack((np.linspace(1.0, 21.0, 60), np.full(60, 2.0)))
+    fits = revisits(known(RING), *lined(RING, true), trail, np.full(60, 5.0), thought, 0.5)
+    assert fits[0].pose == pytest.approx(true, abs=0.01)
+    assert fits[0].share > 0.9
+
+
+def test_two_bays_alike_are_both_found():
+    bays = np.array([
+        [0, 0, 30, 0], [0, 4, 30, 4], [5, 4, 5, 3], [15, 4, 15, 3],
+    ], dtype=float)  # fmt: skip
+    part = np.array([[1, 0, 9, 0], [1, 4, 9, 4], [5, 4, 5, 3]], dtype=float)
+    trail = np.column_stack((np.linspace(2.0, 28.0, 80), np.full(80, 2.0)))
+    seen = lined(part, Pose(5.0, 2.0, 0.0))
+    fits = revisits(known(bays), *seen, trail, np.full(80, 12.0), Pose(9.0, 2.0, 0.0), 0.2)
+    assert sorted(f.pose.x for f in fits[:2]) == pytest.approx([5.0, 15.0], abs=0.05)
+    assert fits[1].share > fits[0].share - 0.02
+
+
+def test_nothing_is_looked_for_farther_than_drift_can_have_led():
+    trail = np.array([[3.0, 2.5]])
+    seen = lined(RING, Pose(3.0, 2.5, 0.0))
+    assert not revisits(known(RING), *seen, trail, np.array([2.0]), Pose(9.0, 2.5, 0.0), 0.2)
+
+
+@pytest.mark.skipif(killian.FILE is None, reason="COHELM_KILLIAN names no killian.g2o")
+def test_two_kilometres_of_mit_are_put_together_right():
+    """From odometry that is 12 m wrong, rms; every place where the way met itself is closed."""
+    log = killian.read(killian.FILE)
+    survey = Survey(log.lidar)
+    for glimpse in log.seen:
+        survey.add(glimpse)
+    made = survey.finished()
+    assert np.sqrt((errors(log.odometry, log.poses)[0] ** 2).mean()) > 10.0
+    off, _, _ = errors(made.poses, log.poses)
+    assert np.sqrt((off**2).mean()) < 1.5
+    assert off.max() < 3.0
+    apart = np.array([
+        np.hypot(*between(true, between(made.poses[a], made.poses[b]))[:2])
+        for a, b, true in log.loops
+    ])  # fmt: skip
+    assert np.median(apart) < 0.1
+    assert (apart < 0.5).mean() > 0.95
+    assert apart.max() < 2.0
 
 
 def test_a_drive_whose_scans_and_odometry_never_meet_is_refused():

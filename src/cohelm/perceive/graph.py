@@ -11,8 +11,8 @@ from cohelm.core.types import Floats, Pose
 
 
 class Link(NamedTuple):
-    """Place `b` as seen from place `a`, with the information (3, 3) of that pose in the frame of
-    a. A loop may be wrong, and is then outvoted; a step from one place to the next is never."""
+    """Place `b` as seen from place `a`, with the information (3, 3) of that pose in the axes of
+    b. A loop may be wrong, and is then outvoted; a step from one place to the next is never."""
 
     a: int
     b: int

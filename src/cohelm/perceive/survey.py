@@ -1,8 +1,9 @@
 """Mapping: a drive's scans put together, step by step, and places met again closed to loops.
 
 A scan is matched against the *submap* of the last places; every 0.3 m or rad it becomes a place
-itself. A place near an old one is matched against that one's surroundings, and where it fits, a
-link of the pose graph says so. At the end every place is linked with all that see the same walls.
+itself. As far around as drift may have led astray, the submap is looked for among old places, and
+where it fits alone, a link of the pose graph says so: at once if that agrees with the drive, else
+when it has held for a while. At the end every place is linked with all that see the same walls.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Ints, Pose, wrap
@@ -20,6 +24,7 @@ from cohelm.perceive.drift import SCALE, inverted, joined, moved as foretell, up
 from cohelm.perceive.frames import between, compose
 from cohelm.perceive.graph import Link, library, solved
 from cohelm.perceive.match import Care as Matching, Fit, align
+from cohelm.perceive.revisit import BESIDE, revisits
 from cohelm.perceive.surfaces import Surfaces, moved, normals, surfaces, thinned
 from cohelm.perceive.sweep import sweep
 from cohelm.perceive.trail import pose_at
@@ -46,16 +51,28 @@ class Care(NamedTuple):
     """Places that the next scan is matched against."""
     again: int = 35
     """A place is met again if so many lie between."""
-    search: float = 3.0
-    """Old places are looked for within this, and 2 % of the way since then [m]."""
+    search: float = 1.0
+    """Old places are looked for within this [m],"""
+    astray: float = 0.05
+    """and this share of the way back to them along links;"""
+    turned: float = 1e-3
+    """the heading may be off by so much of that way [rad/m]."""
+    behind: float = 8.0
+    """What was seen from so much farther counts as well, for the submap is as long [m]."""
     every: int = 3
     """Every so many places a loop is looked for."""
     fits: float = 0.65
     """A loop is closed if this share of the points lies on surfaces,"""
     rms: float = 0.05
     """so near [m],"""
-    firm: float = 2e3
+    alone: float = 0.1
+    """no other place comes as near to that share,"""
+    firm: float = 5e3
     """and the weaker direction has this information [1/m^2]."""
+    holds: float = 4.0
+    """What disagrees with the drive is believed after this way [m]."""
+    others: float = 6.0
+    """At the end, places are linked if so near to each other [m]."""
     far: float = 15.0
     """Points farther from the LiDAR than this are left out [m]."""
 
@@ -97,6 +114,7 @@ class Survey:
         self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), SCALE * SCALE)
         self._stretch = 0.0
         self._ways: list[float] = []
+        self._maybe: list[Link] = []
         self._submap: Surfaces | None = None
 
     @property
@@ -140,8 +158,9 @@ class Survey:
         steps = [link for link in self.links if not link.loop]
         for turn in range(2):
             loops = [link for link in self.links if link.loop] if turn == 0 else []
+            others = np.array(self.poses)[:, :2]
             for i in range(len(self.places)):
-                loops += self._neighbours(i)
+                loops += self._neighbours(i, others)
                 tell(0.5 * (turn + i / len(self.places)))
             self.links = steps + loops
             self.poses = solved(self.poses, self.links)
@@ -166,7 +185,7 @@ class Survey:
         if since is not None:
             way = math.hypot(since.x, since.y)
             sigma = (0.004 + 0.01 * way, 0.004 + 0.01 * way, 0.002 + 0.01 * abs(since.psi))
-            weak = _turned(self.poses[-1], inverted(self._spread()))
+            weak = _turned(self._pose, inverted(self._spread()))
             information = inverted(inverted(weak) + np.diag(sigma) ** 2)
             self.links.append(Link(k - 1, k, since, information, False))
             self._ways.append(self._ways[-1] + way)
@@ -197,75 +216,129 @@ class Survey:
         return surfaces(kept, sides, 0.05, 0.65)
 
     def _close(self, k: int) -> None:
-        """Look for an old place near by, and close a loop with it."""
-        here = self.poses[k]
-        best, least = -1, math.inf
-        for i in range(k - self.care.again):
-            gap = math.hypot(self.poses[i].x - here.x, self.poses[i].y - here.y)
-            reach = self.care.search + 0.02 * (self._ways[k] - self._ways[i])
-            if gap < reach and gap < least:
-                best, least = i, gap
-        if best < 0:
-            return
-        numbers = range(max(0, best - 6), min(k - self.care.again + 5, best + 7))
-        around = self._around(numbers, self.poses[best])
-        guess = between(self.poses[best], here)
-        link = self._linked(best, k, around, guess, wide=True)
-        if link is not None:
-            self.links.append(link)
+        """Close loops where the newest submap fits old places, and nowhere else among them.
+
+        Places that drift has hardly torn from here are looked at for themselves, so that what
+        looks alike far off does not put them in doubt.
+        """
+        ways = self._ways_back(k)
+        reach = self.care.search + self.care.astray * ways
+        close = reach < 2.0 * self.care.search
+        newest = self._around(range(max(0, k + 1 - self.care.submap), k + 1), self.poses[k])
+        new: list[Link] = []
+        link = self._found_again(k, newest, ways, reach, close)
+        if link is not None and _agree(self._there(link), self.poses[k]):
+            new.append(link)
+        new += self._believed(k, self._found_again(k, newest, ways, reach, ~close))
+        if new:
+            self.links += new
             self.poses = solved(self.poses, self.links)
             self._pose = self.poses[-1]
 
-    def _linked(self, a: int, b: int, around: Surfaces, guess: Pose, wide: bool) -> Link | None:
+    def _found_again(
+        self, k: int, newest: Surfaces, ways: Floats, reach: Floats, among: NDArray[np.bool_]
+    ) -> Link | None:
+        """Place k seen from an old one among some, where its submap fits there alone."""
+        here = self.poses[k]
+        trail = np.array(self.poses[: len(reach)])[:, :2]
+        gaps = np.hypot(trail[:, 0] - here.x, trail[:, 1] - here.y)
+        near = among & (gaps < reach + BESIDE)
+        if not near.any():
+            return None
+        old = np.flatnonzero(among & (gaps < reach[near].max() + self.care.behind))
+        known = self._around(old.tolist(), None)
+        turn = 0.1 + self.care.turned * float(ways[near].max())
+        fits = revisits(
+            known, newest.points, newest.normals, trail[near], reach[near], here, turn
+        )  # fmt: skip
+        if not fits or fits[0].share < self.care.fits or fits[0].rms > self.care.rms:
+            return None
+        if len(fits) > 1 and fits[1].share > fits[0].share - self.care.alone:
+            return None
+        pose, information = fits[0].pose, fits[0].information
+        if np.linalg.eigvalsh(information[:2, :2])[0] < self.care.firm:
+            return None
+        a = int(old[np.hypot(trail[old, 0] - pose.x, trail[old, 1] - pose.y).argmin()])
+        return _link(a, k, between(self.poses[a], pose), information, pose.psi)
+
+    def _believed(self, k: int, link: Link | None) -> list[Link]:
+        """The loops of which this is the newest, once they may be closed.
+
+        One that agrees with the drive may be at once, others when they have held for a way.
+        """
+        before, self._maybe = self._maybe, []
+        if link is None:
+            return []
+        there, here = self._there(link), self.poses[k]
+        if _agree(there, here):
+            return [link]
+        if before:
+            since = between(self.poses[before[-1].b], here)
+            if not _agree(compose(self._there(before[-1]), since), there):
+                before = []
+        held = [*before, link]
+        if self._ways[k] - self._ways[held[0].b] < self.care.holds:
+            self._maybe = held
+            return []
+        # far off, a robust kernel hardly pulls: first without, then all together with it
+        sure = [link._replace(loop=False) for link in held]
+        self.poses = solved(self.poses, [*self.links, *sure])
+        return held
+
+    def _there(self, link: Link) -> Pose:
+        """Where a link puts its second place."""
+        return compose(self.poses[link.a], link.pose)
+
+    def _ways_back(self, k: int) -> Floats:
+        """From place k, the shortest way along links to each that is old: drift grows with it."""
+        ways = [
+            0.01 if link.loop else 0.01 + math.hypot(link.pose.x, link.pose.y)
+            for link in self.links
+        ]
+        ends = [link.a for link in self.links], [link.b for link in self.links]
+        graph = csr_array((ways, ends), shape=(k + 1, k + 1))
+        return np.asarray(dijkstra(graph, False, [k]))[0, : k - self.care.again]
+
+    def _linked(self, a: int, b: int, around: Surfaces, guess: Pose) -> Link | None:
         """Place b matched against the surroundings of a, if it fits."""
         points, across = self.places[b].points, self.places[b].across
         if len(points) < 30 or len(around.points) < 30:
             return None
-        loose = np.diag([1.0, 1.0, 4.0]) if wide else np.diag([100.0, 100.0, 400.0])
-        best: Fit | None = None
-        shifts = _SHIFTS if wide else _SHIFTS[:1]
-        for x, y, psi in shifts:
-            start = Pose(guess.x + x, guess.y + y, wrap(guess.psi + psi))
-            care = self.matching._replace(reach=0.6 if wide else 0.25, rounds=30)
-            fit = align(around, points, across, start, loose, care)
-            if best is None or fit.share > best.share:
-                best = fit
-            if best.share > 0.8:
-                break
-        if best is None or best.share < self.care.fits or best.rms > self.care.rms:
+        loose = np.diag([100.0, 100.0, 400.0])
+        care = self.matching._replace(reach=0.25, rounds=30)
+        fit = align(around, points, across, guess, loose, care)
+        if fit.share < self.care.fits or fit.rms > self.care.rms:
             return None
-        if np.linalg.eigvalsh(best.information[:2, :2])[0] < self.care.firm and wide:
-            return None
-        information = _turned(Pose(0.0, 0.0, -best.pose.psi), best.information)
-        rough = np.diag([0.01, 0.01, 0.004]) ** 2
-        weak = information + np.diag([1.0, 1.0, 1.0])
-        return Link(a, b, best.pose, inverted(inverted(weak) + rough), True)
+        return _link(a, b, fit.pose, fit.information, fit.pose.psi)
 
-    def _neighbours(self, k: int) -> list[Link]:
+    def _neighbours(self, k: int, others: Floats) -> list[Link]:
         """Links of a place with up to three groups of others that are near, but not in time."""
         here = self.poses[k]
-        others = np.array(self.poses)
         gaps = np.hypot(others[:, 0] - here.x, others[:, 1] - here.y)
         gaps[max(0, k - self.care.submap) : k + self.care.submap] = math.inf
         links: list[Link] = []
         for _ in range(3):
             i = int(gaps.argmin())
-            if gaps[i] > 2.0 * self.care.search:
+            if gaps[i] > self.care.others:
                 break
             numbers = range(max(0, i - 5), min(len(self.poses), i + 6))
             gaps[max(0, i - 20) : i + 20] = math.inf
             around = self._around(numbers, self.poses[i])
-            link = self._linked(i, k, around, between(self.poses[i], here), wide=False)
+            link = self._linked(i, k, around, between(self.poses[i], here))
             if link is not None:
                 links.append(link)
         return links
 
 
-_SHIFTS = [
-    (x, y, psi)
-    for psi in (0.0, 0.12, -0.12)
-    for x, y in ((0.0, 0.0), (0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4))
-]
+def _link(a: int, b: int, pose: Pose, information: Floats, psi: float) -> Link:
+    """A loop as matched; information: in axes in which place b has heading psi."""
+    rough = np.diag([0.01, 0.01, 0.004]) ** 2
+    weak = _turned(Pose(0.0, 0.0, psi), information) + np.eye(3)
+    return Link(a, b, pose, inverted(inverted(weak) + rough), True)
+
+
+def _agree(a: Pose, b: Pose) -> bool:
+    return math.hypot(a.x - b.x, a.y - b.y) < 0.5 and abs(wrap(a.psi - b.psi)) < 0.1
 
 
 def _turned(frame: Pose, information: Floats) -> Floats:
