@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.over_link import hello
-from cohelm.law import verdict as verdicts
 from cohelm.link import messages as m
 from cohelm.link.station_end import WholeScan
 from cohelm.link.told import Told
+from cohelm.loop.telling import POOR, VERDICTS
 from cohelm.perceive.frames import compose
 from cohelm.record.drive import IMAGE, periods
 from cohelm.record.messages import messages
@@ -29,14 +29,8 @@ from cohelm.station.robot_link import News
 
 _NAN = math.nan
 _AHEAD, _AHEAD_STEP = 12, 0.15
-_POOR = 0.1  # a place with a larger standard deviation is poorly known [m]
 _EVENT = 4.0  # how long what happened stays on the screen [s]
 _MODES = {GateMode.SHARED: m.Mode.SHARED, GateMode.AUTOMATIC: m.Mode.AUTOMATIC}
-_VERDICTS = {
-    verdicts.UNTOUCHED: m.Verdict.UNTOUCHED, verdicts.SHAPED: m.Verdict.SHAPED,
-    verdicts.BRAKING: m.Verdict.BRAKING, verdicts.STANDING: m.Verdict.STANDING,
-    verdicts.INVALID: m.Verdict.INVALID,
-}  # fmt: skip
 _UNTOLD = Told(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
 
 
@@ -200,7 +194,7 @@ class DriveFilm:
             Twist(f("v_measured"), f("omega_measured")), Twist(f("v_wished"), f("omega_wished")),
             given, told.why,
             m.Guarding(
-                _VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("gap"),
+                VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("gap"),
                 (f("culprit_x"), f("culprit_y")), f("h"),
             ),
             f("e_p"), Pose(f("x_d"), f("y_d"), f("psi_d")), f("progress"), told.cap,
@@ -221,4 +215,4 @@ def _localised(row: np.void) -> m.Localised:
     sigma = float(row["sigma"])
     if math.isnan(sigma):
         return m.Localised.UNKNOWN
-    return m.Localised.POOR if sigma > _POOR else m.Localised.GOOD
+    return m.Localised.POOR if sigma > POOR else m.Localised.GOOD

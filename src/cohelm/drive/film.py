@@ -11,10 +11,12 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.core.types import SAFE, Floats, Pose, Stick, Twist
+from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.drive.driven import DriveFilm
 from cohelm.drive.walls import drawn
+from cohelm.law import verdict as verdicts
 from cohelm.link import messages as m
+from cohelm.loop.telling import VERDICTS
 from cohelm.record.messages import messages
 from cohelm.record.read import IncompleteRecord, read
 from cohelm.robot.model import RobotModel
@@ -24,10 +26,12 @@ from cohelm.station.robot_link import News
 
 _NAN = math.nan
 _AHEAD = 0.2
-_WHY = {1: "an obstacle", 2: "the filter could not act", 3: "a number that is not finite",
-        4: "braking: nothing else is certain", 5: "standing: nothing else is certain"}  # fmt: skip
-_VERDICT = {0: m.Verdict.UNTOUCHED, 1: m.Verdict.SHAPED, 2: m.Verdict.SHAPED,
-            3: m.Verdict.INVALID, 4: m.Verdict.BRAKING, 5: m.Verdict.STANDING}  # fmt: skip
+_WHY = {
+    verdicts.SHAPED: "an obstacle", verdicts.POWERLESS: "the filter could not act",
+    verdicts.INVALID: "a number that is not finite",
+    verdicts.BRAKING: "braking: nothing else is certain",
+    verdicts.STANDING: "standing: nothing else is certain",
+}  # fmt: skip
 
 
 class Film(Protocol):
@@ -114,7 +118,7 @@ class RunFilm:
             Stick(float(row["stick_x"]), float(row["stick_psi"])), float(row["authority_x"]),
             pose, pose, given, asked, given, why,
             m.Guarding(
-                _VERDICT.get(verdict, m.Verdict.INVALID), float(row["clearance"]),
+                VERDICTS.get(verdict, m.Verdict.INVALID), float(row["clearance"]),
                 self._culprit(k, row), float(row["h"]),
             ),
             float(row["e_p"]), Pose(*(float(row[n]) for n in ("x_d", "y_d", "psi_d"))),
@@ -125,7 +129,7 @@ class RunFilm:
     def _culprit(self, k: int, row: Any) -> tuple[float, float]:
         i = int(row["culprit"])
         discs: Floats = self.trace.discs[k]
-        if not 0 <= i < len(discs) or SAFE >= discs.shape[1]:
+        if not 0 <= i < len(discs):
             return (_NAN, _NAN)
         return (float(discs[i, 0]), float(discs[i, 1]))
 

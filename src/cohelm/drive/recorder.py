@@ -54,14 +54,11 @@ class Recording:
         self.loop.send(pickle.dumps(epoch))
 
     def close(self, within: float = 20.0) -> bool:
-        """Wait until the file is finished; whether it was."""
+        """Wait until the file is finished; whether it was. If not, its process goes on with it."""
         for end in (self.loop, self.keeper):
             with contextlib.suppress(OSError):
                 end.close()
         self._process.join(within)
-        if self._process.is_alive():
-            self._process.terminate()
-            return False
         return self._process.exitcode == 0
 
 

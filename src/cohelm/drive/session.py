@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cohelm.core.types import Pose
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Recording
 from cohelm.drive.shown import drawn, way
@@ -50,8 +49,6 @@ class Plan:
     """The map to localise on; by default the scenario's walls."""
     localise: bool = True
     """Without, the robot trusts its odometry."""
-    start: Pose | None = None
-    """Where the robot is on the map; by default the scenario's start."""
     ways: Ways = field(default_factory=Ways)
     watchdog: float = 0.1
     """The loop may be so late, or the robot stops [s]."""
@@ -96,13 +93,12 @@ class Session:
                 if real_time:
                     self.recording.keeper.close()  # the keeper's process has it
                 self.recording.begin(time.time_ns() - round(self.keeper.now() * 1e9))
-            place = plan.start or robot.start
             where = plan.known
             if where is None and plan.localise:
                 where = surveyed(robot.scenario.walls(), robot.start)
             if real_time:
                 rehearse(model, mapped=where is not None)
-            perception = Perception(model, where, place)
+            perception = Perception(model, where, robot.start)
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(
                 self.keeper, perception, self.driver, operator or Nobody(),

@@ -144,7 +144,7 @@ class Localised(IntEnum):
 
 
 class Verdict(IntEnum):
-    """What the filter did with the wish; the numbers of `law.guard.step`."""
+    """What the filter did with the wish. Numbers of the link, not those of `law.verdict`."""
 
     UNTOUCHED = 0
     SHAPED = 1

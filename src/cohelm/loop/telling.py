@@ -30,15 +30,17 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import Lidar
 
-_POOR = 0.1  # a place with a larger standard deviation is poorly known [m]
+POOR = 0.1
+"""A place with a larger standard deviation is poorly known [m]."""
 _AHEAD, _AHEAD_STEP = 12, 0.15
 _AS_ASKED = 0.03  # what differs by less is as asked [m/s, rad/s]
 _NOBODY = Lease(0, 0, "", 0, "", math.nan)
-_VERDICTS = {
+VERDICTS = {
     verdicts.UNTOUCHED: Verdict.UNTOUCHED, verdicts.SHAPED: Verdict.SHAPED,
+    verdicts.POWERLESS: Verdict.SHAPED, verdicts.INVALID: Verdict.INVALID,
     verdicts.BRAKING: Verdict.BRAKING, verdicts.STANDING: Verdict.STANDING,
-    verdicts.INVALID: Verdict.INVALID,
 }  # fmt: skip
+"""What the link calls the verdicts of `law.verdict`."""
 
 
 class Said(NamedTuple):
@@ -146,7 +148,7 @@ def culprit(d: Decision, seen: Seen) -> tuple[float, float]:
 def _guarding(d: Decision | None, said: Said) -> Guarding:
     if d is None:
         return Guarding(Verdict.UNTOUCHED, math.nan, (math.nan, math.nan), math.nan)
-    verdict, gap = _VERDICTS.get(d.verdict, Verdict.NO_FILTER), max(d.gap, said.clear)
+    verdict, gap = VERDICTS.get(d.verdict, Verdict.NO_FILTER), max(d.gap, said.clear)
     return Guarding(verdict, gap, culprit(d, said.seen), d.h)
 
 
@@ -165,4 +167,4 @@ def _localised(said: Said) -> Localised:
         return Localised.LOST
     if not said.has_map:
         return Localised.UNKNOWN
-    return Localised.POOR if sigma(said.seen.covariance) > _POOR else Localised.GOOD
+    return Localised.POOR if sigma(said.seen.covariance) > POOR else Localised.GOOD

@@ -1,1 +1,1 @@
-"""What a robot is: its shape, its wheels and their limits."""
+"""What a robot is: shape, wheels, limits and sensors, the port to it, and who keeps its wheels."""

@@ -53,7 +53,12 @@ class KeptElsewhere:
         self._offset = 0.0
         self._within = max(_ANSWER, _WATCHDOGS * rules.watchdog)
         try:
-            self._model: RobotModel = self._answer(_START)
+            if not self._line.poll(_START):
+                raise CohelmError(
+                    f"the robot was not made within {_START:.0f} s: start it again; what has been "
+                    "compiled by now is kept"
+                )
+            self._model: RobotModel = self._answer(0.0)
         except BaseException:
             self._process.kill()  # nothing has reached the wheels
             self._process.join()
