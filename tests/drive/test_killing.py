@@ -49,8 +49,9 @@ class Drive:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=before
-        )
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            preexec_fn=before, start_new_session=True,
+        )  # fmt: skip
 
     def said(self, pattern: str, within: float) -> re.Match[str]:
         """Wait until the log says so."""
@@ -135,14 +136,23 @@ def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
     assert log.count("-> AUTOMATIC") == 1  # it never started again by itself
 
 
-def test_ctrl_c_stops_the_robot_first(drive):
+@pytest.mark.parametrize(
+    ("number", "reason"),
+    [
+        (signal.SIGINT, "Ctrl-C"),
+        (signal.SIGHUP, "the terminal is gone"),
+        (signal.SIGTERM, "told to terminate"),
+    ],
+)
+def test_what_ends_all_its_processes_at_once_stops_the_robot_first(drive, number, reason):
     going = drive()
     going.driving()
-    going.process.send_signal(signal.SIGINT)
-    braked_in_time(going.stopped("Ctrl-C"))
+    os.killpg(going.process.pid, number)  # as a terminal does, or systemd
+    braked_in_time(going.stopped(reason))
     summary, _ = going.ended()
     assert going.process.returncode == 0
-    assert summary["reason"] == "Ctrl-C"
+    assert summary["reason"] == reason
+    assert going.record.read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
 @pytest.mark.slow

@@ -114,7 +114,7 @@ def ended() -> Generator[End]:
     in the middle of compiling; once it may move, see `End.heed`, they are a wish."""
     end = End()
     before = {number: signal.signal(number, signal.SIG_DFL) for number in _SIGNALS}
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see `robot.keep.processes`
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)  # see `robot.keep.processes`
     try:
         yield end
     finally:

@@ -1,4 +1,4 @@
-"""What works for a robot's process: deaf to Ctrl-C, and gone with it unless it has been let go."""
+"""What works for a robot's process: deaf to a terminal, and gone with it unless it was let go."""
 
 import os
 import signal
@@ -20,7 +20,7 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.parametrize("how", ["bound", "free"])
-def test_a_child_hears_no_ctrl_c_and_ends_with_its_parent_while_it_is_bound(how):
+def test_a_child_hears_no_terminal_and_ends_with_its_parent_while_it_is_bound(how):
     parent = subprocess.Popen(
         [sys.executable, "-m", "tests.robot.keep.children", how],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -32,6 +32,7 @@ def test_a_child_hears_no_ctrl_c_and_ends_with_its_parent_while_it_is_bound(how)
         os.kill(child, signal.SIGINT)  # it has only just begun
         assert parent.stdout.readline() == "ready\n"
         os.kill(child, signal.SIGINT)
+        os.kill(child, signal.SIGHUP)
         time.sleep(0.1)
         assert alive(child)
 

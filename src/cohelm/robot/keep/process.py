@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import select
+import signal
 import socket
 import time
 from collections.abc import Callable
@@ -176,6 +177,7 @@ def _serve(line: Connection, make: Make, rules: Rules, record: socket.socket | N
         line.send((error, Gate(), 0.0, 0.0))
         return
     urgent()
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # told to all, it is the loop's to handle
     let_go()
     try:
         line.send((kept.model, kept.gate, kept.now(), time.monotonic()))

@@ -1,4 +1,4 @@
-"""Processes that work for this one: deaf to Ctrl-C, and gone with it where nothing is at stake."""
+"""Processes that work for this one: deaf to its terminal, and gone with it while nothing moves."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from cohelm.robot.keep.priority import named
 def started(
     name: str, target: Callable[..., None], *args: Any, daemon: bool = False
 ) -> SpawnProcess:
-    """A new process that runs `target`; it and what it starts never hear Ctrl-C.
+    """A new process that runs `target`; it and what it starts never hear Ctrl-C, nor the end of the
+    terminal.
 
-    A terminal sends that to all of them. It is for the first one to handle, which stops a robot
-    in order; and in one that still imports, it would be an error message.
+    A terminal tells all of them. It is for the first one to handle, which stops a robot in order;
+    and in one that still imports, it would be an error message.
     """
     context = multiprocessing.get_context("spawn")
     process = context.Process(target=_run, name=name, args=(name, target, *args), daemon=daemon)
     resource_tracker.ensure_running()  # started along with the process it would undo the mask
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
         process.start()
         signal.pthread_sigmask(signal.SIG_SETMASK, before)  # raises a Ctrl-C that came meanwhile
