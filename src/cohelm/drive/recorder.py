@@ -40,7 +40,9 @@ class Recording:
         _make(path)
         self.loop, loops = line()
         self.keeper, keepers = line()
-        self._process = started("cohelm recorder", _record, path, model, scenario, loops, keepers)
+        self._process = started(
+            "cohelm recorder", _record, path, model, scenario, loops, keepers, outlives=True
+        )
         loops.close()
         keepers.close()
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 from collections.abc import Callable
-from multiprocessing import connection, resource_tracker
+from multiprocessing import connection, reduction, resource_tracker
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
@@ -15,16 +16,19 @@ from cohelm.robot.keep.priority import named
 
 
 def started(
-    name: str, target: Callable[..., None], *args: Any, daemon: bool = False
+    name: str, target: Callable[..., None], *args: Any, daemon: bool = False, outlives: bool = False
 ) -> SpawnProcess:
     """A new process that runs `target`; it and what it starts never hear Ctrl-C, nor the end of the
     terminal.
+
+    outlives: goes on when this one is gone while it still imports, too, which takes seconds.
 
     A terminal tells all of them. It is for the first one to handle, which stops a robot in order;
     and in one that still imports, it would be an error message.
     """
     context = multiprocessing.get_context("spawn")
-    process = context.Process(target=_run, name=name, args=(name, target, *args), daemon=daemon)
+    what = _Later((target, args))
+    process = context.Process(target=_run, name=name, args=(name, what, outlives), daemon=daemon)
     resource_tracker.ensure_running()  # started along with the process it would undo the mask
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
@@ -38,8 +42,23 @@ def started(
     return process
 
 
-def _run(name: str, target: Callable[..., None], *args: Any) -> None:
+class _Later:
+    """Something for another process, pickled as the rest of it is, but not unpickled with it."""
+
+    def __init__(self, what: Any) -> None:
+        self._what = what
+
+    def __reduce__(self) -> tuple[type[bytes], tuple[bytes]]:
+        return bytes, (bytes(reduction.ForkingPickler.dumps(self._what)),)
+
+
+def _run(name: str, what: bytes, outlives: bool) -> None:
     named(name)
+    let_go = bound()
+    if outlives:
+        let_go()
+    target, args = pickle.loads(what)  # imports
+    let_go()
     target(*args)
 
 
