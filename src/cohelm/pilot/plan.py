@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
+from cohelm.core.types import RADIUS, Desired, Floats, Pose, Twist, X, Y
 from cohelm.law.govern import Clock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
@@ -45,9 +45,8 @@ class Care(NamedTuple):
     rejoin: float = 0.3
     """Distance from the route up to which the robot changes back onto it [m]."""
     slack: float = 0.02
-    """A way round is kept while it is no more than this tighter than it had to be when it was
-    found, and changed for one that leaves more than this more: sensors tell now a little more,
-    now a little less [m]."""
+    """A way round is kept while it is no more than this tighter than a new one has to be: sensors
+    tell now a little more, now a little less [m]."""
     patience: float = 0.6
     """Between two looks for a way that is not needed but might be better [s]."""
     beside: float = 0.15
@@ -138,12 +137,25 @@ def _course(
     if fine and (kept.gap >= care.roomy or task.since < care.patience):
         return kept
     found = _round(task, points, route, settings, manners, care, far)
-    if fine and (found is None or found.gap < kept.gap + care.slack):
+    back = found is None or abs(_taken_up(found, task, route, settings)[2]) > care.turned
+    if fine and not beside and back:  # no way that begins with turning round is better
         return kept
     if found is not None and ended:
         nearer = found.course.poses[-1, :2] - route.line[-1]
         found = found if math.hypot(*nearer) < math.hypot(*off) - 0.1 else None
     return kept._replace(failed=not ended) if found is None else found
+
+
+def _taken_up(
+    made: Plan, task: Task, route: Route, settings: Settings
+) -> tuple[Clock, Desired, float]:
+    """The clock of a plan's course now, what is desired then, and by how much the robot looks
+    another way [rad]."""
+    clock = task.state.clock
+    if made.new:
+        clock = entered(made.course, route, task.state.row, task.pose, task.twist)
+    to = governed(made.course.reference, clock, task.pose, settings.pace)
+    return clock, to, math.remainder(to.psi - task.pose.psi, 2.0 * math.pi)
 
 
 def _rejoined(
@@ -216,11 +228,7 @@ def _way_out(
 ) -> Escape | None:  # fmt: skip
     """A move out of a tight spot, if one is needed and there is one."""
     pose = task.pose
-    clock = task.state.clock
-    if made.new:
-        clock = entered(made.course, route, task.state.row, pose, task.twist)
-    to = governed(made.course.reference, clock, pose, settings.pace)
-    off = math.remainder(to.psi - pose.psi, 2.0 * math.pi)
+    clock, to, off = _taken_up(made, task, route, settings)
     held = task.state.clock.waited > care.waits
     over = clock.tau >= made.course.reference.knots[-1]
     if over or (abs(off) <= care.turned and not held):

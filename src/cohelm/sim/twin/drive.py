@@ -116,7 +116,8 @@ class _Run:
             more = 2.0 * (SLOP + (sight(self.robot.model) if seeing else 0.0))
             settings = settings._replace(rules=careful(settings.rules, more))
             manners = manners._replace(gap=manners.gap + more)
-            care = care._replace(accept=care.accept + more)
+            noise = 2.0 * sight(self.robot.model) if seeing else 0.0
+            care = care._replace(accept=care.accept + more, slack=care.slack + noise)
         delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
             setup.reference, settings, delay=delay, manners=manners, care=care,
