@@ -19,6 +19,7 @@ from cohelm.law.verdict import UNTOUCHED
 from cohelm.link.messages import Mode
 from cohelm.pilot.step import FOLLOWING
 from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.study.campaign.plant import looking_round
 
 FREE = 0.5
 """Nothing is in the way where nothing is seen nearer than this to the outline [m], the guard
@@ -54,13 +55,14 @@ class Result(NamedTuple):
 
 def drive(
     kind: Kind, seed: int, push: float = 0.0, at: float = 22.0, limit: float = 120.0,
-    scenario: str = "lab-guard",
+    scenario: str = "lab-guard", all_round: bool = False,
 ) -> Result:  # fmt: skip
     """One drive of the lab; at a time [s] it is pushed `push` metres to the east."""
     rows: list[tuple[float, ...]] = []
     pushed = found = math.nan
     made = simulated(scenario, kind, real_time=False, seed=seed)
     blind = made.model.model_copy(update={"camera": None})  # nobody looks, and pictures take long
+    blind = looking_round(blind) if all_round else blind
     made = replace(made, scenario=made.scenario.model_copy(update={"robot": blind}))
     with Session(Plan(made)) as session:
         keeper, loop = session.loop.keeper, session.loop

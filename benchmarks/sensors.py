@@ -54,9 +54,11 @@ def main() -> None:
     show(console, f"the whole loop, {given.kind}, nobody at the stick", heads, rows)
 
     moments = (16.0, 18.0, 20.0, 22.0, 24.0)
-    found = [drive(given.kind, 0, 2.0, at).found for at in moments]
-    heads = ("at", "knows its place again after")
-    rows = [(f"{at:.0f} s", f"{t:.2f} s") for at, t in zip(moments, found, strict=True)]
+    heads = ("at", "knows its place again after", "with a LiDAR that looks all round")
+    rows = []
+    for at in moments:
+        found = [drive(given.kind, 0, 2.0, at, all_round=round_).found for round_ in (False, True)]
+        rows.append((f"{at:.0f} s", *(f"{t:.2f} s" for t in found)))
     show(console, "pushed 2 m along the corridor, in the whole loop", heads, rows)
 
 

@@ -45,7 +45,12 @@ def sensing(model: RobotModel) -> TwinModel:
 def carried(name: str, plant: Plant) -> RobotModel:
     """The robot, with the LiDAR that this plant gives it."""
     model = robot(name)
-    if plant != "twin-all-round" or model.lidar is None:
+    return looking_round(model) if plant == "twin-all-round" else model
+
+
+def looking_round(model: RobotModel) -> RobotModel:
+    """A robot whose LiDAR looks all round from its middle, its beams as far apart as they were."""
+    if model.lidar is None:
         return model
     gaps = (model.lidar.beams - 1) / model.lidar.field_of_view_deg
     round_ = {"field_of_view_deg": 360.0, "beams": round(360.0 * gaps), "mount_x_m": 0.0}
