@@ -90,7 +90,7 @@ def drive(
         truth, gate = keeper.truth(), keeper.gate
         arrived, time = loop.driver.arrived, keeper.now()
     table = np.array(rows)
-    ahead = round(session.plan.robot.model.delay_s / session.plan.period)
+    ahead = round(session.plan.robot.delay(session.plan.period) / session.plan.period)
     there, wanted = table[ahead:, 1:3], table[:-ahead, 3:5]
     apart = np.hypot(*(there - wanted).T)
     free = back(table[:-ahead, 5] == 1.0, apart, round(BACK / session.plan.period))

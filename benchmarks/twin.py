@@ -20,9 +20,8 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.twin.camera import camera
-from cohelm.sim.twin.drive import lag
 from cohelm.sim.twin.robot import Twin
-from cohelm.sim.twin.settings import TwinModel
+from cohelm.sim.twin.settings import TwinModel, lag
 from cohelm.sim.world import Body, World, world
 
 DT = 0.02

@@ -23,6 +23,7 @@ from cohelm.loop.timing import Timing
 from cohelm.perceive.known import Known
 from cohelm.perceive.seen import Perception, rehearse
 from cohelm.perceive.taped import surveyed
+from cohelm.pilot.careful import SLOP, noise, roomier
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import GUARD
 from cohelm.record.drive import Photo
@@ -243,6 +244,8 @@ def driver_of(plan: Plan, real_time: bool, reference: Reference | None = None) -
     settings = law.settings(
         model.outline, model.bounds(), scenario.reference.speed_mps, plan.period
     )._replace(filter=GUARD)  # a robot that lives by its sensors keeps clear by what they see
-    pilot = Pilot(reference, settings, delay=model.delay_s, manners=law.manners(), care=law.care())
+    off, delay = SLOP + noise(model), plan.robot.delay(plan.period)
+    settings, manners, care = roomier(settings, law.manners(), law.care(), off, noise(model))
+    pilot = Pilot(reference, settings, delay=delay, manners=manners, care=care)
     planning = Elsewhere(pilot.planner) if real_time else Here(pilot.planner)
-    return Driver(pilot, settings, model.delay_s, planning)
+    return Driver(pilot, settings, delay, planning)

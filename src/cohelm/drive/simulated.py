@@ -18,6 +18,7 @@ from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.worlds.maps import read_map
 from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.twin.settings import TwinModel, lag
 
 Kind = Literal["kinematic", "twin"]
 
@@ -47,6 +48,12 @@ class Simulated:
             return Pose(given.x_m, given.y_m, given.heading_rad)
         first = desired(self.scenario.reference.spline(), 0.0, False)
         return Pose(first.x, first.y, first.psi)
+
+    def delay(self, period: float) -> float:
+        """From a command to its effect, as the guard has to foresee it [s]."""
+        if self.kind == "kinematic":
+            return self.model.delay_s
+        return lag(self.model, TwinModel(), period)
 
     def __call__(self) -> Robot:
         """A new one, standing at the start."""

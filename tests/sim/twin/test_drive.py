@@ -11,13 +11,14 @@ from PIL import Image
 from cohelm.core.trace import Trace
 from cohelm.core.types import Pose, Twist
 from cohelm.law.guard.bounds import braked
+from cohelm.pilot.careful import SLOP
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.scenario import build, load
 from cohelm.sim.run import pieces, run
-from cohelm.sim.twin.drive import SLOP, held, lag
+from cohelm.sim.twin.drive import held
 from cohelm.sim.twin.robot import Twin
-from cohelm.sim.twin.settings import TwinModel
+from cohelm.sim.twin.settings import TwinModel, lag
 from cohelm.study.metrics import measure
 from tests.sim.twin.drives import sally
 

@@ -18,33 +18,20 @@ from cohelm.law.reference import evaluate
 from cohelm.law.track import pose_error
 from cohelm.perceive.frames import compose, inverse
 from cohelm.perceive.seen import Perception
+from cohelm.pilot.careful import SLOP, noise, roomier
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import Plan
 from cohelm.pilot.step import BARRIER, NONE, Decision, Settings
 from cohelm.pilot.told import told
 from cohelm.robot.limits import Limits
-from cohelm.robot.model import RobotModel
 from cohelm.sim.hand import IDLE, operate, replayed
 from cohelm.sim.piloted import Piloted, near_walls
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.robot import Truth, Twin
-from cohelm.sim.twin.settings import TwinModel
-
-SLOP = 0.008
-"""How far a corner of the outline comes to be from where the guard foretold it, at most, on the
-twin as it comes: `benchmarks/twin.py` [m]."""
+from cohelm.sim.twin.settings import TwinModel, lag
 
 _GRIP = 0.6  # share of what friction can hold that the guard counts on
-
-
-def lag(model: RobotModel, physics: TwinModel, dt: float) -> float:
-    """From a command to its effect, as the guard has to foresee it, in whole control steps [s].
-
-    Delay and lag of the drives add up; and speed follows a straight line through a control
-    step, at whose beginning the guard takes it to be reached: half a step more.
-    """
-    return round((model.delay_s + physics.wheel_lag_s + 0.5 * dt) / dt) * dt
 
 
 def held(limits: Limits, physics: TwinModel) -> Limits:
@@ -54,18 +41,6 @@ def held(limits: Limits, physics: TwinModel) -> Limits:
         acceleration=min(limits.acceleration, most),
         wheel_acceleration=min(limits.wheel_acceleration, most),
     )
-
-
-def careful(rules: Rules, more: float = 2.0 * SLOP) -> Rules:
-    """Rules for the twin: half of `clear` has room for SLOP beside what it had room for, or for
-    more: twice what a thing may be nearer, or a corner farther, than the guard takes it [m]."""
-    return rules._replace(clear=rules.clear + more, margin=rules.margin + more)
-
-
-def sight(model: RobotModel) -> float:
-    """How much nearer than it is seen a thing may be: one standard deviation of a range, of which
-    a surface near by is many beams' mean, and a post's width just one's [m]."""
-    return 0.0 if model.lidar is None else model.lidar.noise_m
 
 
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
@@ -112,12 +87,9 @@ class _Run:
         settings = given_pilot.settings._replace(limits=held(model.bounds(), given.physics))
         seeing = given_pilot.lidar is not None
         manners, care = given_pilot.manners, given_pilot.care
-        if self.guarded:  # ways are as much wider as the guard is more careful
-            more = 2.0 * (SLOP + (sight(self.robot.model) if seeing else 0.0))
-            settings = settings._replace(rules=careful(settings.rules, more))
-            manners = manners._replace(gap=manners.gap + more)
-            noise = 2.0 * sight(self.robot.model) if seeing else 0.0
-            care = care._replace(accept=care.accept + more, slack=care.slack + noise)
+        if self.guarded:
+            sees = noise(self.robot.model) if seeing else 0.0
+            settings, manners, care = roomier(settings, manners, care, SLOP + sees, sees)
         delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
             setup.reference, settings, delay=delay, manners=manners, care=care,

@@ -15,13 +15,15 @@ from cohelm.core.trace import ROW, Trace
 from cohelm.core.types import SAFE, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules, guard
 from cohelm.perceive.seen import Perception
+from cohelm.pilot.careful import SLOP, careful, noise
 from cohelm.pilot.foresee import foreseen, moved_on, stopping
 from cohelm.pilot.told import told
 from cohelm.sim.duel import Attack, deflection, note
 from cohelm.sim.setup import Setup
-from cohelm.sim.twin.drive import SLOP, between, careful, held, lag, sight
+from cohelm.sim.twin.drive import between, held
 from cohelm.sim.twin.movers import Hunters
 from cohelm.sim.twin.robot import Twin
+from cohelm.sim.twin.settings import lag
 
 _HERE = Pose(0.0, 0.0, 0.0)
 
@@ -41,7 +43,7 @@ def duel(setup: Setup, attack: Attack, hunters: Hunters, rules: Rules) -> Trace:
     perception = Perception(robot.model)
     limits, rules = (
         held(robot.model.bounds(), given.physics),
-        careful(rules, 2.0 * (SLOP + sight(robot.model))),
+        careful(rules, SLOP + noise(robot.model)),
     )
     delay = lag(given.robot, given.physics, dt)
     sent = np.zeros((round(delay / dt), 2))
