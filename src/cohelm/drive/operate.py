@@ -96,12 +96,13 @@ _SIGNALS = {
 class End:
     """Whether somebody wants the drive to end, and how they said so."""
 
-    def __init__(self) -> None:
+    def __init__(self, heard: list[signal.Signals]) -> None:
         self.asked = ""
+        self._heard = heard
 
     def heed(self) -> None:
         """The robot may move from now on, and must be stopped first."""
-        for number in _SIGNALS:
+        for number in self._heard:
             signal.signal(number, self._wish)
 
     def _wish(self, number: int, _: object) -> None:
@@ -111,12 +112,17 @@ class End:
 @contextmanager
 def ended() -> Generator[End]:
     """Ctrl-C, and being told to terminate: while a robot starts they end this process at once, even
-    in the middle of compiling; once it may move, see `End.heed`, they are a wish."""
-    end = End()
-    before = {number: signal.signal(number, signal.SIG_DFL) for number in _SIGNALS}
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)  # see `robot.keep.processes`
+    in the middle of compiling; once it may move, see `End.heed`, they are a wish.
+
+    Under `nohup`, which ignores the end of the terminal, the drive goes on without one.
+    """
+    heard = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        heard.append(signal.SIGHUP)
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in heard}
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, heard)  # see `robot.keep.processes`
     try:
-        yield end
+        yield End(heard)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
