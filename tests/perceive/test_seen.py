@@ -169,6 +169,20 @@ def test_dragged_on_while_it_is_looked_for_the_robot_is_looked_for_again(
     assert lost < within
 
 
+@pytest.mark.parametrize(("at", "by"), [(19, 2.0), (20, 1.2), (22, -1.2), (24, -2.0), (31, -2.0)])
+def test_moved_and_left_standing_the_robot_is_not_lost_for_ever(lab, tour, at, by):
+    """No margin grows while nothing new is seen, but a place may lead from scan to scan."""
+    first = round((at - 2) / DT)
+    poses, twists = tour[0][first : first + 101], tour[1][first : first + 100]
+    poses, twists = poses + poses[-1:] * 160, twists + [Twist(0.0, 0.0)] * 160
+    perception = Perception(SALLY, lab, poses[0])
+    for moment in drive(poses, twists, at, pushes=((2.0, (by, 0.0, 0.0)),)):
+        seen = perception.take(moment.now, moment.readings)
+    assert moment.now > 5.0
+    assert not seen.lost, seen.reason
+    assert errors(seen, moment.truth)[0] < 0.1
+
+
 @pytest.mark.parametrize("off", [(1.5, 0.0), (-1.0, 0.0), (0.3, -1.6)])
 @pytest.mark.parametrize("at", [0.0, 16.0, 27.0])
 def test_a_wrong_place_told_is_contradicted_by_the_lidar_within_3_seconds(lab, tour, at, off):

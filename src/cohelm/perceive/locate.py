@@ -57,6 +57,10 @@ class Caution(NamedTuple):
     """and no other pose comes within this of its log likelihood,"""
     travelled: float = 0.5
     """or, with half that margin, after this way [m] or twice the angle [rad]."""
+    ahead: float = 1.0
+    """or, whatever its margin, where it leads by this"""
+    steady: int = 10
+    """through as many scans: a robot that stands would else be lost for ever."""
     views: int = 4
     """Switched on with no idea where it is, it must hold from so many places some way apart."""
     least: float = -12.0
@@ -129,7 +133,8 @@ class Locator:
         self._odd = 0
         self._checking = False  # whether the search only checks a pose that is believed
         self._moved = False  # whether that check has found one that fits as it used to
-        self._led = 0  # scans in which that was alone in it
+        self._leading: _Hypothesis | None = None  # the likeliest
+        self._led = 0  # scans in which it led well
         self._usual = -math.inf  # log likelihood of scans, as they were before they were odd
         self._likely = 0.0  # log likelihood of the believed pose
         pose = self.start or Pose(0.0, 0.0, 0.0)
@@ -345,7 +350,7 @@ class Locator:
         if back is not None and best.total - back.total < c.margin:
             best, lead, wanted = back, math.inf, 0.0
         else:
-            wanted = self._wanted(lead)
+            wanted = self._wanted(best, lead)
         sigma = math.sqrt(float(np.linalg.eigvalsh(best.covariance[:2, :2])[-1]))
         glimpsed = self._cold and self._views < c.views
         if lead < wanted or glimpsed:
@@ -382,14 +387,18 @@ class Locator:
         self._hypotheses, self._before = [], None
         return True
 
-    def _wanted(self, lead: float) -> float:
+    def _wanted(self, best: _Hypothesis, lead: float) -> float:
         """The lead in log likelihood that makes the best hypothesis believed."""
         c = self.caution
+        leads = lead >= (c.drop if self._moved else c.ahead)
+        self._led = (self._led + 1 if best is self._leading else 1) if leads else 0
+        self._leading = best
         if self._moved:
-            self._led = self._led + 1 if lead >= c.drop else 0
             return -math.inf if self._led >= c.settled else math.inf
         if self._cold:
             return c.margin
+        if self._led >= c.steady:
+            return -math.inf
         driven = self._way >= c.travelled or self._turned >= 2.0 * c.travelled
         return 0.5 * c.margin if driven or not self._everywhere else c.margin
 
