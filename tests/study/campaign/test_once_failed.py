@@ -23,6 +23,14 @@ def test_a_room_that_once_was_too_difficult_is_crossed(number, what):
     assert (row.contacts_moving, row.limit_excess, row.fault) == (0, 0.0, "")
 
 
+def test_noise_does_not_turn_the_robot_back_in_front_of_a_tight_gap():
+    """By its own sensors in the lab, past the corridor's cone, where it turned back again and again."""
+    (row,) = chunk(suites.suite("lab", 1, None, "twin"), "guard", (3,))
+    assert row.arrived
+    assert (row.contacts_moving, row.fault) == (0, "")
+    assert row.duration_s < 100.0
+
+
 @pytest.mark.skipif(not DATA.is_dir(), reason="the shared data are not there")
 @pytest.mark.parametrize(("name", "numbers"), [("barn", (0, 20, 49)), ("crowd", (0, 1)),
                                                ("lab", (0,)), ("hands", (0,))])  # fmt: skip
