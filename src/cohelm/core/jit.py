@@ -2,15 +2,16 @@
 
 numba's own cache notices an edit of the file that holds a function, but not an edit of a
 function it calls in another file: after changing `law/track.py` a cached `sim` kernel would
-silently keep running the old formula. So a room's cache lies in a folder named after all the
-sources it can depend on: imports run one way, so these are its own and those of the rooms below.
-An edit there starts a fresh cache, and old ones are swept away; an edit elsewhere costs nothing.
+silently keep running the old formula. So a room's cache lies in a folder named after the files
+of the room that compile, and all they import, directly or not. An edit there starts a fresh cache,
+and old ones are swept away; an edit elsewhere costs nothing.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Callable
 from functools import cache
@@ -24,25 +25,39 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _KEPT_CACHES = 4
 
-BELOW: dict[str, tuple[str, ...]] = {
-    "core": (),
-    "robot": ("core",),
-    "law": ("core", "robot"),
-    "perceive": ("core", "robot"),
-    "pilot": ("core", "robot", "law", "perceive"),
-    "sim": ("core", "robot", "law", "perceive", "pilot"),
-}
-"""The rooms that compile, and what each may import. Code from elsewhere depends on everything."""
+_PACKAGE = Path(__file__).resolve().parent.parent
+_IMPORT = re.compile(
+    r"^\s*from\s+cohelm\.?([\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)|^\s*import\s+cohelm\.([\w.]+)",
+    re.M,
+)
+
+
+def _imported(text: str) -> set[Path]:
+    """The files of the package that a file of this text imports."""
+    found: set[Path] = set()
+    for of, names, whole in _IMPORT.findall(text):
+        module = _PACKAGE.joinpath(*filter(None, (of or whole).split(".")))
+        parts = [module, *(module / name for name in re.findall(r"\w+", names))]
+        for part in parts:
+            found |= {f for f in (part.with_suffix(".py"), part / "__init__.py") if f.is_file()}
+    return found
+
+
+def _sources(room: str) -> set[Path]:
+    """The files of a room that compile, and all they import."""
+    known: set[Path] = set()
+    new = {f for f in (_PACKAGE / room).rglob("*.py") if b"cohelm.core.jit" in f.read_bytes()}
+    while new:
+        known |= new
+        new = {f for path in new for f in _imported(path.read_text(encoding="utf-8"))} - known
+    return known
 
 
 def _fingerprint(room: str) -> str:
-    """A digest of the sources that a room's compiled code can depend on, and of where they lie."""
-    package = Path(__file__).resolve().parent.parent
-    folders = [package / r for r in (*BELOW[room], room)] if room in BELOW else [package]
-    digest = hashlib.sha256(f"{numba.__version__} {package}".encode())
-    for folder in folders:
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(path.read_bytes())
+    """A digest of the sources that a room's compiled code depends on, and of where they lie."""
+    digest = hashlib.sha256(f"{numba.__version__} {_PACKAGE}".encode())
+    for path in sorted(_sources(room)):
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -53,7 +68,7 @@ def _cache_folder(room: str) -> str:
     shared = os.environ.get("XDG_CACHE_HOME")
     try:
         base = Path(own) if own else (Path(shared) if shared else Path.home() / ".cache") / "cohelm"
-        root = base / "numba" / room
+        root = base / "numba" / (room or "elsewhere")
         folder = root / _fingerprint(room)
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
@@ -66,10 +81,9 @@ def _cache_folder(room: str) -> str:
 
 
 def _room(function: Callable[..., Any]) -> str:
-    """The room a function stands in; "elsewhere" for one that is in none of those that compile."""
+    """The room a function stands in; the whole package for one from outside, as in a test."""
     package, _, rest = function.__module__.partition(".")
-    room = rest.partition(".")[0]
-    return room if package == "cohelm" and room in BELOW else "elsewhere"
+    return rest.partition(".")[0] if package == "cohelm" else ""
 
 
 def _compile(function: F, **options: Any) -> F:
