@@ -75,6 +75,7 @@ class Loop:
         """What is wrong with the readings; empty: nothing."""
         self.cap = FREE
         """On the speed, by the driver's delay."""
+        self._pauses: dict[str, str] = {}
         self._led = False  # a person chose the mode, and must go on being heard
         self._scale = 1.0
         self._delay = math.nan
@@ -157,6 +158,23 @@ class Loop:
             self._event(f"mode {mode.name}")
         return said
 
+    def pause(self, name: str, why: str) -> None:
+        """Brake and stand in the mode it is, until `go_on(name)`: nothing remembers a mode, so what
+        ends the mode meanwhile (hold, stop, fault, another choice) is never undone."""
+        if name not in self._pauses:
+            self._event(f"stands: {why}")
+        self._pauses[name] = why
+
+    def go_on(self, name: str) -> None:
+        """What that pause was for is over; where there is another one, the robot still stands."""
+        if self._pauses.pop(name, ""):
+            self._event(f"goes on: {name}")
+
+    @property
+    def paused(self) -> str:
+        """Why it stands in a driving mode; empty: it does not."""
+        return next(iter(self._pauses.values()), "")
+
     def period(self) -> None:
         """One turn: read, perceive, step, gate, send; then tell and record."""
         keeper = self.keeper
@@ -168,7 +186,8 @@ class Loop:
         self._listen()
         decision = None
         seen = self.seen
-        if driving(keeper.gate.mode) and not self.problem and seen is not None:
+        free = driving(keeper.gate.mode) and not self.problem and not self._pauses
+        if free and seen is not None:
             decision = self._decide(now, seen)
         passed = self._propose(readings, decision)
         self.decision = decision

@@ -13,7 +13,9 @@ from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
 from cohelm.robot.gate.modes import Mode, driving, latched
 from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
+from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
 from cohelm.robot.port import Readings, Robot
 
 QUIET = 1.0
@@ -103,9 +105,14 @@ class Kept:
     a process of its own; in real time it can not outlive this process."""
 
     def __init__(
-        self, robot: Robot, rules: Rules, told: Callable[[Event], None] | None = None
-    ) -> None:
+        self, robot: Robot, rules: Rules, told: Callable[[Event], None] | None = None,
+        watched_by: tuple[Monitor, ...] | None = None,
+    ) -> None:  # fmt: skip
+        """watched_by: by default `watch.monitors`, all there are."""
         self._robot, self._rules = robot, rules
+        self._monitors = monitors(robot.model, rules) if watched_by is None else watched_by
+        self._restriction = UNRESTRICTED
+        """Of the newest readings, whatever is proposed."""
         self._told = told or _nobody
         self._line: Line | None = None
         self._gate = Gate()
@@ -140,12 +147,26 @@ class Kept:
         readings = self._robot.read()
         if readings.health is not None and readings.health.faults:
             self.fault(f"the robot says: {readings.health.faults[0]}")
+        if self._monitors:
+            now, applied = self._robot.now(), self._gate.out
+            self._restriction = self._heeded(
+                [monitor.observe(now, readings, applied) for monitor in self._monitors]
+            )
         self._stands(readings)
         return readings
 
     def propose(self, proposal: Proposal) -> Passed:
-        """Through the gate to the wheels."""
-        gate, passed = gates.propose(self._gate, proposal, self._robot.now(), self._rules)
+        """Past the monitors and through the gate to the wheels."""
+        now, twist = self._robot.now(), proposal.twist
+        restriction = self._heeded(
+            [self._restriction, *(monitor.restrict(now, twist) for monitor in self._monitors)]
+        )
+        share = restriction.share
+        if share < 1.0:
+            proposal = proposal._replace(twist=Twist(share * twist.v, share * twist.omega))
+        gate, passed = gates.propose(self._gate, proposal, now, self._rules)
+        if share < 1.0 and driving(gate.mode):
+            passed = passed._replace(reason=restriction.reason)
         return self._out(gate, passed)
 
     def tick(self) -> Passed:
@@ -193,6 +214,13 @@ class Kept:
         """Stop the robot and let it go."""
         self._robot.stop()
         self._robot.close()
+
+    def _heeded(self, restrictions: list[Restriction]) -> Restriction:
+        """The strictest; a fault is latched at once."""
+        worst = strictest(restrictions)
+        if worst.fault:
+            self.fault(worst.reason)
+        return worst
 
     def _now(self, gate: Gate) -> None:
         self._changed(gate)

@@ -1,0 +1,79 @@
+"""A monitor can only slow or stop, and what it says is heeded and told."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.gate.bounds import Bounds
+from cohelm.robot.gate.gate import Proposal, Rules
+from cohelm.robot.gate.modes import Mode
+from cohelm.robot.keep.kept import Kept
+from cohelm.robot.monitor import UNRESTRICTED, Restriction, strictest
+from cohelm.scenario import load
+from cohelm.sim.kinematic import Kinematic
+
+RULES = Rules(Bounds(1.0, 50.0, 3.0, 50.0, math.inf, math.inf, 0.5))
+
+
+class Says:
+    """A monitor that answers as told."""
+
+    def __init__(self, at_reading=UNRESTRICTED, of_twist=UNRESTRICTED):
+        self.at_reading, self.of_twist = at_reading, of_twist
+        self.seen = []
+
+    def observe(self, now, readings, applied):
+        self.seen.append((readings, applied))
+        return self.at_reading
+
+    def restrict(self, now, twist):
+        return self.of_twist
+
+
+def kept(*monitors):
+    made = load.scenario("minimal", [])
+    alone = load.standing_alone(made, Path())
+    robot = Kinematic(alone.robot, Pose(0.0, 0.0, 0.0), alone.around(), seed=0)
+    events = []
+    it = Kept(robot, RULES, events.append, monitors)
+    it.wait(0.1)
+    it.read()
+    it.propose(Proposal(0, it.now(), Twist(0.0, 0.0)))
+    assert it.drive(Mode.SHARED) == ""
+    return it, events
+
+
+def test_the_smallest_share_passes_on_the_same_arc_and_says_why():
+    half, third = Restriction(0.5, "half"), Restriction(1.0 / 3.0, "third")
+    it, events = kept(Says(at_reading=half), Says(of_twist=third))
+    passed = it.propose(Proposal(1, it.now(), Twist(0.3, 0.6)))
+    assert passed.out == pytest.approx((0.1, 0.2))
+    assert passed.reason == "third"
+    assert any("limited: third" in event.text for event in events)
+
+
+def test_a_fault_is_latched_whatever_the_others_say():
+    watch = Says()
+    it, _ = kept(Says(), watch)
+    watch.of_twist = Restriction(1.0, "a broken sense", fault=True)
+    passed = it.propose(Proposal(1, it.now(), Twist(0.3, 0.0)))
+    assert passed.out == (0.0, 0.0)
+    assert it.gate.mode == Mode.FAULTED
+    assert it.gate.reason == "a broken sense"
+
+
+def test_a_fault_of_a_reading_stops_a_robot_that_nobody_asks_anything():
+    watch = Says()
+    it, _ = kept(watch)
+    watch.at_reading = Restriction(fault=True, reason="the scan repeats")
+    it.read()
+    assert it.gate.mode == Mode.FAULTED
+
+
+def test_of_several_a_fault_comes_before_the_least_share():
+    slow, fault = Restriction(0.0, "stands"), Restriction(1.0, "broken", True)
+    assert strictest([UNRESTRICTED, slow, fault]) is fault
+    assert strictest([UNRESTRICTED, slow]) is slow
+    assert strictest([]) == UNRESTRICTED
