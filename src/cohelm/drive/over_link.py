@@ -11,7 +11,6 @@ import numpy as np
 from cohelm import __version__
 from cohelm.drive.pictures import Packed
 from cohelm.link.heard import Asked, Heard
-from cohelm.link.keys import Keys
 from cohelm.link.messages import (
     Ask,
     Checked,
@@ -24,7 +23,7 @@ from cohelm.link.messages import (
     Status,
 )  # fmt: skip
 from cohelm.link.robot_bulk import Proposed, RobotBulk, listed
-from cohelm.link.robot_end import STALE, RobotEnd
+from cohelm.link.robot_end import RobotEnd
 from cohelm.robot.model import RobotModel
 
 
@@ -32,17 +31,14 @@ class OverLink:
     """A `loop.operator.Operator`. Its calls return at once."""
 
     def __init__(
-        self, keys: Keys, model: RobotModel, host: str, port: int, records: Path,
-        on_loss: str, watchdog: float, camera: bool, stale: float = STALE,
+        self, end: RobotEnd, bulk: RobotBulk, model: RobotModel, records: Path, on_loss: str,
+        watchdog: float, camera: bool,
     ) -> None:  # fmt: skip
-        """records: folder whose files can be fetched. camera: whether there will be pictures.
-        stale: as in `RobotEnd`.
-
-        Raises CohelmError where it can not listen.
+        """end, bulk: both ways of the link, from now on this one's to close. records: folder whose
+        files can be fetched. camera: whether there will be pictures.
         """
-        self._end = RobotEnd(keys, host, port, stale=stale)
-        self.address = self._end.address
-        self._bulk = RobotBulk(self._end, keys, records)
+        self._end, self._bulk = end, bulk
+        self.address = end.address
         self._records = records
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"
         """Starts or ends a record; why not, or nothing."""
@@ -64,7 +60,7 @@ class OverLink:
             if what != Ask.RECORD:
                 rest.append(asked)
                 continue
-            said = self.record(value != 0)
+            said = "you do not drive" if asked.client != heard.driver else self.record(value != 0)
             self.answer(asked.client, number, not said, said)
         return heard._replace(asked=tuple(rest))
 

@@ -17,8 +17,11 @@ ROOM = 0.05
 """Least gap between the outline and anything known [m]."""
 _SPACING = 0.05
 _FARTHEST = 200.0
+_MOST = 256
+"""Way-points of one way: a person sets a few dozen."""
 _NEAR = 0.05
-_NONE = 65535
+NONE = 65535
+"""No way-point is to blame."""
 
 
 class Judged(NamedTuple):
@@ -31,6 +34,22 @@ class Judged(NamedTuple):
     """Which way-point is to blame, from 0; 65535: none."""
 
 
+class Judge(NamedTuple):
+    """What a way is held against: sent once to where ways are checked."""
+
+    speed: float
+    """u_d [m/s]."""
+    outline: Floats
+    known: Floats
+    """(p, 2), surfaces of the map [m]."""
+    bounds: Floats
+    """(2, 2), its corners [m]."""
+
+    def __call__(self, points: Floats, robot: Pose) -> Judged:
+        """`judged`; takes up to a second of processor."""
+        return judged(points, robot, self.speed, self.outline, self.known, self.bounds)
+
+
 def judged(
     points: Floats, robot: Pose, speed: float, outline: Floats, known: Floats, bounds: Floats
 ) -> Judged:
@@ -39,26 +58,28 @@ def judged(
     points: (n, 2). known: (p, 2), surfaces of the map [m]. bounds: (2, 2), its corners [m].
     Moving things and small ones are left to the guard, which meets them when they are there.
     """
+    if len(points) > _MOST:
+        return Judged(None, f"more than {_MOST} way-points: leave some out", NONE)
     for i, point in enumerate(points):
         if len(bounds) and not ((bounds[0] <= point) & (point <= bounds[1])).all():
             return Judged(None, f"way-point {i + 1} is not on the map", i)
     line = np.vstack(((robot.x, robot.y), points))
     steps = np.hypot(*np.diff(line, axis=0).T)
     if float(steps.sum()) > _FARTHEST:
-        return Judged(None, f"the way is longer than {_FARTHEST:.0f} m", _NONE)
+        return Judged(None, f"the way is longer than {_FARTHEST:.0f} m", NONE)
     if steps[0] < _NEAR and len(points) > 1:  # the first one is where the robot stands
         line = np.delete(line, 1, axis=0)
     try:
         reference = through(line, speed)
     except CohelmError as error:
-        return Judged(None, str(error), _NONE)
+        return Judged(None, str(error), NONE)
     poses = poses_along(reference, _SPACING)
     gaps = swept(np.ascontiguousarray(known), outline, poses)
     # where the robot stands is not up to the person
     gaps[: math.ceil(0.5 / _SPACING)] = np.maximum(gaps[: math.ceil(0.5 / _SPACING)], ROOM)
     tight = int(np.argmin(gaps))
     if gaps[tight] >= ROOM:
-        return Judged(reference, "", _NONE)
+        return Judged(reference, "", NONE)
     tau = reference.duration * tight / (len(poses) - 1)
     leg = int(np.searchsorted(reference.knots, tau, side="left"))
     i = min(max(leg - 1, 0) + len(points) + 1 - len(line), len(points) - 1)

@@ -84,7 +84,7 @@ class Replaying:
     ) -> None:
         """Nothing to steer."""
 
-    def ask(self, what: Ask, value: int = 0) -> int:
+    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
         """Refused."""
         self._number += 1
         return self._number

@@ -12,7 +12,8 @@ from cohelm.drive.desk import Desk
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Plan, Session
 from cohelm.link.keys import Keys
-from cohelm.link.robot_end import STALE
+from cohelm.link.robot_bulk import RobotBulk
+from cohelm.link.robot_end import STALE, RobotEnd
 from cohelm.loop.loop import Loop
 from cohelm.perceive.taped import surveyed
 
@@ -47,9 +48,15 @@ def serve(
             _log.warning("there is no wall to localise by: the robot trusts its odometry")
             plan = replace(plan, localise=False)
     on_loss = "goes on alone" if plan.ways.carry_on else "stops"
+    end = RobotEnd(door.keys, door.host, door.port, stale=STALE + plan.patience)
+    try:
+        bulk = RobotBulk(end, door.keys, door.records)
+    except BaseException:
+        end.close()
+        raise
     operator = OverLink(
-        door.keys, plan.robot.model, door.host, door.port, door.records, on_loss,
-        plan.ways.manner.stale, plan.robot.kind == "twin", STALE + plan.patience,
+        end, bulk, plan.robot.model, door.records, on_loss, plan.ways.manner.stale,
+        plan.robot.kind == "twin",
     )  # fmt: skip
     try:
         with Session(plan, operator) as session:

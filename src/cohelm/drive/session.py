@@ -27,7 +27,7 @@ from cohelm.pilot.careful import SLOP, noise, roomier
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import GUARD
 from cohelm.record.drive import Photo
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import Mode as GateMode, latched
 from cohelm.robot.keep.kept import Keeper, Kept, rules, standing
 from cohelm.robot.keep.lines import Line
 from cohelm.robot.keep.priority import urgent, with_its_threads
@@ -124,16 +124,21 @@ class Session:
         self.close()
 
     def run(self, until: Callable[[Loop], bool], mode: Mode = Mode.HOLD) -> None:
-        """Drive in a mode, as soon as the robot can, until `until` says so."""
+        """Drive in a mode, as soon as the robot can, until `until` says so.
+
+        A stop, hold or fault meanwhile ends the wish, and so does a mode that a person chooses.
+        """
         keeper, begun = self.loop.keeper, self.loop.keeper.now()
-        wanted = mode
+        wanted, ended = mode, self.loop.ended
 
         def chosen(loop: Loop) -> bool:
             nonlocal wanted
             if wanted != Mode.HOLD:
-                ready = not loop.choose(wanted)
+                over = loop.ended != ended or loop.mode not in (Mode.HOLD, wanted)
+                over = over or latched(keeper.gate.mode)
                 late = keeper.now() - begun > _READY
-                wanted = Mode.HOLD if ready or late else wanted
+                if over or late or not loop.choose(wanted):
+                    wanted = Mode.HOLD
             self._look()
             return until(loop)
 

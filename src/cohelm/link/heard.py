@@ -13,6 +13,8 @@ class Asked(NamedTuple):
     client: int
     name: str
     request: Request
+    age: float = 0.0
+    """How long ago it was made, at most [s]; NaN: whoever made it is gone."""
 
 
 class Heard(NamedTuple):
@@ -29,3 +31,6 @@ class Heard(NamedTuple):
     """To the driver [s]; NaN: not known."""
     asked: tuple[Asked, ...]
     """New since the last call, oldest first."""
+    term: int = 0
+    """Counts the leases: another one than before, and what was chosen in that is over. A driver who
+    is lost, with nobody after him, leaves it as it was."""

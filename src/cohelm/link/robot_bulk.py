@@ -90,7 +90,8 @@ class RobotBulk(Turning):
         self._lock = threading.Lock()
         self._stations: list[_Station] = []
         self._published: dict[object, FromRobot] = {}
-        self._proposed: deque[Proposed] = deque(maxlen=64)
+        self._proposed: dict[object, Proposed] = {}
+        """Of each station the newest of each kind: nobody can crowd out another's."""
         self._known: dict[int, str] = {}
         self._start()
 
@@ -106,9 +107,9 @@ class RobotBulk(Turning):
         self._bell.ring()
 
     def proposed(self) -> tuple[Proposed, ...]:
-        """New since the last call."""
+        """New since the last call; of each station the newest way to check, and to go."""
         with self._lock:
-            new = tuple(self._proposed)
+            new = tuple(self._proposed.values())
             self._proposed.clear()
         return new
 
@@ -233,8 +234,10 @@ class RobotBulk(Turning):
                 refusal = Checked(Answer(message.number, False, "you do not drive"), 65535)
                 station.replies.append(refusal)
             else:
-                with self._lock:
-                    self._proposed.append(Proposed(client, station.stream.name, message))
+                with self._lock:  # at the end: oldest first
+                    self._proposed.pop((client, type(message), to_try), None)
+                    proposed = Proposed(client, station.stream.name, message)
+                    self._proposed[client, type(message), to_try] = proposed
 
     def _fetch(self, station: _Station, asked: Fetch) -> None:
         there = listed(self._records)

@@ -85,6 +85,9 @@ class RobotEnd(Turning):
         self._lock = threading.RLock()
         self._clients: dict[int, _Client] = {}
         self._held = lease.Held()
+        self._term = 0
+        self._given_at = -math.inf
+        """When the lease came to the driver otherwise than by his own asking just then [s]."""
         self._numbers: dict[tuple[str, int], int] = {}
         self._asked: deque[Asked] = deque(maxlen=256)
         self._outbox: dict[object, Status | ScanPart | Discs] = {}
@@ -98,19 +101,19 @@ class RobotEnd(Turning):
         """What the driver wants now. Each request is handed out once."""
         now = self.clock()
         with self._lock:
-            asked = tuple(self._asked)
+            asked = tuple(a._replace(age=self._oldest(a, now)) for a in self._asked)
             self._asked.clear()
             client = self._clients.get(self._held.driver)
             if client is None:
                 return Heard(self._held.driver, self._name(self._held.driver), None, math.nan,
-                             math.nan, asked)  # fmt: skip
+                             math.nan, asked, self._term)  # fmt: skip
             age = client.path.age(client.stamp, now)
             fresh = client.command is not None and -AHEAD <= age <= self._stale
             if fresh:
                 client.used_age = age
             return Heard(
                 client.number, client.channel.name, client.command if fresh else None, age,
-                client.path.round_trip, asked,
+                client.path.round_trip, asked, self._term,
             )  # fmt: skip
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
@@ -191,7 +194,10 @@ class RobotEnd(Turning):
                     self._datagram(client, datagram)
         for guest in self._door.turn(full=len(self._clients) >= MOST_CLIENTS):
             self._welcome(guest)
-        now = self.clock()
+        self._time_passes(self.clock())
+
+    def _time_passes(self, now: float) -> None:
+        """Who does not answer loses the lease; who is not heard is forgotten."""
         with self._lock:
             held = lease.later(self._held, now)
             if held != self._held:
@@ -282,6 +288,8 @@ class RobotEnd(Turning):
                 self._lease_request(client, request, now)
             elif request.what not in _FOR_ALL and self._held.driver != client.number:
                 self.answer(client.number, request.number, False, "you do not drive")
+            elif request.what not in _FOR_ALL and self._before_lease(client, request, now):
+                self.answer(client.number, request.number, False, "you did not drive yet")
             else:
                 self._asked.append(Asked(client.number, client.channel.name, request))
 
@@ -296,15 +304,39 @@ class RobotEnd(Turning):
         else:
             said = lease.refuse(held, client.number)
         self.answer(client.number, request.number, said.granted, said.reason)
-        self._lease(said.held, f"asked by {client.channel.name}")
+        taken = request.what is Ask.TAKE
+        self._lease(said.held, f"asked by {client.channel.name}", taken=taken)
 
-    def _lease(self, held: lease.Held, why: str) -> None:
+    def _oldest(self, asked: Asked, now: float) -> float:
+        """How long ago something was asked for at most [s]; NaN: who asked is gone."""
+        client = self._clients.get(asked.client)
+        if client is None:
+            return math.nan
+        return client.path.age(asked.request.made, now) + 0.5 * client.path.shortest
+
+    def _before_lease(self, client: _Client, request: Request, now: float) -> bool:
+        """Whether it was made before the driver could know that he drives."""
+        return now - client.path.age(request.made, now) < self._given_at
+
+    def _lease(self, held: lease.Held, why: str, taken: bool = False, lost: bool = False) -> None:
+        """taken: the new driver has asked just now. lost: the old one is gone."""
         if held.driver != self._held.driver:
             _log.info("%s drives now: %s", self._name(held.driver) or "nobody", why)
+            self._given_at = -math.inf if taken else self.clock()
+            if not (lost and held.driver == lease.NOBODY):
+                self._term += 1
+            self._withdraw(self._held.driver)
             new = self._clients.get(held.driver)
             if new is not None:
                 new.command = None  # what it wanted before it drove counts for nothing
         self._held = held
+
+    def _withdraw(self, driver: int) -> None:
+        """What somebody asked for as the driver, and the loop has not done, it shall not do."""
+        for asked in [a for a in self._asked if a.client == driver]:
+            if asked.request.what not in _FOR_ALL:
+                self._asked.remove(asked)
+                self.answer(driver, asked.request.number, False, "you do not drive any more")
 
     def _name(self, number: int) -> str:
         client = self._clients.get(number)
@@ -315,7 +347,7 @@ class RobotEnd(Turning):
         with self._lock:
             self._clients.pop(client.number, None)
             client.socket.close()
-            self._lease(lease.gone(self._held, client.number), why)
+            self._lease(lease.gone(self._held, client.number), why, lost=True)
 
     def _send(self) -> None:
         with self._lock:

@@ -158,15 +158,18 @@ class StationEnd(Turning):
             self._steered_at = self.clock()
         self._bell.ring()
 
-    def ask(self, what: Ask, value: int = 0) -> int:
+    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
         """Ask for something once; returns the number its answer will have.
 
+        made: when the person did, by this end's clock; None: now [s].
         It is repeated until it is answered, or a second is over; a stop for ever.
         """
         with self._lock:
             self._number += 1
             number = self._number
-            self._requests.append(Request(number, what, value, self.clock()))
+            now = self.clock()
+            made = now if made is None else min(made, now)
+            self._requests.append(Request(number, what, value, made))
             while len(self._requests) > 8:  # of so many, the oldest but for stops
                 others = [r for r in self._requests if r.what is not Ask.STOP]
                 self._expire(others[0] if others else self._requests[0], "too many at once")

@@ -15,7 +15,7 @@ from cohelm.core.period import PERIOD
 from cohelm.core.types import Twist, wrap
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.cap import FREE as NOTICED
-from cohelm.link.heard import Asked
+from cohelm.link.heard import Asked, Heard
 from cohelm.link.messages import Arming, Ask, Discs, Map, Mode, Polyline, Status
 from cohelm.link.told import Shown, Told
 from cohelm.loop.alarms import Alarms
@@ -43,6 +43,10 @@ _TOLD = 50.0  # statuses a second, at most
 _DISCS = 40  # shown, at most
 _NO_PLANNER = "what plans ways round is gone: the robot keeps to the course it has"
 _SWEEP = 5.0  # from one sweep of young garbage to the next [s]
+_MOST_REQUESTS = 8
+"""Done for one client in one period, as many as one command carries; a stop always."""
+_REMEMBERED = 10.0
+"""No request is done that is so old [s]."""
 
 
 class Ways(NamedTuple):
@@ -77,6 +81,13 @@ class Loop:
         """On the speed, by the driver's delay."""
         self._pauses: dict[str, str] = {}
         self._led = False  # a person chose the mode, and must go on being heard
+        self.lease = (0, 0)
+        """Who drives, 0: nobody; and a count of the leases."""
+        self.ended = 0
+        """How often a mode was ended, or forbidden: by a stop, hold, fault, or the lease's end."""
+        self._ended: dict[int, float] = {}
+        """When each client did that last, 0: the robot itself [s]."""
+        self._latched = (GateMode.IDLE, "")
         self._scale = 1.0
         self._delay = math.nan
         self.readings: Readings | None = None
@@ -147,7 +158,11 @@ class Loop:
         self._record(Shown(self.keeper.now(), what))
 
     def choose(self, mode: Mode) -> str:
-        """Who drives from now on; why not, or nothing."""
+        """Who drives from now on; why not, or nothing. Not for what a person asks for: `_mode`."""
+        return self._choose(mode, 0)
+
+    def _choose(self, mode: Mode, who: int) -> str:
+        """who: the client that chooses; 0: the robot, or who started it."""
         if mode != Mode.HOLD and self.problem:
             return self.problem
         if mode in (Mode.AUTOMATIC, Mode.SHARED) and self.driver.pilot is None:
@@ -156,6 +171,8 @@ class Loop:
         if not said:
             self.mode = mode
             self._event(f"mode {mode.name}")
+            if mode == Mode.HOLD:
+                self._end(who)
         return said
 
     def pause(self, name: str, why: str) -> None:
@@ -183,6 +200,7 @@ class Loop:
         readings = self.readings = keeper.read()
         now = keeper.now()  # after them: what a held-up loop reads is not from the future
         self._look(now, readings)
+        self._notice()
         self._listen()
         decision = None
         seen = self.seen
@@ -223,9 +241,8 @@ class Loop:
         heard = self.operator.heard()
         self._driven_by = (heard.driver, heard.name)
         self._scale = allowed(heard, self._scale)
-        for asked in heard.asked:
-            granted, reason = self._request(asked)
-            self.operator.answer(asked.client, asked.request.number, granted, reason)
+        self._heed_lease(heard)
+        self._requests(heard)
         self.person = renewed(self.person, heard, self.ways.manner, self.ways.period)
         if self.person.lost and self.keeper.gate.mode == GateMode.SHARED:
             self.alarms.on("stick", f"the stick is lost: {self.person.lost}")
@@ -247,21 +264,89 @@ class Loop:
                 self.keeper.stop(f"the driver is lost: {why}")
         self._delay = far(heard, self.person)
 
-    def _request(self, asked: Asked) -> tuple[bool, str]:
+    def _heed_lease(self, heard: Heard) -> None:
+        """A mode lives no longer than the lease in which it was chosen."""
+        before, self.lease = self.lease, (heard.driver, heard.term)
+        if before[1] == heard.term or not (self._led and driving(self.keeper.gate.mode)):
+            return
+        if heard.driver == 0 and not self.ways.carry_on:
+            return  # the driver is lost: more than a hold
+        self._event("the one who chose the mode drives no more: hold")
+        self.choose(Mode.HOLD)
+
+    def _requests(self, heard: Heard) -> None:
+        """Do or refuse each, and answer."""
+        done: dict[int, int] = {}
+        for asked in heard.asked:
+            count = done[asked.client] = done.get(asked.client, 0) + 1
+            if count > _MOST_REQUESTS and asked.request.what != Ask.STOP:
+                granted, reason = False, "too many requests: wait a moment and ask again"
+            else:
+                granted, reason = self._request(asked, heard.driver)
+            self.operator.answer(asked.client, asked.request.number, granted, reason)
+
+    def _request(self, asked: Asked, driver: int) -> tuple[bool, str]:
         what, value = asked.request.what, asked.request.value
         said = "the loop does not do that"
         if what == Ask.STOP:
-            self.keeper.stop(f"stop by {asked.name}")
+            self._stopped_by(asked)
             said = ""
         elif what == Ask.RESET:
-            said = self.problem or self.keeper.reset()
+            said = self._not_now(asked, driver) or self.problem or self.keeper.reset()
         elif what == Ask.ACKNOWLEDGE:
             said = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == Ask.MODE:
-            said = self.choose(Mode(value)) if value in _MODES else "there is no such mode"
-            self._led = self._led if said else value != Mode.HOLD
+            said = self._mode(asked, driver) if value in _MODES else "there is no such mode"
         self._event(f"{asked.name} asks for {what.name} {value}: {said or 'done'}")
         return not said, said
+
+    def _stopped_by(self, asked: Asked) -> None:
+        before = self.keeper.gate
+        self.keeper.stop(f"stop by {asked.name}")
+        gate = self.keeper.gate
+        if not latched(before.mode) and gate.mode == GateMode.STOPPED:
+            self._latched = (gate.mode, gate.reason)  # his own, not the robot's
+        self._end(asked.client)
+
+    def _mode(self, asked: Asked, driver: int) -> str:
+        mode = Mode(asked.request.value)
+        hold = mode == Mode.HOLD  # to stand is never too late
+        said = self._not_now(asked, driver, hold) or self._choose(mode, asked.client)
+        if not said:
+            self._led = not hold
+        return said
+
+    def _not_now(self, asked: Asked, driver: int, hold: bool = False) -> str:
+        """Why a request may not lead to driving; empty: it may.
+
+        Whoever asked must drive still, and must have asked after everything that ended a mode or
+        forbade one, unless he did that himself: then his requests come in his order.
+        """
+        if asked.client != driver:
+            return "you do not drive"
+        made = self.keeper.now() - asked.age
+        others = (at for who, at in self._ended.items() if who != asked.client)
+        if not hold and (math.isnan(made) or made <= max(others, default=-math.inf)):
+            return "the robot was told to stand after you asked: ask again"
+        return ""
+
+    def _end(self, who: int) -> None:
+        """No mode, and no request made before, leads on from here. who: client; 0: the robot."""
+        now = self.keeper.now()
+        self.ended += 1
+        self._ended = {w: at for w, at in self._ended.items() if now - at < _REMEMBERED}
+        self._ended[who] = now
+
+    def _notice(self) -> None:
+        """What the gate latched by itself ends all modes; it is heeded before any request."""
+        gate = self.keeper.gate
+        state = (gate.mode, gate.reason) if latched(gate.mode) else (GateMode.IDLE, "")
+        if state != self._latched:
+            self._latched = state
+            if latched(gate.mode):
+                self._end(0)
+        if not driving(gate.mode) and self.mode != Mode.HOLD:
+            self.mode = Mode.HOLD
 
     def _decide(self, now: float, seen: Seen) -> Decision:
         around = self.driver.around(seen)
@@ -299,8 +384,7 @@ class Loop:
     def _watch(self, now: float) -> None:
         """Follow what the gate did by itself, and whether the recorder lives."""
         gate = self.keeper.gate
-        if not driving(gate.mode) and self.mode != Mode.HOLD:
-            self.mode = Mode.HOLD
+        self._notice()
         if latched(gate.mode):
             self.alarms.on("stopped", gate.reason)
         else:
@@ -365,7 +449,7 @@ class Loop:
             clear = self.driver.clear(self.seen.pose, around, self.seen.blind)
         said = Said(
             self.mode, gate.reason, self.person, self.seen, self._has_map, self.decision,
-            passed.out, passed.reason, self._e_p(), self._progress(),
+            passed.out, passed.reason or self.paused, self._e_p(), self._progress(),
             self.recording, self.timing.recent, self.timing.overruns,
             self.alarms.worst(), self.cap, clear,
         )  # fmt: skip

@@ -58,9 +58,9 @@ class Linked:
         """What the person wants now."""
         self._end.steer(stick, valid, armed, device, speed_scale)
 
-    def ask(self, what: Ask, value: int = 0) -> int:
+    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
         """Ask for something once."""
-        return self._end.ask(what, value)
+        return self._end.ask(what, value, made)
 
     def answer(self, number: int) -> Answer | None:
         """What became of it."""

@@ -60,6 +60,9 @@ class Do(Schema):
     what: Request
     value: Annotated[int, Field(ge=0, le=65535)] = 0
     """Which alarm is acknowledged (0: all); which client is given the robot (0: nobody)."""
+    heard_ms: Annotated[float, Field(ge=0.0, le=1e15)] | None = None
+    """`at_ms` of the newest beat heard when the person pressed: what was pressed before a stop is
+    not done after it, however long it was under way. Null: just now."""
 
 
 class Waypoints(Schema):

@@ -175,7 +175,8 @@ class Operator:
                 self._stick(message)
             case page.Do():
                 what, value = view.asked(message)
-                self._asked[self.link.ask(what, value)] = message.what
+                made = None if message.heard_ms is None else message.heard_ms / 1e3
+                self._asked[self.link.ask(what, value, made)] = message.what
                 while len(self._asked) > 32:
                     self._asked.pop(next(iter(self._asked)))
                 if what is robot.Ask.RECORD:

@@ -49,8 +49,11 @@ class RobotLink(Protocol):
         """What the person wants now; the newest wins. To be called at 50 Hz."""
         ...
 
-    def ask(self, what: Ask, value: int = 0) -> int:
-        """Ask for something once; returns the number of its answer."""
+    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
+        """Ask for something once; returns the number of its answer.
+
+        made: when the person did, by the monotonic clock; None: now [s].
+        """
         ...
 
     def answer(self, number: int) -> Answer | None:

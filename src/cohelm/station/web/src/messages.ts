@@ -51,6 +51,8 @@ export interface Do {
   what: 'stop' | 'reset' | 'take' | 'give' | 'refuse' | 'acknowledge' | 'record' | 'record_stop' | 'hold' | 'shared' | 'automatic' | 'manual'
   /** Which alarm is acknowledged (0: all); which client is given the robot (0: nobody). */
   value: number
+  /** `at_ms` of the newest beat heard when the person pressed: what was pressed before a stop is not done after it, however long it was under way. Null: just now. */
+  heard_ms: number | null
 }
 
 /** A way for the robot to check and, unless it is only to be checked, to take. */

@@ -1,7 +1,7 @@
 // The one WebSocket to the station: opens it again when it is lost, and knows when it is silent.
 import { batch } from '@preact/signals'
 import { decode, painted, type MapPart } from './binary'
-import type { FromPage, ToPage } from './messages'
+import type { Do, FromPage, ToPage } from './messages'
 import * as s from './state'
 
 const KEY = 'cohelm.key'
@@ -21,9 +21,13 @@ let parts: Promise<unknown> = Promise.resolve()
 /** `at_ms` of the newest beat. */
 export let heardMs = 0
 
-export function send(message: FromPage): boolean {
+/** What a panel sends; what is to be done once is stamped here. */
+type Said = Exclude<FromPage, Do> | Omit<Do, 'heard_ms'>
+
+export function send(message: Said): boolean {
   if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > FULL) return false
-  socket.send(JSON.stringify(message))
+  // what is to be done once says when it was asked for, by the station's clock
+  socket.send(JSON.stringify(message.type === 'do' ? { ...message, heard_ms: heardMs } : message))
   return true
 }
 

@@ -1,0 +1,210 @@
+"""Where proposed ways are checked: in a process of its own, which can not hold up the loop.
+
+A check is up to a second of compiled code that keeps the interpreter to itself; a thread of the
+loop's process would stop the loop for as long.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import socket
+import struct
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose
+from cohelm.drive.jobs import InThread
+from cohelm.drive.proposed import NONE, Judge, Judged
+from cohelm.robot.keep.processes import bound, started
+
+WITHIN = 5.0
+"""A check that takes longer is given up [s]."""
+_AGAIN = 2.0  # after a process that failed, the next one is started so much later [s]
+_SIZE = struct.Struct("!Q")
+_WARM = np.array([(1.0, 0.0), (2.0, 0.0)])
+
+
+class Checking(Protocol):
+    """One check at a time. All calls come from one thread and return at once."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether a check can be begun."""
+        ...
+
+    def begin(self, now: float, points: Floats, pose: Pose) -> None:
+        """Check this, when it is ready. now: a clock that goes on [s]."""
+        ...
+
+    def result(self, now: float) -> Judged | None:
+        """What came out, once; None: nothing yet."""
+        ...
+
+    def close(self) -> None:
+        """No more checks."""
+        ...
+
+
+class CheckingHere:
+    """Checks at once: for simulated time."""
+
+    def __init__(self, judge: Callable[[Floats, Pose], Judged]) -> None:
+        self._judge = judge
+        self._made: Judged | None = None
+
+    @property
+    def ready(self) -> bool:
+        """When the last one has been taken."""
+        return self._made is None
+
+    def begin(self, now: float, points: Floats, pose: Pose) -> None:
+        """Check it now."""
+        self._made = safely(self._judge, points, pose)
+
+    def result(self, now: float) -> Judged | None:
+        """What came out."""
+        made, self._made = self._made, None
+        return made
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class CheckingElsewhere:
+    """Checks in a process below all others. One that takes too long, or dies, is replaced."""
+
+    def __init__(self, judge: Judge) -> None:
+        self._judge = judge
+        self._jobs = InThread("checking")
+        self._child: _Child | None = _Child(judge)
+        self._up = self._busy = self._closed = False
+        self._since = 0.0
+
+    @property
+    def ready(self) -> bool:
+        """Whether the process is up and idle."""
+        child = self._child
+        if child is None or self._busy:
+            return False
+        if not self._up:
+            self._up = child.heard() is not None  # its first word says that it is up
+            if child.gone:
+                self._replace(child)
+        return self._up
+
+    def begin(self, now: float, points: Floats, pose: Pose) -> None:
+        """Send it over."""
+        if self._child is not None:
+            self._busy, self._since = True, now
+            self._child.say((points, pose))
+
+    def result(self, now: float) -> Judged | None:
+        """What came back; or that nothing did in time."""
+        child = self._child
+        if not self._busy or child is None:
+            return None
+        made: Judged | None = child.heard()
+        if made is None and child.gone:
+            made = Judged(None, "it could not be checked: send it again", NONE)
+        elif made is None and now - self._since > WITHIN:
+            made = Judged(None, f"it could not be checked within {WITHIN:.0f} s", NONE)
+            child.gone = True
+        if made is not None:
+            self._busy = False
+        if child.gone:
+            self._replace(child)
+        return made
+
+    def close(self) -> None:
+        """End the process."""
+        self._closed = True
+        child, self._child = self._child, None
+        self._jobs.close(_AGAIN + 1.0)
+        for one in {child, self._child}:
+            if one is not None:
+                one.end()
+
+    def _replace(self, child: _Child) -> None:
+        self._child, self._up, self._busy = None, False, False
+
+        def again() -> None:
+            child.end()
+            time.sleep(_AGAIN)
+            if not self._closed:
+                self._child = _Child(self._judge)
+
+        self._jobs.do(again)
+
+
+class _Child:
+    """The process, and the line to it: nothing waits for the rest of a message."""
+
+    def __init__(self, judge: Judge) -> None:
+        self._line, theirs = socket.socketpair()
+        self._process = started("cohelm checking", _check, theirs, judge, daemon=True)
+        theirs.close()
+        self._line.setblocking(False)
+        self._going, self._coming = b"", bytearray()
+        self.gone = False
+
+    def say(self, what: object) -> None:
+        """Send as much as can be sent at once; `heard` goes on with it."""
+        self._going += _framed(what)
+        self.heard()
+
+    def heard(self) -> Any:
+        """What it says, when all of it is here; else None."""
+        try:
+            while self._going:
+                self._going = self._going[self._line.send(self._going) :]
+            while part := self._line.recv(1 << 18):
+                self._coming += part
+            self.gone = True
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.gone = True
+        if len(self._coming) < _SIZE.size:
+            return None
+        (size,) = _SIZE.unpack_from(self._coming)
+        if len(self._coming) < _SIZE.size + size:
+            return None
+        said = pickle.loads(self._coming[_SIZE.size :])
+        self._coming.clear()
+        return said
+
+    def end(self) -> None:
+        """Now, whatever it does."""
+        self._line.close()
+        self._process.kill()
+        self._process.join()
+
+
+def safely(judge: Callable[[Floats, Pose], Judged], points: Floats, pose: Pose) -> Judged:
+    """What is thought of a way; a mistake in the check is no approval."""
+    try:
+        return judge(points, pose)
+    except Exception as error:
+        return Judged(None, f"it could not be checked: {error}", NONE)
+
+
+def _framed(what: object) -> bytes:
+    data = pickle.dumps(what, pickle.HIGHEST_PROTOCOL)
+    return _SIZE.pack(len(data)) + data
+
+
+def _check(line: socket.socket, judge: Judge) -> None:
+    """The other process: below the loop, the keeper and the recorder."""
+    bound()
+    os.nice(5)
+    with line, line.makefile("rb") as tasks, contextlib.suppress(OSError):
+        safely(judge, _WARM, Pose(0.0, 0.0, 0.0))  # compiles
+        line.sendall(_framed("up"))
+        while head := tasks.read(_SIZE.size):
+            points, pose = pickle.loads(tasks.read(*_SIZE.unpack(head)))
+            line.sendall(_framed(safely(judge, points, pose)))

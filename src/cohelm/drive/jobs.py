@@ -1,0 +1,65 @@
+"""What takes long is done beside the loop, one thing after the other: in a thread, or at once."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+Job = Callable[[], None]
+_log = logging.getLogger("cohelm.drive")
+
+
+class Jobs(Protocol):
+    """Who gives the jobs sees to it that there are few: one of each kind at a time."""
+
+    def do(self, job: Job) -> None:
+        """Some time later; it handles its own errors."""
+        ...
+
+    def close(self, within: float) -> bool:
+        """Nothing more is begun; whether what was under way has ended within that time [s]."""
+        ...
+
+
+class AtOnce:
+    """For simulated time, in which nothing takes long: the same in every run."""
+
+    def do(self, job: Job) -> None:
+        """Now."""
+        job()
+
+    def close(self, within: float) -> bool:
+        """Nothing is under way."""
+        return True
+
+
+class InThread:
+    """For real time: returns at once."""
+
+    def __init__(self, name: str) -> None:
+        """name: of the thread."""
+        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._open = True
+        self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+        self._thread.start()
+
+    def do(self, job: Job) -> None:
+        """In the thread."""
+        self._jobs.put(job)
+
+    def close(self, within: float) -> bool:
+        """What has not begun by now is left out."""
+        self._open = False
+        self._jobs.put(None)
+        self._thread.join(within)
+        return not self._thread.is_alive()
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None and self._open:
+            try:
+                job()
+            except Exception:
+                _log.exception("a mistake in what was done beside the loop; it goes on")

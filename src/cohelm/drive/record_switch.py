@@ -1,0 +1,129 @@
+"""Starts and ends a record when somebody at the link asks, as often as they like.
+
+What counts is what was asked last: while a record is being begun or finished, further requests only
+change what comes after. So at most one thing is under way, and nothing queues.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from cohelm.core.errors import CohelmError
+from cohelm.drive.jobs import Jobs
+from cohelm.drive.over_link import OverLink
+from cohelm.drive.recorder import Recording
+from cohelm.drive.session import Session
+from cohelm.link.messages import Map, Polyline
+from cohelm.loop.loop import Loop
+from cohelm.robot.keep.lines import Line
+from cohelm.robot.model import RobotModel
+from cohelm.scenario.load import dump
+
+_FINISH = 120.0
+"""What starts slowly on a busy machine also ends slowly [s]."""
+_LEAVE = 20.0
+"""... but at the end of the drive it is left to itself after so long [s]."""
+_log = logging.getLogger("cohelm.drive")
+
+Make = Callable[[Path, RobotModel, str], Recording]
+
+
+class RecordSwitch:
+    """Of one session; the loop's thread calls it, but for what it hands to its jobs."""
+
+    def __init__(
+        self, session: Session, operator: OverLink, folder: Path, jobs: Jobs,
+        drawn: Callable[[], Iterable[Map | Polyline]], make: Make = Recording,
+    ) -> None:  # fmt: skip
+        """folder: for the records. drawn: what each record has to begin with."""
+        self._session, self._operator, self._folder = session, operator, folder
+        self._jobs, self._drawn, self._make = jobs, drawn, make
+        self._wanted = self._busy = False
+        self._made: Recording | None = None
+        """The one that is written, or about to be."""
+        self._spoken = False
+        """Whether loop and keeper speak into it."""
+        operator.record = self.ask
+
+    def ask(self, on: bool) -> str:
+        """Begin or end; why not, or nothing."""
+        if on == self._wanted:
+            return "it is recording already" if on else "it is not recording"
+        if on and self._session.recording is not None:
+            return "the whole drive is being recorded"
+        self._wanted = on
+        return ""
+
+    def turn(self, loop: Loop) -> None:
+        """Between two periods: one step towards what is wanted."""
+        if self._busy:
+            return
+        made = self._made
+        if made is None and self._wanted:
+            self._busy = True
+            self._jobs.do(self._begin)
+        elif made is not None and not self._wanted:
+            self._fall_silent(loop)
+            self._busy = True
+            self._jobs.do(lambda: self._finish(made, _FINISH))
+        elif made is not None and not self._spoken:
+            self._spoken = True
+            loop.record_into(Line(made.loop))
+            loop.keeper.record_into(made.keeper)
+            for one in self._drawn():
+                loop.note(one)
+
+    def close(self) -> None:
+        """Finish the record there is. The loop turns no more."""
+        if not self._jobs.close(_LEAVE):
+            _log.warning("a record in %s is still being written", self._folder)
+        elif self._made is not None:
+            self._fall_silent(self._session.loop)
+            self._finish(self._made, _LEAVE)
+
+    def _fall_silent(self, loop: Loop) -> None:
+        """Nobody may speak into a line that is closed."""
+        if self._spoken:
+            self._spoken = False
+            loop.record_into(Line(None))
+            with contextlib.suppress(CohelmError):  # there may be no keeper any more
+                loop.keeper.record_into(None)
+
+    def _begin(self) -> None:
+        robot = self._session.plan.robot
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            made = self._make(_free(self._folder), robot.model, dump(robot.scenario))
+            now = self._session.loop.keeper.now()
+            made.begin(time.time_ns() - round(now * 1e9))
+            self._made = made
+        except (CohelmError, OSError) as error:
+            _log.warning("no record: %s", error)
+            self._wanted = False
+        finally:
+            self._busy = False
+
+    def _finish(self, made: Recording, within: float) -> None:
+        try:
+            if not made.close(within):
+                _log.warning("%s is still being written", made.path)
+            made.path.rename(made.path.with_suffix(".mcap"))
+            self._operator.list_records()
+        except OSError as error:
+            _log.warning("the record stays %s: %s", made.path, error)
+        finally:
+            self._made, self._busy = None, False
+
+
+def _free(folder: Path) -> Path:
+    """A new record's name. Only a whole one is called .mcap, and can be fetched."""
+    stem, n = time.strftime("%Y%m%d-%H%M%S"), 1
+    path = folder / f"{stem}.part"
+    while path.exists() or path.with_suffix(".mcap").exists():  # two within a second
+        n += 1
+        path = folder / f"{stem}-{n}.part"
+    return path

@@ -1,0 +1,200 @@
+"""Another way for a driving robot: proposed, checked, made beside the loop, and taken up.
+
+Meanwhile the robot stands in the mode it is in (`Loop.pause`). Nobody keeps that mode: what ends it
+ends it. A way that can not be made ends in HOLD, and the driver is told.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import NamedTuple
+
+from cohelm.core.types import Floats
+from cohelm.drive.checking import Checking
+from cohelm.drive.jobs import Jobs
+from cohelm.drive.over_link import OverLink
+from cohelm.drive.proposed import NONE, Judged
+from cohelm.law.reference import Reference
+from cohelm.link.messages import Answer, Checked, Mode, Severity, Waypoints
+from cohelm.link.robot_bulk import Proposed
+from cohelm.loop.driver import Driver
+from cohelm.loop.loop import Loop
+from cohelm.robot.gate.gate import STANDING
+from cohelm.robot.keep.kept import standing
+
+WITHIN = 20.0
+"""A way that is not made so long after it was accepted is given up [s]."""
+_WAITS = 5.0
+"""A proposal that was not looked at for so long is answered with that [s]."""
+_PAUSE = "way"
+_log = logging.getLogger("cohelm.drive")
+
+
+class _Wish(NamedTuple):
+    """A proposal that has not been answered."""
+
+    client: int
+    number: int
+    points: Floats
+    only_check: bool
+    lease: tuple[int, int]
+    """When it came."""
+    since: float
+
+
+class _Way:
+    """A way that was accepted, on its way to being driven."""
+
+    def __init__(self, wish: _Wish, now: float) -> None:
+        self.wish, self.since = wish, now
+        self.checking = False
+        """Again, from where the robot stands now."""
+        self.reference: Reference | None = None
+        self.made: Driver | str | None = None
+        """Or why there is none."""
+
+
+class Rerouting:
+    """Of one session. All calls but the jobs come from the loop's thread and take no time."""
+
+    def __init__(
+        self, operator: OverLink, checking: Checking, jobs: Jobs,
+        build: Callable[[Reference], Driver], shown: Callable[[Loop, Reference], None],
+    ) -> None:  # fmt: skip
+        """build: makes a driver, beside the loop; raises what it likes. shown: told of a way that
+        the robot has taken up."""
+        self._operator, self._checking, self._jobs = operator, checking, jobs
+        self._build, self._shown = build, shown
+        self._wishes: dict[tuple[int, bool], _Wish] = {}
+        """Of each client the newest to check, and to go; longest waiting first."""
+        self._checked: _Wish | _Way | None = None
+        """What is being checked."""
+        self._way: _Way | None = None
+        self._building: _Way | None = None
+
+    def turn(self, loop: Loop) -> None:
+        """Between two periods."""
+        now = loop.keeper.now()
+        for one in self._operator.proposed():
+            self._take(one, loop.lease, now)
+        judged = self._checking.result(now) if self._checked is not None else None
+        if judged is not None:
+            self._conclude(loop, judged, now)
+        self._collect()
+        if self._way is not None:
+            self._go_on(loop, self._way, now)
+        if self._checked is None:
+            self._check_next(loop, now)
+
+    def close(self) -> None:
+        """No more checks; a driver nobody took is ended. After the jobs are done."""
+        self._checking.close()
+        for way in {self._way, self._building}:
+            if way is not None and isinstance(way.made, Driver):
+                way.made.close()
+
+    # ---- proposals ----------------------------------------------------------------------
+
+    def _take(self, one: Proposed, lease: tuple[int, int], now: float) -> None:
+        if isinstance(one.what, Waypoints):
+            number, points, only_check = one.what
+            wish = _Wish(one.client, number, points, only_check, lease, now)
+            self._wishes[one.client, only_check] = wish
+
+    def _check_next(self, loop: Loop, now: float) -> None:
+        """The way that the robot waits for first, then the driver's proposals, then in turn."""
+        for key, wish in list(self._wishes.items()):
+            if now - wish.since > _WAITS:
+                del self._wishes[key]
+                self._reply(wish, False, "there was no time to check it: send it again")
+        if loop.seen is None or not self._checking.ready:
+            return
+        way = self._way
+        if way is not None and way.checking:
+            self._checked, points = way, way.wish.points
+        elif self._wishes:
+            own = sorted(key for key in self._wishes if key[0] == loop.lease[0])  # first: to go
+            wish = self._wishes.pop(own[0] if own else next(iter(self._wishes)))
+            self._checked, points = wish, wish.points
+        else:
+            return
+        self._checking.begin(now, points, loop.seen.pose)
+
+    def _conclude(self, loop: Loop, judged: Judged, now: float) -> None:
+        what, self._checked = self._checked, None
+        if isinstance(what, _Way):
+            if what is self._way:
+                what.checking = False
+                what.reference, what.made = judged.reference, judged.why or None
+        elif what is not None:
+            ok, why = judged.reference is not None, judged.why
+            if ok and not what.only_check and what.lease != loop.lease:
+                ok, why = False, "you do not drive"
+            if ok and not what.only_check:
+                self._accept(loop, what, now)
+            self._reply(what, ok, why, judged.worst)
+
+    def _reply(self, wish: _Wish, ok: bool, why: str, worst: int = NONE) -> None:
+        self._operator.reply(wish.client, Checked(Answer(wish.number, ok, why), worst))
+
+    # ---- the way that was accepted ------------------------------------------------------
+
+    def _accept(self, loop: Loop, wish: _Wish, now: float) -> None:
+        """Stand, whatever the mode; one that was accepted before is forgotten."""
+        self._way = _Way(wish, now)
+        loop.pause(_PAUSE, "a new way is being made")
+
+    def _go_on(self, loop: Loop, way: _Way, now: float) -> None:
+        """Once it stands: check again from there, have a driver made, and go."""
+        if loop.lease != way.wish.lease:
+            self._give_up(loop, "who asked for it drives no more")
+        elif isinstance(way.made, str):
+            self._give_up(loop, way.made)
+        elif now - way.since > WITHIN:
+            self._give_up(loop, f"it was not made within {WITHIN:.0f} s")
+        elif way.made is not None and way.reference is not None:
+            self._take_up(loop, way.made, way.reference)
+        elif way.reference is not None and self._building is None:
+            self._building = way
+            self._jobs.do(lambda: self._make(way))
+        elif way.reference is None and not way.checking and _stands(loop):
+            way.checking = True
+
+    def _make(self, way: _Way) -> None:
+        """Beside the loop."""
+        try:
+            if way.reference is not None:
+                way.made = self._build(way.reference)
+        except Exception as error:
+            _log.exception("no driver for the new way")
+            way.made = f"it could not be made: {error}"
+
+    def _collect(self) -> None:
+        """What was made, be it that nobody waits for it any more."""
+        built = self._building
+        if built is None or built.made is None:
+            return
+        self._building = None
+        if built is not self._way and isinstance(built.made, Driver):
+            self._jobs.do(built.made.close)
+
+    def _take_up(self, loop: Loop, driver: Driver, reference: Reference) -> None:
+        old, loop.driver = loop.driver, driver
+        self._way = None
+        self._jobs.do(old.close)
+        self._shown(loop, reference)
+        loop.go_on(_PAUSE)
+
+    def _give_up(self, loop: Loop, why: str) -> None:
+        self._way = None
+        if loop.mode != Mode.HOLD:
+            loop.choose(Mode.HOLD)
+        loop.go_on(_PAUSE)
+        loop.alarms.on("way", f"no new way, the robot holds: {why}", Severity.WARNING)
+        loop.alarms.off("way")  # to be acknowledged; there is nothing that goes on
+
+
+def _stands(loop: Loop) -> bool:
+    seen = loop.seen
+    return seen is not None and standing(seen.twist) and loop.keeper.gate.out == STANDING

@@ -1,0 +1,235 @@
+"""A driving robot with its desk, in simulated time, and what watches it from outside.
+
+`Rule` follows one sentence: no motion without a mode chosen since the last stop, hold, release or
+fault, by somebody who drives. It knows nothing of loop and desk, only what was answered, who holds
+the lease, what the gate says, and what the wheels were sent.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+
+from cohelm.core.types import Twist
+from cohelm.drive.checking import CheckingHere
+from cohelm.drive.desk import Desk
+from cohelm.drive.proposed import NONE, Judged
+from cohelm.drive.session import Plan, Session
+from cohelm.drive.simulated import Simulated, simulated
+from cohelm.link.messages import Ask, Mode
+from cohelm.perceive.taped import surveyed
+from cohelm.robot.gate.modes import latched
+from cohelm.robot.keep.lines import line
+from cohelm.robot.port import Health
+from tests.drive.faults import CORRIDOR
+from tests.drive.simulated_link import SimulatedLink, Station
+
+STANDS_WITHIN = 1.5
+"""From full speed at the gate's deceleration, with the robot's delay, and room [s]."""
+
+
+class Wheels:
+    """The robot, and what its wheels were sent last."""
+
+    def __init__(self, robot) -> None:
+        self.robot, self.sent, self.bumped, self.held = robot, Twist(0.0, 0.0), False, None
+
+    def __getattr__(self, name):
+        return getattr(self.robot, name)
+
+    def read(self):
+        readings = self.robot.read()
+        if self.held is not None:  # the scan stops
+            readings = readings._replace(scan=self.held)
+        if self.bumped:
+            said = ("the bumper is pressed",)
+            readings = readings._replace(health=Health(self.robot.now(), float("nan"), said))
+        return readings
+
+    def send(self, twist: Twist) -> Twist:
+        self.sent = self.robot.send(twist)
+        return self.sent
+
+    def stop(self) -> None:
+        self.sent = Twist(0.0, 0.0)
+        self.robot.stop()
+
+
+@dataclass(frozen=True)
+class Watched(Simulated):
+    def __call__(self):
+        return Wheels(super().__call__())
+
+
+class Later:
+    """Jobs that take some periods; a test says how many."""
+
+    def __init__(self) -> None:
+        self.takes, self._due = 0, []
+
+    def do(self, job) -> None:
+        self._due.append([self.takes, job])
+
+    def turn(self) -> None:
+        for one in self._due:
+            one[0] -= 1
+        if self._due and self._due[0][0] < 0:
+            self._due.pop(0)[1]()
+
+    def close(self, within: float) -> bool:
+        return True
+
+
+class FakeRecording:
+    """Lines without a process."""
+
+    def __init__(self, path: Path, model, scenario: str) -> None:
+        self.path = path
+        path.touch()
+        self.loop, self._loop = line()
+        self.keeper, self._keeper = line()
+
+    def begin(self, epoch: int) -> None:
+        pass
+
+    def close(self, within: float = 0.0) -> bool:
+        for end in (self.loop, self.keeper, self._loop, self._keeper):
+            end.close()
+        return True
+
+
+class Beside:
+    """What works beside the loop, in the test's hands."""
+
+    def __init__(self, judge, real_time: bool) -> None:
+        self.judge, self.fails = judge, ""
+        self.checking = CheckingHere(self._judged)
+        self.ways, self.records, self.make = Later(), Later(), FakeRecording
+
+    def _judged(self, points, pose) -> Judged:
+        if self.fails == "check":
+            return Judged(None, "no", NONE)
+        if self.fails == "mistake":
+            raise ValueError("a mistake in the check")
+        return self.judge(points, pose)
+
+    def turn(self) -> None:
+        self.ways.turn()
+        self.records.turn()
+
+
+class Rule:
+    """Whether a mode is in force, as one sentence has it."""
+
+    def __init__(self) -> None:
+        self.mode = Mode.HOLD
+        self.driver = 0
+        self.since = -1e9
+        self.stops: list[tuple[float, int]] = []
+        """When, and by which client; 0: the robot, -1: the lease."""
+        self.latched: object = None
+        self.before = Twist(0.0, 0.0)
+        self.given = 0
+
+    def end(self, now: float, who: int) -> None:
+        self.since = now if self.mode != Mode.HOLD else self.since
+        self.mode = Mode.HOLD
+        self.stops.append((now, who))
+
+    def follow(self, now: float, log: list[tuple], gate) -> None:
+        for what, *rest in log:
+            if what == "lease":
+                before, self.driver = rest
+                assert before != self.driver
+                self.end(now, -1)
+                continue
+            station, request, granted, _ = rest
+            if not granted:
+                continue
+            if request.what == Ask.STOP or (
+                request.what == Ask.MODE and request.value == Mode.HOLD
+            ):
+                self.end(now, station.number)
+            elif request.what == Ask.MODE:
+                assert station.number == self.driver, "a mode by somebody who does not drive"
+                for at, who in self.stops:
+                    assert who in (station.number, -1) or request.made > at, "asked before a stop"
+                self.mode, self.given = Mode(request.value), self.given + 1
+        state = (gate.mode, gate.reason) if latched(gate.mode) else None
+        if state not in (None, self.latched) and not any(at == now for at, _ in self.stops):
+            self.end(now, 0)
+        self.latched = state
+        assert state is None or self.mode == Mode.HOLD
+        self.stops = self.stops[-50:]
+
+    def holds(self, now: float, sent: Twist) -> None:
+        before, self.before = self.before, sent
+        if self.mode != Mode.HOLD:
+            return
+        assert abs(sent.v) <= abs(before.v) + 1e-9, f"sets off: {before} -> {sent}"
+        assert abs(sent.omega) <= abs(before.omega) + 1e-9, f"sets off: {before} -> {sent}"
+        if now > self.since + STANDS_WITHIN:
+            assert sent == Twist(0.0, 0.0), f"still moves: {sent}"
+
+
+class Drive:
+    """Robot, loop, desk and link; `run` turns them and holds the rule after each period."""
+
+    def __init__(self, folder: Path) -> None:
+        made = simulated(CORRIDOR, real_time=False, seed=2)
+        robot = made.model
+        few = robot.lidar.model_copy(update={"beams": 120})
+        coarse = robot.model_copy(update={"lidar": few, "camera": None})
+        scenario = made.scenario.model_copy(update={"robot": coarse})
+        made = Watched(scenario, made.kind, False, made.seed)
+        known = surveyed(scenario.walls(), made.start)
+        self.link = SimulatedLink(coarse, folder)
+        self.session = Session(Plan(made, known=known), self.link)
+        self.keeper, self.loop = self.session.loop.keeper, self.session.loop
+        self.link.clock = self.keeper.now
+        self.wheels: Wheels = self.keeper._robot
+        self.rule = Rule()
+        self.moved = 0
+        self.desk = Desk(self.session, self.link, known, folder, beside=Beside)
+        self.beside: Beside = self.desk._beside
+        self._build = self.desk._rerouting._build
+        self.desk._rerouting._build = self._built
+        self.periods = itertools.count()
+
+    def __enter__(self) -> Drive:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.desk.close()
+        self.session.close()
+        self.link.close()
+
+    def station(self, name: str, delay: float = 0.02) -> Station:
+        return Station(self.link, name, delay)
+
+    def _built(self, reference):
+        if self.beside.fails == "build":
+            raise RuntimeError("a mistake in the build")
+        return self._build(reference)
+
+    def each(self) -> None:
+        """After each period."""
+        loop = self.loop
+        self.desk.turn(loop)
+        self.rule.follow(self.keeper.now(), self.link.log, self.keeper.gate)
+        self.link.log.clear()
+        self.rule.holds(self.keeper.now(), self.wheels.sent)
+        self.moved += self.wheels.sent != Twist(0.0, 0.0)
+        self.beside.turn()
+        self.link.turn()
+
+    def run(self, script) -> None:
+        """script: yields after whatever it does, once for each period."""
+        steps = iter(script)
+
+        def until(_) -> bool:
+            self.each()
+            return next(steps, "over") == "over"
+
+        self.session.run(until)

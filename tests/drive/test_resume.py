@@ -1,0 +1,401 @@
+"""Nothing resumes by itself: no motion without a mode chosen since the last stop, hold, release or
+fault, by somebody who drives."""
+
+import os
+import random
+
+import pytest
+
+from cohelm.core.types import Stick
+from cohelm.drive.session import Plan, Session
+from cohelm.link.messages import Ask, Mode
+from cohelm.loop.operator import Scripted
+from cohelm.robot.gate.modes import Mode as GateMode
+from tests.drive.faults import failing
+from tests.drive.resuming import Drive
+from tests.drive.simulated_link import CENTRED
+
+AWAY, BACK = [(4.0, 0.3), (6.0, 0.0)], [(2.5, 0.0), (0.5, 0.2)]
+
+
+@pytest.fixture
+def drive(tmp_path):
+    with Drive(tmp_path) as made:
+        yield made
+
+
+def speed(drive: Drive) -> float:
+    return abs(drive.keeper.truth().twist.v)
+
+
+def waits(periods: int):
+    yield from range(periods)
+
+
+def driving(drive: Drive, mode: Mode = Mode.AUTOMATIC):
+    """Somebody has taken the robot and it drives."""
+    anna = drive.station("anna")
+    yield from waits(10)
+    anna.ask(Ask.TAKE)
+    yield from waits(10)
+    anna.ask(Ask.MODE, mode)
+    yield from waits(60)
+    assert drive.rule.mode == mode, list(anna.answers.values())
+    assert speed(drive) > 0.3
+    return anna
+
+
+def test_a_new_way_is_taken_up_in_the_mode_it_is_and_nobody_remembers_one(drive):
+    def script():
+        anna = yield from driving(drive)
+        anna.propose(BACK)
+        yield from waits(10)
+        assert drive.loop.paused
+        assert drive.loop.mode == Mode.AUTOMATIC
+        yield from waits(40)
+        assert drive.loop.driver is not drive.first
+        assert not drive.loop.paused
+        yield from waits(40)
+        assert speed(drive) > 0.1
+        assert [(c.answer.granted, c.answer.reason) for c in anna.bulk.replies] == [(True, "")]
+
+    drive.first = drive.loop.driver
+    drive.run(script())
+
+
+@pytest.mark.parametrize("ends", ["hold", "stop", "stop and reset", "release", "fault", "gone"])
+@pytest.mark.parametrize("after", [0, 3, 15])
+def test_what_ends_a_mode_while_a_way_is_made_is_not_undone(drive, ends, after):
+    drive.beside.ways.takes = 20
+
+    def script():
+        anna = yield from driving(drive)
+        bert = drive.station("bert")
+        anna.propose(BACK)
+        yield from waits(5 + after)
+        if ends == "hold":
+            anna.ask(Ask.MODE, Mode.HOLD)
+        elif ends == "release":
+            anna.ask(Ask.GIVE)
+        elif ends == "gone":
+            anna.leave()
+        elif ends == "fault":
+            drive.wheels.bumped = True
+        else:
+            bert.ask(Ask.STOP)
+        yield from waits(40)
+        drive.wheels.bumped = False
+        if ends == "stop and reset":
+            anna.ask(Ask.RESET)
+        yield from waits(120)
+        assert drive.rule.mode == Mode.HOLD
+        assert drive.loop.mode == Mode.HOLD
+        assert not drive.loop.paused
+        assert speed(drive) == 0.0
+        if ends == "stop and reset":
+            assert drive.keeper.gate.mode == GateMode.IDLE
+            anna.ask(Ask.MODE, Mode.AUTOMATIC)
+            yield from waits(60)
+            assert speed(drive) > 0.1
+
+    drive.run(script())
+
+
+@pytest.mark.parametrize("fails", ["check", "mistake", "build", "takes for ever"])
+def test_a_way_that_can_not_be_made_ends_in_hold_and_the_driver_is_told(drive, fails):
+    def script():
+        anna = yield from driving(drive)
+        drive.beside.ways.takes = 10**9 if fails == "takes for ever" else 5
+        anna.propose(BACK)
+        yield from waits(6)
+        assert drive.loop.paused
+        drive.beside.fails = fails
+        yield from waits(1100 if fails == "takes for ever" else 80)
+        assert drive.loop.mode == Mode.HOLD
+        assert not drive.loop.paused
+        assert any("no new way, the robot holds" in a.text for a in drive.loop.alarms.worst())
+        drive.beside.fails, drive.beside.ways.takes = "", 0  # and the next one is made
+        if fails == "takes for ever":
+            drive.beside.ways._due[0][0] = 0
+        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        yield from waits(40)
+        assert speed(drive) > 0.1
+        anna.propose(BACK)
+        yield from waits(60)
+        assert drive.loop.mode == Mode.AUTOMATIC
+        assert drive.loop.driver is not drive.first
+        yield from waits(20)
+        assert speed(drive) > 0.1
+
+    drive.first = drive.loop.driver
+    drive.run(script())
+
+
+def test_a_way_is_not_made_for_somebody_who_drives_no_more(drive):
+    drive.beside.ways.takes = 20
+
+    def script():
+        anna = yield from driving(drive)
+        bert = drive.station("bert")
+        yield from waits(5)
+        anna.propose(BACK)
+        yield from waits(8)
+        anna.ask(Ask.GIVE, bert.number)
+        yield from waits(10)
+        bert.ask(Ask.MODE, Mode.AUTOMATIC)
+        yield from waits(60)
+        assert drive.loop.driver is drive.first
+        assert speed(drive) > 0.3  # on the way that bert saw when he chose
+
+    drive.first = drive.loop.driver
+    drive.run(script())
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTOMATIC, Mode.SHARED, Mode.MANUAL])
+def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
+    def script():
+        anna = drive.station("anna")
+        yield from waits(5)
+        anna.ask(Ask.TAKE)
+        yield from waits(5)
+        anna.ask(Ask.MODE, mode)
+        yield from waits(10)
+        anna.stick = Stick(0.8, 0.0)
+        yield from waits(60)
+        assert speed(drive) > 0.1
+        bert = drive.station("bert")
+        yield from waits(5)
+        anna.ask(Ask.GIVE, bert.number)
+        yield from waits(60)
+        assert drive.rule.driver == bert.number
+        assert drive.loop.mode == Mode.HOLD
+        assert speed(drive) == 0.0
+
+    drive.run(script())
+
+
+def test_a_mode_asked_for_before_somebody_elses_stop_is_not_done_after_it(drive):
+    """The network is out for 0.4 s; meanwhile anna asks, and then bert stops once more."""
+
+    def script():
+        anna = yield from driving(drive)
+        bert = drive.station("bert")
+        yield from waits(5)
+        bert.ask(Ask.STOP)
+        yield from waits(60)
+        anna.silent = True
+        anna.ask(Ask.RESET)
+        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        yield from waits(4)
+        bert.ask(Ask.STOP)
+        yield from waits(16)
+        anna.silent = False
+        yield from waits(60)
+        assert drive.keeper.gate.mode == GateMode.STOPPED
+        late = [answer for answer in anna.answers.values() if not answer[0]]
+        assert late[0][1] == "the robot was told to stand after you asked: ask again"
+        anna.ask(Ask.RESET)
+        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        yield from waits(60)
+        assert speed(drive) > 0.3
+
+    drive.run(script())
+
+
+def test_a_mode_asked_for_with_the_release_behind_it_is_not_done(drive):
+    def script():
+        anna = drive.station("anna")
+        yield from waits(10)
+        anna.ask(Ask.TAKE)
+        yield from waits(10)
+        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(Ask.GIVE)
+        anna.ask(Ask.TAKE)
+        yield from waits(60)
+        assert anna.answers[2] == (False, "you do not drive any more")
+        assert drive.rule.driver == anna.number
+        assert drive.loop.mode == Mode.HOLD
+        assert drive.moved == 0
+
+    drive.run(script())
+
+
+def test_stop_and_mode_in_one_datagram_end_in_a_stop(drive):
+    def script():
+        anna = yield from driving(drive)
+        anna.ask(Ask.STOP)
+        anna.ask(Ask.MODE, Mode.MANUAL)
+        yield from waits(5)
+        assert drive.keeper.gate.mode == GateMode.STOPPED
+        anna.ask(Ask.MODE, Mode.MANUAL)
+        anna.ask(Ask.STOP)
+        yield from waits(60)
+        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert speed(drive) == 0.0
+
+    drive.run(script())
+
+
+def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
+    operator = Scripted(lambda _: CENTRED, lambda: 0.0)
+    with Session(Plan(failing("", 1e9)), operator) as session:
+        for _ in range(100):
+            operator.ask(Ask.MODE, Mode.AUTOMATIC)
+        operator.ask(Ask.STOP)
+        session.run(lambda _: True)
+        assert session.keeper.gate.mode == GateMode.STOPPED
+        assert sum(granted for _, granted, _ in operator.answers) == 9
+        assert operator.answers[50][2] == "too many requests: wait a moment and ask again"
+
+
+def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():
+    """The robot can not drive at once; somebody stops it meanwhile, and has it let go."""
+    operator = Scripted(lambda _: CENTRED, lambda: 0.0)
+    with Session(Plan(failing("", 0.0)), operator) as session:
+        loop, end = session.loop, session.loop.keeper.now()
+        robot = session.keeper._robot
+        robot._fault = "odometry is gone"
+        asked = {1.0: Ask.STOP, 2.0: Ask.RESET}
+
+        def until(_) -> bool:
+            now = loop.keeper.now() - end
+            for at in [at for at in asked if now >= at]:
+                operator.ask(asked.pop(at))
+            if now > 1.2:
+                robot._fault = ""  # now it could
+            return now > 6.0
+
+        session.run(until, Mode.AUTOMATIC)
+        assert [answer[1] for answer in operator.answers] == [True, True]
+        assert session.keeper.gate.mode == GateMode.IDLE
+        assert loop.mode == Mode.HOLD
+        assert session.keeper.truth().pose.x == pytest.approx(0.0, abs=1e-3)
+
+
+# ---- any sequence ---------------------------------------------------------------------------
+
+
+def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
+    """Requests of up to three people, their sticks, deaths and failures, at random times."""
+    people = [drive.station(f"p{i}", delay=0.02 + 0.1 * i) for i in range(2)]
+    modes = [Mode.AUTOMATIC, Mode.AUTOMATIC, Mode.SHARED, Mode.MANUAL, Mode.HOLD]
+
+    def own():
+        """Whoever drives, more often than not: else most is refused."""
+        station = drive.link.stations.get(drive.rule.driver)
+        return station if station in people and rng.random() < 0.8 else rng.choice(people)
+
+    def does(what: str) -> str:
+        loop, beside, wheels = drive.loop, drive.beside, drive.wheels
+        match what:
+            case "mode":
+                who, mode = own(), rng.choice(modes)
+                who.ask(Ask.MODE, mode)
+                return f"{who.name} {mode.name}"
+            case "go":  # what a person does who wants to drive
+                who = own()
+                for ask, value in ((Ask.TAKE, 0), (Ask.RESET, 0), (Ask.MODE, rng.choice(modes))):
+                    who.ask(ask, value)
+                return who.name
+            case "take" | "refuse" | "reset" | "acknowledge":
+                who = own()
+                who.ask(Ask[what.upper()])
+                return who.name
+            case "stop":
+                who = rng.choice(people)
+                who.ask(Ask.STOP)
+                return who.name
+            case "give":
+                who, to = own(), rng.choice([0, 0, *(p.number for p in people)])
+                who.ask(Ask.GIVE, to)
+                return f"{who.name} {to}"
+            case "record":
+                own().ask(Ask.RECORD, rng.randrange(2))
+            case "way":
+                who = own()
+                x = loop.seen.pose.x if loop.seen else 0.0
+                to = 5.5 if x < 3.0 else 0.5
+                far = [(x + 0.3 * (to - x), rng.uniform(-0.3, 0.3)), (to, rng.uniform(-0.3, 0.3))]
+                who.propose(far if rng.random() < 0.9 else [(99.0, 0.0)], rng.random() < 0.3)
+                return who.name
+            case "stick":
+                who = own()
+                who.stick = rng.choice(
+                    [CENTRED, CENTRED, Stick(0.8, 0.0), Stick(-0.5, 0.3), Stick(0.3, -0.9)]
+                )
+                return f"{who.name} {who.stick}"
+            case "invalid":
+                who = rng.choice(people)
+                who.valid, who.armed = rng.random() < 0.7, rng.random() < 0.9
+            case "silent":
+                who = rng.choice(people)
+                who.silent = not who.silent
+                return who.name
+            case "gone":
+                i = rng.randrange(len(people))
+                people[i].leave()
+                people[i] = drive.station(people[i].name, rng.choice([0.0, 0.02, 0.1, 0.2]))
+                return people[i].name
+            case "slow":
+                rng.choice(people).delay = rng.choice([0.0, 0.02, 0.05, 0.2])
+            case "fails":
+                beside.fails = rng.choice(["", "", "check", "mistake", "build"])
+                return beside.fails
+            case "takes":
+                beside.ways.takes = rng.choice([0, 1, 10, 60])
+                beside.records.takes = rng.choice([0, 5, 50])
+            case "bump":
+                wheels.bumped = not wheels.bumped
+            case "scan":
+                scan = loop.readings.scan if loop.readings else None
+                wheels.held = scan if wheels.held is None else None
+            case "planner":
+                loop.driver._planning.broken = True
+        return ""
+
+    often = {
+        "mode": 12, "go": 12, "stick": 8, "way": 8, "stop": 3, "take": 3, "give": 3, "reset": 3,
+        "acknowledge": 1, "refuse": 1, "record": 1, "invalid": 1, "silent": 1, "gone": 1, "slow": 1,
+        "fails": 2, "takes": 2, "bump": 1, "scan": 1, "planner": 0.2, "sound": 4,
+    }  # fmt: skip
+    for _ in range(steps):
+        what = rng.choices(list(often), list(often.values()))[0]
+        if what == "sound":  # all that was broken is mended, so that something can move
+            drive.wheels.bumped, drive.wheels.held, drive.beside.fails = False, None, ""
+            for person in people:
+                person.silent, person.valid, person.armed = False, True, True
+        said = does(what)
+        history.append(f"{drive.keeper.now():.2f} {what} {said}")
+        yield from waits(rng.choice([1, 1, 1, 2, 4, 12]))
+
+
+def some(folder, seed: int, steps: int) -> Drive:
+    history: list[str] = []
+    with Drive(folder) as made:
+        try:
+            made.run(anything(made, random.Random(seed), steps, history))
+        except BaseException:
+            print(f"seed {seed}, the last of {len(history)} steps:", *history[-25:], sep="\n")
+            raise
+    return made
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_sequence_of_requests_deaths_and_timings_sets_the_robot_off(tmp_path, seed):
+    made = some(tmp_path, seed, 1000)
+    assert made.rule.given > 20
+    assert made.moved > 500  # else it shows nothing
+
+
+@pytest.mark.slow
+def test_no_sequence_of_many_does(tmp_path):
+    """COHELM_STEPS of them, 100 000 by default, on seeds that the short one does not use."""
+    left, seed, given, moved = int(os.environ.get("COHELM_STEPS", "100000")), 1000, 0, 0
+    while left > 0:
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        made = some(folder, seed, min(left, 2000))
+        left, seed = left - 2000, seed + 1
+        given, moved = given + made.rule.given, moved + made.moved
+        print(f"seed {seed - 1}: {left} left, {given} modes, {moved} periods moving", flush=True)
+    assert moved > 1000
