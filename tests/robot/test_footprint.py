@@ -8,8 +8,9 @@ import shapely
 from hypothesis import assume, given, strategies as st
 from shapely.affinity import rotate, translate
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
-from cohelm.robot.footprint import disc_clearance, point_gap, segment_clearance
+from cohelm.robot.footprint import convex_outline, disc_clearance, point_gap, segment_clearance
 
 poses = st.builds(Pose, st.floats(-5, 5), st.floats(-5, 5), st.floats(-20, 20))
 places = st.floats(-2, 2)
@@ -143,3 +144,36 @@ def test_a_wall_wholly_inside_is_not_clear(pose, outline, data):
 )
 def test_clearances_one_can_check_by_hand(wall, gap):
     assert segment_clearance(HERE, SALLY, *wall) == pytest.approx(gap, abs=1e-12)
+
+
+@given(outlines(), st.data())
+def test_an_outline_in_any_order_round_with_corners_too_many_is_the_same_outline(outline, data):
+    given = np.roll(outline, data.draw(st.integers(0, 9)), axis=0)
+    for _ in range(data.draw(st.integers(0, 3))):
+        i = data.draw(st.integers(0, len(given) - 1))
+        share = data.draw(st.sampled_from([0.0, 0.5]))  # the corner again, or amid an edge
+        between = (1.0 - share) * given[i] + share * given[(i + 1) % len(given)]
+        given = np.insert(given, i + 1, between, axis=0)
+    if data.draw(st.booleans()):
+        given = given[::-1]
+    made = convex_outline(given)
+    assert shapely.Polygon(made).exterior.is_ccw
+    assert shapely.Polygon(made).symmetric_difference(polygon(outline)).area < 1e-12
+    assert np.array_equal(convex_outline(made), made)
+
+
+@given(st.lists(st.tuples(places, places), min_size=0, max_size=8))
+def test_what_passes_for_an_outline_is_its_own_convex_hull_and_ccw(corners):
+    try:
+        made = convex_outline(corners)
+    except CohelmError:
+        return
+    assert (corner_turns(made) > 0.0).all()
+    hull = shapely.MultiPoint(corners).convex_hull
+    assert shapely.Polygon(made).symmetric_difference(hull).area < 1e-9
+
+
+def corner_turns(corners):
+    into = corners - np.roll(corners, 1, axis=0)
+    out = np.roll(into, -1, axis=0)
+    return into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]

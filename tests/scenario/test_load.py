@@ -215,7 +215,8 @@ def test_a_robot_is_found_by_name_or_beside_the_scenario(tmp_path):
 def test_a_robot_that_is_not_there_or_not_whole_is_told(tmp_path):
     mine, rover = tmp_path / "mine.yaml", tmp_path / "rover.yaml"
     rover.write_text(
-        "name: r\ntrack_m: 0.5\nwheel_radius_m: 0\nfootprint_m: [[0, 0], [0, 1], [1, 0]]\n"
+        "name: r\ntrack_m: 0.5\nwheel_radius_m: 0\n"
+        "footprint_m: [[0, 0], [1, 0], [0.1, 0.1], [0, 1]]\n"
     )
     for robot, said in [
         ("jakal", f"{mine}: robot: no robot is called 'jakal'"),
@@ -228,7 +229,7 @@ def test_a_robot_that_is_not_there_or_not_whole_is_told(tmp_path):
             load.scenario(mine)
         assert said in str(caught.value)
     rover.write_text(rover.read_text().replace("radius_m: 0", "radius_m: 0.1"))
-    with pytest.raises(CohelmError, match=r"rover.yaml:1: footprint_m must be a convex outline"):
+    with pytest.raises(CohelmError, match=r"rover.yaml:4: footprint_m: .*dent at \[0.1, 0.1\]"):
         load.scenario(mine)
 
 

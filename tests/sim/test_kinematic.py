@@ -32,6 +32,18 @@ def test_a_command_reaches_the_wheels_after_the_delay():
     assert robot.truth().twist.v == pytest.approx(2.0 * TICK)
 
 
+def test_no_command_is_late_on_a_robot_without_delay():
+    at_once = sally().model_copy(update={"delay_s": 0.0})
+    robot = Kinematic(at_once, around=room())
+    robot.wait(0.013)
+    robot.send(Twist(0.5, 0.0))
+    robot.wait(0.013 + 5 * TICK)
+    assert robot.truth().twist.v == pytest.approx(5 * 2.0 * TICK)
+    robot.stop()
+    robot.wait(0.013 + 7 * TICK)
+    assert robot.truth().twist.v == pytest.approx(3 * 2.0 * TICK)
+
+
 def test_the_same_seed_makes_the_same_run_to_the_last_bit():
     def run(seed: int) -> tuple:
         robot = Kinematic(sally(), around=room(), seed=seed)

@@ -10,9 +10,88 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cohelm.core.errors import CohelmError
 from cohelm.core.facing import facing
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import Floats, Pose
+
+_LARGEST = 50.0  # a corner farther away than this is given in another unit [m]
+_STRAIGHT = 1e-9  # sine of a turn that is none
+
+
+def convex_outline(corners: ArrayLike) -> Floats:
+    """Corners as all that is compiled needs them: (k, 2), convex, counter-clockwise [m].
+
+    Clockwise corners are turned round; repeated ones, and those in the middle of an edge, are left
+    out: it is the same outline. A dent is refused: its convex hull would be safe for the filter,
+    but what the LiDAR sees inside the hull would be taken for the robot itself.
+
+    Raises CohelmError for what is no outline, with the cure.
+    """
+    try:
+        given = np.array(corners, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise CohelmError(_NOT_CORNERS) from error
+    if given.ndim != 2 or given.shape[1] != 2:
+        raise CohelmError(f"{_NOT_CORNERS}, got an array of shape {given.shape}")
+    if not np.isfinite(given).all():
+        raise CohelmError("an outline's corners must be finite numbers: look for NaN or inf in it")
+    if given.size and np.abs(given).max() > _LARGEST:
+        raise CohelmError(
+            f"an outline's corners are in metres, got one {np.abs(given).max():g} m away: "
+            "divide millimetres by 1000"
+        )
+    kept = given[(given != np.roll(given, 1, axis=0)).any(axis=1)]
+    if len(kept) < 3:
+        raise CohelmError(
+            f"an outline needs at least 3 different corners, got {len(kept)}: give all corners "
+            "of the robot's footprint, going round once"
+        )
+    if _area(kept) < 0.0:
+        kept = kept[::-1]
+    while len(kept) >= 3 and (straight := _straight(kept)).any():
+        kept = np.delete(kept, int(straight.argmax()), axis=0)
+    if len(kept) < 3:
+        raise CohelmError("the corners lie on a line: an outline must have a width")
+    turns, along = _turns(kept)
+    once = np.arctan2(turns, along).sum() < 3.0 * math.pi  # a star goes round twice
+    if (turns > 0.0).all() and once:
+        return np.ascontiguousarray(kept)
+    if once and (turns < 0.0).sum() < 0.5 * len(kept):
+        x, y = kept[int(turns.argmin())]
+        raise CohelmError(
+            f"the outline must be convex, but has a dent at [{x:g}, {y:g}]: leave that corner out, "
+            "and the robot is taken to be as large as its convex hull"
+        )
+    raise CohelmError(
+        "the outline must be convex, but crosses itself: give its corners in their order, going "
+        "round once"
+    )
+
+
+_NOT_CORNERS = "an outline is a list of corners [[x, y], ...] in metres, x forward and y left"
+
+
+def _turns(corners: Floats) -> tuple[Floats, Floats]:
+    """At each corner: the cross and the dot product of the edges before and after it [m^2]."""
+    into = corners - np.roll(corners, 1, axis=0)
+    out = np.roll(into, -1, axis=0)
+    return into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1)
+
+
+def _straight(corners: Floats) -> NDArray[np.bool_]:
+    """Corners in the middle of an edge, or dented by less than rounding; never one that is out."""
+    turns, along = _turns(corners)
+    return (turns <= 0.0) & (turns >= -_STRAIGHT * along)
+
+
+def _area(corners: Floats) -> float:
+    """Twice the enclosed area, negative where the corners are clockwise [m^2]."""
+    x, y = corners.T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
 
 
 class Outside(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import Twist
 
@@ -24,6 +25,22 @@ class Limits(NamedTuple):
     wheel_speed: float
     wheel_acceleration: float
     track: float
+
+
+def checked_limits(limits: Limits) -> Limits:
+    """The same limits, as floats. Raises CohelmError where one can not be a robot's."""
+    try:
+        made = Limits._make(float(value) for value in limits)
+    except (TypeError, ValueError) as error:
+        raise CohelmError(f"the limits must be {len(Limits._fields)} numbers: {error}") from error
+    for name, value in made._asdict().items():
+        if not value > 0.0:  # nor for NaN
+            raise CohelmError(
+                f"limits.{name} must be greater than 0, got {value:g}: give inf where there is none"
+            )
+    if made.track == math.inf:
+        raise CohelmError("limits.track must be a length in metres: measure between the wheels")
+    return made
 
 
 def unlimited(track: float) -> Limits:

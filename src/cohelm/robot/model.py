@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from importlib.resources import files
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
+from cohelm.robot.footprint import convex_outline
 from cohelm.robot.limits import Limits, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel
 
@@ -43,7 +45,8 @@ class RobotModel(Schema):
     note: str = ""
     """Where the numbers come from."""
     footprint_m: Annotated[list[Corner], Field(min_length=3)]
-    """Corners [x, y] of the convex outline, counter-clockwise, x forward and y left."""
+    """Corners [x, y] of the convex outline in their order, x forward and y left; kept
+    counter-clockwise."""
     track_m: Positive
     """Distance between the two driven wheels."""
     wheel_radius_m: Positive
@@ -63,17 +66,13 @@ class RobotModel(Schema):
     camera: CameraModel | None = None
     """The camera, if there is one."""
 
-    @model_validator(mode="after")
-    def _convex(self) -> Self:
-        corners = self.outline
-        edges = np.roll(corners, -1, axis=0) - corners
-        after = np.roll(edges, -1, axis=0)
-        turns = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
-        along = edges[:, 0] * after[:, 0] + edges[:, 1] * after[:, 1]
-        once_round = np.arctan2(turns, along).sum() < 3.0 * math.pi  # a star goes round twice
-        if not ((turns > 0.0).all() and once_round):
-            raise ValueError("footprint_m must be a convex outline, corners counter-clockwise")
-        return self
+    @field_validator("footprint_m")
+    @classmethod
+    def _convex(cls, corners: list[Corner]) -> list[Corner]:
+        try:
+            return convex_outline(corners).tolist()
+        except CohelmError as error:
+            raise ValueError(str(error)) from error
 
     @property
     def outline(self) -> Floats:

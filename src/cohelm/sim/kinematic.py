@@ -111,6 +111,7 @@ class Kinematic(Paced):
         )
         possible = achievable(twist, Twist(0.0, 0.0), free, TICK)
         self._coming.append((self._tick + self._delay, possible))
+        self._arrive()
         return possible
 
     def stop(self) -> None:
@@ -120,6 +121,7 @@ class Kinematic(Paced):
         under_way = [at for at, twist in self._coming if twist == still]
         self._coming.clear()
         self._coming.append((min([self._tick + self._delay, *under_way]), still))
+        self._arrive()
 
     def truth(self) -> Truth:
         """How it really is."""
@@ -153,14 +155,18 @@ class Kinematic(Paced):
             self._world, self._discs,
         )  # fmt: skip
         self._tick = tick
-        while self._coming and self._coming[0][0] <= tick:
-            self._asked = self._coming.popleft()[1]
+        self._arrive()
         if tick >= self._told + self._timeout:
             self._asked = Twist(0.0, 0.0)
         if tick >= self._next_odometry:
             self._measure(tick)
         if 0 <= self._next_scan <= tick:
             self._look(tick)
+
+    def _arrive(self) -> None:
+        """Commands whose delay is over by now reach the wheels; without one, as they are sent."""
+        while self._coming and self._coming[0][0] <= self._tick:
+            self._asked = self._coming.popleft()[1]
 
     def _measure(self, tick: int) -> None:
         m, rate = self._motion, self._model.odometry.rate_hz

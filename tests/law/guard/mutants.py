@@ -54,6 +54,7 @@ GUARD = Target(
         "law/guard/test_shaping.py",
         "law/guard/test_certify.py",
         "law/guard/test_guard.py",
+        "law/guard/test_checked.py",
         "law/guard/test_sequence.py",
     ),
     nearest={
@@ -61,6 +62,7 @@ GUARD = Target(
         "approach.py": "law/guard/test_shaping.py",
         "bounds.py": "law/guard/test_parts.py",
         "contact.py": "law/guard/test_contact.py",
+        "rules.py": "law/guard/test_checked.py",
         "step.py": "law/guard/test_guard.py",
     },
     equal={(file, function, f"{was}  ->  {now}"): why for file, function, was, now, why in _EQUAL},

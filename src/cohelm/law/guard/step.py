@@ -15,31 +15,15 @@ from cohelm.law.guard.approach import approach_rows, most_rows
 from cohelm.law.guard.bounds import WHEEL_ROWS, braked, wheel_rows
 from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
 from cohelm.law.guard.project import project
+from cohelm.law.guard.rules import Rules, checked_outline, checked_rules
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits, achievable, checked_limits
 
 NOTHING = -1
 """`culprit` when no obstacle changed the wish; the wheels' own limits may have."""
 
 _TRIES = 4  # the projected wish, then a half, a quarter and an eighth of it from full braking
-
-
-class Rules(NamedTuple):
-    """How careful the guard is."""
-
-    dt: float = 0.02
-    """Time between two commands [s]."""
-    margin: float = 0.03
-    """Gap that the wish is shaped to keep [m]."""
-    clear: float = 0.015
-    """Gap that the certificate keeps at its looks, and half of it in between; 0 < clear <= margin,
-    and larger than the sensing error that is not in the obstacles' radii [m]."""
-    caution: float = 0.7
-    """Share of the full deceleration that shaping counts on, in (0, 1]."""
-    steer_weight: float = 0.5
-    """How dear steering is beside speed in the least change [m]: large keeps the person's
-    steering and slows down, small the reverse."""
 
 
 class Guarded(NamedTuple):
@@ -157,13 +141,14 @@ _RULES = Rules()
 def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> GuardStep:
     """`guard` from Python, with what stays the same taken in once.
 
-    Never raises on numbers, and never answers with one that is not finite but for `gap`, which is
-    infinite with nothing near.
+    Raises CohelmError here for an outline, limits or rules that nothing could be promised for. What
+    is made never raises on numbers, and never answers with one that is not finite but for `gap`,
+    which is infinite with nothing near.
 
     Arguments are spread on the way in and the answer is made here: numba takes 0.8 us for a named
     tuple either way.
     """
-    corners = np.ascontiguousarray(outline, dtype=np.float64)
+    corners, limits, rules = checked_outline(outline), checked_limits(limits), checked_rules(rules)
     settings = np.array([*limits, *rules], dtype=np.float64)
 
     def step(pose: Pose, before: Twist, wish: Twist, around: Surroundings) -> Guarded:

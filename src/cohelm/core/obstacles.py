@@ -1,0 +1,152 @@
+"""What the robot must not touch, as a caller in Python gives it: points, discs, segments."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
+
+_CENTRE = Pose(0.0, 0.0, 0.0)
+_MOST_ACCELERATION = 1.0
+"""Of a disc whose velocity is given, unless said otherwise: a person who walks [m/s^2]."""
+
+
+class Obstacles:
+    """Everything the robot could hit, in one frame, as of now.
+
+    Any frame that rests will do (map, odom), as long as the pose that goes with the obstacles is in
+    it; the body frame of now too, with `Pose(0, 0, 0)`.
+
+        >>> import cohelm
+        >>> seen = cohelm.Obstacles(points=[[1.0, 0.2]], discs=[[2.0, 0.0, 0.3, -1.0, 0.0]])
+        >>> len(seen)
+        2
+
+    points: (p, 2) x, y [m], such as LiDAR returns; one that is not finite is a beam that hit
+    nothing. discs: (n, 3) x, y, radius [m], which rest, or (n, 5) x, y, radius, v_x, v_y [m, m/s],
+    which move. segments: (m, 4), walls x1, y1, x2, y2 [m]. max_acceleration: what the discs are
+    taken to be capable of [m/s^2], one number or one per disc; by default 0 for those that rest,
+    1 for those whose velocity is given. A disc or segment that is not finite makes the filter
+    brake. Points and segments are taken to rest: give discs for what moves.
+
+    Arrays of float64 are kept, not copied; do not change them while they are in use. Raises
+    CohelmError where a shape or type does not fit.
+    """
+
+    __slots__ = ("discs", "max_acceleration", "points", "segments")
+
+    discs: Floats
+    """(n, 6), columns as in `core.types`."""
+    max_acceleration: Floats
+    """(n,) [m/s^2]."""
+    segments: Floats
+    points: Floats
+
+    def __init__(
+        self,
+        points: ArrayLike | None = None,
+        discs: ArrayLike | None = None,
+        segments: ArrayLike | None = None,
+        *,
+        max_acceleration: ArrayLike | None = None,
+    ) -> None:
+        self.points = _NO_POINTS if points is None else _rows("points", points, 2)
+        self.segments = _NO_SEGMENTS if segments is None else _rows("segments", segments, 4)
+        if discs is None and max_acceleration is None:
+            self.discs, self.max_acceleration = _NO_DISCS, _NOTHING
+        else:
+            self.discs, self.max_acceleration = _discs(discs, max_acceleration)
+
+    @classmethod
+    def from_ranges(
+        cls, ranges: ArrayLike, angle_min: float, angle_increment: float, *,
+        mount: Pose = _CENTRE, range_min: float = 0.0,
+    ) -> Obstacles:  # fmt: skip
+        """The points of one LiDAR scan, in the body frame.
+
+        ranges: (n,) [m], as REP-117 has them: inf for no return, -inf for what is nearer than
+        range_min [m], which is put there; NaN is left out. angle_min: bearing of the first beam,
+        angle_increment: to the next one, counter-clockwise [rad]. mount: of the sensor in the body.
+        """
+        far = _array("ranges", ranges)
+        if far.ndim != 1:
+            raise CohelmError(f"ranges need one number per beam, got shape {far.shape}")
+        bearings = mount.psi + angle_min + angle_increment * np.arange(len(far))
+        real = np.where(far == -math.inf, range_min, far)
+        hit = np.isfinite(real)
+        points = np.column_stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
+        return cls(points=points * real[hit, None] + mount[:2])
+
+    def placed(self, body: Pose) -> Obstacles:
+        """The same, given in the body frame, in the frame in which the body is at this pose."""
+        c, s = math.cos(body.psi), math.sin(body.psi)
+        turn, at = np.array([[c, s], [-s, c]]), np.array(body[:2])
+        made = Obstacles.__new__(Obstacles)
+        made.points = self.points @ turn + at
+        made.segments = (self.segments.reshape(-1, 2) @ turn + at).reshape(-1, 4)
+        made.discs = self.discs.copy()
+        made.discs[:, [X, Y]] = self.discs[:, [X, Y]] @ turn + at
+        made.discs[:, [VX, VY]] = self.discs[:, [VX, VY]] @ turn
+        made.max_acceleration = self.max_acceleration
+        return made
+
+    def __len__(self) -> int:
+        return len(self.discs) + len(self.segments) + len(self.points)
+
+    def __repr__(self) -> str:
+        return (
+            f"Obstacles({len(self.points)} points, {len(self.discs)} discs, "
+            f"{len(self.segments)} segments)"
+        )
+
+
+_NO_POINTS, _NO_SEGMENTS, _NO_DISCS = np.empty((0, 2)), np.empty((0, 4)), np.empty((0, 6))
+_NOTHING = np.empty(0)
+_DISC_ROWS = "discs need rows x, y, radius, or x, y, radius, v_x, v_y in metres and m/s"
+
+
+def _array(name: str, given: ArrayLike) -> Floats:
+    """As compiled code takes it without being compiled again: float64, in one piece, writable."""
+    try:
+        made: Floats = np.ascontiguousarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise CohelmError(f"{name} must be an array of numbers: {error}") from error
+    return made if made.flags.carray else made.copy()
+
+
+def _rows(name: str, given: ArrayLike, width: int) -> Floats:
+    made = _array(name, given)
+    if made.ndim == 2 and made.shape[1] == width:
+        return made
+    if made.size == 0:
+        return np.empty((0, width))
+    raise CohelmError(f"{name} need {width} columns, got shape {made.shape}")
+
+
+def _discs(given: ArrayLike | None, acceleration: ArrayLike | None) -> tuple[Floats, Floats]:
+    rows: Any = np.empty((0, 3)) if given is None else _array("discs", given)
+    if rows.size == 0:
+        rows = rows.reshape(0, 3)
+    if rows.ndim != 2 or rows.shape[1] not in (3, 5):
+        raise CohelmError(f"{_DISC_ROWS}, got shape {rows.shape}")
+    if (rows[:, 2] < 0.0).any():
+        raise CohelmError(f"a disc's radius must not be negative, got {rows[:, 2].min():g} m")
+    moves = rows.shape[1] == 5
+    made = np.zeros((len(rows), 6))
+    made[:, [X, Y, RADIUS]] = rows[:, :3]
+    if moves:
+        made[:, [VX, VY]] = rows[:, 3:]
+    if acceleration is None:
+        return made, np.full(len(rows), _MOST_ACCELERATION if moves else 0.0)
+    most = _array("max_acceleration", acceleration)
+    most = np.full(len(rows), most.item()) if most.size == 1 else most
+    if most.shape != (len(rows),) or (most < 0.0).any():
+        raise CohelmError(
+            f"max_acceleration needs a number >= 0 for each of {len(rows)} discs, got {most}"
+        )
+    return made, most

@@ -1,0 +1,61 @@
+"""How careful the guard is, and what it is handed once: checked when it is made."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats
+from cohelm.robot.footprint import convex_outline
+
+
+class Rules(NamedTuple):
+    """How careful the guard is."""
+
+    dt: float = 0.02
+    """Time between two commands [s]."""
+    margin: float = 0.03
+    """Gap that the wish is shaped to keep [m]."""
+    clear: float = 0.015
+    """Gap that the certificate keeps at its looks, and half of it in between; 0 < clear <= margin,
+    and larger than the sensing error that is not in the obstacles' radii [m]."""
+    caution: float = 0.7
+    """Share of the full deceleration that shaping counts on, in (0, 1]."""
+    steer_weight: float = 0.5
+    """How dear steering is beside speed in the least change [m]: large keeps the person's
+    steering and slows down, small the reverse."""
+
+
+def checked_rules(rules: Rules) -> Rules:
+    """The same rules, as floats. Raises CohelmError where one makes no sense."""
+    try:
+        made = Rules._make(float(value) for value in rules)
+    except (TypeError, ValueError) as error:
+        raise CohelmError(f"the rules must be {len(Rules._fields)} numbers: {error}") from error
+    for name in ("dt", "clear", "steer_weight"):
+        value = getattr(made, name)
+        if not 0.0 < value < math.inf:  # nor for NaN
+            raise CohelmError(f"rules.{name} must be greater than 0 and finite, got {value:g}")
+    if not math.isfinite(made.margin):
+        raise CohelmError(f"rules.margin must be a length in metres, got {made.margin:g}")
+    if not 0.0 < made.caution <= 1.0:
+        raise CohelmError(
+            f"rules.caution must be a share of the deceleration in (0, 1], got {made.caution:g}"
+        )
+    return made
+
+
+def checked_outline(corners: ArrayLike) -> Floats:
+    """As `convex_outline`; besides, a robot of no size: one corner, however often."""
+    try:
+        given = np.array(corners, dtype=np.float64)
+    except (TypeError, ValueError):
+        return convex_outline(corners)
+    corners_only = given.ndim == 2 and given.shape[1] == 2 and len(given) > 0
+    if corners_only and np.isfinite(given).all() and (given == given[0]).all():
+        return given
+    return convex_outline(corners)

@@ -1,0 +1,230 @@
+"""The safety filter for a caller in Python: delay, lag, margins and sent commands kept inside."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.jit import jit
+from cohelm.core.obstacles import Obstacles
+from cohelm.core.types import Floats, Ints, Pose, Twist, is_finite
+from cohelm.law.guard.rules import Rules, checked_rules
+from cohelm.law.guard.step import NOTHING, guard
+from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.verdict import Verdict
+from cohelm.pilot.careful import SLOP, careful, noise
+from cohelm.pilot.foresee import moved_on, stopping
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import Limits, achievable, checked_limits
+from cohelm.robot.model import RobotModel
+
+_OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 0.16
+"""Wheels that do so much else than they were told [m/s, rad/s], for so long [s], are believed: more
+than the noise of wheel odometry, longer than a drive takes to follow a step."""
+_RULES = Rules()
+
+
+class LimitingObstacle(NamedTuple):
+    """What held the nominal command back."""
+
+    kind: str
+    """disc, segment or point."""
+    index: int
+    """Its row in that array of the obstacles."""
+
+
+class FilterResult(NamedTuple):
+    """What the safety filter lets through, and why."""
+
+    twist: Twist
+    """To be sent now [m/s, rad/s]; always finite."""
+    verdict: Verdict
+    """What became of the nominal command."""
+    limiting: LimitingObstacle | None
+    """What held it back; None: nothing, or the wheels' own limits."""
+    clearance: float
+    """From the outline to the nearest obstacle when the command takes effect [m]; inf: none near
+    enough to matter."""
+    change: float
+    """Distance from the nominal command, sqrt(dv^2 + (steer_weight domega)^2) [m/s]."""
+
+
+class SafetyFilter:
+    """The least change of any command after which the robot can still stop clear of everything.
+
+        >>> import cohelm
+        >>> safe = cohelm.SafetyFilter(cohelm.load_robot("sally"), period=0.02)
+        >>> seen = cohelm.Obstacles(points=[[0.45, 0.0]])  # 9 cm before the bow
+        >>> safe(cohelm.Pose(0, 0, 0), cohelm.Twist(0, 0), cohelm.Twist(1, 0), seen).verdict.name
+        'SHAPED'
+
+    Call it once per control period, and send `result.twist`. It remembers what it let through, so
+    one filter belongs to one robot; not to be called from two threads. What is promised, and under
+    which assumptions: docs/guard.md.
+    """
+
+    def __init__(
+        self, robot: RobotModel, period: float, *, delay: float | None = None, lag: float = 0.0,
+        position_error: float | None = None, hard_margin: float = _RULES.clear,
+        soft_margin: float = _RULES.margin, deceleration_fraction: float = _RULES.caution,
+        steer_weight: float = _RULES.steer_weight, limits: Limits | None = None,
+    ) -> None:  # fmt: skip
+        """Checks everything, and compiles: seconds the first time ever, else tenths.
+
+        robot: footprint, limits, delay, sensors. period: between two calls [s]. delay: from
+        sending a command to its first effect [s]; by default the robot's. lag: time constant with
+        which the drives follow [s]. position_error: how far obstacles and robot may be from where
+        they are said to be [m]; by default 8 mm and the standard deviation of the LiDAR's ranges;
+        both margins grow by twice that. hard_margin: clearance that every certified stop keeps, of
+        which half is the promise. soft_margin: clearance that commands are shaped to keep [m].
+        deceleration_fraction: of the full deceleration, that shaping counts on. steer_weight:
+        large keeps steering and slows down, small the reverse [m]. limits: instead of the robot's,
+        say for a floor on which it brakes worse.
+
+        Raises CohelmError for what nothing could be promised for.
+        """
+        self.robot = robot
+        self.limits = _braking(checked_limits(robot.bounds() if limits is None else limits))
+        self.period = _within("period", period, 0.001, 1.0)
+        delay = _within("delay", robot.delay_s if delay is None else delay, 0.0, 2.0)
+        lag = _within("lag", lag, 0.0, 1.0)
+        error = SLOP + noise(robot) if position_error is None else position_error
+        rules = checked_rules(
+            Rules(self.period, soft_margin, hard_margin, deceleration_fraction, steer_weight)
+        )
+        if rules.margin < rules.clear:
+            raise CohelmError(
+                f"soft_margin must be at least hard_margin, {hard_margin:g} m, got {soft_margin:g}"
+            )
+        self._rules = careful(rules, _within("position_error", error, 0.0, 1.0))
+        self.horizon = delay + lag + 0.5 * self.period
+        """How far ahead a command is worked out [s]: a drive follows on a straight line through a
+        period, at whose beginning the certificate takes the speed to be reached, hence the half."""
+        whole = math.floor(self.horizon / self.period + 1e-9)
+        rest = max(self.horizon - whole * self.period, 0.0)
+        patience = max(round(_OFF_FOR / self.period), 1)
+        self._outline = robot.outline
+        self._settings = np.array([*self.limits, *self._rules, self.horizon, rest, patience])
+        self._sent, self._count = np.zeros((whole + 1, 2)), np.zeros(2, dtype=np.int64)
+        nan = math.nan
+        self(Pose(nan, nan, nan), Twist(nan, nan), Twist(nan, nan))  # compiles
+        self.reset()
+
+    def __call__(
+        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles | None = None
+    ) -> FilterResult:
+        """The command for now. pose: where the robot is now, in the obstacles' frame [m, m, rad].
+        twist: measured now [m/s, rad/s]. nominal: what a person or controller wants. obstacles: as
+        of now; None: there are none.
+
+        Numbers that are not finite give a braking or standing twist and the verdict INVALID. Raises
+        CohelmError only for what is no pose, twist or Obstacles at all.
+        """
+        seen = _NONE if obstacles is None else obstacles
+        try:
+            x, y, psi = pose
+            now_v, now_omega = twist
+            want_v, want_omega = nominal
+            v, omega, verdict, change, gap, row = _filtered(
+                float(x), float(y), float(psi), float(now_v), float(now_omega),
+                float(want_v), float(want_omega), seen.discs, seen.max_acceleration, seen.segments,
+                seen.points, self._outline, self._settings, self._sent, self._count,
+            )  # fmt: skip
+        except (TypeError, ValueError, AttributeError) as error:
+            raise CohelmError(_meant(pose, twist, nominal, seen)) from error
+        limiting = None if row == NOTHING else _limiting(row, seen)
+        return FilterResult(Twist(v, omega), _VERDICTS[verdict], limiting, gap, change)
+
+    def sent(self, twist: Twist) -> None:
+        """Another twist than the last result's was sent: a gate or a brake had the last word."""
+        v, omega = float(twist[0]), float(twist[1])
+        if not (math.isfinite(v) and math.isfinite(omega)):
+            raise CohelmError("a twist that was sent must be finite: a robot can not do NaN")
+        self._sent[(self._count[0] - 1) % len(self._sent)] = v, omega
+
+    def reset(self) -> None:
+        """Forget what was sent, as when driving begins: the measured twist is believed at first."""
+        self._sent[:], self._count[:] = 0.0, 0
+
+
+@jit
+def _filtered(
+    x: float, y: float, psi: float, now_v: float, now_omega: float, v: float, omega: float,
+    discs: Floats, agility: Floats, segments: Floats, points: Floats, outline: Floats,
+    s: Floats, sent: Floats, count: Ints,
+) -> tuple[float, float, int, float, float, int]:  # fmt: skip
+    """One call. sent: (d, 2), the command in effect now and those under way; the oldest in row
+    count[0] % d. count: calls so far, and those for which the wheels have done something else."""
+    limits = Limits(s[0], s[1], s[2], s[3], s[4], s[5], s[6])
+    rules = Rules(s[7], s[8], s[9], s[10], s[11])
+    horizon, rest, patience = s[12], s[13], s[14]
+    d, k = len(sent), count[0]
+    known = is_finite(now_v) and is_finite(now_omega)
+    if k == 0 and known:
+        for j in range(d):
+            sent[j, 0], sent[j, 1] = now_v, now_omega
+    before = Twist(sent[k % d, 0], sent[k % d, 1])
+    off = abs(now_v - before.v) > _OFF_V or abs(now_omega - before.omega) > _OFF_OMEGA
+    count[1] = count[1] + 1 if known and off else 0
+    if count[1] >= patience:
+        before = Twist(now_v, now_omega)
+    pose = arc(Pose(x, y, psi), before, rest)
+    for j in range(k + 1, k + d):
+        before = achievable(Twist(sent[j % d, 0], sent[j % d, 1]), before, limits, rules.dt)
+        pose = arc(pose, before, rules.dt)
+    around = Surroundings(discs, agility, segments, points)
+    if len(discs) > 0:
+        around = moved_on(around, horizon, stopping(before, limits, rules.dt))
+    nominal = Twist(v, omega) if known else Twist(math.nan, math.nan)
+    g = guard(pose, before, nominal, around, outline, limits, rules)
+    sent[k % d, 0], sent[k % d, 1] = g.v, g.omega
+    count[0] = k + 1
+    return g.v, g.omega, g.verdict, g.change, g.gap, g.culprit
+
+
+_NONE = Obstacles()
+_VERDICTS = tuple(Verdict)
+
+
+def _limiting(row: int, seen: Obstacles) -> LimitingObstacle:
+    discs, segments = len(seen.discs), len(seen.segments)
+    if row < discs:
+        return LimitingObstacle("disc", row)
+    if row < discs + segments:
+        return LimitingObstacle("segment", row - discs)
+    return LimitingObstacle("point", row - discs - segments)
+
+
+def _meant(pose: object, twist: object, nominal: object, seen: object) -> str:
+    """Which argument is not what it should be."""
+    if not isinstance(seen, Obstacles):
+        return f"obstacles must be cohelm.Obstacles(points=...), got {type(seen).__name__}"
+    return (
+        "the filter takes pose (x, y, psi), twist (v, omega) and nominal (v, omega), each of "
+        f"numbers, got {pose!r}, {twist!r} and {nominal!r}"
+    )
+
+
+def _within(name: str, value: float, low: float, high: float) -> float:
+    try:
+        made = float(value)
+    except (TypeError, ValueError) as error:
+        raise CohelmError(f"{name} must be a number, got {value!r}") from error
+    if not low <= made <= high:  # nor for NaN
+        raise CohelmError(f"{name} must be from {low:g} to {high:g}, got {made:g}")
+    return made
+
+
+def _braking(limits: Limits) -> Limits:
+    """Limits with which a robot takes time to stop; a real one does."""
+    straight = min(limits.acceleration, limits.wheel_acceleration)
+    turning = min(limits.yaw_acceleration, limits.wheel_acceleration)
+    if math.inf in (straight, turning):
+        raise CohelmError(
+            "the filter must know how hard the robot brakes: give limits.wheel_acceleration_mps2, "
+            "or both acceleration_mps2 and yaw_acceleration_radps2, in the robot's description"
+        )
+    return limits

@@ -1,0 +1,250 @@
+"""The safety filter as a library: nothing is hit, nothing wrong gets in, nothing compiles late."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.obstacles import Obstacles
+from cohelm.core.types import Pose, Twist
+from cohelm.law.verdict import Verdict
+from cohelm.pilot import safety_filter
+from cohelm.pilot.careful import SLOP
+from cohelm.pilot.safety_filter import LimitingObstacle, SafetyFilter
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import Limits
+from tests.api.attacks import HERE, attacked, model
+
+DT = 0.02
+REST = Twist(0.0, 0.0)
+AHEAD = Twist(1.0, 0.0)
+SALLY = model("sally", 0.0)
+PROMISED = 0.5 * 0.015 + SLOP
+"""Half of the hard margin as it is inflated."""
+
+
+@pytest.mark.parametrize("name", ["sally", "jackal"])
+@pytest.mark.parametrize("delay", [0.0, 0.007, 0.02, 0.05])
+@pytest.mark.parametrize("period", [0.02, 0.013, 0.033])
+def test_no_command_lets_a_robot_reach_what_stands(name, delay, period):
+    for seed in range(3):
+        got = attacked(name, seed, delay, period)
+        assert got.least >= PROMISED, seed
+        assert got.driven > 0.5, seed
+
+
+@pytest.mark.parametrize("name", ["sally", "jackal"])
+def test_no_command_reaches_what_stands_when_the_twist_is_measured_with_noise(name):
+    for seed in range(3):
+        assert attacked(name, seed, 0.05, DT, noise=0.03).least >= PROMISED, seed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sally", "jackal"])
+def test_no_command_lets_a_robot_reach_what_stands_in_many_drives(name):
+    for seed in range(100, 300):
+        delay, period = (seed % 7) * 0.015, 0.01 + 0.007 * (seed % 5)
+        assert attacked(name, seed, delay, period).least >= PROMISED, seed
+
+
+def test_a_robot_that_already_rolls_is_believed_at_the_first_call():
+    rolls = Twist(1.0, 0.0)
+    assert SafetyFilter(SALLY, DT)(HERE, rolls, AHEAD).twist.v == pytest.approx(1.0)
+    got = SafetyFilter(SALLY, DT)(HERE, rolls, AHEAD, Obstacles(points=[[0.6, 0.0]]))
+    assert got.verdict == Verdict.BRAKING
+    assert got.twist.v == pytest.approx(1.0 - 2.0 * DT)
+
+
+def test_wheels_that_do_not_follow_are_believed_after_a_while():
+    safe = SafetyFilter(SALLY, DT)
+    held = [safe(HERE, REST, AHEAD).twist.v for _ in range(50)]  # told to go, something holds it
+    assert max(held) <= 0.2 + 9 * 2.0 * DT
+    safe.reset()
+    for _ in range(7):
+        told = safe(HERE, REST, AHEAD).twist.v
+    assert told == pytest.approx(7 * 2.0 * DT)
+
+
+def test_what_was_really_sent_is_what_it_goes_on_from():
+    safe = SafetyFilter(SALLY, DT)
+    for _ in range(10):
+        safe(HERE, REST, AHEAD)
+        safe.sent(REST)
+    assert safe(HERE, REST, AHEAD).twist.v == pytest.approx(2.0 * DT)
+    with pytest.raises(CohelmError, match="finite"):
+        safe.sent(Twist(math.nan, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("seen", "limiting"),
+    [
+        (Obstacles(points=[[9, 9], [0.45, 0]]), LimitingObstacle("point", 1)),
+        (Obstacles(discs=[[0.55, 0, 0.1]], points=[[9, 9]]), LimitingObstacle("disc", 0)),
+        (
+            Obstacles(discs=[[9, 9, 1]], segments=[[9, 9, 8, 9], [0.45, -1, 0.45, 1]]),
+            LimitingObstacle("segment", 1),
+        ),
+    ],
+)
+def test_what_holds_the_robot_back_is_named(seen, limiting):
+    got = SafetyFilter(SALLY, DT)(HERE, REST, Twist(1.0, 0.0), seen)
+    for _ in range(30):
+        got = SafetyFilter(SALLY, DT)(HERE, Twist(0.4, 0.0), AHEAD, seen)
+    assert got.limiting == limiting
+    assert got.clearance == pytest.approx(0.09 - 0.4 * DT / 2, abs=1e-6)
+    assert SafetyFilter(SALLY, DT)(HERE, REST, Twist(0.01, 0.0), seen).limiting is None
+
+
+BAD = st.sampled_from([math.nan, math.inf, -math.inf, 1e308, 0.0, 0.3])
+
+
+@settings(max_examples=300)
+@given(st.lists(st.tuples(*[BAD] * 7), min_size=1, max_size=5), BAD)
+def test_no_number_makes_it_raise_or_answer_with_what_is_no_number(calls, corner):
+    seen = Obstacles(points=[[corner, 0.0]], discs=[[corner, 0.0, 0.1]])
+    safe = FILTER
+    safe.reset()
+    for x, y, psi, v, omega, want_v, want_omega in calls:
+        got = safe(Pose(x, y, psi), Twist(v, omega), Twist(want_v, want_omega), seen)
+        assert all(math.isfinite(speed) for speed in got.twist)
+        bad = not all(map(math.isfinite, (x, y, psi, v, omega, want_v, want_omega, corner)))
+        assert bad <= (got.verdict == Verdict.INVALID)
+        assert got.verdict in Verdict
+
+
+FILTER = SafetyFilter(SALLY, DT)
+
+
+@pytest.mark.parametrize("broken", range(3))
+def test_a_number_that_is_none_brakes_a_moving_robot_to_a_stand(broken):
+    """Within its limits, as fast as it can."""
+    nan = (Pose(math.nan, 0.0, 0.0), Twist(math.nan, 0.0), Twist(math.nan, 0.0))
+    safe, v, pose = SafetyFilter(SALLY, DT), 0.0, HERE
+    for _ in range(30):
+        v = safe(pose, Twist(v, 0.0), AHEAD).twist.v
+        pose = arc(pose, Twist(v, 0.0), DT)
+    assert v == pytest.approx(1.0)
+    for _ in range(26):
+        given = [pose, Twist(v, 0.0), AHEAD]
+        given[broken] = nan[broken]
+        got = safe(*given)
+        assert got.verdict == Verdict.INVALID
+        assert v - 2.0 * DT - 1e-9 <= got.twist.v <= v
+        v = got.twist.v
+    assert got.twist == REST
+
+
+def test_a_beam_that_hit_nothing_is_no_obstacle_and_a_broken_disc_is():
+    safe = SafetyFilter(SALLY, DT)
+    beams = Obstacles(points=[[math.nan, math.nan], [math.inf, 0.0]])
+    assert safe(HERE, REST, Twist(0.01, 0.0), beams).verdict == Verdict.UNTOUCHED
+    for bad in (Obstacles(discs=[[math.nan, 0, 1]]), Obstacles(segments=[[0, math.nan, 1, 1]])):
+        assert safe(HERE, REST, AHEAD, bad).verdict == Verdict.INVALID
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ((None, REST, AHEAD), "pose"),
+        ((HERE, REST, None), "nominal"),
+        ((HERE, 0.3, AHEAD), "twist"),
+        (((0.0, 0.0), REST, AHEAD), "pose"),
+        ((HERE, REST, ("fast", 0.0)), "nominal"),
+        ((HERE, REST, AHEAD, np.zeros((3, 2))), "obstacles must be cohelm.Obstacles"),
+        ((HERE, REST, AHEAD, [[1.0, 2.0]]), "obstacles must be cohelm.Obstacles"),
+    ],
+)
+def test_no_call_with_what_is_no_pose_twist_or_obstacles_goes_unsaid(given, said):
+    with pytest.raises(CohelmError, match=said):
+        FILTER(*given)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"period": 0.0}, "period must be from 0.001 to 1"),
+        ({"period": math.nan}, "period must be from 0.001 to 1"),
+        ({"period": "fast"}, "period must be a number"),
+        ({"delay": -0.01}, "delay must be from 0 to 2"),
+        ({"delay": math.nan}, "delay must be from 0 to 2"),
+        ({"lag": 3.0}, "lag must be from 0 to 1"),
+        ({"position_error": -1.0}, "position_error must be from 0 to 1"),
+        ({"hard_margin": 0.0}, "rules.clear must be greater than 0"),
+        ({"hard_margin": 0.1}, "soft_margin must be at least hard_margin"),
+        ({"deceleration_fraction": 0.0}, "rules.caution must be a share"),
+        ({"steer_weight": math.nan}, "rules.steer_weight must be greater than 0"),
+        ({"limits": Limits(1.0, math.nan, 1.0, 1.0, 1.0, 1.0, 0.5)}, "limits.acceleration must"),
+        ({"limits": Limits(*[math.inf] * 6, 0.5)}, "how hard the robot brakes"),
+        ({"limits": Limits(1.0, 1.0, 1.0, *[math.inf] * 3, 0.5)}, "how hard the robot brakes"),
+    ],
+)
+def test_no_filter_is_made_that_could_promise_nothing(given, said):
+    with pytest.raises(CohelmError, match=said):
+        SafetyFilter(SALLY, **({"period": DT} | given))
+
+
+def test_no_kind_of_number_or_array_is_compiled_for_anew():
+    """A compilation in the loop would take seconds."""
+    before = len(safety_filter._filtered.signatures)
+    locked = np.array([[1.0, 0.0], [2.0, 1.0]])
+    locked.flags.writeable = False
+    for points in (
+        [[1, 0], [2, 1]],
+        locked,
+        locked.astype(np.float32),
+        np.asfortranarray(locked),
+        np.array([[0, 1, 0], [0, 2, 1]])[:, 1:],
+        np.array([[0, 1, 0], [0, 2, 1]], dtype=">f8")[:, 1:],
+        [],
+    ):
+        seen = Obstacles(points=points, discs=[[5, 5, 1]])
+        for pose in ((0, 0, 0), (np.float32(0.0), 0, np.int64(0)), np.zeros(3)):
+            FILTER(pose, (0, np.float32(0)), np.zeros(2, dtype=np.int8), seen)
+    assert len(safety_filter._filtered.signatures) == before == 1
+
+
+@given(
+    st.lists(st.tuples(*[st.floats(-3, 3)] * 2), max_size=5),
+    st.tuples(*[st.floats(-3, 3)] * 2, st.floats(-7, 7)),
+)
+def test_obstacles_of_the_body_frame_are_the_same_in_any_other(points, at):
+    """Moved with the robot, they hold it back alike."""
+    pose = Pose(*at)
+    discs = [[x, y, 0.1, 0.3, -0.2] for x, y in points[:2]]
+    walls = [[*a, *b] for a, b in pairwise(points)]
+    seen = Obstacles(points=points, discs=discs, segments=walls)
+    FILTER.reset()
+    here = FILTER(HERE, Twist(0.3, 0.1), Twist(0.8, 0.4), seen)
+    FILTER.reset()
+    there = FILTER(pose, Twist(0.3, 0.1), Twist(0.8, 0.4), seen.placed(pose))
+    assert here.clearance == pytest.approx(there.clearance, abs=1e-9)
+    assert len(seen) == len(points) + len(discs) + len(walls)
+
+
+def test_a_scan_becomes_the_points_it_hit():
+    ranges = [1.0, math.inf, -math.inf, math.nan, 2.0]
+    mount = Pose(0.3, 0.1, math.pi / 2)
+    seen = Obstacles.from_ranges(ranges, -math.pi / 2, math.pi / 4, mount=mount, range_min=0.1)
+    assert seen.points == pytest.approx(np.array([[1.3, 0.1], [0.3, 0.2], [-1.7, 0.1]]), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"points": [1.0, 2.0]}, "points need 2 columns"),
+        ({"points": np.zeros((3, 3))}, "points need 2 columns"),
+        ({"points": "here"}, "points must be an array of numbers"),
+        ({"points": [[1.0], [1.0, 2.0]]}, "points must be an array of numbers"),
+        ({"segments": np.zeros((3, 2))}, "segments need 4 columns"),
+        ({"discs": np.zeros((3, 4))}, "discs need rows"),
+        ({"discs": [[0.0, 0.0, -1.0]]}, "radius must not be negative"),
+        ({"discs": [[0.0, 0.0, 1.0]], "max_acceleration": [1.0, 2.0]}, "max_acceleration needs"),
+        ({"discs": [[0.0, 0.0, 1.0]], "max_acceleration": -1.0}, "max_acceleration needs"),
+    ],
+)
+def test_no_array_of_the_wrong_shape_or_kind_passes_for_obstacles(given, said):
+    with pytest.raises(CohelmError, match=said):
+        Obstacles(**given)

@@ -1,0 +1,87 @@
+"""What the guard is handed from Python is checked when it is made, and refused with the cure."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Twist
+from cohelm.law.guard.step import Rules, prepared
+from cohelm.law.guard.surroundings import surroundings
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import Limits
+from tests.law.guard.scenes import RULES, SALLY, SALLY_LIMITS
+
+AHEAD = surroundings(points=[[0.41, 0.0]])
+"""A point 5 cm before the bow."""
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        SALLY[::-1],
+        np.vstack((SALLY[::-1], SALLY[-1:])),
+        np.insert(SALLY, 1, [0.0, 0.29], axis=0)[::-1],
+        SALLY.tolist()[::-1],
+        np.asfortranarray(SALLY[::-1].astype(np.float32)),
+    ],
+    ids=["clockwise", "closed", "a corner within an edge", "lists", "float32"],
+)
+def test_no_order_of_the_corners_lets_the_robot_drive_into_what_is_ahead(corners):
+    step = prepared(corners, SALLY_LIMITS)
+    pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
+    for _ in range(100):
+        got = step(pose, twist, Twist(1.0, 0.0), AHEAD)
+        twist = Twist(got.v, 0.0)
+        pose = arc(pose, twist, RULES.dt)
+        assert 0.41 - 0.36 - pose.x >= RULES.clear / 2
+
+
+@pytest.mark.parametrize(
+    ("corners", "said"),
+    [
+        ([[0.36, 0.29], [-0.36, -0.29]], "at least 3 different corners, got 2"),
+        ([[0.36, 0.0], [0.0, 0.0], [-0.36, 0.0]], "on a line"),
+        ([*SALLY.tolist(), [0.1, 0.0]], "dent at \\[0.1, 0\\]"),
+        ([[1, 1], [-1, -1], [-1, 1], [1, -1]], "crosses itself"),
+        ([[math.cos(a), math.sin(a)] for a in 0.8 * math.pi * np.arange(5)], "crosses itself"),
+        ((1000 * SALLY).tolist(), "millimetres"),
+        ([[0.36, 0.29], [-0.36, 0.29], [-0.36, math.nan]], "finite"),
+        ([0.36, 0.29], "list of corners"),
+        ([[0.36, 0.29, 0.0]] * 3, "list of corners"),
+        ("sally", "list of corners"),
+        (None, "list of corners"),
+        ([], "list of corners"),
+    ],
+)
+def test_no_outline_passes_for_which_nothing_could_be_promised(corners, said):
+    with pytest.raises(CohelmError, match=said):
+        prepared(corners, SALLY_LIMITS)
+
+
+@pytest.mark.parametrize("name", Limits._fields)
+@pytest.mark.parametrize("bad", [math.nan, 0.0, -1.0, -math.inf])
+def test_no_limit_passes_that_is_not_greater_than_0(name, bad):
+    with pytest.raises(CohelmError, match=f"limits.{name} must be greater than 0"):
+        prepared(SALLY, SALLY_LIMITS._replace(**{name: bad}))
+
+
+@pytest.mark.parametrize("limits", [(1.0, 2.0), None, ("a",) * 7])
+def test_no_limits_pass_that_are_not_seven_numbers(limits):
+    with pytest.raises(CohelmError, match="must be 7 numbers"):
+        prepared(SALLY, limits)
+
+
+@pytest.mark.parametrize(
+    ("name", "bad"),
+    [
+        *((n, b) for n in ("dt", "clear", "steer_weight") for b in (0.0, -1.0, math.nan, math.inf)),
+        *(("caution", b) for b in (0.0, -0.5, 1.01, math.nan)),
+        ("margin", math.nan),
+        ("margin", math.inf),
+    ],
+)
+def test_no_rule_passes_that_makes_no_sense(name, bad):
+    with pytest.raises(CohelmError, match=f"rules.{name} must be"):
+        prepared(SALLY, SALLY_LIMITS, Rules()._replace(**{name: bad}))
