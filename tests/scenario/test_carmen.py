@@ -123,3 +123,37 @@ def test_the_intel_log_is_read_whole():
     assert len(made.scans) == 910
     assert len(made.odometry) > 10_000
     assert made.lidar.beams == 180
+
+
+def stamped(logged, sent, pose=(0.0, 0.0, 0.0)):
+    return " ".join(flaser(0.0, pose=pose).split()[:-3]) + f" {sent} host {logged}"
+
+
+@pytest.mark.parametrize(
+    "garbage", [lambda k: 0.0, lambda k: k % 2, lambda k: math.nan, lambda k: (k * 7919) % 101]
+)
+def test_a_log_whose_last_times_are_garbage_is_read_whole_by_when_it_was_sent(tmp_path, garbage):
+    lines = [stamped(garbage(k), 5.0 + k, (0.1 * k, 0.0, 0.0)) for k in range(80)]
+    made = read_log(written(tmp_path, *lines))
+    assert len(made.scans) == 80
+    assert [s.stamp for s in made.scans[:3]] == [5.0, 6.0, 7.0]
+    assert made.odometry[79].pose.x == pytest.approx(7.9)
+
+
+def test_a_log_without_any_sound_time_is_read_whole_in_its_order(tmp_path):
+    lines = [stamped(k % 2, 0.0, (0.1 * k, 0.0, 0.0)) for k in range(406)]
+    made = read_log(written(tmp_path, *lines))
+    assert len(made.scans) == len(made.odometry) == 406
+    assert made.odometry[405].pose.x == pytest.approx(40.5)
+    assert np.diff([s.stamp for s in made.scans]) == pytest.approx(0.1)
+
+
+def test_scans_without_time_and_without_a_pose_of_their_own_are_refused(tmp_path):
+    raw = "RAWLASER1 0 -1.5 3.0 1.5 30 0.01 0 3 1 2 3 0 0 host 0"
+    with pytest.raises(CohelmError, match=r"the times of its 10 scans do not go on"):
+        read_log(written(tmp_path, "ODOM 1 2 3 0 0 0 5.0 host 5.0", *([raw] * 10)))
+
+
+def test_a_scan_that_was_written_down_twice_is_read_once(tmp_path):
+    lines = [flaser(float(k)) for k in range(40)]
+    assert len(read_log(written(tmp_path, *lines, lines[-1])).scans) == 40

@@ -52,7 +52,7 @@ def test_an_absent_peer_is_null_and_the_table_says_how_to_get_it(monkeypatch):
     assert set(found["ratios"].values()) == {None}
     text = " ".join(shown(result).split())
     for peer in ("cbfpy, qpax", "cbfpy, elastiqp", "ir-sim"):
-        assert f"{peer}: not installed: pip install 'cohelm[peers]'" in text
+        assert f"{peer}: {INSTALL}" in text
 
 
 def test_the_bench_has_every_promised_number():

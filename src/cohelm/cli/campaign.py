@@ -12,6 +12,7 @@ import typer
 from cohelm.cli.app import app
 from cohelm.cli.tell import Json, Out, plain, print_json, print_table, progress, say
 from cohelm.core.errors import CohelmError
+from cohelm.core.extras import missing
 
 if TYPE_CHECKING:
     from cohelm.study.campaign.runner import Plan
@@ -83,7 +84,7 @@ def campaign(
     unless --out names one.
     """
     if importlib.util.find_spec("pyarrow") is None:
-        raise CohelmError("campaigns need Parquet: pip install 'cohelm[campaign]'")
+        raise missing("a campaign", "campaign")
     if replay is not None:
         _again(Path(suite), replay, out, as_json)
         return

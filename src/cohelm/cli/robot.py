@@ -56,7 +56,9 @@ def robot(
     fast: Annotated[
         bool, typer.Option("--fast", help="Simulated time: as fast as it can.")
     ] = False,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the simulated errors.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=2**32 - 1, help="Of the simulated errors.")
+    ] = None,
     listen: Annotated[
         str | None,
         typer.Option(metavar="HOST[:PORT]", help="Paired stations drive it, see `cohelm pair`."),

@@ -126,7 +126,7 @@ def bench(as_json: Json = False) -> None:
     """Time it beside its peers, in a minute.
 
     One step of the law, and the simulator with many robots. Peers (cbfpy, ir-sim) are timed
-    where they are installed: pip install "cohelm[peers]".
+    where the extra `peers` is installed.
     """
     with progress("starting") as told:
         from cohelm.study.bench.compare import bench as measure

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
 from cohelm.law.reference import desired
 from cohelm.perceive.frames import compose
@@ -60,12 +59,8 @@ class Simulated:
         around, clock = self.scenario.around(), pace(self.real_time)
         if self.kind == "kinematic":
             return Kinematic(self.model, self.start, around, seed=self.seed, pace=clock)
-        try:
-            from cohelm.sim.twin.robot import Twin
-        except ImportError as error:
-            raise CohelmError(
-                'the physics twin needs MuJoCo: pip install "cohelm[twin]", or use --kinematic'
-            ) from error
+        from cohelm.sim.twin.robot import Twin  # MuJoCo takes half a second to import
+
         return Twin(self.model, self.start, around, seed=self.seed, pace=clock)
 
 

@@ -254,4 +254,8 @@ def _secret(path: Path) -> bytes:
     content = _read(path)
     if stat.S_IMODE(path.stat().st_mode) & 0o077:
         raise CohelmError(f"others may read the key {path}: run `chmod 600 {path}`")
+    try:
+        serialization.load_pem_private_key(content, None)
+    except (ValueError, TypeError):
+        raise CohelmError(f"the key {path} is damaged: delete it, and pair again") from None
     return content

@@ -295,7 +295,7 @@ def _listening(address: udp.Address) -> socket.socket:
         made.close()
         raise CohelmError(
             f"can not listen on {address[0]} port {address[1]} ({error.strerror}): is another "
-            f"robot running here? Choose another port with --port"
+            f"robot running here? Choose another port with --listen HOST:PORT"
         ) from None
     made.setblocking(False)
     return made

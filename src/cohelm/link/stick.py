@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import read_bytes
 from cohelm.core.types import Floats
 
 _TIME = ("t", "t_s", "time", "time_s")
@@ -95,6 +96,17 @@ def read(
     return Recording(times, *deflections)
 
 
+def runs(path: str | Path) -> list[str]:
+    """The runs of a file, as it calls them, in its order; none where it holds a single one.
+
+    Raises CohelmError where it is no stick file.
+    """
+    header, rows = _table(Path(path))
+    if "run" not in header:
+        return []
+    return list(dict.fromkeys(row.cells["run"].strip() for row in rows))
+
+
 def file_of(path: str | Path) -> Path:
     """The file that `path`, `path#run` or `path#run:source` is in."""
     return _chosen(path, None, None)[0]
@@ -148,12 +160,16 @@ def _text(file: Path) -> str:
     if file.is_dir():
         raise CohelmError(f"{file}: is a folder, not a stick file")
     try:
-        packed = file.read_bytes()
+        packed = read_bytes(file, _LARGEST, "a stick file")
         if packed[:2] == b"\x1f\x8b":
             with gzip.open(io.BytesIO(packed)) as unpacked:
                 packed = unpacked.read(_LARGEST + 1)
-    except (OSError, EOFError, zlib.error) as error:
-        raise CohelmError(f"{file}: the stick file can not be read: {error}") from error
+    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+        raise CohelmError(
+            f"{file}: the gzip archive is damaged or cut short: fetch it again"
+        ) from error
+    except OSError as error:
+        raise CohelmError(f"{file}: the stick file can not be read: {error.strerror}") from error
     if len(packed) > _LARGEST:
         raise CohelmError(f"{file}: larger than {_LARGEST // 10**6} MB, not a stick file")
     try:

@@ -33,8 +33,8 @@ def resolved(host: str, port: int, kind: socket.SocketKind) -> tuple[int, Addres
     """Address family and address of a host."""
     try:
         found = socket.getaddrinfo(host, port, type=kind)
-    except (OSError, UnicodeError) as error:
-        raise CohelmError(f"the host {host!r} can not be found ({error}): check its name") from None
+    except (OSError, UnicodeError):
+        raise CohelmError(f"the host {host!r} can not be found: check its name") from None
     return found[0][0], found[0][4]
 
 
@@ -60,7 +60,7 @@ def opened(family: int, bind: Address | None = None, shared: bool = False) -> so
             made.close()
             raise CohelmError(
                 f"can not listen on {bind[0]} port {bind[1]} ({error.strerror}): choose another "
-                f"with --port"
+                "with --listen HOST:PORT"
             ) from None
     return made
 

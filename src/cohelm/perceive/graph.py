@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.extras import missing
 from cohelm.core.types import Floats, Pose
 
 
@@ -26,7 +26,7 @@ def library() -> Any:
     try:
         import gtsam
     except ImportError as error:
-        raise CohelmError('mapping needs gtsam: pip install "cohelm[map]"') from error
+        raise missing("mapping", "map") from error
     return gtsam
 
 

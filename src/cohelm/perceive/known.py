@@ -20,6 +20,9 @@ _FARTHEST = 2.0  # distances to walls are not told beyond this [m]
 _REACH = 0.6  # surfaces are found from as far as this [m]
 _SIDE = 0.2  # raster of the places where the robot may be looked for [m]
 _ROOM = 0.2  # and their least distance to a wall [m]
+MOST_BORDER = 500_000
+"""Occupied cells beside free ones: 12 km of wall, seen from both sides, at 5 cm. As many take some
+seconds and a GB; noise, in which every other cell is one, would take hours."""
 
 
 class Known(NamedTuple):
@@ -43,7 +46,8 @@ def known(
 
     Surfaces are where occupied cells border on others, put on the line through their neighbours:
     a wall that is three cells thick because its hits scatter has its line in the middle of the
-    cells near the border. Raises CohelmError where nothing is occupied or nothing free.
+    cells near the border. Raises CohelmError where nothing is occupied, nothing free, or more than
+    MOST_BORDER cells are on a border.
     """
     if not occupied.any():
         raise CohelmError("the map has no occupied cell, so nothing to localise by: map it again")
@@ -52,6 +56,12 @@ def known(
     border = occupied & ~ndimage.binary_erosion(
         occupied, np.ones((3, 3), dtype=np.int64), border_value=1
     )
+    found = int(np.count_nonzero(border))
+    if found > MOST_BORDER:
+        raise CohelmError(
+            f"the map has {found} cells on the border of what is occupied, and {MOST_BORDER} are "
+            "the most to localise by: clear it of noise, or make it coarser"
+        )
     cells = np.asarray(np.argwhere(border)[:, ::-1] + 0.5, dtype=np.float64)
     points, across = _lined(cells * resolution, max(0.15, 3.0 * resolution))
     points, across = thinned(points, across, max(0.03, resolution))

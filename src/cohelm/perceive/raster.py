@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.frames import placed
+from cohelm.perceive.surfaces import MOST_CELLS
 
 _BEFORE = 0.07  # a beam says nothing about so much before its end [m]
 _SHARE = 0.35  # of the beams that met a cell, so many must have ended in it
@@ -40,7 +42,10 @@ class Raster(NamedTuple):
 
 
 def raster(poses: list[Pose], points: list[Floats], sensor: Pose, resolution: float) -> Raster:
-    """From poses of the body and points (m, 2) in it [m]; sensor: mount of the LiDAR."""
+    """From poses of the body and points (m, 2) in it [m]; sensor: mount of the LiDAR.
+
+    Raises CohelmError where that would be more than MOST_CELLS.
+    """
     low, high = np.full(2, math.inf), np.full(2, -math.inf)
     for pose, seen in zip(poses, points, strict=True):
         if len(seen):
@@ -48,7 +53,14 @@ def raster(poses: list[Pose], points: list[Floats], sensor: Pose, resolution: fl
             low, high = np.minimum(low, world.min(axis=0)), np.maximum(high, world.max(axis=0))
         low, high = np.minimum(low, pose[:2]), np.maximum(high, pose[:2])
     low = np.floor((low - _BORDER) / resolution) * resolution
-    size = np.ceil((high + _BORDER - low) / resolution).astype(int)
+    size = np.ceil((high + _BORDER - low) / resolution)
+    if not float(size[0]) * float(size[1]) <= MOST_CELLS:
+        wide, deep = (float(n) * resolution for n in size)
+        raise CohelmError(
+            f"the drive spans {wide:.4g} x {deep:.4g} m, more than {MOST_CELLS // 10**6} million "
+            f"cells of {resolution:g} m: choose a coarser --resolution, or check its odometry"
+        )
+    size = size.astype(int)
     hits = np.zeros((int(size[1]), int(size[0])), np.int32)
     misses = np.zeros_like(hits)
     for pose, seen in zip(poses, points, strict=True):

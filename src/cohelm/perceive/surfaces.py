@@ -12,12 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
 
 _HALF = 0.15  # neighbours this near tell the direction of a surface [m]
 _MOST = 16  # and no more beams than these on either side
 _FLAT = 0.04  # how far, rms, they may lie from their common line [m]
+MOST_CELLS = 64_000_000
+"""Of a map, or of an index of surfaces: 400 m x 400 m at 5 cm, which takes half a GB."""
 
 
 class Surfaces(NamedTuple):
@@ -94,11 +97,21 @@ def moved(pose: Pose, vectors: Floats, place: bool) -> Floats:
 
 
 def surfaces(points: Floats, across: Floats, resolution: float, reach: float) -> Surfaces:
-    """Index points with normals; places farther than `reach` from all have no nearest [m]."""
+    """Index points with normals; places farther than `reach` from all have no nearest [m].
+
+    Raises CohelmError where that would take more than MOST_CELLS.
+    """
     if len(points) == 0:
         return Surfaces(points, across, np.empty((0, 0), np.int32), resolution, 0.0, 0.0)
     low = points.min(axis=0) - reach - resolution
-    size = np.ceil((points.max(axis=0) + reach + resolution - low) / resolution).astype(int)
+    size = np.ceil((points.max(axis=0) + reach + resolution - low) / resolution)
+    if not float(size[0]) * float(size[1]) <= MOST_CELLS:
+        wide, deep = (float(n) * resolution for n in size)
+        raise CohelmError(
+            f"what was seen spans {wide:.4g} x {deep:.4g} m, more than {MOST_CELLS // 10**6} "
+            f"million cells of {resolution:g} m: check the odometry for jumps, or cut the map"
+        )
+    size = size.astype(int)
     nearest = np.full((int(size[1]), int(size[0])), -1, np.int32)
     made = Surfaces(points, across, nearest, resolution, float(low[0]), float(low[1]))
     _spread(made, reach)

@@ -330,6 +330,9 @@ class Survey:
         return links
 
 
+_FARTHEST = 20_000.0  # from one end of a drive's odometry to the other [m]
+
+
 def _link(a: int, b: int, pose: Pose, information: Floats, psi: float) -> Link:
     """A loop as matched; information: in axes in which place b has heading psi."""
     rough = np.diag([0.01, 0.01, 0.004]) ** 2
@@ -351,12 +354,19 @@ def _turned(frame: Pose, information: Floats) -> Floats:
 def glimpses(lidar: Lidar, odometry: Sequence[Odometry], scans: Sequence[Scan]) -> list[Glimpse]:
     """The scans of a drive, each put to the instant of its last beam, with odometry there.
 
-    Scans that end outside the time of the odometry are left out. CohelmError if none is left.
+    Scans that end outside the time of the odometry are left out. CohelmError if none is left, or
+    where the odometry says that the robot was farther off than any drive gets.
     """
     rows = np.array([[o.stamp, *o.pose, *o.twist] for o in odometry], dtype=np.float64)
     rows = rows[np.isfinite(rows).all(axis=1)].reshape(-1, 6)
     keep = np.concatenate(([True], np.diff(np.maximum.accumulate(rows[:, 0])) > 0))[: len(rows)]
     trail = rows[keep]
+    if len(trail) > 1 and float(np.ptp(trail[:, 1:3], axis=0).max()) > _FARTHEST:
+        far = float(np.ptp(trail[:, 1:3], axis=0).max())
+        raise CohelmError(
+            f"the odometry spans {far:.3g} m, and {_FARTHEST:g} m is the most that is mapped: "
+            "it is damaged, or the drive is to be cut"
+        )
     found: list[Glimpse] = []
     for scan in scans:
         end = scan.stamp + scan.duration

@@ -15,6 +15,7 @@ from cohelm.perceive.chart import swept
 
 SPACING = 0.05
 """Between poses along a course [m]."""
+_LEFT_OVER = 2.0  # as far as the nearest place of the route is looked for ahead of the last [m]
 
 
 class Course(NamedTuple):
@@ -51,6 +52,20 @@ def route(reference: Reference, spacing: float = 0.1) -> Route:
     line = np.column_stack([np.interp(at, along, poses[:, c]) for c in (0, 1)])
     every = np.linspace(0.0, reference.duration, len(poses))
     return Route(reference, np.ascontiguousarray(line), np.interp(at, along, every))
+
+
+def nearly_done(line: Floats, near: float) -> int:
+    """The row of a route's line from which on being `near` its end [m] is to have arrived.
+
+    Before it the robot only passes there: a route that closes on itself begins at its end. What
+    may be left over is cut off at a last corner, at most.
+    """
+    if len(line) < 2:
+        return 0
+    spacing = math.hypot(line[1, 0] - line[0, 0], line[1, 1] - line[0, 1])
+    last = len(line) - 1
+    left = (near + min(_LEFT_OVER, 0.25 * last * spacing)) / max(spacing, 1e-9)
+    return max(math.floor(last - left), min(last, 1))
 
 
 def course(reference: Reference, row: int, last: bool, pace: Pace) -> Course:

@@ -14,6 +14,7 @@ from mcap.stream_reader import StreamReader
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import check_regular
 
 _DAMAGED = (
     McapError, struct.error, ValueError, OverflowError, MemoryError, zstandard.ZstdError
@@ -29,6 +30,7 @@ def messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]
     decoders: dict[int, Callable[[bytes], Any]] = {}
     names: dict[int, str] = {}
     schemas: dict[int, Schema] = {}
+    check_regular(path)
     try:
         with path.open("rb") as file:
             for record in _records(file):
@@ -53,6 +55,7 @@ def messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]
 
 def attachment(path: Path, name: str) -> bytes | None:
     """An attachment of an MCAP file, None where it has none of that name."""
+    check_regular(path)
     try:
         with path.open("rb") as file:
             for record in _records(file):

@@ -17,6 +17,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import check_regular
 from cohelm.core.trace import Trace
 from cohelm.record import status
 from cohelm.record.write import METADATA, SCENARIO, STOPPED
@@ -53,6 +54,7 @@ def read(path: Path) -> Trace:
 
     Raises CohelmError where there is no such file, or no run of cohelm in it.
     """
+    check_regular(path)
     try:
         with path.open("rb") as file:
             found = _walk(file)

@@ -14,6 +14,7 @@ import yaml
 from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import check_regular, read_bytes
 from cohelm.core.schema import Schema
 from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
 from cohelm.scenario.explain import sentences
@@ -151,7 +152,9 @@ def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
 
 def digest(path: Path) -> str:
     """SHA-256 of a file, to know it again."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    check_regular(path)
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def shipped() -> dict[str, Path]:
@@ -198,9 +201,7 @@ def _text(file: Path) -> str:
         inside = ", ".join(_names(file)) or "none"
         raise CohelmError(f"{file}: is a folder; name a YAML file in it ({inside})")
     try:
-        if file.stat().st_size > _LARGEST:
-            raise CohelmError(f"{file}: larger than {_LARGEST // 10**6} MB, not a scenario")
-        return file.read_text(encoding="utf-8-sig")
+        return read_bytes(file, _LARGEST, "a scenario").decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CohelmError(f"{file}: not a text file in UTF-8, so not a YAML file") from error
     except OSError as error:

@@ -15,6 +15,8 @@ from cohelm.core.types import Floats, Pose
 from cohelm.perceive.frames import placed
 
 _FARTHEST = 60_000  # cells; a jump must fit into 16 bits
+MOST_WALLS = 500_000
+"""Borders of solid cells along one axis: a building has thousands, noise has as many as cells."""
 
 
 class Grid(NamedTuple):
@@ -147,13 +149,20 @@ def solid_at(grid: Grid, x: float, y: float) -> bool:
 def borders(grid: Grid) -> Floats:
     """The borders between solid and free cells as walls, (s, 4) segments in the world frame [m].
 
-    Runs along a row or column are one wall. What is outside the grid counts as free.
+    Runs along a row or column are one wall. What is outside the grid counts as free. Raises
+    CohelmError for more than MOST_WALLS.
     """
     solid = np.pad(grid.free == 0, 1)
     cells: list[Floats] = []
     for turned in (False, True):
         edge = np.diff((solid.T if turned else solid).astype(np.int8), axis=0) != 0
         step = np.diff(edge.astype(np.int8), axis=1)  # the padding keeps the ends of rows False
+        found = int(np.count_nonzero(step == 1))
+        if found > MOST_WALLS:
+            raise CohelmError(
+                f"the map has {found} borders of solid cells, and {MOST_WALLS} are the most that a "
+                "world may have: clear it of noise, or make it coarser"
+            )
         line, first = np.nonzero(step == 1)
         _, last = np.nonzero(step == -1)
         across = line.astype(np.float64)

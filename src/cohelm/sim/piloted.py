@@ -76,7 +76,9 @@ class Scene(NamedTuple):
     goal: Floats
     """(2,), the end of the reference [m]."""
     near: float
-    """Nearer to the goal than this, the robot has arrived [m]."""
+    """Nearer to the goal than this, the robot has arrived [m], ..."""
+    done: int
+    """... if the row of the route where it is is this one, or a later one."""
     barred: Floats
     """(s, 4), the walls that a LiDAR sees beside the map [m]."""
     sees: bool
@@ -255,7 +257,7 @@ def _advance(
         energy = supplied_energy(robot.energy, robot.stick, stick, settings.gains)
         robot = State(arc(pose, applied, dt), applied, stick, energy)
         away = math.hypot(pose.x - scene.goal[0], pose.y - scene.goal[1])
-        arrived = away < scene.near
+        arrived = away < scene.near and pilot.row >= scene.done
         nearest = math.inf
         for i in range(len(there)):
             dx, dy = pose.x - there[i, X], pose.y - there[i, Y]

@@ -14,7 +14,7 @@ from cohelm.core.types import SAFE, Desired, Floats, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.reference import evaluate, tabulate
 from cohelm.law.track import pose_error
-from cohelm.pilot.course import route
+from cohelm.pilot.course import nearly_done, route
 from cohelm.pilot.pilot import Planner
 from cohelm.robot.limits import Limits
 from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replayed
@@ -31,12 +31,13 @@ def run(setup: Setup) -> Trace:
 
 
 def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
-    planner = Planner(route(setup.reference), pilot.settings, pilot.manners, pilot.care)
+    asked = route(setup.reference)
+    planner = Planner(asked, pilot.settings, pilot.manners, pilot.care)
     end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
     reach = float(np.hypot(*setup.outline.T).max())
     scene = Scene(
         setup.around, setup.grid, pilot.agility, setup.hands, setup.operator, setup.seed, reach,
-        np.array([end.x, end.y]), setup.near,
+        np.array([end.x, end.y]), setup.near, nearly_done(asked.line, setup.near),
         setup.around.walls if setup.barred is None else setup.barred, pilot.lidar is not None,
     )  # fmt: skip
     for part in stretches(
@@ -48,7 +49,7 @@ def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     """The run in traces of `length` steps, the last one shorter, in order."""
     if setup.twin is not None:
-        from cohelm.sim.twin import drive  # needs MuJoCo, which is an extra
+        from cohelm.sim.twin import drive  # MuJoCo takes a while to import
 
         yield from drive.pieces(setup, length)
         return

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import check_regular
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.raster import Raster, raster
 from cohelm.perceive.survey import Glimpse, Survey, Surveyed, glimpses
@@ -66,6 +67,7 @@ def drive(path: Path, robot: RobotModel | None = None) -> Drive:
     robot: whose LiDAR it was, where an MCAP record does not say. Raises CohelmError where the
     file is neither, or holds nothing to map.
     """
+    check_regular(path)
     try:
         with path.open("rb") as file:
             mcap = file.read(len(_MAGIC)) == _MAGIC

@@ -11,7 +11,7 @@ from cohelm.study.campaign.drive import chunk
 from cohelm.study.campaign.suites import suite
 
 with_peer = pytest.mark.skipif(
-    importlib.util.find_spec("irsim") is None, reason="ir-sim is not installed: cohelm[peers]"
+    importlib.util.find_spec("irsim") is None, reason="ir-sim is not installed: make bench"
 )
 
 

@@ -6,11 +6,10 @@ import time
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.extras import missing
 from cohelm.link import stick as recordings
 from cohelm.link.sticks.played import PlayedStick
 from cohelm.link.sticks.port import StickDevice
-
-_MISSING = "support for sticks is not installed: pip install 'cohelm[stick]'"
 
 
 def listed() -> list[str]:
@@ -53,7 +52,7 @@ def _evdev(path: str) -> StickDevice:
     try:
         from cohelm.link.sticks.evdev_stick import EvdevStick
     except ImportError:
-        raise CohelmError(_MISSING) from None
+        raise missing("a stick of this machine", "stick") from None
     return EvdevStick(path)
 
 
@@ -63,7 +62,7 @@ def _sdl_names() -> list[str]:
 
         return found()
     except ImportError:
-        raise CohelmError(_MISSING) from None
+        raise missing("a stick of this machine", "stick") from None
 
 
 def _sdl(number: int) -> StickDevice:
@@ -72,4 +71,4 @@ def _sdl(number: int) -> StickDevice:
 
         return SdlStick(number)
     except ImportError:
-        raise CohelmError(_MISSING) from None
+        raise missing("a stick of this machine", "stick") from None

@@ -21,6 +21,8 @@ from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.file import contents
 
+_APART = 0.95  # share of the scans that must have a time of their own: few loggers write one twice
+_LATER = 0.6  # ... and that must be later than the one before: of times at random half are
 _FAR = 80.0  # SICK scanners say 81.83 m or so where nothing came back [m]
 
 
@@ -33,51 +35,116 @@ class Drive(NamedTuple):
     lidar: LidarModel
 
 
+class _Said(NamedTuple):
+    """What one line holds; NaN or None for what it does not."""
+
+    logged: float
+    """When it was written down, its last number [s]."""
+    sent: float
+    """When it was sent, two words before [s]."""
+    pose: Floats | None = None
+    """Of the robot."""
+    scan: tuple[Floats, float, float] | None = None
+    """Ranges, first bearing, step."""
+    laser: Floats | None = None
+
+
 def read_log(path: Path | str) -> Drive:
     """A drive from a CARMEN log, plain or gzip.
 
     Scans of another number of beams than most, and lines that are cut short or hold no numbers,
-    are left out. Raises CohelmError where there is no such file, or no scan with a pose in it.
+    are left out. Time is when a line was written down, or when it was sent; where neither goes on
+    from scan to scan, but each scan has its pose in its line, they count as ten a second, in their
+    order. Raises CohelmError where there is no such file, no scan with a pose in it, or no time.
     """
     text = contents(path, "a CARMEN log").decode("utf-8", errors="replace")
-    odometry: dict[float, Odometry] = {}
-    found: list[tuple[float, Floats, float, float]] = []  # stamp, ranges, first bearing, step
-    mount = Pose(0.0, 0.0, 0.0)
+    said: list[_Said] = []
     for line in text.splitlines():
         words = line.split()
-        if not words:
-            continue
         try:
-            match words[0]:
-                case "ODOM":
-                    _odometry(odometry, _numbers(words[1:6]), float(words[-1]))
-                case "FLASER":
-                    n = int(words[1])
-                    after = _numbers(words[2 + n : 8 + n])
-                    stamp = float(words[-1])
-                    found.append((stamp, _numbers(words[2 : 2 + n]), *_convention(n)))
-                    laser, robot = after[:3], after[3:6]
-                    _odometry(odometry, robot, stamp)
-                    mount = _mount(laser, robot) if len(found) == 1 else mount
-                case "ROBOTLASER1" | "RAWLASER1":
-                    first, step, n = float(words[2]), float(words[4]), int(words[8])
-                    stamp = float(words[-1])
-                    found.append((stamp, _numbers(words[9 : 9 + n]), first, step))
-                    if words[0] == "ROBOTLASER1":
-                        rest = words[9 + n :]
-                        poses = _numbers(rest[1 + int(rest[0]) :][:6])
-                        _odometry(odometry, poses[3:6], stamp)
-                        mount = _mount(poses[:3], poses[3:6]) if len(found) == 1 else mount
-                case _:
-                    pass
-        except (ValueError, IndexError):
+            found = _read(words) if words else None
+        except (ValueError, IndexError, OverflowError):
             continue  # a line that is damaged or cut short; the others count
-    if not found or not odometry:
+        if found is not None:
+            said.append(found)
+    scans = [one for one in said if one.scan is not None]
+    if not scans or all(one.pose is None for one in said):
         raise CohelmError(
             f"{path}: holds no scan of a CARMEN log with its odometry (FLASER, or ROBOTLASER1, or "
             "RAWLASER1 beside ODOM): give such a log"
         )
-    return _drive(odometry, found, mount)
+    stamps = _stamps(said)
+    if stamps is None:
+        raise CohelmError(
+            f"{path}: the times of its {len(scans)} scans do not go on from one to the next, and "
+            "not every scan has its pose beside it: give a log with whole times"
+        )
+    odometry: dict[float, Odometry] = {}
+    found_scans: list[tuple[float, Floats, float, float]] = []  # stamp, ranges, first, step
+    mount = Pose(0.0, 0.0, 0.0)
+    for one, stamp in zip(said, stamps, strict=True):
+        if one.pose is not None and math.isfinite(stamp):
+            # what it says of its speeds is not to be trusted: some drivers write 0, others deg/s
+            x, y, psi = one.pose[:3].tolist()
+            odometry.setdefault(stamp, Odometry(stamp, Pose(x, y, psi), Twist(0.0, 0.0)))
+        if one.scan is not None and math.isfinite(stamp):
+            if not found_scans and one.pose is not None and one.laser is not None:
+                mount = _mount(one.laser, one.pose)
+            found_scans.append((stamp, *one.scan))
+    return _drive(odometry, found_scans, mount)
+
+
+def _read(words: list[str]) -> _Said | None:
+    """What a line holds; None: nothing of concern. ValueError, IndexError: it is damaged."""
+    kind = words[0]
+    if kind not in ("ODOM", "FLASER", "ROBOTLASER1", "RAWLASER1"):
+        return None
+    logged = float(words[-1])
+    try:
+        sent = float(words[-3])
+    except ValueError:
+        sent = math.nan
+    if kind == "ODOM":
+        return _Said(logged, sent, _pose(_numbers(words[1:6])))
+    if kind == "FLASER":
+        n = int(words[1])
+        after = _numbers(words[2 + n : 8 + n])
+        scan = (_numbers(words[2 : 2 + n]), *_convention(n))
+        return _Said(logged, sent, _pose(after[3:6]), scan, _pose(after[:3]))
+    first, step, n = float(words[2]), float(words[4]), int(words[8])
+    scan = (_numbers(words[9 : 9 + n]), first, step)
+    if kind == "RAWLASER1":
+        return _Said(logged, sent, None, scan)
+    rest = words[9 + n :]
+    poses = _numbers(rest[1 + int(rest[0]) :][:6])
+    return _Said(logged, sent, _pose(poses[3:6]), scan, _pose(poses[:3]))
+
+
+def _stamps(said: list[_Said]) -> list[float] | None:
+    """The time of each line [s], by the clock that goes on from scan to scan; None: there is none.
+
+    Few may be wrong: some loggers write a scan down twice.
+    """
+    scans = [one for one in said if one.scan is not None]
+    for clock in ([one.logged for one in said], [one.sent for one in said]):
+        if _goes_on([t for t, one in zip(clock, said, strict=True) if one.scan is not None]):
+            return clock
+    if any(one.pose is None for one in scans):
+        return None
+    count = 0
+    stamps: list[float] = []
+    for one in said:
+        stamps.append(math.nan if one.scan is None else 0.1 * count)
+        count += one.scan is not None
+    return stamps
+
+
+def _goes_on(times: list[float]) -> bool:
+    """Whether these can be the times of scans in a row: hardly two alike, most after the last."""
+    finite = np.array([t for t in times if math.isfinite(t)])
+    if len(np.unique(finite)) < _APART * len(times):
+        return False
+    return len(times) < 2 or float(np.mean(np.diff(finite) > 0.0)) >= _LATER
 
 
 def _drive(
@@ -111,12 +178,10 @@ def _numbers(words: Sequence[str]) -> Floats:
     return np.array([float(word) for word in words], dtype=np.float64)
 
 
-def _odometry(odometry: dict[float, Odometry], pose: Floats, stamp: float) -> None:
-    if len(pose) < 3 or not np.isfinite(pose).all() or not math.isfinite(stamp):
+def _pose(numbers: Floats) -> Floats:
+    if len(numbers) < 3 or not np.isfinite(numbers).all():
         raise ValueError("not a pose")
-    x, y, psi = pose[:3].tolist()
-    # what it says of its speeds is not to be trusted: some drivers write 0, others m/s and deg/s
-    odometry.setdefault(stamp, Odometry(stamp, Pose(x, y, psi), Twist(0.0, 0.0)))
+    return numbers
 
 
 def _mount(laser: Floats, robot: Floats) -> Pose:

@@ -9,6 +9,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import check_regular
 
 _LARGEST = 64 * 2**20
 _GZIP = b"\x1f\x8b"
@@ -19,6 +20,7 @@ def contents(path: Path | str, what: str) -> bytes:
 
     Raises CohelmError where it can not be read, is a damaged archive, or is larger.
     """
+    check_regular(path)
     try:
         with Path(path).open("rb") as file:
             if file.read(2) == _GZIP:

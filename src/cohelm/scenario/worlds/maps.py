@@ -14,15 +14,15 @@ from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import check_regular
 from cohelm.core.types import Pose
 from cohelm.perceive.known import Known, known
+from cohelm.perceive.surfaces import MOST_CELLS
 from cohelm.scenario.worlds.file import contents, faults
 from cohelm.sim.grid import Grid, grid
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a cell, as in nav_msgs/OccupancyGrid; scale and raw maps have 1 ... 99 as well."""
-
-_MOST_CELLS = 64_000_000  # 400 m x 400 m at 5 cm
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -85,7 +85,9 @@ def read_map(path: Path | str) -> OccupancyMap:
         given = yaml.safe_load(contents(path, "a map_server YAML file"))
         about = _Description.model_validate(given)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise CohelmError(f"{path}: is not YAML ({' '.join(str(error).split())})") from error
+        mark = getattr(error, "problem_mark", None)
+        where = "" if mark is None else f":{mark.line + 1}"
+        raise CohelmError(f"{path}{where}: is not YAML: give a map_server YAML file") from error
     except ValidationError as error:
         raise faults(path, error) from error
     lightness, opaque = _pixels(Path(path).parent / about.image, str(path))
@@ -124,14 +126,15 @@ def write_map(folder: Path, made: OccupancyMap) -> None:
 def _pixels(path: Path, named_in: str) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Lightness in [0, 1], the mean of the colours, and where the image is opaque."""
     try:
+        check_regular(path)
         with warnings.catch_warnings():
             # the limit below is lower than the one that is warned of
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path) as image:
                 width, height = image.size
-                if width * height > _MOST_CELLS:
+                if width * height > MOST_CELLS:
                     raise CohelmError(
-                        f"{path}: {width} x {height} cells are more than {_MOST_CELLS}; "
+                        f"{path}: {width} x {height} cells are more than {MOST_CELLS}; "
                         "use a coarser map or cut it"
                     )
                 if image.mode[0] in "IF":
@@ -144,9 +147,14 @@ def _pixels(path: Path, named_in: str) -> tuple[NDArray[np.float32], NDArray[np.
         raise CohelmError(
             f"{path}: there is no such image, but {named_in} names it; correct its `image`"
         ) from error
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+    except Image.DecompressionBombError as error:
         raise CohelmError(
-            f"{path}: is not a whole PGM or PNG image ({error}); save it again"
+            f"{path}: has more cells than the {MOST_CELLS} that a map may have; use a coarser map "
+            "or cut it"
+        ) from error
+    except (OSError, ValueError, SyntaxError) as error:
+        raise CohelmError(
+            f"{path}: is not a whole PGM or PNG image; save it again as one of them"
         ) from error
     mean = colours[:, :, :3].mean(axis=2, dtype=np.float32) / np.float32(255.0)
     return mean, colours[:, :, 3] == 255

@@ -19,6 +19,7 @@ from cohelm.law.track import pose_error
 from cohelm.perceive.frames import compose, inverse
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.careful import SLOP, noise, roomier
+from cohelm.pilot.course import nearly_done
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import Plan
 from cohelm.pilot.step import BARRIER, NONE, Decision, Settings
@@ -107,6 +108,7 @@ class _Run:
         self.truth: Truth = self.robot.truth()
         end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
         self.goal = (end.x, end.y)
+        self.done = nearly_done(self.pilot.planner.route.line, setup.near)
         self.arrived = False
         self.courses = 0
         self.waiting: Plan | None = None
@@ -169,7 +171,8 @@ class _Run:
         setup, pose = self.setup, then.pose
         applied = between(then, self.truth, setup.dt)
         away = math.hypot(pose.x - self.goal[0], pose.y - self.goal[1])
-        self.arrived = self.guarded and away < setup.near
+        reached = away < setup.near and (not self.guarded or self.pilot.state.row >= self.done)
+        self.arrived = self.guarded and reached
         desired = Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d)
         row["t"] = k * setup.dt
         row["x"], row["y"], row["psi"] = pose
@@ -180,7 +183,7 @@ class _Run:
             row[name] = getattr(d, name)
         row["applied_v"], row["applied_omega"] = applied
         row["clearance"], row["energy"] = then.clearance, self.energy
-        row["course"], row["to_go"], row["arrived"] = self.courses, away, away < setup.near
+        row["course"], row["to_go"], row["arrived"] = self.courses, away, reached
 
 
 def _unguarded(setup: Setup) -> Piloted:

@@ -16,8 +16,8 @@ def _found() -> Any:
         return importlib.import_module("mujoco")
     except ImportError as error:
         raise CohelmError(
-            'the physics twin needs MuJoCo: pip install "cohelm[twin]"'
-            f" (importing it said: {error})"
+            f"the physics twin needs MuJoCo, which can not be loaded here ({error}): "
+            "pip install --force-reinstall mujoco, or drive with --kinematic"
         ) from error
 
 

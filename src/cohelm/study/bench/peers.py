@@ -1,6 +1,6 @@
 """The peers, each in a process of its own: cbfpy (a barrier filter) and ir-sim (a simulator).
 
-They come with `pip install cohelm[peers]`; without them nothing here fails, there is only nothing
+They come with the extra `peers`; without them nothing here fails, there is only nothing
 to compare with. A process of their own, because both set up their surroundings on import (JAX's
 precision and threads, matplotlib's backend, prints), and because the settings they recommend have
 to be there before it. This module is also what that process runs.
@@ -39,12 +39,13 @@ from typing import Any, Self
 
 import numpy as np
 
+from cohelm.core.extras import pip_line
 from cohelm.study.bench.measure import median_call_us
 
 AHEAD_M = 0.1
 """Distance of cbfpy's guarded point ahead of the axle: there both inputs can move it."""
 
-INSTALL = "not installed: pip install 'cohelm[peers]'"
+INSTALL = f"not installed: {pip_line('peers')}"
 
 _NEEDS = {"qpax": ("cbfpy",), "elastiqp": ("cbfpy", "elastiqp"), "ir-sim": ("irsim",)}
 

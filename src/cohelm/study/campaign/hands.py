@@ -48,12 +48,13 @@ def read(folder: Path) -> Hands:
     left_out: list[str] = []
     for file in files:
         try:
-            names_here, here = _runs(file)
+            names_here, here, cut = _runs(file)
         except CohelmError as error:
             left_out.append(f"not read as a stick: {error}")
             continue
         names += names_here
         found += here
+        left_out += cut
     if not found:
         raise CohelmError(
             f"{inside}: no stick file in it can be read; give the folder of CSV files as "
@@ -62,17 +63,26 @@ def read(folder: Path) -> Hands:
     return Hands(tuple(names), tuple(found), tuple(left_out))
 
 
-def _runs(file: Path) -> tuple[list[str], list[Recording]]:
-    """All runs of a file; of one that holds a single run, that."""
+def _runs(file: Path) -> tuple[list[str], list[Recording], list[str]]:
+    """All runs of a file, however it numbers them, and a sentence for each that is none; of one
+    that holds a single run, that."""
+    called = sticks.runs(file)
+    if not called:
+        return [file.name], [sticks.read(file)], []
+    if len(called) > _MOST_RUNS:
+        raise CohelmError(
+            f"{file}: holds {len(called)} runs, and {_MOST_RUNS} are the most: cut it"
+        )
     names: list[str] = []
     found: list[Recording] = []
-    for run in range(_MOST_RUNS):
+    left_out: list[str] = []
+    for run in called:
         try:
-            found.append(sticks.read(f"{file}#{run}"))
+            found.append(sticks.read(file, run))
             names.append(f"{file.name}#{run}")
-        except CohelmError:
-            break
-    return (names, found) if found else ([file.name], [sticks.read(file)])
+        except CohelmError as error:
+            left_out.append(f"not read as a stick: {error}")
+    return names, found, left_out
 
 
 def course() -> Setup:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.extras import missing
 from cohelm.robot.keep.processes import bound
 from cohelm.study.campaign.case import LAWS, Law, Plant
 from cohelm.study.campaign.drive import chunk, code
@@ -137,10 +138,7 @@ def workers(
         try:
             from cohelm.study.campaign.cluster import driven_on
         except ImportError as error:
-            raise CohelmError(
-                "--cluster needs Dask, here and on every worker: pip install "
-                "'cohelm[campaign,cluster]'"
-            ) from error
+            raise missing("--cluster, here and on every worker,", "cluster") from error
         with driven_on(cluster, made, work) as rows:
             yield rows
     elif jobs == 1:

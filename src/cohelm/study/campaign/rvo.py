@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.extras import missing
 from cohelm.core.trace import ROW, Trace
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.robot.kinematics import arc
@@ -67,7 +67,7 @@ def peer_trace(case: Case, law: Law) -> Trace:
 def _process() -> subprocess.Popen[bytes]:
     """The process with ir-sim in it; it ends with this one."""
     if importlib.util.find_spec("irsim") is None:
-        raise CohelmError("the laws rvo and vo are ir-sim's: pip install 'cohelm[peers]'")
+        raise missing("what drives by the laws rvo and vo of ir-sim", "peers")
     process = subprocess.Popen(
         [sys.executable, "-m", "cohelm.study.campaign.rvo"],
         stdin=subprocess.PIPE,

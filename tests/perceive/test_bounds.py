@@ -1,0 +1,72 @@
+"""Time and memory of maps and mapping are bounded by sentences, not by the machine."""
+
+import math
+import resource
+import time
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Twist
+from cohelm.perceive.known import MOST_BORDER, known
+from cohelm.perceive.raster import raster
+from cohelm.perceive.surfaces import MOST_CELLS, surfaces
+from cohelm.perceive.survey import glimpses
+from cohelm.robot.port import Odometry, Scan
+from cohelm.robot.sensors import LidarModel
+from cohelm.sim.grid import borders, grid
+
+HERE = Pose(0.0, 0.0, 0.0)
+
+
+def noise(side, share=0.5, seed=1):
+    return np.random.default_rng(seed).random((side, side)) < share
+
+
+def peak_gib() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+
+
+def test_a_map_of_noise_is_refused_within_seconds_and_little_memory():
+    solid = noise(5000)
+    begun, before = time.monotonic(), peak_gib()
+    with pytest.raises(CohelmError, match="to localise by: clear it of noise"):
+        known(solid, ~solid, 0.05, HERE)
+    with pytest.raises(CohelmError, match="a world may have: clear it of noise"):
+        borders(grid(solid, 0.05, HERE))
+    assert time.monotonic() - begun < 60.0
+    assert peak_gib() - before < 2.0
+
+
+def test_a_noisy_map_within_the_bound_is_used_within_its_time_and_memory():
+    solid = noise(900)
+    assert 0.5 * MOST_BORDER < np.count_nonzero(solid) <= MOST_BORDER
+    begun, before = time.monotonic(), peak_gib()
+    made = known(solid, ~solid, 0.05, HERE)
+    assert len(made.surfaces.points) > 1000
+    assert time.monotonic() - begun < 120.0
+    assert peak_gib() - before < 2.0
+
+
+def test_a_drive_across_half_the_earth_is_refused_and_asks_for_no_memory():
+    points = [np.array([[1.0, 0.0]])] * 2
+    with pytest.raises(CohelmError, match=r"million cells of 0\.025 m: choose a coarser"):
+        raster([HERE, Pose(1e9, 0.0, 0.0)], points, HERE, 0.025)
+    with pytest.raises(CohelmError, match="million cells"):
+        raster([HERE, Pose(math.inf, 0.0, 0.0)], points, HERE, 0.025)
+    far = np.array([[0.0, 0.0], [20_000.0, 20_000.0]])
+    with pytest.raises(CohelmError, match="check the odometry for jumps"):
+        surfaces(far, np.ones((2, 2)), 0.05, 0.65)
+    assert MOST_CELLS * 8 < 2**30
+
+
+def test_odometry_that_no_drive_can_have_is_refused_before_the_work():
+    lidar = LidarModel(beams=180, field_of_view_deg=180.0, rate_hz=10.0).lidar()
+    path = [
+        Odometry(0.1 * k, Pose(1e9 if k == 5 else 0.0, 0.0, 0.0), Twist(0.0, 0.0))
+        for k in range(10)
+    ]
+    scans = [Scan(0.1 * k, k, np.full(180, 2.0), 0.0) for k in range(10)]
+    with pytest.raises(CohelmError, match=r"the odometry spans 1e\+09 m"):
+        glimpses(lidar, path, scans)
