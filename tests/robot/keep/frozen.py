@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import time
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -14,16 +15,20 @@ from cohelm.robot.gate.modes import Mode
 from cohelm.robot.keep.kept import rules
 from cohelm.robot.keep.priority import urgent
 from cohelm.robot.keep.process import KeptElsewhere
+from cohelm.robot.port import Readings
 from tests.robot.keep.robots import Traced
 
 SPEED = 0.5
 PERIOD = 0.02
 
 
-def drive(make: Traced, said: Connection, record: socket.socket, freezes: str) -> None:
-    """Straight on for a second and more, then freeze in a call of this name once its request is
-    on the way; `nothing`: go on until killed. Says how the robot is called, then that it drives,
-    and what went wrong."""
+def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> None:
+    """Straight on for a second and more, then go wrong. Says who keeps the robot, then that it
+    drives.
+
+    wrong: a call in which it freezes, with its request on the way; or `only reads`, or `listens
+    no more`, and goes on asking.
+    """
     keeper = KeptElsewhere(make, rules(make.model, PERIOD), record)
     urgent()
     said.send(keeper.pid)
@@ -31,7 +36,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, freezes: str) -
 
     def freezing(what: str, *more: Any) -> Any:
         nonlocal wanted
-        if what != freezes or not wanted:
+        if what != wrong or not wanted:
             return ask(what, *more)
         wanted = False
         if what == "read":  # whose answer brings scan and frame, as one in a few does
@@ -41,7 +46,9 @@ def drive(make: Traced, said: Connection, record: socket.socket, freezes: str) -
         def frozen(*given: Any) -> Any:
             keeper._answer = before
             os.kill(os.getpid(), signal.SIGSTOP)
-            return before(*given)
+            answer = before(*given)
+            said.send((keeper.gate.mode.name, isinstance(answer, Readings)))
+            return answer
 
         keeper._answer = frozen
         return ask(what, *more)
@@ -51,10 +58,17 @@ def drive(make: Traced, said: Connection, record: socket.socket, freezes: str) -
     for number in range(10_000):
         readings = keeper.read()
         keeper.propose(Proposal(number, readings.odometry.stamp, Twist(SPEED, 0.0)))
+        keeper.truth()
         if number == 10:
             assert not keeper.drive(Mode.AUTOMATIC)
         if number == 70:
             said.send("drives")
         wanted = wanted or number == 80
+        while wanted and wrong == "only reads":
+            keeper.read()
+        while wanted and wrong == "listens no more":
+            keeper._line.say((number, "read", (-1, -1)))
+            keeper._line.say((number, "truth", None))
+            time.sleep(0.001)
         due += PERIOD
         keeper.wait(due)
