@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import sys
 from collections.abc import Callable
@@ -30,6 +29,7 @@ from cohelm.perceive.seen import Perception, Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import Mode as GateMode, driving, latched
+from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.kept import Event, Keeper
 from cohelm.robot.keep.lines import Line
 from cohelm.robot.port import Readings
@@ -42,7 +42,6 @@ _MODES = frozenset(int(mode) for mode in Mode)
 _TOLD = 50.0  # statuses a second, at most
 _DISCS = 40  # shown, at most
 _NO_PLANNER = "what plans ways round is gone: the robot keeps to the course it has"
-_SWEEP = 5.0  # from one sweep of young garbage to the next [s]
 _MOST_REQUESTS = 8
 """Done for one client in one period, as many as one command carries; a stop always."""
 _REMEMBERED = 10.0
@@ -107,7 +106,7 @@ class Loop:
         self._scan = -1
         self._asked = STANDING
         self._told = -math.inf
-        self._swept = -math.inf
+        self._garbage: Sweeper | None = None
         self._late = self._took = 0.0
         self._recorder = ""
         self._driven_by = (0, "")
@@ -115,9 +114,7 @@ class Loop:
 
     def run(self, until: Callable[[Loop], bool]) -> None:
         """Turn until `until` says so; it is asked after every period."""
-        gc.collect()
-        gc.freeze()
-        gc.disable()
+        self._garbage = Sweeper()
         switch = sys.getswitchinterval()
         sys.setswitchinterval(5e-4)  # another thread may not keep the loop waiting for long
         try:
@@ -131,8 +128,7 @@ class Loop:
         finally:
             self.turning = False
             sys.setswitchinterval(switch)
-            gc.enable()
-            gc.unfreeze()
+            self._garbage.end()
 
     @property
     def dropped(self) -> int:
@@ -475,9 +471,8 @@ class Loop:
             self.timing.missed(end - following)
             following += period
         self._due = following
-        if now - self._swept > _SWEEP and following - end > 0.5 * period:
-            self._swept = now
-            gc.collect(0)
+        if self._garbage is not None and following - end > 0.5 * period:
+            self._garbage.sweep(now)
 
     def _e_p(self) -> float:
         d, seen = self.decision, self.seen

@@ -42,6 +42,11 @@ def started(
     return process
 
 
+def left_alone(process: SpawnProcess) -> None:
+    """This one does not wait for it at its own end, as Python otherwise does, for ever."""
+    multiprocessing.process._children.discard(process)  # pyright: ignore
+
+
 class _Later:
     """Something for another process, pickled as the rest of it is, but not unpickled with it."""
 

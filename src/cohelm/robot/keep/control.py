@@ -1,0 +1,71 @@
+"""The control line between loop and keeper: small whole messages, and neither end ever waits for
+the other to take one.
+
+A message arrives whole or not at all, so a process that is stopped in the middle of anything leaves
+no half of one behind for the other to wait for. What is large goes by `shared_memory`.
+"""
+
+from __future__ import annotations
+
+import array
+import pickle
+import select
+import socket
+from typing import Any
+
+from cohelm.robot.keep.lines import LARGEST, line
+
+_HANDLES = 1  # open files that travel with a message, at most
+
+
+class Control:
+    """One end of the line. Raises OSError, or EOFError, once the other end is gone."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+        end.setblocking(False)
+        self._poll = select.poll()
+        self._poll.register(end.fileno(), select.POLLIN)
+
+    def __reduce__(self) -> tuple[type[Control], tuple[socket.socket]]:
+        """Into another process, while that is started."""
+        return Control, (self._end,)
+
+    def say(self, message: Any, handle: int | None = None) -> bool:
+        """Whether there was room for it: a message that does not fit is not said.
+
+        handle: an open file's, which the other end gets one of its own for.
+        Raises ValueError for one longer than `LARGEST` bytes.
+        """
+        data = pickle.dumps(message, protocol=5)
+        if len(data) > LARGEST:
+            raise ValueError(f"a message of {len(data)} bytes is too long for the control line")
+        files = [] if handle is None else [handle]
+        rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", files))] if files else []
+        try:
+            self._end.sendmsg([data], rights)
+        except BlockingIOError:
+            return False
+        return True
+
+    def wait(self, within: float) -> bool:
+        """Whether there is a message, or the end of them, after so many seconds at most."""
+        return bool(self._poll.poll(1000.0 * max(within, 0.0)))
+
+    def hear(self) -> tuple[Any, int | None]:
+        """The next message, which is there, and the open file that came with it."""
+        data, files, _, _ = socket.recv_fds(self._end, LARGEST, _HANDLES)
+        if not data:
+            raise EOFError("the other end of the control line is gone")
+        return pickle.loads(data), files[0] if files else None
+
+    def close(self) -> None:
+        """Nothing more is said or heard."""
+        self._end.close()
+
+
+def control() -> tuple[Control, Control]:
+    """Both ends."""
+    ours, theirs = line()
+    theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
+    return Control(ours), Control(theirs)

@@ -1,0 +1,88 @@
+"""Scans and frames from the keeper to the loop, in memory that both have: nobody waits for room.
+
+The keeper writes only when the loop asks for what is new, and the loop takes it out before it asks
+again: so what is read is whole, and a loop that stands still holds nobody up.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Readings
+
+_ALIGNED = 64  # bytes
+_NUMBER = 8  # bytes of a range
+
+
+class Stored(NamedTuple):
+    """Where an array lies, instead of the array itself."""
+
+    at: int
+    shape: tuple[int, ...]
+    dtype: str
+
+
+class SharedMemory:
+    """A scan's worth and a frame's worth of memory. It goes when both processes are gone."""
+
+    def __init__(self, handle: int, scan: int, frame: int) -> None:
+        """handle: of the memory, see `shared`. scan, frame: bytes there is room for."""
+        self.handle, self.scan, self.frame = handle, scan, frame
+        self._memory = mmap.mmap(handle, _size(scan, frame))
+
+    def put(self, readings: Readings) -> Readings:
+        """The same with `Stored` for each array; without what there is no room for."""
+        scan, frame = readings.scan, readings.frame
+        if scan is not None:
+            ranges = self._put(np.asarray(scan.ranges), 0, self.scan)
+            readings = readings._replace(scan=scan._replace(ranges=ranges) if ranges else None)
+        if frame is not None:
+            pixels = self._put(np.asarray(frame.pixels), _aligned(self.scan), self.frame)
+            readings = readings._replace(frame=frame._replace(pixels=pixels) if pixels else None)
+        return readings
+
+    def take(self, readings: Readings) -> Readings:
+        """What `put` put, with arrays of its own that nobody changes."""
+        scan, frame = readings.scan, readings.frame
+        if scan is not None:
+            readings = readings._replace(scan=scan._replace(ranges=self._take(scan.ranges)))
+        if frame is not None:
+            readings = readings._replace(frame=frame._replace(pixels=self._take(frame.pixels)))
+        return readings
+
+    def _put(self, what: NDArray[Any], at: int, room: int) -> Any:
+        if what.nbytes > room:
+            return None
+        there = np.ndarray(what.shape, what.dtype, self._memory, at)
+        there[...] = what
+        return Stored(at, what.shape, what.dtype.str)
+
+    def _take(self, where: Any) -> Any:
+        at, shape, dtype = cast("Stored", where)
+        out = np.ndarray(shape, dtype, self._memory, at).copy()
+        out.flags.writeable = False
+        return out
+
+
+def shared(model: RobotModel) -> SharedMemory:
+    """Memory for what a robot's sensors give."""
+    lidar, camera = model.lidar, model.camera
+    scan = _NUMBER * lidar.beams if lidar else 0
+    frame = 3 * camera.width * camera.height if camera else 0
+    handle = os.memfd_create("cohelm sensors", os.MFD_CLOEXEC)
+    os.ftruncate(handle, _size(scan, frame))
+    return SharedMemory(handle, scan, frame)
+
+
+def _aligned(size: int) -> int:
+    return -(-size // _ALIGNED) * _ALIGNED
+
+
+def _size(scan: int, frame: int) -> int:
+    return max(_aligned(scan) + frame, 1)

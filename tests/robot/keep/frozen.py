@@ -1,0 +1,74 @@
+"""A loop as small as can be, in a process of its own, which freezes where it is told to."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import time
+from multiprocessing.connection import Connection
+from typing import Any
+
+from cohelm.core.types import Twist
+from cohelm.robot.gate.gate import Proposal
+from cohelm.robot.gate.modes import Mode
+from cohelm.robot.keep.kept import rules
+from cohelm.robot.keep.priority import urgent
+from cohelm.robot.keep.process import KeptElsewhere
+from cohelm.robot.port import Readings
+from tests.robot.keep.robots import Traced
+
+SPEED = 0.5
+PERIOD = 0.02
+
+
+def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> None:
+    """Straight on for a second and more, then go wrong. Says who keeps the robot, then that it
+    drives.
+
+    wrong: a call in which it freezes, with its request on the way; or `only reads`, or `listens
+    no more`, and goes on asking.
+    """
+    keeper = KeptElsewhere(make, rules(make.model, PERIOD), record)
+    urgent()
+    said.send(keeper.pid)
+    ask, wanted = keeper._ask, False
+
+    def freezing(what: str, *more: Any) -> Any:
+        nonlocal wanted
+        if what != wrong or not wanted:
+            return ask(what, *more)
+        wanted = False
+        if what == "read":  # whose answer brings scan and frame, as one in a few does
+            more = ((-1, -1),)
+        before = keeper._answer
+
+        def frozen(*given: Any) -> Any:
+            keeper._answer = before
+            os.kill(os.getpid(), signal.SIGSTOP)
+            answer = before(*given)
+            said.send((keeper.gate.mode.name, isinstance(answer, Readings)))
+            return answer
+
+        keeper._answer = frozen
+        return ask(what, *more)
+
+    keeper._ask = freezing
+    due = keeper.now()
+    for number in range(10_000):
+        readings = keeper.read()
+        keeper.propose(Proposal(number, readings.odometry.stamp, Twist(SPEED, 0.0)))
+        keeper.truth()
+        if number == 10:
+            assert not keeper.drive(Mode.AUTOMATIC)
+        if number == 70:
+            said.send("drives")
+        wanted = wanted or number == 80
+        while wanted and wrong == "only reads":
+            keeper.read()
+        while wanted and wrong == "listens no more":
+            keeper._line.say((number, "read", (-1, -1)))
+            keeper._line.say((number, "truth", None))
+            time.sleep(0.001)
+        due += PERIOD
+        keeper.wait(due)
