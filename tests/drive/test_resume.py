@@ -389,8 +389,10 @@ def test_no_sequence_of_requests_deaths_and_timings_sets_the_robot_off(tmp_path,
 
 @pytest.mark.slow
 def test_no_sequence_of_many_does(tmp_path):
-    """COHELM_STEPS of them, 100 000 by default, on seeds that the short one does not use."""
-    left, seed, given, moved = int(os.environ.get("COHELM_STEPS", "100000")), 1000, 0, 0
+    """COHELM_STEPS of them, 100 000 by default, on seeds that the short one does not use, from
+    COHELM_SEED on."""
+    left, given, moved = int(os.environ.get("COHELM_STEPS", "100000")), 0, 0
+    seed = int(os.environ.get("COHELM_SEED", "1000"))
     while left > 0:
         folder = tmp_path / str(seed)
         folder.mkdir()
