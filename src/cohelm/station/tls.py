@@ -65,7 +65,6 @@ def own(path: Path, key: Path) -> tuple[Path, Path]:
     Raises CohelmError where a browser could not be served with them.
     """
     certified(path)
-    guarded(key, secret=True)
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(path, key, password="")
     except ssl.SSLError:
@@ -75,6 +74,7 @@ def own(path: Path, key: Path) -> tuple[Path, Path]:
         ) from None
     except OSError as error:
         raise CohelmError(f"{key} can not be read: {error.strerror}") from None
+    guarded(key, secret=True)
     return path, key
 
 
