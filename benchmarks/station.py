@@ -96,7 +96,7 @@ class Pattern:
         """Not here."""
         return 1
 
-    def fetch(self, name: str) -> None:
+    def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
         """Not here."""
 
     def quality(self) -> Quality:

@@ -79,7 +79,7 @@ waypoints = st.builds(
 bulk_up = st.one_of(
     waypoints,
     st.builds(m.Place, long, st.builds(Pose, finite, finite, finite)),
-    st.builds(m.Fetch, texts(128)),
+    st.builds(m.Fetch, texts(128), huge, long),
 )
 bulk_down = st.one_of(
     st.builds(
@@ -97,6 +97,7 @@ bulk_down = st.one_of(
     st.builds(m.Records, listed(st.builds(m.RecordInfo, texts(128), huge, st.floats()), 9)),
     st.builds(m.Piece, texts(128), huge, st.binary(max_size=99)),
     st.builds(m.Checked, answers, short),
+    st.builds(m.Digest, texts(128), huge, st.binary(max_size=32), texts(120)),
 )  # fmt: skip
 
 

@@ -153,7 +153,10 @@ class Attack:
                 if stream.up:
                     break
                 time.sleep(0.002)
-            for message in (Waypoints(1, np.ones((3, 2)), True), Fetch("../../etc/passwd")):
+            for message in (
+                Waypoints(1, np.ones((3, 2)), True),
+                Fetch("../../etc/passwd", 0, 2**32 - 1),
+            ):
                 data = encode(header, message)
                 stream.put(mutated(data, self.rng) if self.rng.random() < 0.8 else data)
                 stream.push()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import socket
 import time
@@ -16,6 +17,7 @@ from cohelm.link.messages import (
     Ask,
     Checked,
     Clients,
+    Digest,
     Fetch,
     Health,
     Line,
@@ -128,13 +130,34 @@ def test_a_record_is_fetched_whole_and_nothing_else_can_be(both, tmp_path):
     until(lambda: [r for r in both.got(Records) if r.all], turn=both.turn)
     assert [info.name for info in both.got(Records)[-1].all] == ["run.mcap"]
     both.up.send(Fetch("run.mcap"))
+    until(lambda: both.got(Digest), turn=both.turn)
+    sha256 = hashlib.sha256(content).digest()
+    assert both.got(Digest) == [Digest("run.mcap", len(content), sha256, "")]
+    both.up.send(Fetch("run.mcap", 0, 400_000))
+    both.up.send(Fetch("run.mcap", 400_000, 400_000))
     until(lambda: any(not p.data for p in both.got(Piece)), turn=both.turn)
     assert b"".join(p.data for p in both.got(Piece)) == content
     for name in ("secret.txt", "../run.mcap", "/etc/passwd", "nothing.mcap"):
         both.news.clear()
         both.up.send(Fetch(name))
+        until(lambda: both.got(Digest), turn=both.turn)
+        assert both.got(Digest)[0].why == "the robot has no such record"
+        both.up.send(Fetch(name, 0, 10))
         until(lambda: both.got(Piece), turn=both.turn)
         assert both.got(Piece) == [Piece(name, 0, b"")]
+
+
+def test_no_more_of_a_record_leaves_the_robot_than_was_asked_for(both, tmp_path):
+    (tmp_path / "run.mcap").write_bytes(os.urandom(700_000))
+    both.up.send(Fetch("run.mcap", 100_000, 50_000))
+    until(lambda: sum(len(p.data) for p in both.got(Piece)) == 50_000, turn=both.turn)
+    both.up.send(Fetch("run.mcap", 150_000, 1))  # goes on
+    both.up.send(Fetch("run.mcap", 600_000, 10))  # begins anew
+    until(lambda: sum(len(p.data) for p in both.got(Piece)) == 50_011, turn=both.turn)
+    time.sleep(0.2)
+    both.turn()
+    assert sum(len(p.data) for p in both.got(Piece)) == 50_011
+    assert [p.offset for p in both.got(Piece)] == [100_000, 132_768, 150_000, 600_000]
 
 
 def test_an_unpaired_station_gets_nothing(both):

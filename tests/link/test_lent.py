@@ -46,3 +46,27 @@ def test_what_a_killed_drive_left_is_not_lent_and_the_next_drive_removes_it():
         assert borrowed()[1][1] == 41000
         with lent(stick, "127.0.0.1", 41001):
             assert not left.exists()
+
+
+def test_nothing_is_borrowed_that_another_user_may_have_put_there():
+    _, stick = pair_here("stick")
+    with lent(stick, "127.0.0.1", 41000):
+        for path, mode in [
+            (home() / "drive", 0o777), (home() / "drive" / "41000", 0o770),
+            (home() / "drive" / "41000" / "address", 0o622),
+            (home() / "drive" / "41000" / "robot.pem", 0o666), (home(), 0o777),
+        ]:  # fmt: skip
+            before = stat.S_IMODE(path.stat().st_mode)
+            path.chmod(mode)
+            with pytest.raises(CohelmError, match=rf"others may write.*chmod go-w {path}"):
+                borrowed()
+            path.chmod(before)
+        assert borrowed()[1][1] == 41000
+
+
+def test_a_drive_lends_nothing_in_a_folder_that_others_may_write():
+    _, stick = pair_here("stick")
+    (home() / "drive").mkdir(parents=True)
+    (home() / "drive").chmod(0o777)
+    with pytest.raises(CohelmError, match="others may write"), lent(stick, "127.0.0.1", 41000):
+        pass

@@ -214,7 +214,7 @@ def test_a_record_fetched_over_a_thin_line_does_not_delay_commands_or_status(
         until(lambda: up.connected)
         from cohelm.link.messages import Fetch
 
-        up.send(Fetch("run.mcap"))
+        up.send(Fetch("run.mcap", 0, 3_000_000))
         got, ages, down_ages = 0, [], []
         began = time.monotonic()
         while time.monotonic() - began < 4.0:

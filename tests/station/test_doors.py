@@ -19,43 +19,33 @@ from cohelm.station import serve
 from cohelm.station.doors import is_loopback, own_name
 from cohelm.station.serve import Server
 from cohelm.station.tls import certificate
-from tests.station.servers import Robot, served
+from tests.station.bare import Bare
+from tests.station.servers import served
+from tests.station.visitor import asked, opened, session
 
-pytestmark = pytest.mark.xdist_group("browser")  # they share the robot
-
-
-@pytest.fixture(scope="module")
-def open_server(robot: Robot) -> Iterator[Server]:
-    with served(robot.connect) as server:
-        yield server
+pytestmark = pytest.mark.xdist_group("browser")
 
 
 @pytest.fixture(scope="module")
-def locked_server(robot: Robot) -> Iterator[Server]:
-    with served(robot.connect, host="0.0.0.0") as server:
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
+    with Bare(tmp_path_factory.mktemp("records")) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def open_server(bare: Bare) -> Iterator[Server]:
+    with served(bare.connect) as server:
         yield server
 
 
-def _socket(server: Server, **options: object) -> ClientConnection:
-    here = f"127.0.0.1:{server.port}"
-    options.setdefault("origin", f"http://{here}")
-    return connect(f"ws://{here}/ws", max_size=None, **options)  # type: ignore[arg-type]
-
-
-def _asked(
-    server: Server, method: str, path: str, body: str | None = None, **headers: str
-) -> http.client.HTTPResponse:
-    link = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
-    headers.setdefault("origin", f"http://127.0.0.1:{server.port}")
-    link.request(method, path, body, headers)
-    answer = link.getresponse()
-    answer.read()
-    link.close()
-    return answer
+@pytest.fixture(scope="module", params=["127.0.0.1", "0.0.0.0"])
+def any_server(bare: Bare, request: pytest.FixtureRequest) -> Iterator[Server]:
+    with served(bare.connect, host=request.param) as server:
+        yield server
 
 
 def test_our_own_page_is_let_in(open_server: Server) -> None:
-    with _socket(open_server) as page:
+    with opened(open_server) as page:
         assert json.loads(page.recv(10))["type"] == "welcome"
 
 
@@ -63,13 +53,16 @@ def test_our_own_page_is_let_in(open_server: Server) -> None:
                                     "http://127.0.0.1", "http://localhost:{port}"])  # fmt: skip
 def test_a_page_from_elsewhere_is_refused(open_server: Server, origin: str | None) -> None:
     origin = origin and origin.replace("{port}", str(open_server.port))
-    with pytest.raises(InvalidStatus), _socket(open_server, origin=origin):
+    with pytest.raises(InvalidStatus), opened(open_server, origin=origin):
         pass
 
 
 def test_a_foreign_name_that_points_here_is_refused(open_server: Server) -> None:
-    assert _asked(open_server, "GET", "/", host="evil.example").status == 421
-    assert _asked(open_server, "GET", "/", host=f"localhost:{open_server.port}").status == 200
+    assert asked(open_server, "GET", "/", host="evil.example").status == 421
+    assert (
+        asked(open_server, "GET", "/", host=f"localhost:{open_server.port}", origin="-").status
+        == 200
+    )
 
 
 @pytest.mark.parametrize(
@@ -87,62 +80,104 @@ def test_what_only_this_machine_reaches() -> None:
     assert not any(is_loopback(h) for h in ("0.0.0.0", "::", "10.0.0.1", "robot.local"))
 
 
-def test_nobody_drives_over_the_network_without_the_token(locked_server: Server) -> None:
-    with pytest.raises(InvalidStatus), _socket(locked_server):
+def test_nobody_drives_without_the_token_from_this_machine_neither(any_server: Server) -> None:
+    with pytest.raises(InvalidStatus), opened(any_server, "A" * 43):
         pass
-    assert _asked(locked_server, "GET", "/session").status == 401
-    assert _asked(locked_server, "GET", "/records/x").status == 401
-    assert _asked(locked_server, "GET", "/").status == 200
+    with pytest.raises(InvalidStatus), opened(any_server, any_server.token):  # it is no session
+        pass
+    assert asked(any_server, "GET", "/session").status == 401
+    assert asked(any_server, "GET", "/records/x").status == 401
+    assert asked(any_server, "POST", "/records/x").status == 401
+    assert asked(any_server, "GET", "/").status == 200
 
 
-def test_the_token_opens_and_its_cookie_is_for_this_site_and_no_script(
-    locked_server: Server,
+def test_the_token_opens_and_nothing_is_left_that_a_browser_sends_by_itself(
+    any_server: Server,
 ) -> None:
-    answer = _asked(locked_server, "POST", "/session", locked_server.token)
-    assert answer.status == 204
-    cookie = answer.headers["set-cookie"]
-    assert "HttpOnly" in cookie
-    assert "SameSite=strict" in cookie
-    with _socket(locked_server, additional_headers={"cookie": cookie.partition(";")[0]}) as page:
+    answer = asked(any_server, "POST", "/session", any_server.token)
+    assert answer.status == 200
+    assert "set-cookie" not in answer.headers
+    assert answer.headers["cache-control"] == "no-store"
+    with opened(any_server, answer.text) as page:
+        assert page.subprotocol == "cohelm"  # the session is not said back
         assert json.loads(page.recv(10))["type"] == "welcome"
-    forged = {"cookie": "cohelm=" + "A" * 43}
-    with pytest.raises(InvalidStatus), _socket(locked_server, additional_headers=forged):
-        pass
+    shown = {"authorization": f"Bearer {answer.text}"}
+    assert asked(any_server, "GET", "/session", **shown).status == 204
 
 
-def test_wrong_tokens_are_soon_not_heard_any_more(robot: Robot) -> None:
-    with served(robot.connect, host="0.0.0.0") as server:
-        said = [_asked(server, "POST", "/session", "guess").status for _ in range(7)]
-        assert said == [403] * 5 + [429] * 2
-        assert _asked(server, "POST", "/session", server.token).status == 429
+def test_wrong_tokens_are_soon_only_counted_and_lock_nobody_out(bare: Bare) -> None:
+    """Whoever may guess, on this machine or behind the same address, must not shut out others."""
+    with served(bare.connect, host="0.0.0.0") as server:
+        said = [asked(server, "POST", "/session", "guess").status for _ in range(7)]
+        assert said == [403] * 4 + [429] * 3
+        assert asked(server, "POST", "/session", server.token).status == 200
 
 
-def test_a_login_from_another_page_is_refused(locked_server: Server) -> None:
-    answer = _asked(locked_server, "POST", "/session", locked_server.token, origin="http://evil")
+def test_a_login_from_another_page_is_refused(any_server: Server) -> None:
+    answer = asked(any_server, "POST", "/session", any_server.token, origin="http://evil")
     assert answer.status == 403
 
 
+OTHER_PAGES = [
+    {"origin": "http://evil.example", "sec_fetch_site": "cross-site"},
+    {"origin": "-", "sec_fetch_site": "cross-site"},  # a link or a picture: no Origin
+    {"origin": "-", "sec_fetch_site": "same-site"},  # another port of this machine
+    {"origin": "http://127.0.0.1:1", "sec_fetch_site": "same-site"},
+    {"origin": "null"},
+    {"origin": "https://127.0.0.1:{port}"},
+]
+"""How a browser says that another page has caused a request."""
+
+
+def test_no_route_that_gives_or_does_something_heeds_another_page(open_server: Server) -> None:
+    """All routes there are: one that is added is tested too, or named here."""
+    app = open_server.station.app()
+    routes = {
+        (method, route.path)
+        for route in app.routes  # type: ignore[attr-defined]
+        for method in getattr(route, "methods", None) or ["GET"]
+    }
+    assert routes == {
+        ("GET", "/"), ("HEAD", "/"), ("GET", "/icon.svg"), ("HEAD", "/icon.svg"),
+        ("GET", "/session"), ("HEAD", "/session"), ("POST", "/session"),
+        ("GET", "/records/{name}"), ("HEAD", "/records/{name}"), ("POST", "/records/{name}"),
+        ("GET", "/ws"), ("GET", "/assets"),
+    }  # fmt: skip
+    shown = {"authorization": f"Bearer {session(open_server)}"}
+    for method, path in sorted(routes - {("GET", "/"), ("GET", "/ws")}):
+        where = path.replace("{name}", "run.mcap")
+        for other in OTHER_PAGES:
+            said = {k: v.replace("{port}", str(open_server.port)) for k, v in other.items()}
+            answer = asked(open_server, method, where, "x", **said, **shown)
+            assert answer.status == 403, (method, path, said)
+
+
+def test_a_link_to_the_page_may_be_followed_from_anywhere(open_server: Server) -> None:
+    led = {"origin": "-", "sec_fetch_site": "cross-site", "sec_fetch_mode": "navigate"}
+    assert asked(open_server, "GET", "/", **led).status == 200
+
+
 def test_pages_forbid_what_does_not_come_from_here(open_server: Server) -> None:
-    answer = _asked(open_server, "GET", "/")
+    answer = asked(open_server, "GET", "/")
     assert "default-src 'none'" in answer.headers["content-security-policy"]
     assert answer.headers["x-content-type-options"] == "nosniff"
 
 
 @pytest.mark.parametrize("text", ["hello", "[1]", '{"type":"dance"}'])
 def test_a_page_that_speaks_nonsense_is_let_go(open_server: Server, text: str) -> None:
-    with _socket(open_server) as page:
+    with opened(open_server) as page:
         page.send(text)
         assert _closed(page) == 1008
 
 
 def test_a_page_that_says_too_much_at_once_is_let_go(open_server: Server) -> None:
-    with _socket(open_server) as page:
+    with opened(open_server) as page:
         page.send("x" * (serve.LARGEST_MESSAGE + 1))
         assert _closed(page) == 1009
 
 
 def test_a_page_that_says_too_much_in_a_second_is_let_go(open_server: Server) -> None:
-    with _socket(open_server) as page:
+    with opened(open_server) as page:
         with suppress(ConnectionClosed):
             for _ in range(5000):
                 page.send('{"type":"got","stream":"state"}')
@@ -163,7 +198,7 @@ def test_a_request_that_never_ends_is_let_go_and_others_are_served(
     slow = [socket.create_connection(("127.0.0.1", open_server.port)) for _ in range(10)]
     for one in slow:
         one.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nX: ")
-    assert _asked(open_server, "GET", "/").status == 200
+    assert asked(open_server, "GET", "/").status == 200
     until = time.monotonic() + 10.0
     for one in slow:
         one.settimeout(max(until - time.monotonic(), 0.1))
@@ -180,18 +215,26 @@ def test_a_taken_port_is_said_with_the_cure(open_server: Server) -> None:
         Server(open_server.station.connect, "127.0.0.1", open_server.port)
 
 
-def test_tls_with_a_certificate_that_is_kept(tmp_path: Path, robot: Robot) -> None:
+def test_tls_with_a_certificate_that_is_kept(tmp_path: Path, bare: Bare) -> None:
     path, key, shown = certificate(tmp_path, "127.0.0.1")
     assert certificate(tmp_path, "localhost")[2] == shown
     assert key.stat().st_mode & 0o077 == 0
     trusting = ssl.create_default_context(cafile=path)
-    with served(robot.connect, certificate=(path, key)) as server:
+    with served(bare.connect, certificate=(path, key)) as server:
         assert server.address.startswith("https://127.0.0.1:")
         here = f"127.0.0.1:{server.port}"
-        with connect(f"wss://{here}/ws", origin=f"https://{here}", ssl=trusting) as page:
+        link = http.client.HTTPSConnection(here, context=trusting)
+        link.request("POST", "/session", server.token)
+        protocols = ["cohelm", link.getresponse().read().decode()]
+        link.close()
+
+        def socket_from(origin: str) -> ClientConnection:
+            return connect(f"wss://{here}/ws", origin=origin, ssl=trusting, subprotocols=protocols)  # type: ignore[arg-type]
+
+        with socket_from(f"https://{here}") as page:
             assert json.loads(page.recv(10))["type"] == "welcome"
         with pytest.raises(InvalidStatus):
-            connect(f"wss://{here}/ws", origin=f"http://{here}", ssl=trusting)
+            socket_from(f"http://{here}")
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 import pytest
 from starlette.websockets import WebSocket
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 
 from cohelm.link.messages import Mode
 from cohelm.station import app
@@ -23,6 +23,7 @@ from cohelm.station.messages import Do, from_page
 from cohelm.station.operator import Operator
 from cohelm.station.serve import Server
 from tests.link.ends import until
+from tests.station import visitor
 from tests.station.servers import Robot, served
 
 pytestmark = pytest.mark.xdist_group("browser")
@@ -54,8 +55,7 @@ def server(robot: Robot) -> Iterator[Server]:
 
 
 def opened(server: Server) -> ClientConnection:
-    here = f"127.0.0.1:{server.port}"
-    return connect(f"ws://{here}/ws", origin=f"http://{here}", max_size=None, open_timeout=WITHIN)
+    return visitor.opened(server, open_timeout=WITHIN)
 
 
 def nonsense(rng: random.Random) -> str | bytes:
@@ -213,7 +213,8 @@ def test_pages_that_leave_in_the_handshake_or_in_a_word_leave_nothing_behind(
     hello = (
         f"GET /ws HTTP/1.1\r\nHost: {here}\r\nOrigin: http://{here}\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+        f"Sec-WebSocket-Protocol: cohelm, {visitor.session(server)}\r\n\r\n"
     ).encode()
     said = b'{"type":"got","stream":"state"}'
     words = 40 * (bytes((0x81, 0x80 | len(said), 0, 0, 0, 0)) + said)

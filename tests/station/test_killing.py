@@ -122,7 +122,7 @@ class Operator:
                     stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
                 )  # fmt: skip
             assert self._station.stdout is not None
-            self._station.stdout.readline()  # its address
+            self._address = self._station.stdout.readline().strip()
         elif thing == "browser":
             self._browser = self._launch(executable_path=self._inside, args=FLAGS)
             self.page = self._browser.new_page(viewport={"width": 1280, "height": 800})
@@ -133,7 +133,8 @@ class Operator:
         """The page, loaded (again)."""
         page = self.page
         assert page is not None
-        page.goto(f"http://127.0.0.1:{self._port}/")
+        page.goto("about:blank")
+        page.goto(self._address)
         return page
 
     def close(self) -> None:

@@ -20,11 +20,26 @@ Host = Annotated[
     str,
     typer.Option(
         metavar="ADDRESS",
-        help="Where to listen. Anything but loopback asks for the token in the address printed.",
+        help="Where to listen. Anything but loopback wants --tls as well.",
     ),
 ]
 _LAST_WORDS = 1.0  # pages are told four times a second how the link is [s]
 Tls = Annotated[bool, typer.Option("--tls", help="HTTPS, with a certificate made here.")]
+Certificate = Annotated[
+    Path | None,
+    typer.Option("--tls-cert", metavar="FILE", help="HTTPS, with this certificate (PEM)."),
+]
+CertificateKey = Annotated[
+    Path | None,
+    typer.Option("--tls-key", metavar="FILE", help="Its key (PEM), where it is not in that file."),
+]
+InClear = Annotated[
+    bool,
+    typer.Option(
+        "--without-tls",
+        help="Plain HTTP on the network: whoever can listen there can take the token and drive.",
+    ),
+]
 
 
 @app.command()
@@ -42,6 +57,9 @@ def station(
     host: Host = "127.0.0.1",
     port: Port = 8765,
     tls: Tls = False,
+    tls_cert: Certificate = None,
+    tls_key: CertificateKey = None,
+    without_tls: InClear = False,
 ) -> None:
     """Open the operator's station, a web page to drive from.
 
@@ -56,7 +74,9 @@ def station(
             "name a robot (--robot HOST) or a record (--replay FILE); "
             "for a simulated robot on this machine: cohelm drive"
         )
-    serve(_recorded(replay) if replay is not None else _linked(robot or "", name), host, port, tls)
+    files = _encryption(host, tls, tls_cert, tls_key, without_tls)
+    connect = _recorded(replay) if replay is not None else _linked(robot or "", name)
+    serve(connect, host, port, files)
 
 
 @app.command()
@@ -78,6 +98,9 @@ def drive(
     host: Host = "127.0.0.1",
     port: Port = 8765,
     tls: Tls = False,
+    tls_cert: Certificate = None,
+    tls_key: CertificateKey = None,
+    without_tls: InClear = False,
 ) -> None:
     """Drive a simulated robot from a browser.
 
@@ -96,6 +119,7 @@ def drive(
     from cohelm.station.app import pages
     from cohelm.station.linked import Linked
 
+    files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     load.scenario(scenario)  # one that can not be used is told at once,
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
@@ -107,7 +131,7 @@ def drive(
     ):
         say("to join it with a stick of this machine: cohelm stick --drive")
         connect = partial(Linked, of_station, robot.host, robot.port, lambda: robot.over)
-        serve(lambda _: connect(), host, port, tls, robot.afterwards)
+        serve(lambda _: connect(), host, port, files, robot.afterwards)
         over = robot.over
     if over:
         raise CohelmError(f"{over}. The station has ended too: start it again when you want to")
@@ -131,25 +155,51 @@ def _linked(robot: str, name: str | None) -> Connect:
     return lambda _: Linked(own, host, port)
 
 
+def _encryption(
+    host: str, made: bool, certificate: Path | None, key: Path | None, in_clear: bool
+) -> tuple[Path, Path] | None:
+    """Files of the page's certificate and key; None: plain HTTP.
+
+    Raises CohelmError where the token and the stick would cross a network in clear.
+    """
+    from cohelm.core.errors import CohelmError
+    from cohelm.link import keys
+    from cohelm.station import tls
+    from cohelm.station.doors import is_loopback
+
+    if key is not None and certificate is None:
+        raise CohelmError("a key without its certificate: name that too, with --tls-cert FILE")
+    if in_clear and (made or certificate is not None):
+        raise CohelmError("--without-tls and a certificate: leave one of them out")
+    if certificate is not None:
+        return tls.own(certificate, key or certificate)
+    if made:
+        path, key, shown = tls.certificate(keys.home(), host)
+        say(f"the browser will warn once, and must show this SHA-256 fingerprint:\n{shown}")
+        return path, key
+    if is_loopback(host):
+        return None
+    if not in_clear:
+        raise CohelmError(
+            f"on {host} the token and the stick would cross the network in clear, and whoever "
+            f"listens there could drive: add --tls, or --without-tls where nobody else is"
+        )
+    say("in clear: whoever can listen on this network can take the token and drive")
+    return None
+
+
 def serve(
-    connect: Connect, host: str, port: int, tls: bool,
+    connect: Connect, host: str, port: int, files: tuple[Path, Path] | None,
     afterwards: Callable[[Callable[[], None]], None] = lambda _: None,
 ) -> None:  # fmt: skip
     """Serve the page, and say where it is. afterwards: told what to call when all is over."""
     import time
 
-    from cohelm.link import keys
     from cohelm.station.serve import Server
-    from cohelm.station.tls import certificate
 
-    files = None
-    if tls:
-        path, key, shown = certificate(keys.home(), host)
-        files = (path, key)
-        say(f"the browser will warn once, and must show this SHA-256 fingerprint:\n{shown}")
     server = Server(connect, host, port, files)
     print(server.address, flush=True)
-    say("open this address in a browser; Ctrl-C ends the station")
+    say("open this address in a browser (whoever has it can drive); Ctrl-C ends the station")
 
     def last_words() -> None:
         time.sleep(_LAST_WORDS)

@@ -22,8 +22,9 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )  # fmt: skip
-from cohelm.link.robot_bulk import Proposed, RobotBulk, listed
+from cohelm.link.robot_bulk import Proposed, RobotBulk
 from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_records import listed
 from cohelm.robot.model import RobotModel
 
 

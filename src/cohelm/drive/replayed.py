@@ -100,7 +100,7 @@ class Replaying:
         self._refused.append(News(Checked(answer, 65535), self.start, 0.0))
         return self._number
 
-    def fetch(self, name: str) -> None:
+    def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
         """There is nothing to fetch: the record is here."""
 
     def quality(self) -> Quality:

@@ -9,8 +9,8 @@ that could be stolen, and to shut a station out, its file is deleted.
     KEYS/robot/stations/NAME.pem            stations that are let in
     KEYS/station/ROBOT/station.key, station.pem, robot.pem
 
-KEYS is $COHELM_KEYS, or cohelm/keys in $XDG_CONFIG_HOME (~/.config). Certificates do not
-expire: robots without a battery clock wake up in 1970.
+KEYS is $COHELM_KEYS, or cohelm/keys in $XDG_CONFIG_HOME (~/.config). All of it must be this user's
+alone (`owned`). Certificates do not expire: robots without a battery clock wake up in 1970.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from __future__ import annotations
 import datetime
 import os
 import re
-import stat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,6 +27,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from cohelm.core.errors import CohelmError
+from cohelm.link.owned import guarded, make_folder
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
 _PEM = re.compile(rb"-----BEGIN ([A-Z ]+)-----.+?-----END \1-----\n", re.DOTALL)
@@ -99,8 +99,9 @@ def robot(name: str | None = None) -> Keys:
         certificate, key = made(_usable(name or _host()), "robot")
         write(folder / "robot.pem", certificate)
         write(folder / "robot.key", key)  # last: it is what says that all is there
-    certificate = _read(folder / "robot.pem")
-    stations = tuple(_read(path) for path in sorted((folder / "stations").glob("*.pem")))
+    certificate = _mine(folder / "robot.pem")
+    guarded(folder / "stations", within=home())
+    stations = tuple(_mine(path) for path in sorted((folder / "stations").glob("*.pem")))
     called = common_name(certificate)
     if name is not None and name != called:
         raise CohelmError(
@@ -119,6 +120,7 @@ def let_in(station: str, to: Path) -> Keys:
             f"a station {station!r} is let in already: choose another name, or shut it out first "
             f"with `cohelm pair remove {station}`"
         )
+    guarded(path.parent, within=home())  # before a key is written that would not be let in
     certificate, key = made(station, "station")
     write(to, own.certificate + certificate + key, fresh=True)
     write(path, certificate)
@@ -164,10 +166,10 @@ def station(robot_name: str | None = None) -> Keys:
 
 def of_station(folder: Path) -> Keys:
     """A station's key, certificate and robot, in the folder they were written to."""
-    certificate = _read(folder / "station.pem")
+    certificate = _mine(folder / "station.pem")
     return Keys(
         common_name(certificate), certificate, _secret(folder / "station.key"),
-        (_read(folder / "robot.pem"),),
+        (_mine(folder / "robot.pem"),),
     )  # fmt: skip
 
 
@@ -226,7 +228,9 @@ def _loaded(certificate: bytes) -> x509.Certificate:
 def write(path: Path, content: bytes, fresh: bool = False) -> None:
     """Write a file only its owner may read; never half of it."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        make_folder(path.parent)
+        if path.is_relative_to(home()):
+            guarded(path.parent, within=home())
         if fresh:
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(descriptor, "wb") as file:
@@ -250,10 +254,16 @@ def _read(path: Path) -> bytes:
         raise CohelmError(f"{path} can not be read: {error.strerror}") from None
 
 
+def _mine(path: Path) -> bytes:
+    """What nobody else can have written."""
+    guarded(path, within=home())
+    return _read(path)
+
+
 def _secret(path: Path) -> bytes:
+    """... and nobody else read."""
+    guarded(path, within=home(), secret=True)
     content = _read(path)
-    if stat.S_IMODE(path.stat().st_mode) & 0o077:
-        raise CohelmError(f"others may read the key {path}: run `chmod 600 {path}`")
     try:
         serialization.load_pem_private_key(content, None)
     except (ValueError, TypeError):

@@ -2,7 +2,8 @@
 
 `cohelm drive` makes keys that live as long as it does. What a stick needs to join it lies meanwhile
 in a folder that only this person can read, KEYS/drive/PORT (KEYS as in `keys`), locked by the
-drive: a folder that nobody locks is what is left of one that was killed.
+drive: a folder that nobody locks is what is left of one that was killed. What others could have
+put there is refused, at reading too.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 from cohelm.core.errors import CohelmError
 from cohelm.link import keys
 from cohelm.link.keys import Keys, home
+from cohelm.link.owned import guarded, make_folder
 
 _ADDRESS = "address"
 
@@ -53,6 +55,8 @@ def borrowed(address: str | None = None) -> tuple[Keys, tuple[str, int]]:
     address: HOST:PORT. Raises CohelmError where there is no such drive, or more than one.
     """
     there = sorted((home() / "drive").glob(f"*/{_ADDRESS}"))
+    for path in (home() / "drive", *there):
+        guarded(path, within=home())
     found = {path.read_text(): path.parent for path in there if _locked(path)}
     if not found:
         raise CohelmError("no `cohelm drive` runs on this machine: start one, then join it")
@@ -69,7 +73,8 @@ def borrowed(address: str | None = None) -> tuple[Keys, tuple[str, int]]:
 def _alone(folder: Path) -> Generator[None]:
     """The only one who sets up there."""
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        make_folder(folder)
+        guarded(folder, within=home())
         door = os.open(folder, os.O_RDONLY)
     except OSError as error:
         raise CohelmError(f"{folder} can not be made: {error.strerror}") from None

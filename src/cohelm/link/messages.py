@@ -386,11 +386,23 @@ class Records(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Bulk: a piece of a record asked for with `Fetch`; the last one is empty."""
+    """Bulk: a piece of a record asked for with `Fetch`; an empty one says that there is no more."""
 
     name: str
     offset: int
     data: bytes
+
+
+class Digest(NamedTuple):
+    """Bulk: what all of a record is, asked for with `Fetch`."""
+
+    name: str
+    size: int
+    """[byte]"""
+    sha256: bytes
+    """Of these bytes; empty where there are none to be had."""
+    why: str
+    """Why not; empty: they can be had."""
 
 
 class Checked(NamedTuple):
@@ -420,15 +432,19 @@ class Place(NamedTuple):
 
 
 class Fetch(NamedTuple):
-    """Bulk, up: send this record; an empty name asks for the list of them."""
+    """Bulk, up: send part of a record, and no more; an empty name asks for the list of them."""
 
     name: str
+    offset: int = 0
+    """From which byte on."""
+    size: int = 0
+    """So many bytes; 0: say how many there are, and their hash."""
 
 
 FromOperator: TypeAlias = Command | Waypoints | Place | Fetch
 FromRobot: TypeAlias = (
     Status | ScanPart | Discs | Hello | Polyline | Map | Health | Picture | Clients | Records
-    | Piece | Checked
+    | Piece | Digest | Checked
 )  # fmt: skip
 Message: TypeAlias = FromOperator | FromRobot
 """What may go either way."""

@@ -1,12 +1,13 @@
 """The robot's end of bulk: pictures, maps, paths and records down, way-points up.
 
 One thread for all stations, on the TCP port with the number of the datagrams' UDP port. What is
-published again before it has left is replaced: a slow path gets fewer pictures, not older ones.
+published again before it has left is replaced: a slow path gets fewer pictures, not older ones. Of
+a record goes out what a station has asked for, and no more; on its stream pictures and maps wait
+meanwhile, so a station fetches on a stream of its own.
 """
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import secrets
 import select
@@ -16,7 +17,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
 from cohelm.link import udp
@@ -35,12 +36,12 @@ from cohelm.link.messages import (
     Piece,
     Place,
     Polyline,
-    RecordInfo,
     Records,
     Waypoints,
 )  # fmt: skip
 from cohelm.link.pace import Pace
 from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_records import Digests, Wanted, listed, opened
 from cohelm.link.stream import Stream
 from cohelm.link.turning import Turning
 from cohelm.link.wire import Header, encode, from_operator
@@ -49,7 +50,6 @@ MOST_STREAMS = 24
 _STRANGERS = 8
 _PATIENCE = 5.0  # [s], for a handshake
 _LARGEST_UP = 65_536
-_PIECE = 32_768
 _LAST = (Picture, Map)  # the big ones, after all others
 _log = logging.getLogger("cohelm.link")
 
@@ -72,7 +72,9 @@ class _Station:
         self.pace = Pace(now)
         self.replies: deque[FromRobot] = deque(maxlen=64)
         self.slots: dict[object, FromRobot] = {}
-        self.fetched: tuple[str, IO[bytes]] | None = None
+        self.wanted: Wanted | None = None
+        self.digest_of = ""
+        """The record whose hash it waits for."""
 
 
 class RobotBulk(Turning):
@@ -82,6 +84,7 @@ class RobotBulk(Turning):
         """records: the folder whose files stations may fetch; None: none."""
         self._end = end
         self._records = records
+        self._digests = Digests(records)
         self._clock: Callable[[], float] = time.monotonic
         self._context = stream_context(keys)
         self._listener = _listening(end.address)
@@ -126,6 +129,7 @@ class RobotBulk(Turning):
     def _let_go(self) -> None:
         for station in list(self._stations):
             self._leave(station, "the robot's end is closed")
+        self._digests.close()
         self._listener.close()
 
     def _turn(self) -> None:
@@ -136,9 +140,9 @@ class RobotBulk(Turning):
         for station in self._stations:
             # What is held back by its pace is tried again soon, not when the socket could.
             held = not station.stream.idle or bool(station.slots or station.replies)
-            busy = busy or held or station.fetched is not None
+            busy = busy or held or (station.wanted is not None and station.wanted.outstanding)
             waiting.register(station.stream.socket, select.POLLIN)
-        waiting.poll(10.0 if busy else 200.0)
+        waiting.poll(0.0 if self._digests.busy else 10.0 if busy else 200.0)
         self._bell.silence()
         self._accept()
         self._announce()
@@ -148,6 +152,18 @@ class RobotBulk(Turning):
                 self._serve(station, now)
             except Refused as refused:
                 self._leave(station, str(refused))
+        self._digest()
+
+    def _digest(self) -> None:
+        """A little of the hash that somebody waits for."""
+        asked = next((s.digest_of for s in self._stations if s.digest_of), "")
+        said = self._digests.turn() if self._digests.busy else None
+        if said is None and asked and not self._digests.busy:
+            said = self._digests.begin(asked)
+        for station in self._stations:
+            if said is not None and station.digest_of == said.name:
+                station.digest_of = ""
+                station.replies.append(said)
 
     def _accept(self) -> None:
         while True:
@@ -202,22 +218,16 @@ class RobotBulk(Turning):
                 break
 
     def _next(self, station: _Station) -> FromRobot | None:
-        """What is to be sent next: replies, small things, big things, pieces of a record."""
+        """What is to be sent next: replies, small things, pieces of a record, big things."""
+        wanted = station.wanted if station.wanted and station.wanted.outstanding else None
         with self._lock:
             if station.replies:
                 return station.replies.popleft()
             if station.slots:
                 key = min(station.slots, key=lambda k: isinstance(station.slots[k], _LAST))
-                return station.slots.pop(key)
-        if station.fetched is None:
-            return None
-        name, file = station.fetched
-        offset = file.tell()
-        data = file.read(_PIECE)
-        if not data:
-            file.close()
-            station.fetched = None
-        return Piece(name, offset, data)
+                if wanted is None or not isinstance(station.slots[key], _LAST):
+                    return station.slots.pop(key)
+        return None if wanted is None else wanted.piece()
 
     def _message(self, station: _Station, data: bytes) -> None:
         try:
@@ -240,18 +250,32 @@ class RobotBulk(Turning):
                     self._proposed[client, type(message), to_try] = proposed
 
     def _fetch(self, station: _Station, asked: Fetch) -> None:
-        there = listed(self._records)
         if not asked.name:
-            station.replies.append(Records(there))
-            return
-        if station.fetched is not None:
-            station.fetched[1].close()
-            station.fetched = None
-        if self._records is None or asked.name not in {info.name for info in there}:
-            station.replies.append(Piece(asked.name, 0, b""))
-            return
-        with contextlib.suppress(OSError):
-            station.fetched = (asked.name, (self._records / asked.name).open("rb"))
+            station.replies.append(Records(listed(self._records)))
+        elif asked.size == 0:
+            station.digest_of = asked.name
+        elif not self._continues(station.wanted, asked):
+            self._end_fetch(station)
+            file = opened(self._records, asked.name)
+            if file is None:
+                station.replies.append(Piece(asked.name, asked.offset, b""))
+            else:
+                end = asked.offset + asked.size
+                station.wanted = Wanted(asked.name, file, asked.offset, end)
+
+    @staticmethod
+    def _continues(wanted: Wanted | None, asked: Fetch) -> bool:
+        return (
+            wanted is not None
+            and wanted.name == asked.name
+            and wanted.more(asked.offset, asked.size)
+        )
+
+    @staticmethod
+    def _end_fetch(station: _Station) -> None:
+        if station.wanted is not None:
+            station.wanted.close()
+            station.wanted = None
 
     def _number(self, station: _Station) -> int | None:
         if station.session is None:
@@ -263,21 +287,8 @@ class RobotBulk(Turning):
         _log.info("bulk to %s ended: %s", who, why)
         with self._lock:
             self._stations.remove(station)
-        if station.fetched is not None:
-            station.fetched[1].close()
+        self._end_fetch(station)
         station.stream.close()
-
-
-def listed(folder: Path | None) -> tuple[RecordInfo, ...]:
-    """The records in a folder, newest first."""
-    if folder is None or not folder.is_dir():
-        return ()
-    found: list[RecordInfo] = []
-    for path in folder.glob("*.mcap"):
-        with contextlib.suppress(OSError):
-            about = path.stat()
-            found.append(RecordInfo(path.name, about.st_size, about.st_mtime))
-    return tuple(sorted(found, key=lambda info: info.started, reverse=True)[:1000])
 
 
 def _slot(message: FromRobot) -> object:

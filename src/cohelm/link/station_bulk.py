@@ -1,4 +1,9 @@
-"""The station's end of bulk: what the robot publishes in, way-points and wishes out."""
+"""The station's end of bulk: what the robot publishes in, way-points and wishes out.
+
+What is published is kept once, the newest of each kind, until somebody takes it; of answers and of
+pieces of records only as much as was asked for. A robot that sends more is left: nothing that was
+asked for is dropped, and nobody's memory fills up.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +19,26 @@ from cohelm.link import udp
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Refused, stream_context
 from cohelm.link.keys import Keys
-from cohelm.link.messages import Fetch, FromOperator, FromRobot, Picture
+from cohelm.link.messages import (
+    Checked,
+    Digest,
+    Fetch,
+    FromOperator,
+    FromRobot,
+    Map,
+    Picture,
+    Piece,
+    Polyline,
+)  # fmt: skip
 from cohelm.link.stream import Stream
 from cohelm.link.turning import Turning
 from cohelm.link.wire import LARGEST_BULK, Header, encode, from_robot
 
 _PATIENCE = 10.0  # [s], for a connection
 _AGAIN = 1.0  # [s], until the next one is tried
-_MOST_NEWS = 4096
+_MOST_ANSWERS = 256
+_MOST_UNREAD = 16_000_000
+"""Of pieces, sixteen times what a download asks for at once [byte]."""
 _log = logging.getLogger("cohelm.link")
 
 
@@ -39,7 +56,8 @@ class StationBulk(Turning):
         self._clock = clock
         super().__init__("link bulk")
         self._lock = threading.Lock()
-        self._news: deque[FromRobot] = deque(maxlen=_MOST_NEWS)
+        self._news: dict[object, FromRobot] = {}
+        self._answers = self._unread = 0
         self._picture: Picture | None = None
         self._outbox: deque[FromOperator] = deque(maxlen=64)
         self._sequence = 0
@@ -53,10 +71,11 @@ class StationBulk(Turning):
         self._bell.ring()
 
     def news(self) -> list[FromRobot]:
-        """What has come since the last call, in order, but for pictures."""
+        """What has come since the last call, in order, but for pictures; the newest of a kind."""
         with self._lock:
-            new = list(self._news)
+            new = list(self._news.values())
             self._news.clear()
+            self._answers = self._unread = 0
         return new
 
     def picture(self) -> Picture | None:
@@ -130,5 +149,16 @@ class StationBulk(Turning):
         with self._lock:
             if isinstance(message, Picture):
                 self._picture = message
+                return
+            if isinstance(message, Piece | Digest | Checked):
+                self._answers += 1
+                self._unread += len(message.data) if isinstance(message, Piece) else 0
+                slot: object = self._answers
+                if self._unread > _MOST_UNREAD or self._answers > _MOST_ANSWERS:
+                    raise Refused("it sends more than was asked for")
+            elif isinstance(message, Map):
+                slot = (Map, message.column, message.row)
             else:
-                self._news.append(message)
+                slot = (Polyline, message.what) if isinstance(message, Polyline) else type(message)
+            self._news.pop(slot, None)  # the newest stands last
+            self._news[slot] = message

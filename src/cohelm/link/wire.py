@@ -35,6 +35,7 @@ from cohelm.link.messages import (
     Clients,
     Command,
     Device,
+    Digest,
     Discs,
     Fetch,
     FromOperator,
@@ -63,7 +64,7 @@ from cohelm.link.messages import (
     Waypoints,
 )
 
-VERSION = 1
+VERSION = 2
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 LARGEST_BULK = 32_000_000
@@ -119,7 +120,7 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
         record(Waypoints, _LONG, checked(array("f8", 2, MOST_WAYPOINTS), _finite), FLAG),
     ),
     3: (Place, record(Place, _LONG, record(Pose, real("f"), real("f"), real("f")))),
-    4: (Fetch, record(Fetch, text(128))),
+    4: (Fetch, record(Fetch, text(128), _HUGE, whole("I"))),
     # down, datagrams
     64: (
         Status,
@@ -167,6 +168,7 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
     ),
     103: (Piece, record(Piece, text(128), _HUGE, blob(1_000_000))),
     104: (Checked, record(Checked, _ANSWER, _SHORT)),
+    105: (Digest, record(Digest, text(128), _HUGE, blob(32), text(120))),
 }  # fmt: skip
 _KINDS = {of: kind for kind, (of, _) in _LAYOUTS.items()}
 _UP = frozenset({1, 2, 3, 4})

@@ -1,4 +1,9 @@
-"""The web application: the page, the login, the WebSocket of each operator, records to fetch."""
+"""The web application: the page, the login, the WebSocket of each operator, records to fetch.
+
+A page shows its session with each request: as `Authorization: Bearer SESSION`, for a WebSocket as
+its second subprotocol, and for a download as a ticket that it got for one. So a browser that is
+led here by another page, or by another program on this machine, shows nothing.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +12,30 @@ import contextlib
 import logging
 import secrets
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable, Collection
 from importlib.resources import files
 from pathlib import Path
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.requests import HTTPConnection, Request
-from starlette.responses import FileResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from cohelm.core.errors import CohelmError
-from cohelm.station.doors import COOKIE, Doorkeeper, own_name, same_origin
+from cohelm.station.doors import Doorkeeper, from_elsewhere, own_name, same_origin
 from cohelm.station.operator import Operator
-from cohelm.station.records import pieces
+from cohelm.station.records import Downloads
 from cohelm.station.robot_link import Connect
 
 STALE = 0.25
 """A stick that was not heard of for so long is gone [s]."""
 MOST_OPERATORS = 12
+PROTOCOL = "cohelm"
+"""Of the WebSocket; the session stands beside it."""
 GRACE = 5.0
 """How long an operator without a page is kept, so that it can be loaded again [s]."""
 _WATCH = 0.02
@@ -44,7 +51,10 @@ HEADERS = {
     "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
+    "connection": "close",
 }
+"""Of all answers. One request a connection: a page is three, and nobody sits there or asks for a
+thousand things in one breath."""
 
 
 def pages() -> Path:
@@ -58,9 +68,15 @@ def pages() -> Path:
 class Station:
     """All operators of one station."""
 
-    def __init__(self, connect: Connect, token: str | None = None, stale: float = STALE) -> None:
+    def __init__(
+        self, connect: Connect, token: str, names: Collection[str] = (),
+        admitted: Callable[[tuple[str, int]], None] = lambda _: None, stale: float = STALE,
+    ) -> None:  # fmt: skip
+        """names: what this machine is called besides; admitted: told who has shown a session."""
         self.connect, self.stale = connect, stale
         self.doors = Doorkeeper(token)
+        self._names, self._admitted = names, admitted
+        self._downloads = Downloads(connect)
         self.operators: dict[str, Operator] = {}
         self._count = 0
         self._leaving: set[asyncio.Task[None]] = set()
@@ -68,23 +84,24 @@ class Station:
     def app(self) -> ASGIApp:
         """What a web server serves."""
         folder = pages()
+        html, svg = (folder / "index.html").read_bytes(), (folder / "icon.svg").read_bytes()
 
-        async def index(_: Request) -> Response:
-            return FileResponse(folder / "index.html", headers={"cache-control": "no-cache"})
+        async def index(_: Request) -> Response:  # from memory: no file, no thread for strangers
+            return Response(html, media_type="text/html", headers={"cache-control": "no-cache"})
 
         async def icon(_: Request) -> Response:
-            return FileResponse(folder / "icon.svg")
+            return Response(svg, media_type="image/svg+xml")
 
         return Starlette(
             routes=[
                 Route("/", index),
                 Route("/icon.svg", icon),
                 Route("/session", self._session, methods=["GET", "POST"]),
-                Route("/records/{name}", self._record),
+                Route("/records/{name}", self._record, methods=["GET", "POST"]),
                 WebSocketRoute("/ws", self._socket),
                 Mount("/assets", StaticFiles(directory=folder / "assets")),
             ],
-            middleware=[Middleware(_Guarded)],
+            middleware=[Middleware(_Guarded, names=self._names)],
             lifespan=self._life,
         )
 
@@ -120,50 +137,49 @@ class Station:
                     leaving.add_done_callback(self._leaving.discard)
                     _log.info("%s left", operator.name)
 
-    def _authorised(self, connection: HTTPConnection) -> bool:
-        return self.doors.knows(connection.cookies.get(COOKIE))
+    def _authorised(self, connection: HTTPConnection, session: str | None) -> bool:
+        """Whether this session was given out; who shows one is not let go for strangers."""
+        if not self.doors.knows(session):
+            return False
+        self._here(connection)
+        return True
+
+    def _here(self, connection: HTTPConnection) -> None:
+        if connection.client is not None:
+            self._admitted((connection.client.host, connection.client.port))
 
     async def _session(self, request: Request) -> Response:
-        """GET: whether the page may come in. POST: the token, for a cookie."""
-        if request.method == "GET":
-            return Response(status_code=204 if self._authorised(request) else 401)
+        """GET: whether the page may come in. POST: the token, for a session."""
+        if request.method != "POST":
+            inside = self._authorised(request, _bearer(request))
+            return Response(status_code=204 if inside else 401)
         address = request.client.host if request.client else ""
-        secure = request.url.scheme == "https"
-        if not same_origin(request.headers.get("origin"), request.headers.get("host", ""), secure):
-            return PlainTextResponse("from another page", 403)
-        if not self.doors.may_try(address):
-            return PlainTextResponse("too many attempts", 429)
         token = await _body(request)
-        cookie = None if token is None else self.doors.shown(token, address)
-        if cookie is None:
-            _log.warning("a wrong token from %s", address)
-            return PlainTextResponse("wrong token", 403)
-        answer = Response(status_code=204)
-        answer.set_cookie(COOKIE, cookie, httponly=True, samesite="strict", secure=secure)
-        return answer
+        session = None if token is None else self.doors.shown(token, address)
+        if session is not None:
+            return PlainTextResponse(session, headers={"cache-control": "no-store"})
+        if self.doors.tires(address):
+            return PlainTextResponse("too many attempts", 429)
+        _log.warning("a wrong token from %s", address)
+        return PlainTextResponse("wrong token", 403)
 
     async def _record(self, request: Request) -> Response:
-        """A record of the robot, in pieces as they come."""
-        if not self._authorised(request):
-            return PlainTextResponse("log in first", 401)
+        """POST: a ticket for a record of the robot, and its size and hash. GET: the record."""
         name = request.path_params["name"]
-        stream = pieces(self.connect, name)
-        try:
-            first = await anext(stream)
-        except StopAsyncIteration:
-            return PlainTextResponse(f"the robot has no record called {name!r}", 404)
-        except TimeoutError:
-            return PlainTextResponse("the robot does not send it; try again", 504)
-
-        async def whole() -> AsyncGenerator[bytes]:
-            yield first
-            async for piece in stream:
-                yield piece
-
-        return StreamingResponse(
-            whole(), media_type="application/octet-stream",
-            headers={"content-disposition": "attachment"},
-        )  # fmt: skip
+        admitted = self._authorised(request, _bearer(request))
+        if request.method == "POST":
+            if not admitted:
+                return PlainTextResponse("log in first", 401)
+            about = await self._downloads.about(name)
+            if isinstance(about, Response):
+                return about
+            ticket = self.doors.ticket(name)
+            said = {"ticket": ticket, "bytes": about.size, "sha256": about.sha256.hex()}
+            return JSONResponse(said, headers={"cache-control": "no-store"})
+        if not admitted and not self.doors.admits(request.query_params.get("ticket"), name):
+            return PlainTextResponse("log in first", 401)
+        self._here(request)
+        return await self._downloads.response(request, name)
 
     async def _socket(self, socket: WebSocket) -> None:
         host = socket.headers.get("host", "")
@@ -172,15 +188,16 @@ class Station:
             _log.warning("a WebSocket from %r is refused", origin)
             await socket.close(1008)
             return
-        if not self._authorised(socket):
+        offered: list[str] = socket.scope.get("subprotocols", [])
+        if len(offered) != 2 or offered[0] != PROTOCOL or not self._authorised(socket, offered[1]):
             await socket.close(1008)
             return
         operator = self._operator(socket.query_params.get("key"))
         if operator is None:
-            await socket.accept()
+            await socket.accept(PROTOCOL)
             await socket.close(1013, "too many operators")
             return
-        await socket.accept()
+        await socket.accept(PROTOCOL)
         try:
             await operator.attend(socket)
         except Exception:
@@ -201,6 +218,11 @@ class Station:
         return operator
 
 
+def _bearer(request: Request) -> str | None:
+    kind, _, session = request.headers.get("authorization", "").partition(" ")
+    return session if kind.lower() == "bearer" else None
+
+
 async def _body(request: Request) -> str | None:
     """A short body that comes soon, or None."""
     body = b""
@@ -210,26 +232,27 @@ async def _body(request: Request) -> str | None:
                 body += chunk
                 if len(body) > _TOKEN_BYTES:
                     return None
-    except TimeoutError:
+    except (TimeoutError, ClientDisconnect):
         return None
     return body.decode(errors="replace")
 
 
 class _Guarded:
-    """Refuses what calls this machine by a name it does not have; adds the headers."""
+    """Refuses what calls this machine by a name it does not have, and what another page has caused;
+    adds the headers. The page itself holds no secret, and a link to it may be followed."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
+    def __init__(self, app: ASGIApp, names: Collection[str]) -> None:
+        self.app, self.names = app, names
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        host = HTTPConnection(scope).headers.get("host", "")
-        if not own_name(host):
-            _log.warning("refused: called by the name %r", host)
+        status, why = self._refusal(scope)
+        if why:
+            _log.warning("refused: %s", why)
             if scope["type"] == "http":
-                await PlainTextResponse("unknown host name", 421)(scope, receive, send)
+                await PlainTextResponse(why, status)(scope, receive, send)
             else:
                 await send({"type": "websocket.close", "code": 1008})
             return
@@ -241,3 +264,15 @@ class _Guarded:
             await send(message)
 
         await self.app(scope, receive, headed)
+
+    def _refusal(self, scope: Scope) -> tuple[int, str]:
+        headers = HTTPConnection(scope).headers
+        host = headers.get("host", "")
+        if not own_name(host, self.names):
+            return 421, f"unknown host name {host[:64]!r}"
+        origin, site = headers.get("origin"), headers.get("sec-fetch-site")
+        secure = scope["scheme"] in ("https", "wss")
+        led = scope["path"] == "/" and scope.get("method") == "GET" and origin is None
+        if not led and from_elsewhere(origin, site, host, secure):
+            return 403, f"from another page, {(origin or site or '')[:64]!r}"
+        return 200, ""

@@ -1,4 +1,9 @@
-"""Who may come in: host names, origins, the token, and how often one may try."""
+"""Who may come in: host names, origins, the token, sessions, and tickets for downloads.
+
+No cookie is set: a browser sends cookies to every port of a host, so to another user's server on
+the same machine too, and with requests that another page caused. A session is kept by the page in
+the storage of its own origin, which has the port in it, and is shown by name with each request.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +13,17 @@ import secrets
 import socket
 import time
 from collections import deque
+from collections.abc import Collection
 from urllib.parse import urlsplit
 
-COOKIE = "cohelm"
 TRIES = 5
-"""Wrong tokens from one address within `TRIES_IN` that are heard."""
+"""Wrong tokens from one address within `TRIES_IN` that are answered one by one."""
 TRIES_IN = 30.0
 """[s]"""
+TICKET_FOR = 3600.0
+"""A download may be begun, or gone on with, for so long [s]."""
 _MOST_SESSIONS = 256
+_MOST_TICKETS = 256
 
 
 def is_loopback(host: str) -> bool:
@@ -28,11 +36,12 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def own_name(host: str) -> bool:
+def own_name(host: str, certified: Collection[str] = ()) -> bool:
     """Whether a Host header names this machine, and not a name that somebody made point here.
 
     An address can not be made to point elsewhere; a name can (DNS rebinding), so of names only
-    localhost and this machine's own are taken.
+    localhost, this machine's own, and those `certified` are taken: whoever makes another name
+    point here has no certificate for it.
     """
     try:
         name = urlsplit(f"//{host}").hostname or ""
@@ -44,7 +53,7 @@ def own_name(host: str) -> bool:
     try:
         ipaddress.ip_address(name)
     except ValueError:
-        return False
+        return name in certified
     return True
 
 
@@ -53,35 +62,63 @@ def same_origin(origin: str | None, host: str, secure: bool) -> bool:
     return origin == f"{'https' if secure else 'http'}://{host}"
 
 
-class Doorkeeper:
-    """Knows the token and who has shown it. Without a token everybody may come in."""
+def from_elsewhere(origin: str | None, site: str | None, host: str, secure: bool) -> bool:
+    """Whether another page has caused a request; origin, site: Origin and Sec-Fetch-Site.
 
-    def __init__(self, token: str | None) -> None:
+    Another port of this host is `same-site`, and another page. Programs say neither.
+    """
+    if origin is not None and not same_origin(origin, host, secure):
+        return True
+    return site is not None and site not in ("same-origin", "none")
+
+
+class Doorkeeper:
+    """Knows the token, who has shown it, and who may fetch which record."""
+
+    def __init__(self, token: str) -> None:
         self.token = token
         self._sessions: deque[str] = deque(maxlen=_MOST_SESSIONS)
         self._wrong: dict[str, deque[float]] = {}
+        self._tickets: deque[tuple[str, str, float]] = deque(maxlen=_MOST_TICKETS)
 
-    def knows(self, cookie: str | None) -> bool:
-        """Whether this cookie was given out."""
-        if self.token is None:
-            return True
-        if cookie is None or not cookie.isascii():
+    def knows(self, session: str | None) -> bool:
+        """Whether this session was given out."""
+        if session is None or not session.isascii():
             return False
-        return any(hmac.compare_digest(cookie, session) for session in self._sessions)
-
-    def may_try(self, address: str) -> bool:
-        """Whether an address may show a token now."""
-        return len(self._recent(address)) < TRIES
+        return any(hmac.compare_digest(session, known) for known in self._sessions)
 
     def shown(self, token: str, address: str) -> str | None:
-        """A cookie for the right token, None for a wrong one."""
-        right = self.token or ""
-        if not hmac.compare_digest(token.encode(), right.encode()):
+        """A session for the right token, None for a wrong one.
+
+        The right one is always heard: nobody can lock a person out by guessing, and 128 bits are
+        not guessed.
+        """
+        if not hmac.compare_digest(token.encode(), self.token.encode()):
             self._recent(address).append(time.monotonic())
             return None
         session = secrets.token_urlsafe(32)
         self._sessions.append(session)
         return session
+
+    def tires(self, address: str) -> bool:
+        """Whether so many wrong tokens came from an address that they are only counted."""
+        return len(self._recent(address)) >= TRIES
+
+    def ticket(self, record: str) -> str:
+        """What fetches one record, for a while; a link that is followed can say no more."""
+        made = secrets.token_urlsafe(32)
+        self._tickets.append((made, record, time.monotonic() + TICKET_FOR))
+        return made
+
+    def admits(self, ticket: str | None, record: str) -> bool:
+        """Whether this ticket is for this record, and still good."""
+        if ticket is None or not ticket.isascii():
+            return False
+        now = time.monotonic()
+        return any(
+            hmac.compare_digest(ticket, made) and record == name and now < until
+            for made, name, until in self._tickets
+        )
 
     def _recent(self, address: str) -> deque[float]:
         now = time.monotonic()

@@ -73,9 +73,9 @@ class Linked:
         self._bulk.send(Waypoints(self._proposals, way, only_check))
         return self._proposals
 
-    def fetch(self, name: str) -> None:
-        """A record, or the list of them."""
-        self._bulk.send(Fetch(name))
+    def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
+        """Part of a record, its hash, or the list of them."""
+        self._bulk.send(Fetch(name, offset, size))
 
     def quality(self) -> Quality:
         """How good the link is."""

@@ -1,40 +1,218 @@
-"""Records of the robot, fetched over a link of their own."""
+"""Records of the robot, downloaded whole or not at all, over a link of their own.
+
+The robot says how long a record is and what its SHA-256 is, then sends what is asked for, and no
+more than `AHEAD` is asked for beyond what the browser has taken: a browser that reads slowly slows
+the robot down and fills nobody's memory. The last piece is only handed on when all before it has
+the hash. What goes wrong after the first byte breaks the connection off, short of the length that
+was promised, so that no browser takes it for the whole.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import base64
+import contextlib
+import hashlib
+import logging
+import re
 import time
 from collections.abc import AsyncGenerator
 
-from cohelm.link.messages import Piece
-from cohelm.station.robot_link import Connect
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.types import Receive, Scope, Send
 
-PIECE_WITHIN = 10.0
-"""A robot that sends nothing for so long has given up [s]."""
-_POLL = 0.02
+from cohelm.link.messages import Digest, Piece
+from cohelm.station.robot_link import Connect, RobotLink
+
+WINDOW = 131_072
+"""Asked for at a time [byte]."""
+AHEAD = 1_048_576
+"""Asked for and not taken yet, at most [byte]: 7 MB/s over a round trip of 150 ms."""
+PIECE_WITHIN = 20.0
+"""A robot that sends nothing for so long has given up; at its slowest a piece takes 3 s [s]."""
+AGAIN_AFTER = 6.0
+"""What has not come by then was lost with a connection, and is asked for again [s]."""
+TAKEN_WITHIN = 60.0
+"""A browser that takes nothing for so long is let go [s]."""
+DIGEST_WITHIN = 300.0
+"""The robot reads all of a record for its hash; 10 GB at 40 MB/s, from a slow card [s]."""
+MOST_AT_ONCE = 3
+"""Each is a client of the robot, which has 16 in all; the operators have 12 of them."""
+_POLL = 0.01
+_RANGE = re.compile(r"bytes=(\d*)-(\d*)")
+_log = logging.getLogger("cohelm.station")
 
 
-async def pieces(connect: Connect, name: str) -> AsyncGenerator[bytes]:
-    """The bytes of a record; nothing where there is none of that name.
+class Broken(Exception):
+    """A download can not go on; says why."""
 
-    Raises TimeoutError where nothing comes any more: a download that breaks off is seen as
-    broken off.
+
+class Downloads:
+    """All downloads of a station."""
+
+    def __init__(self, connect: Connect) -> None:
+        self._connect = connect
+        self._going = 0
+
+    async def about(self, name: str) -> Digest | Response:
+        """Size and hash of a record; or the answer that says why not."""
+        if self._going >= MOST_AT_ONCE:
+            return _full()
+        async with self._link() as link:
+            return await _about(link, name)
+
+    async def response(self, request: Request, name: str) -> Response:
+        """The record, or the part of it that a Range header asks for."""
+        if self._going >= MOST_AT_ONCE:
+            return _full()
+        stack = contextlib.AsyncExitStack()
+        try:
+            link = await stack.enter_async_context(self._link())
+            about = await _about(link, name)
+            if isinstance(about, Response):
+                return about
+            headers = {
+                "accept-ranges": "bytes", "etag": f'"{about.sha256.hex()}"',
+                "repr-digest": f"sha-256=:{base64.b64encode(about.sha256).decode()}:",
+                "content-disposition": "attachment", "content-type": "application/octet-stream",
+                "cache-control": "no-store",
+            }  # fmt: skip
+            part = _part(request, about.size, headers["etag"])
+            if part is None:
+                return Response(status_code=416, headers={"content-range": f"bytes */{about.size}"})
+            first, end = part
+            headers["content-length"] = str(end - first)
+            if part == (0, about.size):
+                status = 200
+            else:
+                status = 206
+                headers["content-range"] = f"bytes {first}-{end - 1}/{about.size}"
+            if request.method == "HEAD":
+                return Response(status_code=status, headers=headers)
+            return _Streamed(status, headers, pieces(link, about, first, end), stack.pop_all())
+        finally:
+            await stack.aclose()
+
+    @contextlib.asynccontextmanager
+    async def _link(self) -> AsyncGenerator[RobotLink]:
+        self._going += 1
+        try:
+            link = await asyncio.to_thread(self._connect, "a download")
+            try:
+                yield link
+            finally:
+                await asyncio.to_thread(link.close)
+        finally:
+            self._going -= 1
+
+
+def _full() -> Response:
+    return PlainTextResponse(
+        f"{MOST_AT_ONCE} downloads are under way: wait for one of them, then click again",
+        503, headers={"retry-after": "5"},
+    )  # fmt: skip
+
+
+def _part(request: Request, size: int, tag: str) -> tuple[int, int] | None:
+    """First byte, and the one after the last, of what is asked for; None: there is none such."""
+    asked = _RANGE.fullmatch(request.headers.get("range", ""))
+    if asked is None or request.headers.get("if-range", tag) != tag or asked[0] == "bytes=-":
+        return 0, size
+    if not asked[1]:
+        first, end = max(size - int(asked[2]), 0), size
+    else:
+        first = int(asked[1])
+        end = min(int(asked[2]) + 1, size) if asked[2] else size
+    return (first, end) if first < end else None
+
+
+async def _about(link: RobotLink, name: str) -> Digest | Response:
+    link.fetch(name)
+    until = time.monotonic() + DIGEST_WITHIN
+    answered = time.monotonic() + PIECE_WITHIN
+    while time.monotonic() < until:
+        for news in link.news():
+            if isinstance(news.message, Digest) and news.message.name == name:
+                why = news.message.why
+                return PlainTextResponse(why, 404) if why else news.message
+        if not link.quality().connected and time.monotonic() > answered:
+            break
+        await asyncio.sleep(_POLL)
+    return PlainTextResponse("the robot does not send it; try again", 504)
+
+
+async def pieces(link: RobotLink, about: Digest, first: int, end: int) -> AsyncGenerator[bytes]:
+    """The bytes of a record from `first` to before `end`.
+
+    Raises Broken where they do not come, or not as they were.
     """
-    link = await asyncio.to_thread(connect, "a download")
-    try:
-        link.fetch(name)
-        since = time.monotonic()
-        while True:
-            for news in link.news():
-                piece = news.message
-                if not isinstance(piece, Piece) or piece.name != name:
-                    continue
-                if not piece.data:
-                    return
-                since = time.monotonic()
-                yield piece.data
-            if time.monotonic() - since > PIECE_WITHIN:
-                raise TimeoutError(f"the robot sent no more of {name}")
+    at = asked = first
+    whole = (first, end) == (0, about.size)
+    hasher, held = hashlib.sha256(), b""
+    since = asked_at = time.monotonic()
+    while at < end:
+        while asked < end and asked - at < AHEAD:
+            size = min(WINDOW, end - asked)
+            link.fetch(about.name, asked, size)
+            asked += size
+        for news in link.news():
+            piece = news.message
+            if not isinstance(piece, Piece) or piece.name != about.name or piece.offset != at:
+                continue  # of before a connection was lost
+            if not piece.data or at + len(piece.data) > end:
+                raise Broken(f"the robot has no more of {about.name}, or too much")
+            at += len(piece.data)
+            hasher.update(piece.data)
+            if held:
+                yield held
+            held = piece.data
+            since = asked_at = time.monotonic()  # also after a browser took its time
+        now = time.monotonic()
+        if now - since > PIECE_WITHIN:
+            raise Broken(f"the robot sent no more of {about.name}")
+        if now - asked_at > AGAIN_AFTER:
+            asked, asked_at = at, now
+        if at < end:
             await asyncio.sleep(_POLL)
-    finally:
-        await asyncio.to_thread(link.close)
+    if whole and hasher.digest() != about.sha256:
+        raise Broken(f"what came of {about.name} is not what the robot has: its SHA-256 differs")
+    if held:
+        yield held
+
+
+class _Streamed(Response):
+    """A body of known length that is broken off where it can not be whole."""
+
+    def __init__(
+        self, status: int, headers: dict[str, str], body: AsyncGenerator[bytes],
+        stack: contextlib.AsyncExitStack,
+    ) -> None:  # fmt: skip
+        self.status_code, self.background = status, None
+        self.init_headers(headers)
+        self._pieces, self._stack = body, stack
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        gone = asyncio.create_task(_gone(receive))
+        try:
+            start = {"type": "http.response.start", "status": self.status_code}
+            await send({**start, "headers": self.raw_headers})
+            async for piece in self._pieces:
+                if gone.done():
+                    return
+                body = {"type": "http.response.body", "body": piece, "more_body": True}
+                await asyncio.wait_for(send(body), TAKEN_WITHIN)
+            await send({"type": "http.response.body", "body": b""})
+        except Broken as broken:  # the server breaks off a response that is left unfinished
+            _log.warning("a download is broken off: %s", broken)
+        except TimeoutError:
+            _log.warning("a download is broken off: nobody takes it")
+        finally:
+            gone.cancel()
+            await self._pieces.aclose()
+            await self._stack.aclose()
+
+
+async def _gone(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass

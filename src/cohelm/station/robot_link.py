@@ -64,8 +64,9 @@ class RobotLink(Protocol):
         """Way-points to check, and unless `only_check` to follow; `Checked` has its number."""
         ...
 
-    def fetch(self, name: str) -> None:
-        """Have a record sent in pieces; an empty name asks for the list."""
+    def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
+        """Have `size` bytes of a record sent in pieces; 0: its size and hash. An empty name asks
+        for the list."""
         ...
 
     def quality(self) -> Quality:

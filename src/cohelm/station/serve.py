@@ -16,41 +16,66 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from cohelm.core.errors import CohelmError
 from cohelm.station.app import Station
-from cohelm.station.doors import is_loopback
+from cohelm.station.listener import Listener
 from cohelm.station.robot_link import Connect
+from cohelm.station.tls import certified
 
 PORT = 8765
 HEAD_WITHIN = 5.0
-"""Who has not sent a whole request by then is let go: slow-loris [s]."""
-MOST_CONNECTIONS = 64
+"""Who has not sent a whole request by then is let go, also the next one after an answer [s]."""
+DONE_WITHIN = 20.0
+"""A request must have come and been answered by then, but for what shows a session [s]."""
 LARGEST_MESSAGE = 16_384
 """Of a page, in bytes."""
+_BACKLOG = 128
 _log = logging.getLogger("cohelm.station")
 
 
-class _Patient(H11Protocol):
-    """HTTP with an end to its patience: the head of a request must come soon."""
+def _patient(listener: Listener) -> type[H11Protocol]:
+    """HTTP with an end to its patience, whatever trickles in meanwhile."""
 
-    _limit: asyncio.TimerHandle | None = None
+    class Patient(H11Protocol):
+        _limit: asyncio.TimerHandle | None = None
 
-    def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
-        super().connection_made(transport)
-        self._limit = self.loop.call_later(HEAD_WITHIN, self._too_slow)
+        def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
+            super().connection_made(transport)
+            listener.made(self._who, transport.abort)
+            self._within(HEAD_WITHIN)
 
-    def handle_events(self) -> None:
-        super().handle_events()
-        if self.scope is not None and self._limit is not None:  # pyright: ignore[reportUnnecessaryComparison]
-            self._limit.cancel()
-            self._limit = None
+        def handle_events(self) -> None:
+            before = self.scope
+            super().handle_events()
+            if self.scope is before:
+                return
+            listener.served(self._who)
+            upgraded = self.transport.get_protocol() is not self
+            self._within(None if upgraded else DONE_WITHIN)
 
-    def connection_lost(self, exc: Exception | None) -> None:
-        if self._limit is not None:
-            self._limit.cancel()
-        super().connection_lost(exc)
+        def on_response_complete(self) -> None:
+            listener.served(self._who)
+            self._within(HEAD_WITHIN)  # first: what was pipelined may begin in the next line
+            super().on_response_complete()
 
-    def _too_slow(self) -> None:
-        _log.warning("no request within %g s; let go", HEAD_WITHIN)
-        self.transport.abort()
+        def connection_lost(self, exc: Exception | None) -> None:
+            self._within(None)
+            super().connection_lost(exc)
+
+        @property
+        def _who(self) -> tuple[str, int]:
+            return self.client or ("", 0)
+
+        def _within(self, seconds: float | None) -> None:
+            if self._limit is not None:
+                self._limit.cancel()
+            self._limit = None if seconds is None else self.loop.call_later(seconds, self._late)
+
+        def _late(self) -> None:
+            if listener.is_admitted(self._who):  # a long download
+                return
+            _log.info("no whole request in time; let go")
+            self.transport.abort()
+
+    return Patient
 
 
 class Server:
@@ -61,19 +86,24 @@ class Server:
         certificate: tuple[Path, Path] | None = None, stale: float | None = None,
     ) -> None:  # fmt: skip
         """certificate: files of certificate and key, for TLS. Raises CohelmError."""
-        self.token = None if is_loopback(host) else secrets.token_urlsafe(16)
-        self.station = Station(connect, self.token, **({} if stale is None else {"stale": stale}))
+        self.token = secrets.token_urlsafe(16)
+        self._listener = _listening(host, port)
+        self._names = frozenset[str]() if certificate is None else certified(certificate[0])
+        self.station = Station(
+            connect, self.token, self._names, self._listener.admitted,
+            **({} if stale is None else {"stale": stale}),
+        )  # fmt: skip
         self.secure = certificate is not None
         options: dict[str, Any] = {}
         if certificate is not None:
             options = {"ssl_certfile": certificate[0], "ssl_keyfile": certificate[1],
                        "ssl_version": ssl.PROTOCOL_TLS_SERVER}  # fmt: skip
-        self._socket = _listening(host, port)
-        self.host, self.port = host, self._socket.getsockname()[1]
+        self.host, self.port = host, self._listener.getsockname()[1]
         config = uvicorn.Config(
-            self.station.app(), http=_Patient, ws="websockets-sansio", loop="asyncio",
+            self.station.app(), http=_patient(self._listener), ws="websockets-sansio",
+            loop="asyncio", backlog=_BACKLOG,
             ws_max_size=LARGEST_MESSAGE, ws_ping_interval=20.0, ws_ping_timeout=20.0,
-            limit_concurrency=MOST_CONNECTIONS, timeout_keep_alive=5,
+            timeout_keep_alive=5,
             h11_max_incomplete_event_size=16_384, timeout_graceful_shutdown=1, access_log=False,
             log_config=None, server_header=False,
             date_header=False, proxy_headers=False, lifespan="on", **options,
@@ -82,18 +112,28 @@ class Server:
 
     @property
     def address(self) -> str:
-        """What to open in a browser; with the token in it where one is needed."""
+        """What to open in a browser, with the token in it.
+
+        It stands behind the #, which a browser sends nowhere: not to the server, so in no log, and
+        not to other pages as Referer.
+        """
+        return f"{self.origin}/#token={self.token}"
+
+    @property
+    def origin(self) -> str:
+        """Where the page is, without the token."""
         host = self.host
         if host in ("0.0.0.0", "::"):
             host = socket.gethostname()
+            if self._names and host.lower() not in self._names:
+                host = min(self._names)  # what a browser will find right
         elif ":" in host:
             host = f"[{host}]"
-        token = "" if self.token is None else f"#token={self.token}"
-        return f"{'https' if self.secure else 'http'}://{host}:{self.port}/{token}"
+        return f"{'https' if self.secure else 'http'}://{host}:{self.port}"
 
     def run(self) -> None:
         """Serve until `stop`, or until a signal to the process says so."""
-        asyncio.run(self._server.serve(sockets=[self._socket]))
+        asyncio.run(self._server.serve(sockets=[self._listener]))
 
     def stop(self) -> None:
         """Let `run` return; from any thread."""
@@ -105,13 +145,14 @@ class Server:
         return self._server.started
 
 
-def _listening(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listening = socket.socket(family, socket.SOCK_STREAM)
+def _listening(host: str, port: int) -> Listener:
+    listening = Listener(socket.AF_INET6 if ":" in host else socket.AF_INET)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
-        listening.listen()  # who opens the address as soon as it is printed waits, and is served
+        listening.listen(
+            _BACKLOG
+        )  # who opens the address as soon as it is printed waits, and is served
     except (OSError, OverflowError) as error:
         listening.close()
         cure = "choose another with --port (0 takes a free one)"

@@ -10,6 +10,7 @@ import datetime
 import ipaddress
 import os
 import socket
+import ssl
 from pathlib import Path
 
 from cryptography import x509
@@ -19,6 +20,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from cohelm.core.errors import CohelmError
 from cohelm.link.keys import fingerprint
+from cohelm.link.owned import guarded, make_folder
 
 DAYS = 397
 """Browsers refuse certificates that hold longer."""
@@ -34,14 +36,46 @@ def certificate(folder: Path, host: str) -> tuple[Path, Path, str]:
     names = _names(host)
     try:
         if not _good(path, key, names):
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            make_folder(folder)
             _make(path, key, names)
+        guarded(key, within=folder, secret=True)
         return path, key, fingerprint(path.read_bytes())
     except OSError as error:
         raise CohelmError(
             f"{folder}: no certificate can be kept there ({error.strerror}); name another folder "
             f"with the variable COHELM_KEYS"
         ) from None
+
+
+def certified(path: Path) -> frozenset[str]:
+    """The host names in a certificate file. Raises CohelmError where it is none."""
+    try:
+        kept = x509.load_pem_x509_certificate(path.read_bytes())
+        there = kept.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return frozenset()
+    except (OSError, ValueError):
+        raise CohelmError(f"{path} holds no certificate: name a file in PEM") from None
+    return frozenset(name.lower() for name in there.get_values_for_type(x509.DNSName))
+
+
+def own(path: Path, key: Path) -> tuple[Path, Path]:
+    """A certificate and key from elsewhere, looked at before they are used.
+
+    Raises CohelmError where a browser could not be served with them.
+    """
+    certified(path)
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(path, key, password="")
+    except ssl.SSLError:
+        raise CohelmError(
+            f"{key} is not the key of the certificate {path}, or needs a password: name its key, "
+            f"in PEM and without one"
+        ) from None
+    except OSError as error:
+        raise CohelmError(f"{key} can not be read: {error.strerror}") from None
+    guarded(key, secret=True)
+    return path, key
 
 
 def _names(host: str) -> list[x509.GeneralName]:

@@ -2,6 +2,7 @@
 import { batch } from '@preact/signals'
 import { decode, painted, type MapPart } from './binary'
 import type { Do, FromPage, ToPage } from './messages'
+import { ask, onEntered, session } from './session'
 import * as s from './state'
 
 const KEY = 'cohelm.key'
@@ -32,7 +33,10 @@ export function send(message: Said): boolean {
 }
 
 export function start(): void {
-  void connect()
+  void again()
+  onEntered(() => {
+    if (s.connection.value === 'login') void retry()
+  })
   setInterval(watch, 50)
   setInterval(() => (s.clock.value += 1), 250)
 }
@@ -56,7 +60,7 @@ async function connect(): Promise<void> {
   url.hash = ''
   const key = kept()
   if (key !== null) url.searchParams.set('key', key)
-  const opened = new WebSocket(url)
+  const opened = new WebSocket(url, ['cohelm', session() ?? 'none'])
   socket = opened
   opened.binaryType = 'arraybuffer'
   opened.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
@@ -78,7 +82,7 @@ function lost(of: WebSocket): void {
 async function again(): Promise<void> {
   try {
     // a refused WebSocket does not say why; this does
-    const answer = await fetch('./session', { cache: 'no-store' })
+    const answer = await ask('./session')
     if (answer.status === 401) {
       s.connection.value = 'login'
       return

@@ -1,18 +1,13 @@
 // The token that the station printed when it was started.
 import { signal } from '@preact/signals'
+import { enter } from '../session'
 import { retry } from '../socket'
 
 const wrong = signal('')
 
-export async function login(token: string): Promise<boolean> {
-  const answer = await fetch('./session', { method: 'POST', body: token })
-  if (answer.ok) {
-    wrong.value = ''
-    await retry()
-    return true
-  }
-  wrong.value = answer.status === 429 ? 'Too many attempts; wait a little.' : 'That is not the token.'
-  return false
+async function login(token: string): Promise<void> {
+  wrong.value = await enter(token)
+  if (wrong.value === '') await retry()
 }
 
 export function Login() {
@@ -27,7 +22,7 @@ export function Login() {
     >
       <h1>cohelm station</h1>
       <label>Token<input name="token" type="password" autocomplete="off" autofocus required /></label>
-      <p>It is in the address that the station printed.</p>
+      <p>It is in the address that the station printed when it started: open that address, or copy what follows <code>token=</code>.</p>
       <p role="alert" class="abnormal">{wrong.value}</p>
       <button type="submit">Enter</button>
     </form>

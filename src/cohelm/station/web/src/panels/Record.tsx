@@ -1,10 +1,40 @@
 // Recording, on the robot's side.
 import { signal } from '@preact/signals'
+import { ask } from '../session'
 import { send } from '../socket'
 import * as s from '../state'
 import { bytes } from './words'
 
 const open = signal(false)
+type About = { text: string; hash: string }
+/** What became of a download, by the name of the record. */
+const said = signal<{ [name: string]: About }>({})
+
+function path(name: string): string {
+  return `./records/${encodeURIComponent(name)}`
+}
+
+function say(name: string, text: string, hash = ''): void {
+  said.value = { ...said.value, [name]: { text, hash } }
+}
+
+/** A link can show no session, so it gets a ticket for this one record. */
+async function download(name: string): Promise<void> {
+  say(name, 'the robot works out its hash …')
+  let answer: Response
+  try {
+    answer = await ask(path(name), { method: 'POST' })
+  } catch {
+    return say(name, 'the station does not answer')
+  }
+  if (!answer.ok) return say(name, await answer.text())
+  const { ticket, sha256 } = (await answer.json()) as { ticket: string; sha256: string }
+  say(name, '', sha256)
+  const link = document.createElement('a')
+  link.href = `${path(name)}?ticket=${ticket}`
+  link.download = name
+  link.click()
+}
 
 export function Record() {
   if (s.isReplay.value) return null
@@ -26,12 +56,31 @@ export function Record() {
           {files.length === 0 && <li>none yet</li>}
           {files.map((file) => (
             <li key={file.name}>
-              <a href={`./records/${encodeURIComponent(file.name)}`} download={file.name}>{file.name}</a>{' '}
+              <a
+                href={path(file.name)}
+                onClick={(event) => {
+                  event.preventDefault()
+                  void download(file.name)
+                }}
+              >
+                {file.name}
+              </a>{' '}
               {bytes(file.bytes)}
+              <Said of={said.value[file.name]} />
             </li>
           ))}
         </ul>
       )}
     </div>
+  )
+}
+
+function Said({ of }: { of: About | undefined }) {
+  if (of === undefined) return null
+  return (
+    <small role="status">
+      {of.text}
+      {of.hash !== '' && <>SHA-256 <code>{of.hash}</code></>}
+    </small>
   )
 }

@@ -1,0 +1,140 @@
+"""Records on the robot's disk, as stations fetch them: which there are, parts of them, their hash.
+
+Nothing here is held in memory but one piece. A hash is worked out a slice at a time, between other
+things, and kept as long as the file is what it was. Only plain files in the one folder are read:
+no link that leads elsewhere, and nothing that keeps a reader waiting.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import stat
+from pathlib import Path
+from typing import IO
+
+from cohelm.link.messages import Digest, Piece, RecordInfo
+
+PIECE = 32_768
+"""[byte]"""
+_SLICE = 1_048_576  # 1 ms of hashing; 25 ms from a memory card
+_MOST_KNOWN = 64
+NOT_THERE = "the robot has no such record"
+
+
+def listed(folder: Path | None) -> tuple[RecordInfo, ...]:
+    """The records in a folder, newest first."""
+    if folder is None or not folder.is_dir():
+        return ()
+    found: list[RecordInfo] = []
+    for path in folder.glob("*.mcap"):
+        with contextlib.suppress(OSError):
+            about = path.lstat()
+            if stat.S_ISREG(about.st_mode):
+                found.append(RecordInfo(path.name, about.st_size, about.st_mtime))
+    return tuple(sorted(found, key=lambda info: info.started, reverse=True)[:1000])
+
+
+def opened(folder: Path | None, name: str) -> IO[bytes] | None:
+    """A record by its name; None where there is none to be read."""
+    if folder is None or name not in {info.name for info in listed(folder)}:
+        return None
+    try:
+        descriptor = os.open(folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except OSError:
+        return None
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        return None
+    return os.fdopen(descriptor, "rb")
+
+
+class Wanted:
+    """What one station has asked for of a record and not been sent yet."""
+
+    def __init__(self, name: str, file: IO[bytes], at: int, end: int) -> None:
+        self.name, self._file, self._at, self._end = name, file, at, end
+        file.seek(at)
+
+    def more(self, offset: int, size: int) -> bool:
+        """Ask for what follows; False: it does not follow."""
+        if offset != self._end:
+            return False
+        self._end += size
+        return True
+
+    @property
+    def outstanding(self) -> bool:
+        """Whether there is something to send."""
+        return self._at < self._end
+
+    def piece(self) -> Piece:
+        """The next one. Where the file ends too soon it is empty, and the last."""
+        try:
+            data = self._file.read(min(PIECE, self._end - self._at))
+        except OSError:
+            data = b""
+        piece = Piece(self.name, self._at, data)
+        self._at = self._at + len(data) if data else self._end
+        return piece
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
+class Digests:
+    """Hashes of records, one at a time."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        self._known: dict[tuple[str, int, int, int], bytes] = {}
+        self._name = ""
+        self._file: IO[bytes] | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether one is being worked out."""
+        return self._file is not None
+
+    def begin(self, name: str) -> Digest | None:
+        """Begin with a record; what it is, where that is known already or there is none."""
+        file = opened(self._folder, name)
+        if file is None:
+            return Digest(name, 0, b"", NOT_THERE)
+        about = os.fstat(file.fileno())
+        self._key = (name, about.st_ino, about.st_size, about.st_mtime_ns)
+        if self._key in self._known:
+            file.close()
+            return Digest(name, about.st_size, self._known[self._key], "")
+        self._name, self._file = name, file
+        self._size = self._left = about.st_size
+        self._hash = hashlib.sha256()
+        return None
+
+    def turn(self) -> Digest | None:
+        """Go on for a slice; the hash once it is known."""
+        if self._file is None:
+            return None
+        try:
+            data = self._file.read(min(_SLICE, self._left))
+        except OSError:
+            data = b""
+        self._hash.update(data)
+        self._left -= len(data)
+        if self._left > 0 and data:
+            return None
+        self.close()
+        if self._left > 0:
+            return Digest(self._name, 0, b"", "the robot can not read it to its end")
+        while len(self._known) >= _MOST_KNOWN:
+            del self._known[next(iter(self._known))]
+        self._known[self._key] = self._hash.digest()
+        return Digest(self._name, self._size, self._hash.digest(), "")
+
+    def close(self) -> None:
+        """Give up what is being worked out."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None

@@ -1,0 +1,115 @@
+"""A listening socket that always has room for whoever comes next.
+
+A connection is *waiting* until its first request has come whole, *served* from then on, and
+*admitted* once it has shown a session. Of the first two there may be so many; one more, and the
+oldest of its kind is let go. So connections that only sit there, in the middle of a TLS handshake
+too, shut nobody out: they make room for new ones, and a page is through within milliseconds. What
+is admitted is never let go for others.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import socket
+import time
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+from cohelm.station.doors import is_loopback
+
+MOST_WAITING = 256
+"""Room for a page that needs 0.1 s to speak among 2000 new connections a second; well below the
+1024 files that a process may have open by default."""
+MOST_SERVED = 128
+"""A browser opens six at once for a page, and needs them for 0.3 s: so room for a page among 400
+new requests a second."""
+MOST_OF_ONE_ADDRESS = 48
+"""Waiting and served, from one address of the network; loopback is everybody on this machine."""
+Address = tuple[str, int]
+_log = logging.getLogger("cohelm.station")
+
+
+class _Kind(Enum):
+    WAITING = 1
+    SERVED = 2
+    ADMITTED = 3
+
+
+class _Connection:
+    def __init__(self, sock: socket.socket, now: float) -> None:
+        self.sock, self.since, self.kind = sock, now, _Kind.WAITING
+        self.abort: Callable[[], None] | None = None
+
+
+class Listener(socket.socket):
+    """All calls but the making come from the thread of the server."""
+
+    def __init__(self, family: socket.AddressFamily) -> None:
+        super().__init__(family, socket.SOCK_STREAM)
+        self._all: dict[Address, _Connection] = {}
+        self._let_go = 0
+        self._logged = 0.0
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """The next connection, after making room for it."""
+        sock, address = super().accept()
+        for known, connection in list(self._all.items()):
+            if connection.sock.fileno() < 0:
+                del self._all[known]
+        self._all[address[:2]] = _Connection(sock, time.monotonic())
+        self._make_room(address[0])
+        return sock, address
+
+    def made(self, client: Address, abort: Callable[[], None]) -> None:
+        """A connection can speak now; abort: ends it at once."""
+        if client in self._all:
+            self._all[client].abort = abort
+
+    def served(self, client: Address) -> None:
+        """A connection has said what it wants."""
+        self._becomes(client, _Kind.SERVED)
+
+    def admitted(self, client: Address) -> None:
+        """A connection has shown who it is."""
+        self._becomes(client, _Kind.ADMITTED)
+
+    def is_admitted(self, client: Address) -> bool:
+        """Whether it has."""
+        return client in self._all and self._all[client].kind is _Kind.ADMITTED
+
+    def count(self) -> int:
+        """Connections that are neither closed nor let go."""
+        return sum(connection.sock.fileno() >= 0 for connection in self._all.values())
+
+    def _becomes(self, client: Address, kind: _Kind) -> None:
+        connection = self._all.get(client)
+        if connection is not None and connection.kind is not kind:  # who asks again stays as old
+            connection.kind, connection.since = kind, time.monotonic()
+            self._make_room(client[0])
+
+    def _make_room(self, address: str) -> None:
+        strangers = [a for a, c in self._all.items() if c.kind is not _Kind.ADMITTED]
+        if not is_loopback(address):
+            here = [a for a in strangers if a[0] == address]
+            self._keep(here, MOST_OF_ONE_ADDRESS)
+        for kind, most in ((_Kind.WAITING, MOST_WAITING), (_Kind.SERVED, MOST_SERVED)):
+            self._keep([a for a in strangers if a in self._all and self._all[a].kind is kind], most)
+
+    def _keep(self, those: list[Address], most: int) -> None:
+        """The newest of them; the others are let go."""
+        if len(those) <= most:
+            return
+        for client in sorted(those, key=lambda a: self._all[a].since)[: len(those) - most]:
+            connection = self._all.pop(client)
+            if connection.abort is not None:
+                connection.abort()
+            else:  # it is still shaking hands: the server closes what is shut down
+                with contextlib.suppress(OSError):
+                    connection.sock.shutdown(socket.SHUT_RDWR)
+            self._let_go += 1
+        now = time.monotonic()
+        if now - self._logged >= 1.0:
+            self._logged = now
+            _log.warning("too many connections; %d let go so far", self._let_go)

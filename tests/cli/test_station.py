@@ -1,0 +1,138 @@
+"""Where a station may listen, and with which certificate, as it is typed."""
+
+import datetime
+import http.client
+import ipaddress
+import ssl
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+
+from tests.cli.test_bad_input import refused
+
+NAME = "station.example.org"
+
+
+def signed(folder: Path, password: bytes | None = None) -> tuple[Path, Path, Path]:
+    """An authority's certificate, and a certificate and key it signed for `NAME` and loopback."""
+    now = datetime.datetime.now(datetime.UTC)
+    day = datetime.timedelta(days=1)
+
+    def made(name: str, issuer: str, key, by, names) -> bytes:
+        builder = (
+            x509.CertificateBuilder()
+            .subject_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]))
+            .issuer_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, issuer)]))
+            .public_key(key).serial_number(x509.random_serial_number())
+            .not_valid_before(now - day).not_valid_after(now + day)
+            .add_extension(x509.BasicConstraints(ca=not names, path_length=None), critical=True)
+        )  # fmt: skip
+        if names:
+            builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
+        return builder.sign(by, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
+
+    authority, key = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
+    paths = folder / "ca.pem", folder / "own.pem", folder / "own.key"
+    paths[0].write_bytes(made("ca", "ca", authority.public_key(), authority, []))
+    local = [x509.DNSName(NAME), x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]
+    paths[1].write_bytes(made(NAME, "ca", key.public_key(), authority, local))
+    plain = serialization.NoEncryption()
+    how = serialization.BestAvailableEncryption(password) if password else plain
+    pem = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, how)
+    paths[2].write_bytes(pem)
+    paths[2].chmod(0o600)
+    return paths
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from cohelm.scenario import build, load
+    from cohelm.study import single
+
+    folder = tmp_path_factory.mktemp("run")
+    single.recorded(build.setup(load.scenario("minimal")), folder, lambda what, share: None)
+    return folder / single.RECORD
+
+
+@contextmanager
+def station(record: Path, *options: object) -> Iterator[str]:
+    """The command, as a process; its address."""
+    command = [sys.executable, "-m", "cohelm", "station", "--replay", record, "--port", "0"]
+    with subprocess.Popen(
+        [*map(str, command), *map(str, options)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            yield process.stdout.readline().strip()
+        finally:
+            process.terminate()
+            process.wait(30.0)
+
+
+@pytest.mark.parametrize("command", [("station", "--replay", "x.mcap"), ("drive", "lab-guard")])
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "robot.local"])
+def test_the_token_does_not_cross_a_network_in_clear_unasked(cohelm, command, host):
+    refused(cohelm(*command, "--host", host), "in clear", "add --tls", "--without-tls")
+
+
+def test_who_wants_it_in_clear_is_told_each_time(cohelm, monkeypatch):
+    from cohelm.cli import station as told
+
+    monkeypatch.setattr(told, "_recorded", lambda path: None)
+    monkeypatch.setattr(told, "serve", lambda *_: None)
+    said = cohelm("station", "--replay", "x.mcap", "--host", "0.0.0.0", "--without-tls")
+    assert said.code == 0
+    assert "in clear: whoever can listen on this network can take the token and drive" in said.err
+    for quiet in (["--host", "127.0.0.1"], ["--host", "::1"], []):
+        assert "in clear" not in cohelm("station", "--replay", "x.mcap", *quiet).err
+
+
+def test_one_address_is_printed_that_opens_everywhere(record):
+    with station(record) as address:
+        origin, _, token = address.partition("/#token=")
+        assert len(token) >= 22  # 128 bits
+        link = http.client.HTTPConnection(origin.removeprefix("http://"))
+        link.request("POST", "/session", token, {"Origin": origin})
+        assert link.getresponse().status == 200
+        link.close()
+
+
+def test_a_certificate_of_ones_own_and_the_name_in_it(record, tmp_path):
+    authority, certificate, key = signed(tmp_path)
+    with station(record, "--tls-cert", certificate, "--tls-key", key) as address:
+        origin, _, token = address.partition("/#token=")
+        assert origin.startswith("https://127.0.0.1:")
+        port = int(origin.rpartition(":")[2])
+        trusting = ssl.create_default_context(cafile=authority)
+        for name, status in ((NAME, 200), ("127.0.0.1", 200), ("evil.example.org", 421)):
+            link = http.client.HTTPSConnection("127.0.0.1", port, context=trusting)
+            shown = {"Host": f"{name}:{port}", "Origin": f"https://{name}:{port}"}
+            link.request("POST", "/session", token, shown)
+            assert link.getresponse().status == status, name
+            link.close()
+    with station(record, "--tls-cert", certificate, "--tls-key", key, "--host", "0.0.0.0") as there:
+        assert there.startswith(f"https://{NAME}:")
+
+
+def test_what_is_wrong_with_a_certificate_is_said_before_anything_starts(cohelm, tmp_path):
+    _, certificate, key = signed(tmp_path)
+    replay = ("station", "--replay", "x.mcap")
+    other = tmp_path / "other"
+    other.mkdir()
+    _, _, wrong = signed(other, b"secret")
+    refused(cohelm(*replay, "--tls-cert", certificate, "--tls-key", wrong), "password")
+    refused(cohelm(*replay, "--tls-cert", certificate), "not the key of the certificate")
+    refused(cohelm(*replay, "--tls-cert", key, "--tls-key", key), "holds no certificate")
+    refused(cohelm(*replay, "--tls-cert", "none.pem"), "holds no certificate")
+    refused(cohelm(*replay, "--tls-key", key), "--tls-cert FILE")
+    refused(cohelm(*replay, "--tls", "--without-tls"), "leave one of them out")
+    key.chmod(0o644)
+    refused(cohelm(*replay, "--tls-cert", certificate, "--tls-key", key), "chmod 600")

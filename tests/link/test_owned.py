@@ -1,0 +1,120 @@
+"""Keys, and whom they let in, are this user's alone: what others may have changed is refused."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.link import keys
+from cohelm.link.owned import guarded, make_folder
+
+OTHERS = 65534
+as_root = pytest.mark.skipif(os.geteuid() != 0, reason="gives files away, which root alone may")
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """With a robot that lets a station in, and this station installed."""
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "above" / "keys"))
+    keys.robot("sally")
+    keys.let_in("anna", tmp_path / "anna.pair")
+    keys.install(tmp_path / "anna.pair")
+    return tmp_path / "above" / "keys"
+
+
+def whom(home: Path, path: str) -> None:
+    """What reads this path."""
+    keys.station() if path.startswith("station") else keys.robot()
+
+
+ALL = [
+    ".", "robot", "robot/stations", "robot/stations/anna.pem", "robot/robot.key", "robot/robot.pem",
+    "station/sally", "station/sally/robot.pem", "station/sally/station.key",
+    "station/sally/station.pem",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("path", ALL)
+@pytest.mark.parametrize("who", [0o020, 0o002])
+def test_no_key_and_no_station_is_taken_from_where_others_may_write(
+    home: Path, path: str, who: int
+) -> None:
+    whom(home, path)
+    there = home / path
+    there.chmod(stat.S_IMODE(there.stat().st_mode) | who)
+    with pytest.raises(CohelmError, match=rf"others may write to the .*chmod go-w {there}"):
+        whom(home, path)
+    assert [name for name, _ in keys.stations()] == ["anna"]  # it can be looked through
+
+
+@as_root
+@pytest.mark.parametrize("path", ALL)
+def test_no_key_and_no_station_of_another_user_is_taken(home: Path, path: str) -> None:
+    there = home / path
+    os.chown(there, OTHERS, OTHERS)
+    with pytest.raises(CohelmError, match=f"belongs to another user .*chown {os.geteuid()} "):
+        whom(home, path)
+
+
+@pytest.mark.parametrize("path", ALL[1:])
+def test_a_symbolic_link_below_the_keys_is_not_followed(
+    home: Path, tmp_path: Path, path: str
+) -> None:
+    there, elsewhere = home / path, tmp_path / "elsewhere"
+    there.rename(elsewhere)
+    there.symlink_to(elsewhere)
+    with pytest.raises(CohelmError, match="is a symbolic link"):
+        whom(home, path)
+
+
+def test_the_folder_of_the_keys_may_be_a_link_and_what_it_leads_to_counts(
+    home: Path, tmp_path: Path
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    home.rename(elsewhere)
+    home.symlink_to(elsewhere)
+    assert keys.robot().name == "sally"
+    elsewhere.chmod(0o777)
+    with pytest.raises(CohelmError, match="others may write"):
+        keys.robot()
+
+
+def test_a_folder_that_anybody_may_put_another_in_place_of_is_refused(home: Path) -> None:
+    home.parent.chmod(0o777)
+    with pytest.raises(CohelmError, match="anybody may rename what is in"):
+        keys.robot()
+    home.parent.chmod(0o1777)  # as /tmp is
+    assert keys.robot().name == "sally"
+
+
+def test_every_folder_that_is_made_is_this_users_alone_whatever_the_umask(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "config" / "cohelm" / "keys"))
+    before = os.umask(0)
+    try:
+        keys.robot("sally")
+        keys.let_in("anna", tmp_path / "anna.pair")
+    finally:
+        os.umask(before)
+    made = [tmp_path / "config", *(tmp_path / "config").rglob("*"), tmp_path / "anna.pair"]
+    assert len(made) == 9
+    assert [path for path in made if path.stat().st_mode & 0o077] == []
+
+
+def test_nothing_is_written_where_others_may_write(home: Path, tmp_path: Path) -> None:
+    (home / "robot" / "stations").chmod(0o777)
+    with pytest.raises(CohelmError, match="others may write"):
+        keys.let_in("ben", tmp_path / "ben.pair")
+    assert [name for name, _ in keys.stations()] == ["anna"]
+    assert not (tmp_path / "ben.pair").exists()
+    keys.shut_out("anna")  # but whom one did not let in can be shut out
+
+
+def test_what_is_not_there_is_nobodys(tmp_path: Path) -> None:
+    guarded(tmp_path / "none" / "file", within=tmp_path)
+    make_folder(tmp_path)

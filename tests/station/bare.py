@@ -1,0 +1,49 @@
+"""A robot that is nothing but its end of the link: for what needs no driving."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Self
+
+from cohelm.link import keys
+from cohelm.link.robot_bulk import RobotBulk
+from cohelm.link.robot_end import RobotEnd
+from cohelm.station.linked import Linked
+from tests.link.ends import STATUS
+
+
+class Bare:
+    """Tells the same status 20 times a second; its records are those in `folder`."""
+
+    def __init__(self, folder: Path) -> None:
+        self.robot_keys, self.keys = keys.pair_here()
+        self.end = RobotEnd(self.robot_keys, "127.0.0.1", 0, stale=5.0)
+        self.bulk = RobotBulk(self.end, self.robot_keys, folder)
+        self.port = self.end.address[1]
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._tell, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.die()
+
+    def connect(self, _: str) -> Linked:
+        """One more operator's link."""
+        return Linked(self.keys, "127.0.0.1", self.port)
+
+    def die(self) -> None:
+        """Away with it."""
+        if not self._over.is_set():
+            self._over.set()
+            self._thread.join()
+            self.bulk.close()
+            self.end.close()
+
+    def _tell(self) -> None:
+        while not self._over.wait(0.05):
+            self.end.tell(STATUS)
+            self.end.heard()
