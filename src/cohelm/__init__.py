@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from cohelm.law.verdict import Verdict
     from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
     from cohelm.record.table import Record, read_record
+    from cohelm.robot.base import Robot
     from cohelm.robot.limits import Limits
     from cohelm.robot.model import RobotModel
     from cohelm.robot.port import Odometry, Readings, Scan
@@ -27,8 +28,8 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CohelmError", "FilterResult", "Limits", "Observation", "Obstacles", "Odometry", "Pose",
-    "Readings", "Record", "RobotModel", "RunResult", "SafetyFilter", "Scan", "Scenario", "Twist",
-    "Verdict", "load_robot", "load_scenario", "read_record", "run",
+    "Readings", "Record", "Robot", "RobotModel", "RunResult", "SafetyFilter", "Scan", "Scenario",
+    "Twist", "Verdict", "load_robot", "load_scenario", "read_record", "run",
 ]  # fmt: skip
 
 _HOME = {
@@ -41,6 +42,7 @@ _HOME = {
     "Pose": "core.types",
     "Readings": "robot.port",
     "Record": "record.table",
+    "Robot": "robot.base",
     "RobotModel": "robot.model",
     "RunResult": "study.controlled",
     "SafetyFilter": "pilot.safety_filter",

@@ -41,8 +41,8 @@ def test_a_type_checker_sees_what_is_there_at_run_time():
 
 
 EXAMPLES = [
-    "SafetyFilter", "Obstacles", "Pose", "Twist", "Limits", "RobotModel", "Verdict", "load_robot",
-    "load_scenario", "run",
+    "SafetyFilter", "Obstacles", "Pose", "Twist", "Limits", "Robot", "RobotModel", "Verdict",
+    "load_robot", "load_scenario", "run",
 ]  # fmt: skip
 
 
