@@ -1,3 +1,71 @@
-"""Shared control with obstacle avoidance for uncrewed ground vehicles."""
+"""Shared control with obstacle avoidance for uncrewed ground vehicles.
+
+What stands in `__all__` is what cohelm promises to keep; docs/api.md shows it at work. Nothing
+heavy is imported until a name is used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cohelm.core.errors import CohelmError
+    from cohelm.core.obstacles import Obstacles
+    from cohelm.core.types import Pose, Twist
+    from cohelm.law.verdict import Verdict
+    from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
+    from cohelm.record.table import Record, read_record
+    from cohelm.robot.base import Robot
+    from cohelm.robot.limits import Limits
+    from cohelm.robot.model import RobotModel
+    from cohelm.robot.port import Odometry, Readings, Scan
+    from cohelm.scenario.load import load_robot, load_scenario
+    from cohelm.scenario.model import Scenario
+    from cohelm.study.controlled import Observation, RunResult, run
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "CohelmError", "FilterResult", "Limits", "Observation", "Obstacles", "Odometry", "Pose",
+    "Readings", "Record", "Robot", "RobotModel", "RunResult", "SafetyFilter", "Scan", "Scenario",
+    "Twist", "Verdict", "load_robot", "load_scenario", "read_record", "run",
+]  # fmt: skip
+
+_HOME = {
+    "CohelmError": "core.errors",
+    "FilterResult": "pilot.safety_filter",
+    "Limits": "robot.limits",
+    "Observation": "study.controlled",
+    "Obstacles": "core.obstacles",
+    "Odometry": "robot.port",
+    "Pose": "core.types",
+    "Readings": "robot.port",
+    "Record": "record.table",
+    "Robot": "robot.base",
+    "RobotModel": "robot.model",
+    "RunResult": "study.controlled",
+    "SafetyFilter": "pilot.safety_filter",
+    "Scan": "robot.port",
+    "Scenario": "scenario.model",
+    "Twist": "core.types",
+    "Verdict": "law.verdict",
+    "load_robot": "scenario.load",
+    "load_scenario": "scenario.load",
+    "read_record": "record.table",
+    "run": "study.controlled",
+}
+"""Where each name lives."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name's home when it is first asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'cohelm' has no attribute {name!r}")
+    value = getattr(import_module(f"cohelm.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

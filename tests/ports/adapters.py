@@ -22,10 +22,12 @@ from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severi
 from cohelm.link.told import Shown, Told
 from cohelm.record.drive import DriveFile, Photo
 from cohelm.record.replay import Replayed
+from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.base import Robot as BaseRobot
 from cohelm.robot.keep.kept import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import OnTheWall
-from cohelm.robot.port import Robot
+from cohelm.robot.port import Readings, Robot
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.twin.robot import Twin
@@ -101,7 +103,34 @@ def _replayed() -> Path:
     return recorded(folder / "drive.mcap", 3.0)
 
 
+class Own(BaseRobot):
+    """A robot by somebody else: three methods. Inside, a kinematic one without a time-out."""
+
+    def __init__(self, real_time: bool) -> None:
+        super().__init__(sally())
+        self.real_time = real_time
+        pace = OnTheWall() if real_time else None
+        self._inside = Kinematic(self.model, START, room(), seed=3, timeout=1e6, pace=pace)
+        self._number = -1
+        self.now, self.wait = self._inside.now, self._inside.wait
+
+    def read(self) -> Readings:
+        odometry, scan, _, _ = self._inside.read()
+        if scan is None or scan.number == self._number:
+            return Readings(odometry)
+        self._number = scan.number
+        return Readings(odometry, self.scan(scan.ranges, self.now() - scan.stamp))
+
+    def send(self, twist: Twist) -> None:
+        self._inside.send(twist)
+
+    def stop(self) -> None:
+        self._inside.stop()
+
+
 ADAPTERS: dict[str, Adapter] = {
+    "own": Adapter(lambda: RobotAdapter(Own(real_time=False))),
+    "own, real time": Adapter(lambda: RobotAdapter(Own(real_time=True)), real_time=True),
     "kinematic": Adapter(lambda: Kinematic(sally(), START, room(), seed=3)),
     "replayed": Adapter(lambda: Replayed(_replayed()), obeys=False),
     "kinematic, real time": Adapter(

@@ -25,7 +25,12 @@ centre and the disc's centre [m] (19)."""
 
 
 class Pose(NamedTuple):
-    """eta = (x, y, psi) in the world frame (3) [m, m, rad]."""
+    """eta = (x, y, psi) in the world frame (3) [m, m, rad].
+
+    >>> import cohelm
+    >>> cohelm.Pose(x=1.0, y=0.0, psi=0.5).psi
+    0.5
+    """
 
     x: float
     y: float
@@ -33,7 +38,12 @@ class Pose(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """Surge speed u and yaw rate r of (4), the two control inputs [m/s, rad/s]."""
+    """Surge speed u and yaw rate r of (4), the two control inputs [m/s, rad/s].
+
+    >>> import cohelm
+    >>> cohelm.Twist(v=0.5, omega=-0.2).v  # forward, and to the right
+    0.5
+    """
 
     v: float
     omega: float

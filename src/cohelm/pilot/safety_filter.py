@@ -32,8 +32,8 @@ class LimitingObstacle(NamedTuple):
 
     kind: str
     """disc, segment or point."""
-    index: int
-    """Its row in that array of the obstacles."""
+    row: int
+    """Of that array of the obstacles."""
 
 
 class FilterResult(NamedTuple):

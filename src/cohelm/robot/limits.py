@@ -13,6 +13,11 @@ from cohelm.core.types import Twist
 class Limits(NamedTuple):
     """Bounds on the body's twist and on each wheel's rim; `inf` where there is none.
 
+        >>> import cohelm
+        >>> limits = cohelm.load_robot("sally").bounds()
+        >>> (limits.speed, limits.wheel_acceleration)
+        (1.0, 2.0)
+
     speed [m/s], acceleration [m/s^2], yaw_rate [rad/s], yaw_acceleration [rad/s^2],
     wheel_speed [m/s] and wheel_acceleration [m/s^2] at the rim, track: distance between the
     wheels [m].

@@ -7,13 +7,14 @@ from importlib.resources import files
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, field_validator
+from numpy.typing import ArrayLike
+from pydantic import Field, ValidationError, field_validator
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
 from cohelm.robot.footprint import convex_outline
-from cohelm.robot.limits import Limits, unlimited
+from cohelm.robot.limits import Limits, checked_limits, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -73,6 +74,37 @@ class RobotModel(Schema):
             return convex_outline(corners).tolist()
         except CohelmError as error:
             raise ValueError(str(error)) from error
+
+    @classmethod
+    def of(
+        cls, name: str, outline: ArrayLike, limits: Limits, *, delay: float = 0.0,
+        lidar: LidarModel | None = None,
+    ) -> RobotModel:  # fmt: skip
+        """From numbers instead of YAML keys.
+
+            >>> import cohelm
+            >>> limits = cohelm.Limits(1.0, 2.0, 2.0, 6.0, math.inf, math.inf, 0.4)
+            >>> cart = cohelm.RobotModel.of("cart", [[0.3, 0.2], [-0.3, 0], [0.3, -0.2]], limits)
+            >>> cart.reach < 0.37
+            True
+
+        outline: corners [x, y] in the body frame [m]. limits: inf where there is none. delay: from
+        a command to its first effect [s]. Raises CohelmError for what is no robot.
+        """
+        numbers = checked_limits(limits)
+        keys = dict(zip(LimitsModel.model_fields, numbers[:6], strict=True))
+        try:
+            return cls(
+                name=name, footprint_m=convex_outline(outline).tolist(), track_m=numbers.track,
+                wheel_radius_m=0.1, delay_s=delay, lidar=lidar,
+                limits=LimitsModel.model_validate(
+                    {key: value for key, value in keys.items() if value < math.inf}
+                ),
+            )  # fmt: skip
+        except ValidationError as error:
+            fault = error.errors()[0]
+            place = ".".join(str(key) for key in fault["loc"])
+            raise CohelmError(f"{place}: {fault['msg']}, got {fault['input']!r}") from error
 
     @property
     def outline(self) -> Floats:

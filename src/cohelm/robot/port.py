@@ -63,10 +63,10 @@ class Health(NamedTuple):
 class Readings(NamedTuple):
     """The newest of everything; None for what has not come yet, or is not there."""
 
-    odometry: Odometry | None
-    scan: Scan | None
-    frame: Frame | None
-    health: Health | None
+    odometry: Odometry | None = None
+    scan: Scan | None = None
+    frame: Frame | None = None
+    health: Health | None = None
 
 
 class Robot(Protocol):

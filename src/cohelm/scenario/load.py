@@ -150,6 +150,31 @@ def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
     return read(file, RobotModel)
 
 
+def load_robot(name: str | Path) -> RobotModel:
+    """A robot by its shipped name, or from its YAML file.
+
+        >>> import cohelm
+        >>> cohelm.load_robot("sally").track_m
+        0.5
+
+    Raises CohelmError with every problem of the file, one per line.
+    """
+    return robot(str(name), Path())
+
+
+def load_scenario(path: str | Path, changes: Sequence[str] = ()) -> Scenario:
+    """A scenario by its shipped name, or from its YAML file.
+
+        >>> import cohelm
+        >>> cohelm.load_scenario("minimal", ["reference.speed_mps=0.3"]).reference.speed_mps
+        0.3
+
+    changes: `key.path=value`, as in `cohelm run --set`. Raises CohelmError with every problem of
+    the file, one per line.
+    """
+    return scenario(path, changes)
+
+
 def digest(path: Path) -> str:
     """SHA-256 of a file, to know it again."""
     check_regular(path)

@@ -1,0 +1,151 @@
+"""Puts a robot of one's own behind the port: limits, time-out, closing, and errors as faults."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Twist, is_finite
+from cohelm.robot.base import Robot
+from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Health, Readings
+
+_STILL = Twist(0.0, 0.0)
+_AGAIN = 0.1  # a stop is said again after so long, should the first have been lost [s]
+_LOOK = 0.05  # from one look of the watchdog to the next [s]
+_HANGS = 0.1  # a call that is not back by then is not waited for before stopping [s]
+
+
+class RobotAdapter:
+    """A `robot.port.Robot` made of a `robot.base.Robot`."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Raises CohelmError for what is no robot."""
+        if not isinstance(robot, Robot):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise CohelmError(
+                f"a robot must be a subclass of cohelm.Robot, got {type(robot).__name__}"
+            )
+        if not isinstance(getattr(robot, "model", None), RobotModel):
+            raise CohelmError(
+                f"{type(robot).__name__} has no model: call super().__init__(load_robot(...)) first"
+            )
+        self._robot, self._free = robot, _unbraked(robot.model)
+        self._newest = Readings()
+        self._calls = threading.Lock()  # into the robot: one at a time
+        self._commanded = self._stopped = -math.inf
+        self._moves = False
+        self._failed: dict[str, str] = {}
+        self._closed = threading.Event()
+        if robot.real_time:
+            threading.Thread(target=self._watch, name="robot time-out", daemon=True).start()
+
+    @property
+    def model(self) -> RobotModel:
+        """Outline, limits, sensors."""
+        return self._robot.model
+
+    def now(self) -> float:
+        """The robot's clock [s]."""
+        self._open()
+        return self._robot.now()
+
+    def wait(self, until: float) -> None:
+        """Let time pass; a robot that is not told anything is stopped meanwhile."""
+        self._open()
+        due = self._commanded + self._robot.timeout
+        if self._moves and due < until:
+            self._robot.wait(due)
+            with self._calls:
+                self._brake()
+        self._robot.wait(until)
+
+    def read(self) -> Readings:
+        """The newest of everything; what went wrong in the robot's own code is a fault."""
+        self._open()
+        with self._calls:
+            try:
+                given = self._robot.read()
+                self._newest = Readings._make(
+                    new if new is not None else old
+                    for new, old in zip(given, self._newest, strict=True)
+                )
+            except Exception as error:
+                self._failed["read"] = _said("read", error)
+        health = self._newest.health or Health(self._robot.now(), math.nan, ())
+        faults, self._failed = tuple(self._failed.values()), {}
+        return self._newest._replace(health=health._replace(faults=(*health.faults, *faults)))
+
+    def send(self, twist: Twist) -> Twist:
+        """Ask for a twist, within the speeds; what is not finite is a stop."""
+        self._open()
+        self._commanded = self._robot.now()
+        if not (is_finite(twist.v) and is_finite(twist.omega)):
+            self.stop()
+            return _STILL
+        possible = achievable(twist, _STILL, self._free, 1.0)
+        with self._calls:
+            self._moves = True
+            try:
+                self._robot.send(possible)
+            except Exception as error:
+                self._failed["send"] = _said("send", error)
+        return possible
+
+    def stop(self) -> None:
+        """Brake; said at once, and again now and then."""
+        self._open()
+        with self._calls:
+            self._brake()
+
+    def close(self) -> None:
+        """Stop, and let go of the hardware."""
+        if self._closed.is_set():
+            return
+        with self._calls:
+            self._moves = True
+            self._brake()
+            self._closed.set()
+            with contextlib.suppress(Exception):
+                self._robot.close()
+
+    def _brake(self) -> None:
+        now = self._robot.now()
+        if not self._moves and now - self._stopped < _AGAIN:
+            return
+        try:
+            self._robot.stop()
+            self._moves, self._stopped = False, now
+        except Exception as error:
+            self._failed["stop"] = _said("stop", error)
+
+    def _late(self) -> bool:
+        return self._moves and self._robot.now() - self._commanded >= self._robot.timeout - 1e-9
+
+    def _watch(self) -> None:
+        """Where time passes by itself: the time-out also while nobody calls, or a call hangs."""
+        while not self._closed.wait(_LOOK):
+            if self._late():
+                free = self._calls.acquire(timeout=_HANGS)
+                try:
+                    if self._late():
+                        self._brake()
+                finally:
+                    if free:
+                        self._calls.release()
+
+    def _open(self) -> None:
+        if self._closed.is_set():
+            raise CohelmError("the robot is closed: make a new one")
+
+
+def _unbraked(model: RobotModel) -> Limits:
+    return model.bounds()._replace(
+        acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
+    )
+
+
+def _said(method: str, error: Exception) -> str:
+    return f"{method} failed: {type(error).__name__}: {error}"

@@ -1,0 +1,106 @@
+"""The base class of a robot of one's own: three methods to write, and what it supplies for them."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Odometry, Readings, Scan
+
+
+class Robot(ABC):
+    """A robot of one's own. Write `read`, `send` and `stop`; `robot.adapter` makes the rest of it.
+
+        >>> import cohelm
+        >>> class Cart(cohelm.Robot):
+        ...     def read(self):
+        ...         return cohelm.Readings(self.odometry(cohelm.Pose(0, 0, 0), cohelm.Twist(0, 0)))
+        ...     def send(self, twist): ...
+        ...     def stop(self): ...
+        >>> Cart(cohelm.load_robot("jackal")).model.name
+        'jackal'
+
+    Supplied around it: limits (no twist beyond the model's speeds is sent, none that is not
+    finite), the time-out (without a command for `timeout` it is stopped), scan numbers, stamps,
+    health, and that an exception becomes a fault with its sentence.
+
+    It is made in a process of its own, which calls it from one thread at a time; only a `stop` may
+    come from another while a call hangs. None may take longer than a few milliseconds: read what
+    has come, do not wait for it.
+    """
+
+    timeout = 0.5
+    """Without a command for so long it is stopped [s]. The hardware needs a time-out of its own
+    too: this one dies with the process."""
+    real_time = True
+    """Whether time passes by itself; False for a simulator that overrides `now` and `wait`."""
+
+    def __init__(self, model: RobotModel) -> None:
+        """model: outline, limits, sensors, delay; `load_robot("my.yaml")`."""
+        self.model = model
+        self._begun = time.monotonic()
+        self._scans = 0
+
+    @abstractmethod
+    def read(self) -> Readings:
+        """What is newest: at least odometry; a scan, frame or health only when there is a new one.
+
+        Stamps are of `now()`; `odometry` and `scan` below make them.
+        """
+
+    @abstractmethod
+    def send(self, twist: Twist) -> None:
+        """Ask the wheels for a twist [m/s, rad/s], within the model's speeds, until the next."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Brake to standing. Called again every 0.1 s while it shall stand."""
+
+    def close(self) -> None:  # noqa: B027  # there is not always anything to let go of
+        """Let go of the hardware; it has been stopped. Override where there is anything."""
+
+    def now(self) -> float:
+        """The robot's monotonic clock [s]."""
+        return time.monotonic() - self._begun
+
+    def wait(self, until: float) -> None:
+        """Return when `now()` has reached `until` [s]."""
+        while (left := until - self.now()) > 0.0:
+            time.sleep(left)
+
+    def odometry(self, pose: Pose, twist: Twist, age: float = 0.0) -> Odometry:
+        """A reading of the wheels: pose in a frame that is smooth and starts anywhere [m, m, rad],
+        twist as measured [m/s, rad/s], how old it is [s]."""
+        return Odometry(
+            self.now() - age, Pose(*map(float, pose)), Twist(*map(float, twist))
+        )  # fmt: skip
+
+    def scan(self, ranges: ArrayLike, age: float = 0.0, duration: float = 0.0) -> Scan:
+        """One new turn of the LiDAR, counter-clockwise as the model describes it; call it once for
+        each.
+
+        ranges: (beams,) [m]; what is nearer than the LiDAR's least range becomes -inf, what is
+        farther than its largest, inf (REP-117). age: of its last beam [s]. duration: from its first
+        beam to its last [s]. Raises CohelmError for another number of beams.
+        """
+        lidar = self.model.lidar
+        if lidar is None:
+            raise CohelmError(f"{self.model.name} has no LiDAR: describe it in the robot's YAML")
+        made: Floats = np.array(ranges, dtype=np.float64)
+        if made.shape != (lidar.beams,):
+            raise CohelmError(
+                f"a scan of {self.model.name} has {lidar.beams} beams, got shape {made.shape}: "
+                "set lidar.beams in the robot's YAML"
+            )
+        made[made < lidar.range_min_m] = -math.inf
+        made[made > lidar.range_max_m] = math.inf
+        made.flags.writeable = False
+        self._scans += 1
+        return Scan(self.now() - age - duration, self._scans - 1, made, duration)

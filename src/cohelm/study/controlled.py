@@ -1,0 +1,216 @@
+"""Runs one scenario with the law it names, or with one of the caller's, and judges both alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.obstacles import Obstacles
+from cohelm.core.trace import ROW, Trace
+from cohelm.core.types import RADIUS, SAFE, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
+from cohelm.law.human import human, limited
+from cohelm.law.reference import desired, evaluate
+from cohelm.law.track import pose_error
+from cohelm.law.verdict import INVALID, UNTOUCHED
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import achievable
+from cohelm.robot.model import RobotModel
+from cohelm.scenario import build, load
+from cohelm.scenario.model import Scenario
+from cohelm.sim.hand import IDLE, operate, replayed
+from cohelm.sim.judge import Judged, judge
+from cohelm.sim.run import run as simulated
+from cohelm.sim.setup import Setup
+from cohelm.sim.world import NOWHERE, clearance, place
+from cohelm.study.metrics import Metrics, measure
+
+_AGILITY = 1.0  # of what moves, as the guard takes it by default [m/s^2]
+
+
+class Observation(NamedTuple):
+    """What a law is told in one control step; world frame, SI units, radians."""
+
+    t: float
+    """Since the start [s]."""
+    dt: float
+    """Until the next step [s]."""
+    pose: Pose
+    """Where the robot is now."""
+    twist: Twist
+    """What its wheels do now."""
+    obstacles: Obstacles
+    """All there are, as of now; what moves may change its velocity by 1 m/s^2."""
+    reference: Desired
+    """Where the robot should be at t, and how fast (7)(10)."""
+    goal: tuple[float, float]
+    """The end of the reference [m]."""
+    stick: Stick
+    """What the person does."""
+
+
+Controller = Callable[[Observation], Twist]
+"""A law of one's own: the command for the next `dt`. What is not finite counts as a stop."""
+
+ControllerFactory = Callable[[RobotModel, float], Controller]
+"""Makes one for a robot and a control period [s]; of each run or episode a new one."""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """One run, judged: by `metrics`, as `cohelm run` scores it, and by the campaigns' judge."""
+
+    setup: Setup
+    trace: Trace
+
+    @cached_property
+    def metrics(self) -> Metrics:
+        """Durations, errors, clearances, shares."""
+        return measure(self.trace)
+
+    @cached_property
+    def judged(self) -> Judged:
+        """Contacts of the real outline, between the control steps too."""
+        setup, trace = self.setup, self.trace
+        return judge(
+            Judged(), trace.rows, trace.discs, setup.outline, setup.around.walls, setup.limits,
+            trace.dt,
+        )  # fmt: skip
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the run reached the end of its reference."""
+        return self.metrics.reached
+
+    @property
+    def contacts(self) -> int:
+        """In which the robot moved; being walked into while it stands is not its own."""
+        return self.judged.moving
+
+    def table(self) -> dict[str, Floats]:
+        """Every number of every step, by name, for pandas.DataFrame; `core.trace.ROW` has units."""
+        return {name: self.trace.rows[name] for name in self.trace.rows.dtype.names or ()}
+
+
+def run(
+    scenario: str | Path | Scenario, controller: Controller | None = None, *,
+    changes: Sequence[str] = (), stick: str | None = None,
+) -> RunResult:  # fmt: skip
+    """One scenario from its start to its end, as fast as it can.
+
+        >>> import cohelm
+        >>> result = cohelm.run("lab-track", lambda now: cohelm.Twist(0.0, 0.0))
+        >>> (result.contacts, result.arrived)
+        (0, False)
+
+    scenario: a shipped name, a file, or one that is loaded. controller: a law of one's own instead
+    of the scenario's, on exact arcs with the robot's delay and wheel limits; it is told all there
+    is. changes: `key.path=value` as in `cohelm run --set`. stick: a stick file to play.
+
+    Raises CohelmError for a scenario that can not be used.
+    """
+    if isinstance(scenario, Scenario):
+        if changes or stick is not None:
+            raise CohelmError(
+                "changes and stick belong to a scenario's file: use scenario.model_copy instead"
+            )
+        made = scenario
+    else:
+        made = load.scenario(scenario, changes, stick)
+    setup = build.setup(made)
+    return RunResult(setup, simulated(setup) if controller is None else driven(setup, controller))
+
+
+def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
+    """The trace of a run under a law of one's own. arrive: ends where the reference does.
+
+    Raises CohelmError for a setup with a plant or senses that such a law can not be given.
+    """
+    if setup.twin is not None or (setup.pilot is not None and setup.pilot.lidar is not None):
+        raise CohelmError(
+            "a controller of your own drives the kinematic plant and is told the truth: "
+            "set simulation.plant=kinematic and senses=truth"
+        )
+    n, m, dt = setup.steps, len(setup.around.discs), setup.dt
+    rows, h, discs = np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6))
+    end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
+    goal, reach = (float(end.x), float(end.y)), float(np.hypot(*setup.outline.T).max())
+    moving = _moving(setup)
+    pose, applied, person = setup.start, Twist(0.0, 0.0), IDLE
+    queue = [Twist(0.0, 0.0)] * setup.delay_steps
+    done = n
+    for k in range(n):
+        t, there = k * dt, discs[k]
+        place(there, 0, setup.around, t)
+        if setup.operator.active:
+            person, stick = operate(
+                person, setup.operator, pose, there, setup.around.noticed, k, dt, setup.seed
+            )
+        else:
+            stick = replayed(0, setup.hands, t)
+        wanted = desired(setup.reference, t, setup.spline_speed)
+        around = _obstacles(there, moving, setup.around.walls)
+        now = Observation(t, dt, pose, applied, around, wanted, goal, stick)
+        command, sound = _asked(controller, now)
+        queue.append(command)
+        arriving = queue.pop(0)
+        after = achievable(arriving, applied, setup.limits, dt)
+        away = math.hypot(pose.x - goal[0], pose.y - goal[1])
+        apart = (there[:, X] - pose.x) ** 2 + (there[:, Y] - pose.y) ** 2
+        h[k] = apart - there[:, SAFE] ** 2
+        hand = human(limited(stick, setup.gains), setup.gains)
+        row = rows[k]
+        row["t"], row["x"], row["y"], row["psi"] = t, *pose
+        row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = wanted
+        row["e_p"] = pose_error(pose, wanted)
+        row["stick_x"], row["stick_psi"] = stick
+        row["human_v"], row["human_omega"] = hand
+        for name in ("", "automatic_", "shared_"):
+            row[f"{name}v"], row[f"{name}omega"] = command
+        row["authority_x"] = row["authority_psi"] = row["rate"] = 1.0
+        row["h"] = h[k].min(initial=math.inf)
+        row["verdict"], row["culprit"] = UNTOUCHED if sound else INVALID, -1
+        row["applied_v"], row["applied_omega"] = after
+        row["saturated"] = after != arriving
+        row["clearance"] = clearance(pose, setup.outline, reach, there, setup.around.walls, NOWHERE)
+        row["gap"], row["tau"] = math.inf, t
+        row["to_go"], row["arrived"] = away, away < setup.near
+        if arrive and away < setup.near and t > 0.5 * setup.reference.duration:
+            done = k + 1
+            break
+        pose, applied = arc(pose, after, dt), after
+    return Trace(rows[:done], h[:done], discs[:done], setup.names, dt, setup.scenario)
+
+
+def _asked(controller: Controller, now: Observation) -> tuple[Twist, bool]:
+    """The law's command, and whether it was one."""
+    given = controller(now)
+    try:
+        v, omega = given
+        command = Twist(float(v), float(omega))
+    except (TypeError, ValueError) as error:
+        raise CohelmError(
+            f"the controller must return a Twist (v, omega), got {given!r} at t = {now.t:.2f} s"
+        ) from error
+    if math.isfinite(command.v) and math.isfinite(command.omega):
+        return command, True
+    return Twist(0.0, 0.0), False
+
+
+def _moving(setup: Setup) -> Floats:
+    """Largest acceleration that each disc is taken to be capable of (m,) [m/s^2]."""
+    discs = setup.around.discs
+    drifts = (discs[:, VX] != 0.0) | (discs[:, VY] != 0.0)
+    return _AGILITY * (drifts | (np.diff(setup.around.path_first) > 0)).astype(np.float64)
+
+
+def _obstacles(discs: Floats, agility: Floats, walls: Floats) -> Obstacles:
+    return Obstacles(
+        discs=discs[:, [X, Y, RADIUS, VX, VY]], segments=walls, max_acceleration=agility
+    )

@@ -1,0 +1,176 @@
+"""A robot of one's own: what the base class supplies, and what becomes of what goes wrong in it."""
+
+import math
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import cohelm
+from cohelm.robot.adapter import RobotAdapter
+
+SALLY = cohelm.load_robot("sally")
+REST = cohelm.Twist(0.0, 0.0)
+HERE = cohelm.Pose(0.0, 0.0, 0.0)
+
+
+class Cart(cohelm.Robot):
+    """Notes what it is asked; time passes only in `wait`."""
+
+    real_time = False
+
+    def __init__(self) -> None:
+        super().__init__(SALLY)
+        self.t, self.asked, self.broken = 0.0, [], ""
+
+    def now(self) -> float:
+        return self.t
+
+    def wait(self, until: float) -> None:
+        self.t = max(self.t, until)
+
+    def fails(self, method: str) -> None:
+        if self.broken == method:
+            raise OSError("the line is dead")
+
+    def read(self) -> cohelm.Readings:
+        self.fails("read")
+        return cohelm.Readings(self.odometry(HERE, REST))
+
+    def send(self, twist: cohelm.Twist) -> None:
+        self.fails("send")
+        self.asked.append((self.t, twist))
+
+    def stop(self) -> None:
+        self.fails("stop")
+        self.asked.append((self.t, "stop"))
+
+
+def test_no_twist_beyond_the_limits_or_not_finite_reaches_the_robot():
+    cart = Cart()
+    port = RobotAdapter(cart)
+    for v, omega in ((9.0, 0.0), (-9.0, 30.0), (math.nan, 0.0), (0.0, math.inf), (0.5, 0.1)):
+        port.send(cohelm.Twist(v, omega))
+    bounds = SALLY.bounds()
+    for _, twist in cart.asked:
+        if twist != "stop":
+            assert abs(twist.v) <= bounds.speed
+            assert abs(twist.omega) <= bounds.yaw_rate
+    assert [twist for _, twist in cart.asked].count("stop") == 1  # the second is still stopped
+    assert cart.asked[-1][1] == cohelm.Twist(0.5, 0.1)
+
+
+def test_no_robot_goes_on_without_commands():
+    cart = Cart()
+    port = RobotAdapter(cart)
+    port.send(cohelm.Twist(0.5, 0.0))
+    port.wait(0.4)
+    assert cart.asked[-1][1] != "stop"
+    port.wait(3.0)
+    assert cart.asked[-1] == (0.5, "stop")
+
+
+class Slow(Cart):
+    """Its own clock is that on the wall, and its `read` can hang."""
+
+    real_time = True
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.hangs, self.stopped = threading.Event(), threading.Event()
+        self.hangs.set()
+
+    def now(self) -> float:
+        return time.monotonic()
+
+    def read(self) -> cohelm.Readings:
+        self.hangs.wait(10.0)
+        return super().read()
+
+    def stop(self) -> None:
+        super().stop()
+        self.stopped.set()
+
+
+def test_no_call_that_hangs_keeps_the_robot_from_being_stopped():
+    slow = Slow()
+    port = RobotAdapter(slow)
+    port.send(cohelm.Twist(0.5, 0.0))
+    slow.hangs.clear()
+    reader = threading.Thread(target=port.read)
+    reader.start()
+    assert slow.stopped.wait(5.0)
+    assert reader.is_alive()
+    slow.hangs.set()
+    reader.join()
+    port.close()
+
+
+@pytest.mark.parametrize("method", ["read", "send", "stop"])
+def test_no_error_of_the_robots_own_code_goes_unsaid(method):
+    """It is a fault, which the gate latches; and it can be reset when it is over."""
+    cart = Cart()
+    port = RobotAdapter(cart)
+    assert port.read().health.faults == ()
+    cart.broken = method
+    port.send(cohelm.Twist(0.3, 0.0))
+    port.stop()
+    said = port.read().health.faults
+    assert said == (f"{method} failed: OSError: the line is dead",)
+    cart.broken = ""
+    port.read()
+    port.send(cohelm.Twist(0.3, 0.0))
+    assert port.read().health.faults == ()
+
+
+def test_a_stop_is_said_again_and_again_but_not_at_every_call():
+    cart = Cart()
+    port = RobotAdapter(cart)
+    port.send(cohelm.Twist(0.3, 0.0))
+    for k in range(100):
+        port.stop()
+        port.wait(0.01 * (k + 1))
+    stops = [t for t, twist in cart.asked if twist == "stop"]
+    assert stops[0] == 0.0
+    assert len(stops) in (10, 11)
+
+
+def test_what_is_newest_stays_until_something_newer_comes():
+    cart = Cart()
+    port = RobotAdapter(cart)
+    scan = cart.scan(np.ones(720))
+    cart.read = lambda: cohelm.Readings(None, scan)
+    assert port.read().scan is scan
+    cart.read = lambda: cohelm.Readings(cart.odometry(HERE, REST))
+    assert port.read().scan is scan
+    assert port.read().odometry.stamp == cart.now()
+
+
+def test_scans_are_numbered_stamped_and_as_rep_117_has_them():
+    cart = Cart()
+    cart.t = 2.0
+    ranges = np.full(720, 1.0)
+    ranges[:3] = 0.01, 99.0, math.nan
+    scan = cart.scan(ranges.astype(np.float32), age=0.05, duration=0.1)
+    assert scan.ranges[:2].tolist() == [-math.inf, math.inf]
+    assert math.isnan(scan.ranges[2])  # a broken beam is for the loop to see
+    assert scan.stamp == pytest.approx(1.85)
+    assert (scan.number, cart.scan(ranges).number) == (0, 1)
+    with pytest.raises(cohelm.CohelmError, match="has 720 beams, got shape"):
+        cart.scan(ranges[1:])
+    bare = Cart()
+    bare.model = SALLY.model_copy(update={"lidar": None})
+    with pytest.raises(cohelm.CohelmError, match="has no LiDAR"):
+        bare.scan(ranges)
+
+
+def test_no_robot_without_a_model_passes():
+    class Bare(Cart):
+        def __init__(self) -> None:
+            pass
+
+    with pytest.raises(cohelm.CohelmError, match="has no model"):
+        RobotAdapter(Bare())
+    with pytest.raises(cohelm.CohelmError, match="must be a subclass"):
+        RobotAdapter(object())

@@ -1,0 +1,85 @@
+"""One scenario under any law: the same plant, the same judge."""
+
+import math
+
+import numpy as np
+import pytest
+
+import cohelm
+from cohelm.law.blend import authority, blend
+from cohelm.law.human import human, intent, limited
+from cohelm.law.track import track
+from cohelm.scenario import build
+from cohelm.study.controlled import driven
+
+STRAIGHT = ["simulation.duration_s=8"]
+
+
+def test_the_papers_law_as_ones_own_drives_as_the_papers_law():
+    """A person at the stick, wheel limits and a delay: the same trajectory from both loops."""
+    changes = ["law.filter=none", "simulation.duration_s=20", "simulation.delay_s=0.05"]
+    gains = build.setup(cohelm.load_scenario("lab-shared", changes)).gains
+
+    def law(now: cohelm.Observation) -> cohelm.Twist:
+        stick = limited(now.stick, gains)
+        share = authority(intent(stick, gains), gains)
+        return blend(track(now.pose, now.reference, gains), human(stick, gains), share)
+
+    ours = cohelm.run("lab-shared", law, changes=changes).trace.rows
+    theirs = cohelm.run("lab-shared", changes=changes).trace.rows
+    assert np.abs(theirs["stick_x"]).max() > 0.3
+    for name in ("x", "y", "psi", "v", "omega", "applied_v", "applied_omega", "clearance", "e_p"):
+        assert np.allclose(ours[name][: len(theirs)], theirs[name][: len(ours)], atol=1e-9), name
+
+
+def test_a_law_that_rams_is_judged_to_have_touched():
+    def ram(now: cohelm.Observation) -> cohelm.Twist:
+        return cohelm.Twist(1.0, 0.0)
+
+    result = cohelm.run("lab-guard", ram, changes=STRAIGHT)
+    assert result.contacts >= 1
+    assert not result.arrived
+    assert result.metrics.contact
+
+
+def test_the_filter_around_the_same_law_touches_nothing():
+    robot = cohelm.load_robot("sally")
+    safe = cohelm.SafetyFilter(robot, period=0.02, delay=0.06)
+
+    def ram(now: cohelm.Observation) -> cohelm.Twist:
+        return safe(now.pose, now.twist, cohelm.Twist(1.0, 0.0), now.obstacles).twist
+
+    result = cohelm.run("lab-guard", ram, changes=STRAIGHT)
+    assert result.contacts == 0
+    assert result.metrics.min_clearance_m > 0.0075
+    assert result.metrics.path_length_m > 1.0
+
+
+def test_a_law_that_answers_no_number_stands_and_that_is_in_the_trace():
+    result = cohelm.run(
+        "lab-track", lambda now: cohelm.Twist(math.nan, 0.0), changes=["simulation.duration_s=1"]
+    )
+    assert (result.trace.rows["applied_v"] == 0.0).all()
+    assert set(result.trace.rows["verdict"]) == {cohelm.Verdict.INVALID}
+
+
+@pytest.mark.parametrize("answer", [None, 1.0, "go", (1.0, 2.0, 3.0)])
+def test_no_answer_that_is_no_twist_goes_unsaid(answer):
+    with pytest.raises(cohelm.CohelmError, match="must return a Twist"):
+        cohelm.run("lab-track", lambda now: answer, changes=["simulation.duration_s=1"])
+
+
+def test_what_a_law_of_ones_own_can_not_be_given_is_said():
+    with pytest.raises(cohelm.CohelmError, match="senses=truth"):
+        cohelm.run("lab-guard", lambda now: cohelm.Twist(0, 0), changes=["senses=lidar"])
+    made = cohelm.load_scenario("lab-track")
+    with pytest.raises(cohelm.CohelmError, match="model_copy"):
+        cohelm.run(made, changes=["simulation.duration_s=1"])
+
+
+def test_a_run_ends_where_its_reference_does():
+    setup = build.setup(cohelm.load_scenario("minimal", ["stick={kind: none}"]))
+    trace = driven(setup, lambda now: track(now.pose, now.reference, setup.gains))
+    assert trace.rows["arrived"][-1]
+    assert trace.rows["to_go"][-1] < setup.near
+    assert trace.rows["t"][-1] == pytest.approx(setup.reference.duration, rel=0.1)
