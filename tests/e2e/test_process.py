@@ -37,8 +37,11 @@ def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tm
     assert out == ""
     assert err == "interrupted; see what was run: cohelm replay cut/record.mcap\n"
     replayed = cohelm("replay", "cut/record.mcap", "--json", cwd=tmp_path)
-    assert replayed.returncode == 0
-    assert 1.0 < json.loads(replayed.stdout)["duration_s"] < 3000.0
+    assert replayed.returncode == 1
+    said = json.loads(replayed.stdout)
+    assert 1.0 < said["duration_s"] < 3000.0
+    assert said["record_whole"] is False
+    assert "stopped by KeyboardInterrupt" in said["record_fault"]
     assert replayed.stderr.startswith("warning: cut/record.mcap is not whole")
     assert "stopped by KeyboardInterrupt" in replayed.stderr
 
@@ -55,6 +58,7 @@ def test_a_disk_that_fills_up_in_mid_run_is_told_and_what_came_before_is_replaye
     assert full.stderr.count("\n") == 1
     assert "free some space" in full.stderr
     replayed = cohelm("replay", "full", "--json", cwd=tmp_path)
+    assert replayed.returncode == 1
     assert json.loads(replayed.stdout)["duration_s"] > 5.0
     assert "is not whole" in replayed.stderr
 

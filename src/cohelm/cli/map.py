@@ -49,11 +49,15 @@ def map_(
         model = load.robot(robot) if robot is not None else None
         folder = out or Path("out/map")
         result = mapped(record, folder, resolution, told, live=live, robot=model)
+    if not result.record_whole:
+        say(f"[bold red]failed:[/bold red] {plain(str(record))} is cut short or damaged; the map "
+            "goes as far as it does")  # fmt: skip
     if as_json:
         print_json({"record": str(record), "out": str(folder), **result.as_dict()})
+        _end(result.record_whole)
         return
     rows = (
-        ("scans", f"{result.scans}"),
+        ("scans, and those of them without a return", f"{result.scans}, {result.empty_scans}"),
         ("way driven", f"{result.travelled_m:.1f} m"),
         ("places, and pairs of them that met again", f"{result.places}, {result.loops}"),
         ("the odometry's ways are multiplied by", f"{result.odometry_scale:.4f}"),
@@ -62,3 +66,10 @@ def map_(
     )
     print_table(str(record), ("quantity", "value"), rows)
     say(f"map.yaml, map.pgm and map.png: {plain(str(folder))}")
+    _end(result.record_whole)
+
+
+def _end(whole: bool) -> None:
+    """With exit status 1 where the record was not whole."""
+    if not whole:
+        raise typer.Exit(1)

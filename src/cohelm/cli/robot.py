@@ -109,16 +109,20 @@ def robot(
             session.run(until, chosen)
             session.end(stop.asked or "the drive is over")
         summary = session.summary()
+    summary |= session.record_summary()
     _told(made.scenario.name, summary, as_json)
 
 
 def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
     """What became of the drive."""
+    failed = failures(summary)
     if as_json:
-        print_json(summary)
+        print_json(summary | {"failed": failed})
     else:
-        print_table(name, ("quantity", "value"), _rows(summary))
-    if summary["faulted"]:
+        print_table(name, ("quantity", "value"), rows(summary))
+    for one in failed:
+        say(f"[bold red]failed:[/bold red] {plain(one)}")
+    if failed:
         raise typer.Exit(1)
 
 
@@ -179,8 +183,49 @@ def _line(session: Session) -> Any:
     return shown()
 
 
-def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    return [
-        (key.replace("_", " "), f"{value:.4g}" if isinstance(value, float) else str(value))
-        for key, value in summary.items()
+def failures(summary: dict[str, Any]) -> list[str]:
+    """What went wrong in a drive, a sentence each: with any of them the exit status is 1."""
+    found: list[str] = []
+    if summary["faulted"]:
+        found.append(f"the robot stopped itself: {summary['reason']}")
+    if summary["lost"]:
+        share = summary["lost_share"] or 0.0
+        found.append(
+            f"at the end the robot did not know where it was on the map ({share:.0%} of the time): "
+            "does the map fit, and the start?"
+        )
+    if summary["record_whole"] is False:
+        found.append(f"the record is not whole: {summary['record_fault']}")
+    return found
+
+
+def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """The summary for a person; `--json` has every number."""
+    periods = summary.get("periods", 0)
+    clearance, lost = summary["least_clearance_moving_m"], summary["lost_share"]
+    found = [
+        ("robot", f"{summary['robot']} ({summary['kind']})"),
+        ("ended", f"{summary['mode'].lower()}: {summary['reason']}"),
+        ("the route is done", "yes" if summary["arrived"] else "no"),
     ]
+    if clearance is not None:
+        found.append(("smallest clearance while moving", f"{clearance:.3f} m"))
+    if lost is not None:
+        found.append(("knew where it was", f"{1.0 - lost:.1%} of the time"))
+    if periods and "within_2ms" in summary:
+        found += [
+            ("driven for", f"{periods / summary['rate_hz']:.1f} s at {summary['rate_hz']:g} Hz"),
+            ("periods in time (within 2 ms)", f"{summary['within_2ms']:.2%} of {periods}"),
+            ("latest period", f"{1e3 * summary['late_worst']:.1f} ms late"),
+            ("work in a period, usual and most",
+             f"{1e3 * summary['took_median']:.1f} and {1e3 * summary['took_worst']:.1f} ms"),
+            ("periods whose work took too long", f"{summary['overruns']}"),
+        ]  # fmt: skip
+    found.append(("proposals the gate refused", f"{summary['refused']}"))
+    found.append(("scheduling", summary["scheduling"]))
+    if summary["record"]:
+        dropped = summary["record_dropped"]
+        whole = "whole" if summary["record_whole"] else "NOT WHOLE"
+        missing = f", {dropped} messages dropped" if dropped else ""
+        found.append(("record", f"{summary['record']} ({whole}{missing})"))
+    return found

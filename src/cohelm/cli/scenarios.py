@@ -98,7 +98,8 @@ def replay(
 ) -> None:
     """Score a recorded run again.
 
-    The numbers equal those of the run. From a record that was cut short, as far as it goes.
+    The numbers equal those of the run. From a record that was cut short, as far as it goes, and
+    with exit status 1.
     """
     with progress("reading") as told:
         import warnings
@@ -116,9 +117,14 @@ def replay(
     for warning in caught:
         say(f"[yellow]warning:[/yellow] {plain(str(warning.message))}")
     if as_json:
-        print_json({"record": str(record), **metrics.as_dict()})
+        fault = str(caught[0].message) if caught else None
+        whole = {"record_whole": not caught, "record_fault": fault}
+        print_json({"record": str(record), **whole, **metrics.as_dict()})
     else:
-        print_table(str(record), ("quantity", "value"), table(metrics))
+        cut = [("record", "NOT WHOLE, see above")] if caught else []
+        print_table(str(record), ("quantity", "value"), cut + table(metrics))
+    if caught:
+        raise typer.Exit(1)
 
 
 @app.command()

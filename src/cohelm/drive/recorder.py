@@ -56,7 +56,8 @@ class Recording:
         self.loop.send(pickle.dumps(epoch))
 
     def close(self, within: float = 20.0) -> bool:
-        """Wait until the file is finished; whether it was. If not, its process goes on with it."""
+        """Wait until the file is finished; whether it was, and is whole. If it is not finished by
+        then, its process goes on with it."""
         for end in (self.loop, self.keeper):
             with contextlib.suppress(OSError):
                 end.close()
@@ -113,8 +114,11 @@ def _record(
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a file-size limit is an OSError, then
     log = Log(path)
     with path.open("wb", buffering=0) as file:
-        _Desk(file, log, model, scenario).sit(loop, keeper)
+        desk = _Desk(file, log, model, scenario)
+        desk.sit(loop, keeper)
     log.close()
+    if desk.full:
+        raise SystemExit(1)
 
 
 class _Desk:
@@ -123,7 +127,8 @@ class _Desk:
     def __init__(self, file: IO[bytes], log: Log, model: RobotModel, scenario: str) -> None:
         self._file, self._log, self._model, self._scenario = file, log, model, scenario
         self._drive: DriveFile | None = None
-        self._full = ""
+        self.full = ""
+        """Why nothing more is written; empty while it is."""
         self._latest = 0.0
 
     def sit(self, loop: socket.socket, keeper: socket.socket) -> None:
@@ -156,7 +161,7 @@ class _Desk:
             self._log(message)
             self._latest = message.stamp
         drive = self._drive
-        if drive is None or self._full:
+        if drive is None or self.full:
             return
         if isinstance(message, bytes):
             row = np.frombuffer(message, dtype=PERIOD).reshape(())
@@ -166,13 +171,13 @@ class _Desk:
 
     def _try(self, write: Any, loop: socket.socket | None) -> None:
         """Write; where that fails, say so in the log and to the loop, and write no more."""
-        if self._full:
+        if self.full:
             return
         try:
             write()
         except OSError as error:
-            self._full = f"recording stopped: {error.strerror}"
-            self._log(Event(self._latest, "recorder", self._full, True))
+            self.full = f"recording stopped: {error.strerror}"
+            self._log(Event(self._latest, "recorder", self.full, True))
             if loop is not None:
                 with contextlib.suppress(OSError):
-                    loop.send(pickle.dumps(self._full))
+                    loop.send(pickle.dumps(self.full))

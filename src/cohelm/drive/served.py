@@ -73,8 +73,9 @@ def serve(
 
                 session.run(until)
                 session.end(said)
-                return session.summary()
+                summary = session.summary()
             finally:
                 desk.close()
+        return summary | session.record_summary()
     finally:
         operator.close()

@@ -81,6 +81,8 @@ class Session:
         self.shown: Callable[[Packed, float], None] | None = None
         """Who is shown the pictures, with their age [s]."""
         self._recorded = -math.inf
+        self._periods = self._lost = 0
+        self._whole = True
         try:
             if plan.record is not None:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
@@ -140,6 +142,8 @@ class Session:
                 if over or late or not loop.choose(wanted):
                     wanted = Mode.HOLD
             self._look()
+            self._periods += 1
+            self._lost += loop.seen is not None and loop.seen.lost
             return until(loop)
 
         if self.plan.robot.real_time:
@@ -202,11 +206,24 @@ class Session:
             "faulted": gate.mode == GateMode.FAULTED,
             "arrived": loop.driver.arrived,
             "least_clearance_moving_m": least if math.isfinite(least) else None,
+            "lost_share": self._lost / self._periods if self._periods else None,
+            "lost": bool(loop.seen is not None and loop.seen.lost),
             **{key: value for key, value in kept._asdict().items() if value == value},
             "refused": gate.refused,
-            "record_dropped": loop.dropped,
             "scheduling": self.scheduling,
-            "record": str(self.plan.record) if self.plan.record else None,
+            **self.record_summary(),
+        }
+
+    def record_summary(self) -> dict[str, Any]:
+        """What became of the record: all of it is only known once the session is closed."""
+        path, fault = self.plan.record, self.loop.record_fault
+        if not self._whole:
+            fault = fault or "the recorder did not finish the file"
+        return {
+            "record": str(path) if path else None,
+            "record_whole": None if path is None else fault == "",
+            "record_fault": fault or None,
+            "record_dropped": self.loop.dropped,
         }
 
     def close(self) -> None:
@@ -217,7 +234,7 @@ class Session:
             self.driver.close()
         self.pictures.close()
         if self.recording is not None:
-            self.recording.close()
+            self._whole = self.recording.close() and self._whole
 
     def _warm(self) -> None:
         """Compile what a period needs, before the first one is due: a few, standing."""

@@ -136,6 +136,11 @@ class Loop:
         return self._record.dropped
 
     @property
+    def record_fault(self) -> str:
+        """Why the recorder writes no more; empty while it does, or where there is none."""
+        return self._recorder
+
+    @property
     def recording(self) -> bool:
         """Whether there is a recorder that still writes."""
         return self._record.open and not self._recorder

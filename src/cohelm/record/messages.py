@@ -21,11 +21,13 @@ _DAMAGED = (
 )  # fmt: skip
 
 
-def messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
+def messages(
+    path: Path, topics: Sequence[str], damaged: Callable[[], None] = lambda: None
+) -> Iterator[tuple[str, int, Any]]:
     """Topic, stamp [ns] and message of all messages on `topics`, in the file's order.
 
-    A file that was cut short, or is damaged, is read up to there. Raises CohelmError where there
-    is no such file, it is no MCAP, or a definition in it can not be read.
+    A file that was cut short, or is damaged, is read up to there, and `damaged` is called. Raises
+    CohelmError where there is no such file, it is no MCAP, or a definition in it can not be read.
     """
     decoders: dict[int, Callable[[bytes], Any]] = {}
     names: dict[int, str] = {}
@@ -47,6 +49,7 @@ def messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]
                         return
                     case _:
                         pass
+        damaged()
     except InvalidMagic as error:
         raise CohelmError(f"{path} is not an MCAP file: give a record in that format") from error
     except OSError as error:

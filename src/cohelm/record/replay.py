@@ -6,6 +6,7 @@ import bisect
 import io
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +39,17 @@ class Replayed(Paced):
         Raises CohelmError for a file that is no record, or holds no odometry, or no robot.
         """
         super().__init__(model or recorded_model(path), pace)
-        self._odometry, self._scans, self._driven, self._photos = _read(path)
+        self.whole = True
+        """Whether the record was finished, and is not damaged."""
+        self._odometry, self._scans, self._driven, self._photos = _read(path, self._damaged)
         self._stamps = [o.stamp for o in self._odometry]
         self._ends = [s.stamp + s.duration for s in self._scans]
         self._turns = [t for t, _ in self._driven]
         self._taken = [photo.stamp for photo in self._photos]
         self._frame: Frame | None = None
+
+    def _damaged(self) -> None:
+        self.whole = False
 
     @property
     def odometry(self) -> list[Odometry]:
@@ -104,14 +110,14 @@ def recorded_model(path: Path) -> RobotModel:
 
 
 def _read(
-    path: Path,
+    path: Path, damaged: Callable[[], None]
 ) -> tuple[list[Odometry], list[Scan], list[tuple[float, Twist]], list[Photo]]:
     odometry: list[Odometry] = []
     scans: list[Scan] = []
     driven: list[tuple[float, Twist]] = []
     photos: list[Photo] = []
     zero, psi = -1, 0.0
-    for topic, stamp, m in messages(path, ("/odom", "/scan", "/cmd_vel", IMAGE)):
+    for topic, stamp, m in messages(path, ("/odom", "/scan", "/cmd_vel", IMAGE), damaged):
         zero = stamp if zero < 0 and topic == "/odom" else zero
         t = (stamp - zero) * 1e-9
         if zero < 0:

@@ -40,6 +40,8 @@ class Drive(NamedTuple):
     odometry: list[Odometry]
     scans: list[Scan]
     lidar: LidarModel
+    whole: bool = True
+    """Whether the record was finished, and is not damaged."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,10 @@ class Result:
     """What came out, for a person or a program."""
 
     scans: int
+    empty_scans: int
+    """Without a single return."""
+    record_whole: bool
+    """Whether the record was finished; from a damaged one the map is made as far as it goes."""
     places: int
     loops: int
     odometry_scale: float
@@ -79,7 +85,7 @@ def drive(path: Path, robot: RobotModel | None = None) -> Drive:
     lidar = replayed.model.lidar
     if lidar is None:
         raise CohelmError(f"{path}: the robot {replayed.model.name} has no LiDAR to map with")
-    return Drive(replayed.odometry, replayed.scans, lidar)
+    return Drive(replayed.odometry, replayed.scans, lidar, replayed.whole)
 
 
 def mapped(
@@ -116,10 +122,16 @@ def mapped(
             raise  # of a live drive, Ctrl-C is the usual end
     if not seen:
         raise CohelmError(f"{path}: no scan came while there was odometry: record both")
+    empty = sum(1 for glimpse in seen if not len(glimpse.points))
+    if empty == len(seen):
+        raise CohelmError(
+            f"{path}: not one of its {len(seen)} scans has a return in it, so there is nothing to "
+            "map: check the LiDAR, or --robot for its range"
+        )
     made = survey.finished(lambda share: told("closing loops", 0.6 + 0.3 * share))
     told("drawing", 0.9)
     drawn = _drawn(made, seen, given.lidar, resolution)
-    result = _result(made, drawn, time.perf_counter() - begun)
+    result = _result(made, drawn, empty, given.whole or live, time.perf_counter() - begun)
     _save(folder, made, drawn, seen, result)
     return result
 
@@ -167,11 +179,13 @@ def occupancy(drawn: Raster) -> OccupancyMap:
     return OccupancyMap(cells, drawn.resolution, drawn.origin)
 
 
-def _result(made: Surveyed, drawn: Raster, seconds: float) -> Result:
+def _result(made: Surveyed, drawn: Raster, empty: int, whole: bool, seconds: float) -> Result:
     path = np.array([pose[:2] for pose in made.poses])
     rows, columns = drawn.hits.shape
     return Result(
         scans=len(made.poses),
+        empty_scans=empty,
+        record_whole=whole,
         places=len(made.places),
         loops=len(made.loops),
         odometry_scale=made.scale,

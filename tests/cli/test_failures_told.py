@@ -1,0 +1,108 @@
+"""What failed stands in the summary, in --json and in the exit status, not only in a log."""
+
+import json
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from cohelm.cli.robot import failures, rows
+from cohelm.core.types import Pose, Twist
+from cohelm.record.drive import DriveFile
+from cohelm.robot.port import Odometry, Scan
+from cohelm.scenario import load
+
+SOUND = {
+    "scenario": "lab-guard", "robot": "Sally", "kind": "kinematic", "rate_hz": 50.0,
+    "mode": "STOPPED", "reason": "the drive is over", "faulted": False, "arrived": True,
+    "least_clearance_moving_m": 0.1234567, "lost_share": 0.02, "lost": False, "periods": 2000,
+    "overruns": 0, "within_2ms": 0.9991, "late_median": 1e-5, "late_99": 2e-5, "late_999": 2e-5,
+    "late_worst": 0.0123, "took_median": 0.002, "took_99": 0.004, "took_worst": 0.009,
+    "refused": 0, "scheduling": "real time", "record": "a.mcap", "record_whole": True,
+    "record_fault": None, "record_dropped": 0,
+}  # fmt: skip
+
+
+def test_a_sound_drive_has_no_failure():
+    assert failures(SOUND) == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"faulted": True, "reason": "the scan is 372 ms old"}, "372 ms old"),
+        ({"lost": True, "lost_share": 1.0}, "did not know where it was on the map (100% of"),
+        ({"record_whole": False, "record_fault": "recording stopped: No space left"}, "No space"),
+    ],
+)
+def test_each_failure_is_a_sentence(changed, words):
+    (said,) = failures(SOUND | changed)
+    assert words in said
+
+
+def test_the_summary_for_a_person_has_units_and_no_powers_of_ten():
+    text = "\n".join(f"{name}: {value}" for name, value in rows(SOUND))
+    assert "e-0" not in text
+    assert "late 999" not in text
+    assert "smallest clearance while moving: 0.123 m" in text
+    assert "periods in time (within 2 ms): 99.91% of 2000" in text
+    assert "latest period: 12.3 ms late" in text
+    assert "record: a.mcap (whole)" in text
+
+
+def test_a_record_that_is_not_whole_says_so_in_the_table():
+    text = dict(rows(SOUND | {"record_whole": False, "record_dropped": 7}))["record"]
+    assert text == "a.mcap (NOT WHOLE, 7 messages dropped)"
+
+
+@pytest.mark.xdist_group("realtime")
+def test_a_drive_whose_record_fills_the_disk_ends_with_status_1_and_says_why(tmp_path):
+    command = (
+        sys.executable, "-m", "cohelm", "robot", "lab-guard", "--fast", "--for", "6", "--json",
+    )  # fmt: skip
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)  # compiled by now
+    full = subprocess.run(
+        (*command, "--record", "full.mcap"), cwd=tmp_path, capture_output=True, text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000)),
+    )  # fmt: skip
+    assert full.returncode == 1, full.stderr
+    said = json.loads(full.stdout)
+    assert said["record_whole"] is False
+    assert "recording stopped: File too large" in said["record_fault"]
+    assert said["failed"] == [f"the record is not whole: {said['record_fault']}"]
+    assert "failed:" in full.stderr
+
+
+def _drive(path, ranges, finish=True):
+    model = load.robot("sally")
+    lidar = model.lidar
+    assert lidar is not None
+    with path.open("wb") as file:
+        made = DriveFile(file, model, 946_684_800_000_000_000)
+        for k in range(40):
+            made.write(Odometry(0.1 * k, Pose(0.02 * k, 0.0, 0.0), Twist(0.2, 0.0)))
+            made.write(Scan(0.1 * k, k, np.full(lidar.beams, ranges), 0.0))
+        if finish:
+            made.finish()
+        else:
+            made.flush()
+
+
+@pytest.mark.parametrize("ranges", [np.nan, np.inf])
+def test_a_map_is_not_made_of_nothing(cohelm, tmp_path, ranges):
+    _drive(tmp_path / "nothing.mcap", ranges)
+    said = cohelm("map", "nothing.mcap", "--json")
+    assert said.code == 2
+    assert "not one of its" in said.err
+    assert "has a return in it" in said.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_map_of_a_record_that_was_cut_short_is_made_and_the_status_is_1(cohelm, tmp_path):
+    _drive(tmp_path / "cut.mcap", 2.0, finish=False)
+    said = cohelm("map", "cut.mcap", "--json")
+    assert said.code == 1
+    assert json.loads(said.out)["record_whole"] is False
+    assert "is cut short or damaged" in said.err
