@@ -29,6 +29,7 @@ from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.timing import Kept, Timing
 from cohelm.robot.keep.priority import urgent
+from cohelm.robot.keep.processes import children
 from cohelm.scenario import load
 
 TICK = os.sysconf("SC_CLK_TCK")
@@ -78,20 +79,6 @@ def used(pid: int) -> float:
     """Processor time of a process so far [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICK
-
-
-def children(pid: int) -> dict[str, int]:
-    """The loop's helpers by name."""
-    found = {}
-    for status in Path("/proc").glob("[0-9]*/status"):
-        try:
-            text = status.read_text()
-        except OSError:
-            continue
-        name = text.split("\n")[0].partition("\t")[2]
-        if f"PPid:\t{pid}\n" in text and name.startswith("cohelm"):
-            found[name] = int(status.parent.name)
-    return found
 
 
 BACK = [[3.5, -1.2], [1.5, -2.6], [0.3, -2.7], [0.0, -1.75]]

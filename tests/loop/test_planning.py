@@ -3,11 +3,12 @@
 import os
 import signal
 import time
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
 
-from cohelm.loop.planning import Elsewhere
+from cohelm.loop.planning import ANSWER, Elsewhere
 
 LONG = 2_000_000  # more than a socket holds
 
@@ -17,11 +18,11 @@ def wordy(task: Any) -> Any:
     return task[:LONG]
 
 
-def planned(planning: Elsewhere) -> Any:
+def planned(planning: Elsewhere, now: float = 0.0) -> Any:
     """The plan, when it comes."""
     end = time.monotonic() + 60.0
     while time.monotonic() < end:
-        if (made := planning.plan(0.0)) is not None:
+        if (made := planning.plan(now)) is not None:
             return made
         time.sleep(0.005)
     raise AssertionError("there was no plan")
@@ -67,3 +68,59 @@ def test_a_planner_that_died_leaves_the_loop_without_new_plans(planning):
         planning.plan(0.0)
     assert planning.broken
     assert planning.plan(0.0) is None
+
+
+@contextmanager
+def stopped(planning):
+    """The planner stands still."""
+    os.kill(planning._process.pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(planning._process.pid, signal.SIGCONT)
+
+
+def asked(planning, begin: float, seconds: float) -> Any:
+    """Ask for the plan 50 times a second of the robot's time; when there was one or it was late."""
+    for k in range(round(50 * seconds) + 1):
+        made = planning.plan(begin + k / 50.0)
+        if made is not None or planning.late:
+            return made, k / 50.0
+    return None, None
+
+
+def test_a_planner_that_hangs_is_late_in_time_and_no_sooner(planning):
+    assert planning.offer(0.0, b"a")
+    assert planned(planning) == b"a"
+    with stopped(planning):
+        assert planning.offer(1.0, b"b")
+        assert asked(planning, 1.0, 60.0) == (None, pytest.approx(ANSWER, abs=0.03))
+        assert not planning.offer(10.0, b"c")  # it has one still
+        assert not planning.broken
+
+
+def test_a_plan_that_comes_too_late_is_not_used_and_the_next_one_is(planning):
+    with stopped(planning):
+        assert planning.offer(0.0, b"old")
+        asked(planning, 0.0, 10.0)
+        assert planning.late
+    end = time.monotonic() + 60.0
+    while planning._busy and time.monotonic() < end:
+        assert planning.plan(10.0) is None
+        time.sleep(0.005)
+    assert planning.offer(10.1, b"new")
+    assert planned(planning, 10.2) == b"new"
+    assert not planning.late
+
+
+def test_a_plan_that_nobody_asked_for_in_time_is_no_trouble_but_is_not_used(planning):
+    """The mode was another one meanwhile."""
+    assert planning.offer(0.0, b"old")
+    time.sleep(0.5)
+    end = time.monotonic() + 60.0
+    while planning._busy and time.monotonic() < end:
+        assert planning.plan(100.0) is None
+        time.sleep(0.005)
+    assert not planning.late
+    assert planning.offer(100.0, b"new")
+    assert planned(planning, 100.2) == b"new"

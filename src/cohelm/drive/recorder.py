@@ -23,8 +23,8 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.period import PERIOD
 from cohelm.record.drive import DriveFile
 from cohelm.robot.keep.kept import Event
-from cohelm.robot.keep.lines import LARGEST, line
-from cohelm.robot.keep.processes import started
+from cohelm.robot.keep.lines import ALIVE, LARGEST, line
+from cohelm.robot.keep.processes import left_alone, started
 from cohelm.robot.model import RobotModel
 
 _RESERVE = 1 << 16  # bytes kept for the log
@@ -62,6 +62,8 @@ class Recording:
             with contextlib.suppress(OSError):
                 end.close()
         self._process.join(within)
+        if self._process.is_alive():
+            left_alone(self._process)
         return self._process.exitcode == 0
 
 
@@ -141,15 +143,21 @@ class _Desk:
         while lines:
             for fd, _ in poll.poll(500):
                 end, who = lines[fd]
-                data = end.recv(LARGEST)
+                try:
+                    data = end.recv(LARGEST)
+                except ConnectionResetError:  # it is gone without having heard all that was said:
+                    continue  # what it told before is still to come
                 if not data:
                     poll.unregister(fd)
                     del lines[fd]
                     continue
                 self._take(pickle.loads(data), who, loop)
-            if time.monotonic() - flushed > _FLUSH and self._drive is not None:
+            if time.monotonic() - flushed > _FLUSH:
                 flushed = time.monotonic()
-                self._try(self._drive.flush, loop)
+                if self._drive is not None:
+                    self._try(self._drive.flush, loop)
+                with contextlib.suppress(OSError):  # the loop is gone, or does not listen
+                    loop.send(ALIVE, socket.MSG_DONTWAIT)
         if self._drive is not None:
             self._try(self._drive.finish, None)
 
@@ -180,4 +188,4 @@ class _Desk:
             self._log(Event(self._latest, "recorder", self.full, True))
             if loop is not None:
                 with contextlib.suppress(OSError):
-                    loop.send(pickle.dumps(self.full))
+                    loop.send(pickle.dumps(self.full), socket.MSG_DONTWAIT)

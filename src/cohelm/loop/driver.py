@@ -61,6 +61,11 @@ class Driver:
         """Whether nothing plans a way round any more."""
         return self._planning is not None and self._planning.broken
 
+    @property
+    def planless(self) -> bool:
+        """Whether plans come too late to be used, for now."""
+        return self._planning is not None and self._planning.late
+
     def moved(self, measured: Twist) -> Twist:
         """What the robot does now: what it was told, as long as that is about what is measured.
 

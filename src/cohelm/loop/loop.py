@@ -46,6 +46,8 @@ _MOST_REQUESTS = 8
 """Done for one client in one period, as many as one command carries; a stop always."""
 _REMEMBERED = 10.0
 """No request is done that is so old [s]."""
+_LATE_PLANNER = "what plans ways round does not answer: the robot keeps to the course it has"
+_MUTE_RECORDER = "the recorder gives no sign of life: what it has no room for is lost"
 
 
 class Ways(NamedTuple):
@@ -109,6 +111,8 @@ class Loop:
         self._garbage: Sweeper | None = None
         self._late = self._took = 0.0
         self._recorder = ""
+        self._trouble: dict[str, str] = {}
+        """With what works for the loop, by name."""
         self._driven_by = (0, "")
         self._kept: Told | None = None
 
@@ -152,6 +156,7 @@ class Loop:
     def record_into(self, line: Line) -> None:
         """Another recorder from now on, or none; the one before is not closed."""
         self._record, self._recorder, self._kept = line, "", None
+        self._trouble.pop("recorder", "")
         self.alarms.off("recorder")
 
     def note(self, what: Map | Polyline) -> None:
@@ -393,13 +398,27 @@ class Loop:
         said = self._record.heard() or self._record.broken
         if said and said != self._recorder:
             self._recorder = str(said)
+            self.alarms.off("recorder")
             self.alarms.on("recorder", self._recorder)
-        if self.driver.stuck and self.alarms.on("planner", _NO_PLANNER):
-            self._event(_NO_PLANNER, True)
+        elif not said and not self._recorder:
+            self._heed("recorder", _MUTE_RECORDER if self._record.mute else "")
+        late = _LATE_PLANNER if self.driver.planless else ""
+        self._heed("planner", _NO_PLANNER if self.driver.stuck else late)
         if self.driver.arrived != self._arrived:
             self._arrived = self.driver.arrived
             if self._arrived:
                 self._event("arrived: the route is done")
+
+    def _heed(self, helper: str, trouble: str) -> None:
+        """An alarm about what works for the loop, as long as there is trouble with it."""
+        before = self._trouble.get(helper, "")
+        if trouble == before:
+            return
+        self._trouble[helper] = trouble
+        self.alarms.off(helper)
+        if trouble:
+            self.alarms.on(helper, trouble)
+        self._event(trouble or f"over: {before}", bool(trouble))
 
     def _write(self, now: float, readings: Readings, passed: Passed) -> None:
         """To the recorder, as much as it has room for."""

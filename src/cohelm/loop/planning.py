@@ -14,12 +14,19 @@ from cohelm.pilot.pilot import Planner
 from cohelm.pilot.plan import Plan, Task
 from cohelm.robot.keep.processes import bound, started
 
+ANSWER = 2.0
+"""A plan that takes longer is not used [s]. They take 0.04 s, and ten times that on a busy machine;
+meanwhile the robot goes a metre, as far as its plans look ahead around things."""
+_ASKED = 0.1  # who asks more seldom for a plan does not wait for it [s]
+
 
 class Planning(Protocol):
     """Takes a snapshot, and has a plan some periods later."""
 
     broken: bool
     """Whether there will be no more plans: the course stays as it is."""
+    late: bool
+    """Whether there was no plan in time, so that none is used, though there may be some again."""
 
     def offer(self, now: float, task: Task) -> bool:
         """Plan from this; False where the last one is not done yet."""
@@ -40,7 +47,7 @@ class Here:
     def __init__(self, planner: Planner, takes: float = 0.04) -> None:
         """takes: as long as it would take elsewhere [s]."""
         self._planner, self._takes = planner, takes
-        self.broken = False
+        self.broken = self.late = False
         self._made: deque[tuple[float, Plan]] = deque()
 
     def offer(self, now: float, task: Task) -> bool:
@@ -64,7 +71,8 @@ class Elsewhere:
     """Plans in a process of its own.
 
     That process is below all others, and may be stopped by them in the middle of a message: so
-    nothing here waits for the rest of one, in either direction.
+    nothing here waits for the rest of one, in either direction. A plan whose task is older than
+    `ANSWER` is not used: it is for a place where the robot no longer is.
     """
 
     def __init__(self, planner: Planner) -> None:
@@ -74,13 +82,17 @@ class Elsewhere:
         self._line.setblocking(False)
         self._going, self._coming = b"", bytearray()
         self._busy = False
-        self.broken = False
+        self._offered = self._asked = 0.0
+        self._waited = 0.0
+        """For this plan, as long as somebody asked for it [s]."""
+        self.broken = self.late = False
 
     def offer(self, now: float, task: Task) -> bool:
         """Send it over, unless one is there."""
         if self._busy or self.broken:
             return False
         self._going, self._busy = _framed(task), True
+        self._offered, self._asked, self._waited = now, now, 0.0
         self._exchange()
         return not self.broken
 
@@ -89,6 +101,19 @@ class Elsewhere:
         if not self._busy or self.broken:
             return None
         self._exchange()
+        made = self._come()
+        self._waited += min(max(now - self._asked, 0.0), _ASKED)
+        self._asked = now
+        if made is None:
+            self.late = self.late or self._waited > ANSWER
+            return None
+        self._busy = False
+        old = now - self._offered > ANSWER
+        self.late = self._waited > ANSWER  # who did not ask did not wait
+        return None if old else made
+
+    def _come(self) -> Plan | None:
+        """The plan, if all of it is there."""
         if len(self._coming) < _SIZE.size:
             return None
         (size,) = _SIZE.unpack_from(self._coming)
@@ -96,7 +121,6 @@ class Elsewhere:
             return None
         made: Plan = pickle.loads(self._coming[_SIZE.size :])
         self._coming.clear()
-        self._busy = False
         return made
 
     def _exchange(self) -> None:

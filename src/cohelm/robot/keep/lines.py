@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import socket
+import time
 from typing import Any
 
 LARGEST = 180_000
 """Bytes of one message: it must fit into the socket's buffer."""
+ALIVE = b"alive"
+"""What the recorder says every half second, though it has nothing to say."""
+MUTE = 3.0
+"""A recorder that has been at work and says nothing for so long hangs [s]: about as long as the
+line holds what it is told."""
 
 
 def line() -> tuple[socket.socket, socket.socket]:
@@ -28,6 +35,13 @@ class Line:
         """Messages for which there was no room."""
         self.broken = ""
         """Why nothing can be said any more; empty while it can."""
+        self._alive = math.inf
+        """When the recorder gave its last sign of life; infinite before the first [s]."""
+
+    @property
+    def mute(self) -> bool:
+        """Whether the recorder hangs, as far as `heard` could tell."""
+        return self.open and time.monotonic() - self._alive > MUTE
 
     @property
     def open(self) -> bool:
@@ -54,7 +68,8 @@ class Line:
         if self._end is None or self.broken:
             return None
         try:
-            data = self._end.recv(LARGEST, socket.MSG_DONTWAIT)
+            while (data := self._end.recv(LARGEST, socket.MSG_DONTWAIT)) == ALIVE:
+                self._alive = time.monotonic()
         except BlockingIOError:
             return None
         except OSError as error:

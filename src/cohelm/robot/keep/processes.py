@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import pickle
@@ -10,6 +11,7 @@ import threading
 from collections.abc import Callable
 from multiprocessing import connection, reduction, resource_tracker
 from multiprocessing.context import SpawnProcess
+from pathlib import Path
 from typing import Any
 
 from cohelm.robot.keep.priority import named
@@ -45,6 +47,18 @@ def started(
 def left_alone(process: SpawnProcess) -> None:
     """This one does not wait for it at its own end, as Python otherwise does, for ever."""
     multiprocessing.process._children.discard(process)  # pyright: ignore
+
+
+def children(pid: int) -> dict[str, int]:
+    """What a process has started of cohelm's, by name."""
+    found: dict[str, int] = {}
+    for status in Path("/proc").glob("[0-9]*/status"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            text = status.read_text()
+            name = text.partition("\n")[0].partition("\t")[2]
+            if f"PPid:\t{pid}\n" in text and name.startswith("cohelm"):
+                found[name] = int(status.parent.name)
+    return found
 
 
 class _Later:

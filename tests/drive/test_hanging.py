@@ -1,0 +1,75 @@
+"""What works for the loop hangs, and is not dead: the loop drives on, and somebody is told."""
+
+import os
+import signal
+import time
+from contextlib import contextmanager
+
+import pytest
+
+from cohelm.drive.session import Plan, Session
+from cohelm.drive.simulated import simulated
+from cohelm.link.messages import Mode
+from cohelm.loop.loop import Loop
+from cohelm.loop.planning import ANSWER
+from cohelm.robot.keep.lines import MUTE
+from cohelm.robot.keep.processes import children
+from tests.drive.faults import CORRIDOR
+
+pytestmark = pytest.mark.xdist_group("realtime")
+
+PATIENT = 1.0  # of the machine the tests run on [s]
+SLACK = 1.0 + PATIENT  # until an alarm is seen, beyond what is promised [s]
+
+
+@contextmanager
+def stopped(*pids: int):
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        for pid in pids:
+            os.kill(pid, signal.SIGCONT)
+
+
+def alarms(loop: Loop) -> set[str]:
+    return {alarm.text for alarm in loop.alarms.worst() if alarm.active}
+
+
+def told(loop: Loop, what: str) -> bool:
+    return any(what in text for text in alarms(loop))
+
+
+def drive(session: Session, seconds: float, mode: Mode = Mode.HOLD, until=lambda _: False) -> float:
+    """How long it took until `until`, or `seconds`."""
+    begun = time.monotonic()
+    session.run(lambda loop: until(loop) or time.monotonic() - begun > seconds, mode)
+    return time.monotonic() - begun
+
+
+def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(tmp_path):
+    plan = Plan(simulated(CORRIDOR, seed=2), record=tmp_path / "drive.mcap", patience=PATIENT)
+    with Session(plan) as session:
+        loop, helpers = session.loop, children(os.getpid())
+        planner, recorder = helpers["cohelm planner"], helpers["cohelm recorder"]
+        drive(session, 1.0, Mode.AUTOMATIC)
+        assert not alarms(loop)
+        before = loop.seen.pose.x
+        with stopped(planner, recorder):
+            took = drive(session, 10.0, until=lambda loop: told(loop, "plans ways round"))
+            assert took < ANSWER + SLACK
+            took += drive(session, 10.0, until=lambda loop: told(loop, "recorder gives no sign"))
+            assert took < MUTE + SLACK
+            assert loop.mode == Mode.AUTOMATIC
+            assert loop.seen.pose.x > before + 0.3
+            assert not loop.driver.stuck
+        drive(session, 10.0, until=lambda loop: not alarms(loop))
+        assert not alarms(loop)
+        assert loop.mode == Mode.AUTOMATIC
+        session.end("enough")
+        assert loop.keeper.gate.reason == "enough"
+    log = (tmp_path / "drive.log").read_text()
+    for helper in ("what plans ways round does not answer", "the recorder gives no sign of life"):
+        assert f"! loop: {helper}" in log
+        assert f"loop: over: {helper}" in log

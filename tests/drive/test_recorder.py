@@ -1,0 +1,63 @@
+"""The recorder's process: what it was told is in its files, however those who told it end."""
+
+import multiprocessing
+import os
+import signal
+import time
+
+import pytest
+
+from cohelm.drive.recorder import Recording
+from cohelm.record.messages import messages
+from cohelm.robot.keep.kept import Event
+from cohelm.robot.keep.lines import Line
+from tests.robot.keep.robots import SALLY
+
+
+@pytest.fixture
+def recording(tmp_path):
+    made = Recording(tmp_path / "drive.mcap", SALLY)
+    made.begin(0)
+    yield made
+    if made._process.is_alive():
+        os.kill(made.pid, signal.SIGCONT)
+    made.close()
+
+
+def working(line: Line) -> None:
+    """Wait until the recorder's process is at work."""
+    end = time.monotonic() + 60.0
+    while line._alive > time.monotonic():
+        assert time.monotonic() < end
+        line.heard()
+        time.sleep(0.05)
+
+
+def test_nothing_told_is_lost_when_who_told_it_ends_without_listening(recording):
+    """As a killed loop does: signs of life lie unread in its end of the line."""
+    line = Line(recording.loop)
+    working(line)
+    time.sleep(1.2)  # two signs more
+    for k in range(200):
+        line(Event(k / 50.0, "loop", f"event {k}"))
+    assert line.dropped == 0
+    assert recording.close()
+    log = recording.path.with_suffix(".log").read_text()
+    assert "event 0\n" in log
+    assert "event 199\n" in log
+    assert sum(1 for _ in messages(recording.path, ("/rosout",))) == 200
+
+
+def test_a_recorder_that_hangs_holds_nobody_up_and_does_not_outstay_the_drive(recording):
+    line = Line(recording.loop)
+    working(line)
+    os.kill(recording.pid, signal.SIGSTOP)
+    begun = time.monotonic()
+    for k in range(20_000):
+        line(Event(k / 50.0, "loop", f"event {k}"))
+        assert line.heard() is None
+    assert time.monotonic() - begun < 5.0
+    assert line.dropped > 0
+    assert not line.broken
+    assert not recording.close(within=0.5)
+    assert recording._process not in multiprocessing.active_children()  # nobody waits for it
