@@ -18,6 +18,7 @@ from cohelm.drive.proposed import NONE, Judged
 from cohelm.drive.session import Plan, Session
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Ask, Mode
+from cohelm.loop.loop import Ways
 from cohelm.perceive.taped import surveyed
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.lines import line
@@ -81,6 +82,22 @@ class Later:
         return True
 
 
+class Slow(CheckingHere):
+    """Each check takes so many periods."""
+
+    def __init__(self, judge) -> None:
+        super().__init__(judge)
+        self.takes = self._left = 0
+
+    def begin(self, now, points, pose) -> None:
+        super().begin(now, points, pose)
+        self._left = self.takes
+
+    def result(self, now):
+        self._left -= 1
+        return super().result(now) if self._left < 0 else None
+
+
 class FakeRecording:
     """Lines without a process."""
 
@@ -104,7 +121,7 @@ class Beside:
 
     def __init__(self, judge, real_time: bool) -> None:
         self.judge, self.fails = judge, ""
-        self.checking = CheckingHere(self._judged)
+        self.checking = Slow(self._judged)
         self.ways, self.records, self.make = Later(), Later(), FakeRecording
 
     def _judged(self, points, pose) -> Judged:
@@ -176,7 +193,7 @@ class Rule:
 class Drive:
     """Robot, loop, desk and link; `run` turns them and holds the rule after each period."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, ways: Ways | None = None) -> None:
         made = simulated(CORRIDOR, real_time=False, seed=2)
         robot = made.model
         few = robot.lidar.model_copy(update={"beams": 120})
@@ -185,7 +202,7 @@ class Drive:
         made = Watched(scenario, made.kind, False, made.seed)
         known = surveyed(scenario.walls(), made.start)
         self.link = SimulatedLink(coarse, folder)
-        self.session = Session(Plan(made, known=known), self.link)
+        self.session = Session(Plan(made, known=known, ways=ways or Ways()), self.link)
         self.keeper, self.loop = self.session.loop.keeper, self.session.loop
         self.link.clock = self.keeper.now
         self.wheels: Wheels = self.keeper._robot

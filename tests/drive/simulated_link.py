@@ -5,15 +5,17 @@ from __future__ import annotations
 
 import heapq
 import itertools
-import math
+import socket
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 
 from cohelm.core.types import Stick
 from cohelm.drive.over_link import OverLink
+from cohelm.link import robot_bulk
 from cohelm.link.door import Guest
 from cohelm.link.keys import pair_here
 from cohelm.link.messages import Ask, Command, Device, Request, Waypoints
@@ -55,6 +57,10 @@ class End(RobotEnd):
 
 
 class Bulk(RobotBulk):
+    def __init__(self, end: End, records: Path) -> None:
+        with mock.patch.object(robot_bulk, "_listening", return_value=socket.socket()):
+            super().__init__(end, robot_keys(), records)  # nobody comes by TCP
+
     def _start(self) -> None:
         pass
 
@@ -80,8 +86,8 @@ class Station:
         channel = SimpleNamespace(
             name=name, peer=f"key of {name}", up=True, close=lambda: [], seal=lambda data: []
         )
-        socket = SimpleNamespace(close=lambda: None, send=lambda data: None)
-        link.end._welcome(Guest(channel, socket, ("", 0), []))
+        sock = SimpleNamespace(close=lambda: None, send=lambda data: None)
+        link.end._welcome(Guest(channel, sock, ("", 0), []))
         self.number = max(link.end._clients)
         self.bulk = _Station(channel, ("", 0), 0.0)
         self.bulk.session = self.session
@@ -136,7 +142,7 @@ class SimulatedLink(OverLink):
         self._queue: list = []
         self._count = itertools.count()
         self.end = End(self, self.now)
-        self.bulk = Bulk(self.end, robot_keys(), records)
+        self.bulk = Bulk(self.end, records)
         super().__init__(self.end, self.bulk, model, records, "stops", 0.3, False)
 
     def now(self) -> float:
@@ -165,6 +171,3 @@ def checked(station: Station) -> list:
     said = list(station.bulk.replies)
     station.bulk.replies.clear()
     return said
-
-
-NAN = math.nan

@@ -9,6 +9,7 @@ import pytest
 from cohelm.core.types import Stick
 from cohelm.drive.session import Plan, Session
 from cohelm.link.messages import Ask, Mode
+from cohelm.loop.loop import Ways
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import Mode as GateMode
 from tests.drive.faults import failing
@@ -172,6 +173,36 @@ def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
         assert speed(drive) == 0.0
 
     drive.run(script())
+
+
+@pytest.mark.parametrize("ends", ["release", "lost"])
+def test_carrying_on_alone_is_for_a_driver_who_is_lost_not_for_one_who_gives_up(tmp_path, ends):
+    def script(drive: Drive):
+        anna = yield from driving(drive)
+        if ends == "release":
+            anna.ask(Ask.GIVE)
+        else:
+            anna.leave()
+            drive.rule = Lenient(drive.rule)
+        yield from waits(60)
+        assert drive.link.driver == 0
+        assert (speed(drive) > 0.3) is (ends == "lost")
+        bert = drive.station("bert")
+        yield from waits(5)
+        bert.ask(Ask.TAKE)  # and with another driver it is over
+        yield from waits(60)
+        assert drive.loop.mode == Mode.HOLD
+        assert speed(drive) == 0.0
+
+    with Drive(tmp_path, Ways(carry_on=True)) as made:
+        made.run(script(made))
+
+
+class Lenient:
+    """Nothing is held against a robot that may go on alone."""
+
+    def __init__(self, rule) -> None:
+        self.follow = self.holds = lambda *_: None
 
 
 def test_a_mode_asked_for_before_somebody_elses_stop_is_not_done_after_it(drive):
@@ -342,6 +373,7 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
                 beside.fails = rng.choice(["", "", "check", "mistake", "build"])
                 return beside.fails
             case "takes":
+                beside.checking.takes = rng.choice([0, 1, 10])
                 beside.ways.takes = rng.choice([0, 1, 10, 60])
                 beside.records.takes = rng.choice([0, 5, 50])
             case "bump":

@@ -78,6 +78,7 @@ class Rerouting:
         now = loop.keeper.now()
         for one in self._operator.proposed():
             self._take(one, loop.lease, now)
+        self._expire(now)
         judged = self._checking.result(now) if self._checked is not None else None
         if judged is not None:
             self._conclude(loop, judged, now)
@@ -102,12 +103,14 @@ class Rerouting:
             wish = _Wish(one.client, number, points, only_check, lease, now)
             self._wishes[one.client, only_check] = wish
 
-    def _check_next(self, loop: Loop, now: float) -> None:
-        """The way that the robot waits for first, then the driver's proposals, then in turn."""
+    def _expire(self, now: float) -> None:
         for key, wish in list(self._wishes.items()):
             if now - wish.since > _WAITS:
                 del self._wishes[key]
                 self._reply(wish, False, "there was no time to check it: send it again")
+
+    def _check_next(self, loop: Loop, now: float) -> None:
+        """The way that the robot waits for first, then the driver's proposals, then in turn."""
         if loop.seen is None or not self._checking.ready:
             return
         way = self._way

@@ -1,0 +1,76 @@
+"""Ways are checked in a process that can be slow, and can die, without anybody waiting for it."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.drive import checking
+from cohelm.drive.checking import CheckingElsewhere
+from cohelm.drive.proposed import Judge, Judged
+from tests.link.ends import until
+
+pytestmark = pytest.mark.xdist_group("realtime")
+STARTED = 240.0  # with nothing compiled, on a busy machine [s]
+OUTLINE = np.array([(-0.36, -0.29), (0.36, -0.29), (0.36, 0.29), (-0.36, 0.29)])
+JUDGE = Judge(0.5, OUTLINE, np.empty((0, 2)), np.empty((0, 2)))
+WAY, HERE = np.array([(1.0, 0.0), (3.0, 0.5)]), Pose(0.0, 0.0, 0.0)
+
+
+class Sleepy:
+    """A judge that never comes to an end, but for the way with which it is warmed up."""
+
+    def __call__(self, points, pose) -> Judged:
+        if points[1, 0] > 2.5:
+            time.sleep(60.0)
+        return JUDGE(points, pose)
+
+
+def judged(process: CheckingElsewhere) -> Judged:
+    until(lambda: process.ready, STARTED)
+    process.begin(time.monotonic(), WAY, HERE)
+    assert not process.ready
+    said = []
+    until(lambda: (said.append(process.result(time.monotonic())), said[-1])[1], STARTED)
+    return said[-1]
+
+
+def test_a_process_that_dies_is_replaced_and_what_it_had_is_answered():
+    process = CheckingElsewhere(JUDGE)
+    try:
+        assert judged(process).reference is not None
+        os.kill(process._child._process.pid, signal.SIGSTOP)
+        process.begin(time.monotonic(), WAY, HERE)
+        assert process.result(time.monotonic()) is None
+        os.kill(process._child._process.pid, signal.SIGKILL)
+        said = []
+        until(lambda: (said.append(process.result(time.monotonic())), said[-1])[1])
+        assert said[-1].why == "it could not be checked: send it again"
+        assert judged(process).reference is not None
+    finally:
+        process.close()
+    assert process._child is None
+
+
+def test_a_check_that_never_ends_is_given_up_and_no_call_waits(monkeypatch):
+    monkeypatch.setattr(checking, "WITHIN", 0.5)
+    process = CheckingElsewhere(Sleepy())
+    try:
+        began = time.monotonic()
+        until(lambda: process.ready, STARTED)
+        process.begin(time.monotonic(), WAY, HERE)
+        longest, said = 0.0, None
+        while said is None:
+            before = time.thread_time()
+            said = process.result(time.monotonic())
+            longest = max(longest, time.thread_time() - before)
+            time.sleep(0.005)
+            assert time.monotonic() - began < STARTED
+        assert said.why == "it could not be checked within 0 s"
+        assert longest < 0.05
+        assert not process.ready
+    finally:
+        process.close()

@@ -1,0 +1,80 @@
+"""A record is begun and ended as often as anybody likes, and nothing queues."""
+
+import time
+
+from cohelm.drive.jobs import InThread
+from cohelm.link.messages import Ask
+from tests.drive.resuming import Drive, FakeRecording
+
+
+class Slow(FakeRecording):
+    """As on a busy machine."""
+
+    at_work = most = 0
+    made: list["Slow"] = []  # noqa: RUF012
+
+    def __init__(self, *about) -> None:
+        super().__init__(*about)
+        Slow.at_work += 1
+        Slow.most = max(Slow.most, Slow.at_work)
+        Slow.made.append(self)
+
+    def close(self, within: float = 0.0) -> bool:
+        time.sleep(0.3)
+        Slow.at_work -= 1
+        return super().close(within)
+
+
+def test_five_hundred_toggles_are_one_record_more_and_the_end_waits_for_none(tmp_path):
+    Slow.at_work = Slow.most = 0
+    Slow.made.clear()
+
+    def script(drive: Drive):
+        anna = drive.station("anna")
+        yield from range(5)
+        anna.ask(Ask.TAKE)
+        yield from range(5)
+        for k in range(500):
+            anna.ask(Ask.RECORD, (k + 1) % 2)
+            yield
+        yield from range(5)
+        granted = [g for n, (g, _) in anna.answers.items() if anna.asked[n].what == Ask.RECORD]
+        assert len(granted) > 450
+        assert all(granted)
+
+    with Drive(tmp_path) as drive:
+        switch = drive.desk._records
+        switch._jobs, switch._make = InThread("records"), Slow
+        drive.run(script(drive))
+        began = time.monotonic()
+        switch.close()
+        took = time.monotonic() - began
+    assert took < 3.0  # a record that ends, and one more
+    assert Slow.most == 1
+    assert Slow.at_work == 0
+    assert len(list(tmp_path.glob("*.mcap"))) == len(Slow.made) > 1
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_only_who_drives_records(tmp_path):
+    def script(drive: Drive):
+        anna, bert = drive.station("anna"), drive.station("bert")
+        yield from range(5)
+        anna.ask(Ask.TAKE)
+        yield from range(5)
+        anna.ask(Ask.RECORD, 1)
+        anna.ask(Ask.GIVE, bert.number)
+        number = bert.ask(Ask.RECORD, 1)
+        yield from range(10)
+        assert anna.answers[2] == (False, "you do not drive any more")
+        assert not bert.answers[number][0]
+        bert.ask(Ask.RECORD, 1)
+        yield from range(10)
+        assert drive.loop.recording
+        bert.ask(Ask.RECORD, 0)
+        yield from range(10)
+        assert not drive.loop.recording
+
+    with Drive(tmp_path) as drive:
+        drive.run(script(drive))
+    assert len(list(tmp_path.glob("*.mcap"))) == 1
