@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from cohelm.robot.collision_monitor.monitor import CollisionMonitor, Described
+from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.gate.gate import Rules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import Monitor
@@ -9,4 +13,20 @@ from cohelm.robot.monitor import Monitor
 
 def monitors(model: RobotModel, rules: Rules) -> tuple[Monitor, ...]:
     """New ones, that have seen nothing yet."""
-    return ()
+    found: list[Monitor] = []
+    if model.lidar is not None:
+        found.append(CollisionMonitor(described(model, rules)))
+    return tuple(found)
+
+
+def described(model: RobotModel, rules: Rules) -> Described:
+    """What the collision monitor has to know of a robot that has a LiDAR."""
+    if model.lidar is None:
+        raise ValueError("a robot without a LiDAR has no collision monitor")
+    given, lidar = model.lidar, model.lidar.lidar()
+    bearings = lidar.first + lidar.step * np.arange(given.beams, dtype=np.float64)
+    sensor = Sensor(
+        lidar.mount, bearings, lidar.step,
+        given.range_min_m, given.noise_m, given.rate_hz, given.sweep_s, given.latency_s,
+    )  # fmt: skip
+    return Described(model.outline, sensor, rules.bounds, model.delay_s, rules.period)

@@ -1,0 +1,123 @@
+"""Where the robot was when, by its odometry or by what it was sent; and where it goes on an arc."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose, Twist
+
+KEPT = 1.5
+"""So long a past is remembered [s]: longer than any sweep and latency together that are
+described in `robot.sensors` and usual; what is older is taken to be as the oldest."""
+
+
+def advanced(pose: Pose, twist: Twist, time: float) -> Pose:
+    """After holding a twist for a time, exactly on its arc."""
+    turned, way = twist.omega * time, twist.v * time
+    half = 0.5 * turned
+    chord = way * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+    course = pose.psi + half
+    return Pose(
+        pose.x + chord * math.cos(course), pose.y + chord * math.sin(course), pose.psi + turned
+    )
+
+
+def between(before: Pose, after: Pose, time: float) -> Twist:
+    """The twist that leads from one pose to the other in a time [s]; sideways motion counts as way.
+
+    Forward or backward by which of the two the robot went.
+    """
+    dx, dy = after.x - before.x, after.y - before.y
+    turned = after.psi - before.psi
+    course = before.psi + 0.5 * turned
+    ahead = dx * math.cos(course) + dy * math.sin(course)
+    return Twist(math.copysign(math.hypot(dx, dy), ahead) / time, turned / time)
+
+
+def placed(points: Floats, x: Floats, y: Floats, psi: Floats) -> Floats:
+    """Points of the body frame at poses, one each or one for all, in the frame of the poses."""
+    c, s = np.cos(psi), np.sin(psi)
+    return np.column_stack(
+        (x + c * points[:, 0] - s * points[:, 1], y + s * points[:, 0] + c * points[:, 1])
+    )
+
+
+def seen_from(points: Floats, pose: Pose) -> Floats:
+    """Points of a pose's frame, in the body frame there."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    dx, dy = points[:, 0] - pose.x, points[:, 1] - pose.y
+    return np.column_stack((c * dx + s * dy, c * dy - s * dx))
+
+
+class PoseHistory:
+    """Poses at times that go up; between two of them the robot went straight from one to the other,
+    after the last one it goes on with `twist`."""
+
+    def __init__(self) -> None:
+        self._stamps: list[float] = []
+        self._poses: list[Pose] = []
+        self.twist = Twist(0.0, 0.0)
+        """From the last pose on."""
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    @property
+    def stamp(self) -> float:
+        """Of the last pose [s]; -inf before the first."""
+        return self._stamps[-1] if self._stamps else -math.inf
+
+    @property
+    def pose(self) -> Pose:
+        """The last one. There must be one."""
+        return self._poses[-1]
+
+    def add(self, stamp: float, pose: Pose, twist: Twist) -> None:
+        """The next pose, later than the last one; its heading is unwrapped."""
+        if self._poses:
+            before = self._poses[-1].psi
+            pose = pose._replace(psi=before + math.remainder(pose.psi - before, 2.0 * math.pi))
+        self._stamps.append(stamp)
+        self._poses.append(pose)
+        self.twist = twist
+        while self._stamps[0] < stamp - KEPT:
+            del self._stamps[0], self._poses[0]
+
+    def clear(self) -> None:
+        """Forget all of it."""
+        self._stamps.clear()
+        self._poses.clear()
+        self.twist = Twist(0.0, 0.0)
+
+    def at(self, stamp: float) -> Pose:
+        """The pose then, or where the robot will be. There must be a pose."""
+        if stamp >= self.stamp:
+            return advanced(self.pose, self.twist, stamp - self.stamp)
+        i = bisect_right(self._stamps, stamp)
+        if i == 0:
+            return self._poses[0]
+        before, after = self._poses[i - 1], self._poses[i]
+        share = (stamp - self._stamps[i - 1]) / (self._stamps[i] - self._stamps[i - 1])
+        return Pose(*(a + share * (b - a) for a, b in zip(before, after, strict=True)))
+
+    def during(self, stamps: Floats) -> tuple[Floats, Floats, Floats]:
+        """x, y and heading at times in any order, at least one, (n,) each. There must be a pose."""
+        first, last = float(stamps.min()), float(stamps.max())
+        inner = slice(bisect_right(self._stamps, first), bisect_left(self._stamps, last))
+        known = np.array([first, *self._stamps[inner], last])
+        rows = np.array([self.at(first), *self._poses[inner], self.at(last)])
+        x, y, psi = (np.interp(stamps, known, rows[:, i]) for i in range(3))
+        return x, y, psi
+
+    def mean_twist(self, over: float) -> Twist:
+        """From the poses alone: between the last one and the one at least so long before [s].
+
+        Standing where there is none.
+        """
+        for stamp, pose in zip(reversed(self._stamps), reversed(self._poses), strict=True):
+            if self.stamp - stamp >= over:
+                return between(pose, self.pose, self.stamp - stamp)
+        return Twist(0.0, 0.0)

@@ -1,0 +1,69 @@
+"""The returns that count, in a frame that stays: of the newest scan, and of what it can not see."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose
+from cohelm.robot.collision_monitor.odometry import PoseHistory, placed, seen_from
+from cohelm.robot.collision_monitor.returns import Returns, Sensor
+from cohelm.robot.port import Scan
+
+REMEMBERED = 60.0
+"""What went out of sight is taken to stand there for so long [s]. The filter remembers it without
+an end, so this forbids nothing that the filter allows."""
+BESIDE = 3.0
+"""And while it is nearer to the outline than this [m]: 3 s of backing at full speed."""
+GRAIN = 0.02
+"""Of what is remembered one return stands for all so near to each other [m]."""
+
+
+class Surroundings(NamedTuple):
+    """Returns as points of a frame, with their errors."""
+
+    points: Floats
+    """(n, 2) [m]"""
+    errors: Floats
+    """Standard deviation of each, (n,) [m]."""
+    margins: Floats
+    """By how much the thing may be nearer, (n,) [m]."""
+    seen: Floats
+    """When, (n,) [s]."""
+
+
+NOTHING = Surroundings(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+
+
+def of_scan(found: Returns, scan: Scan, poses: PoseHistory) -> Surroundings:
+    """A scan's returns in the frame of the poses, each seen from where the robot was then."""
+    stamps = scan.stamp + scan.duration * found.passed
+    if not len(stamps):
+        return NOTHING
+    points = placed(found.points, *poses.during(stamps))
+    return Surroundings(points, found.errors, found.margins, stamps)
+
+
+def joined(new: Surroundings, old: Surroundings) -> Surroundings:
+    """Both."""
+    return Surroundings(*(np.concatenate(both) for both in zip(new, old, strict=True)))
+
+
+def out_of_sight(
+    old: Surroundings, now: float, pose: Pose, sensor: Sensor, reach: float
+) -> Surroundings:
+    """What of it the sensor can not see from a pose, and is still to be reckoned with."""
+    first, last = sensor.bearings[0], sensor.bearings[-1]
+    if last - first + 1.5 * sensor.step > 2.0 * math.pi or not len(old.points):
+        return NOTHING
+    here = seen_from(old.points, pose)
+    near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
+    from_sensor = seen_from(here, sensor.mount)
+    bearings = np.arctan2(from_sensor[:, 1], from_sensor[:, 0])
+    hidden = (bearings < first) | (bearings > last)
+    kept = np.flatnonzero(hidden & near & (now - old.seen < REMEMBERED))
+    cells = np.round(old.points[kept] / GRAIN).astype(np.int64)
+    _, one = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
+    return Surroundings(*(column[kept[one]] for column in old))

@@ -1,0 +1,388 @@
+"""What the collision monitor lets through, reading by reading."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE
+from cohelm.robot.collision_monitor.monitor import AHEAD, LASTS, MISSED, CollisionMonitor
+from cohelm.robot.collision_monitor.odometry import advanced
+from cohelm.robot.keep.kept import rules
+from cohelm.robot.keep.watch import described, monitors
+from cohelm.robot.monitor import UNRESTRICTED
+from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.scenario.load import robot
+
+PERIOD, DELAY, BRAKES = 0.02, 0.05, 2.0
+FRONT, SENSOR = 0.36, 0.30
+STILL = Twist(0.0, 0.0)
+HERE = Pose(0.0, 0.0, 0.0)
+STEP = math.radians(270.0) / 719
+BEARINGS = STEP * (np.arange(720) - 359.5)
+
+
+def model(noise=0.0, **lidar):
+    sally = robot("sally")
+    return sally.model_copy(
+        update={"lidar": sally.lidar.model_copy(update={"noise_m": noise} | lidar)}
+    )
+
+
+def watch(noise=0.0, **lidar):
+    made = model(noise, **lidar)
+    return CollisionMonitor(described(made, rules(made, PERIOD)))
+
+
+def empty():
+    return np.full(720, math.inf)
+
+
+def wall(gap, room=None):
+    """Square ahead of the front, so far off it; or behind nothing: only where a beam goes."""
+    ranges = empty() if room is None else room
+    ahead = np.abs(BEARINGS) < 1.2
+    ranges[ahead] = np.minimum(ranges[ahead], (FRONT - SENSOR + gap) / np.cos(BEARINGS[ahead]))
+    return ranges
+
+
+def readings(t, ranges, pose=HERE, twist=STILL, number=None, duration=0.0):
+    number = round(100 * t) if number is None else number
+    return Readings(Odometry(t, pose, twist), Scan(t, number, ranges, duration), None, None)
+
+
+def standing(ranges, noise=0.0, **lidar):
+    """A monitor of a robot that has stood in front of it for a while; it is 1.0 s."""
+    it = watch(noise, **lidar)
+    for k in range(46, 51):
+        assert it.observe(0.02 * k, readings(0.02 * k, ranges), STILL) == UNRESTRICTED
+    return it
+
+
+def going(twist, ranges, applied=None, poses=True, at=1.0):
+    """The same at a steady twist, ranges seen now; until it is 1.0 s."""
+    it = watch()
+    for k in range(20, -1, -1):
+        t = at - 0.02 * k
+        pose = advanced(HERE, twist, -0.02 * k) if poses else HERE
+        here = ranges if k == 0 else empty()
+        it.restrict(t - PERIOD, twist)
+        it.observe(t, readings(t, here, pose, twist), twist if applied is None else applied)
+    return it
+
+
+def fits(room, most, reaction, brakes):
+    """The largest speed that has come down to a crawl within a room: by steps of 0.1 mm/s."""
+    v = np.arange(0.0, most, 1e-4)
+    ways = v * reaction + np.maximum(v**2 - CRAWL**2, 0.0) / (2.0 * brakes)
+    return v[(ways <= room) | (v <= CRAWL)].max()
+
+
+def test_in_free_space_everything_passes():
+    it = standing(empty())
+    for twist in (Twist(1.0, 0.0), Twist(-1.0, 0.0), Twist(0.2, 2.0), STILL):
+        assert it.restrict(1.0, twist) == UNRESTRICTED
+
+
+@pytest.mark.parametrize("gap", [0.03, 0.1, 0.2])
+def test_towards_a_wall_nothing_passes_that_can_not_stop_before_it(gap):
+    it = standing(wall(gap))
+    share = it.restrict(1.0, Twist(1.0, 0.0)).share
+    margin = (FRONT - SENSOR + gap) * STEP / math.cos(math.atan2(0.29, FRONT - SENSOR + gap))
+    least = fits(gap - margin, 1.0, PERIOD, (1.0 - RESERVE) * BRAKES)
+    most = fits(gap, 1.0, PERIOD, (1.0 - RESERVE) * BRAKES)
+    assert least - 1e-3 <= share <= most + 1e-3
+    slow = it.restrict(1.0, Twist(0.9 * least, 0.0))
+    assert slow == UNRESTRICTED
+    assert it.restrict(1.0, Twist(-1.0, 0.0)) == UNRESTRICTED
+
+
+def test_the_arc_stays():
+    twist = Twist(0.8, 0.5)
+    restriction = standing(wall(0.05)).restrict(1.0, twist)
+    assert 0.0 < restriction.share < 1.0
+    assert not restriction.fault
+
+
+def test_in_contact_it_stands_and_may_leave_at_a_crawl():
+    it = standing(wall(-0.005))
+    ahead = it.restrict(1.0, Twist(0.5, 0.0))
+    assert ahead.share == 0.0
+    assert ahead.reason == "collision monitor: something 0.00 m ahead on the braking path"
+    assert it.restrict(1.0, Twist(-0.5, 0.0)).share == pytest.approx(CRAWL / 0.5)
+    assert it.restrict(1.0, Twist(-0.9 * CRAWL, 0.0)) == UNRESTRICTED
+
+
+def test_where_noise_may_hide_it_there_is_a_crawl_and_no_more():
+    it = standing(wall(0.01, None), noise=0.02)
+    assert it.restrict(1.0, Twist(0.5, 0.0)).share <= CRAWL / 0.5 + 1e-9
+    assert it.restrict(1.0, Twist(-0.5, 0.0)).share == pytest.approx(CRAWL / 0.5)
+
+
+def test_what_moves_too_fast_brakes_whatever_is_asked():
+    """Braking from the measured 0.5 m/s: delay, a period and 62.5 mm."""
+    needs = 0.5 * (DELAY + PERIOD) + 0.5**2 / (2.0 * BRAKES) - CRAWL**2 / (2.0 * BRAKES)
+    margin = 0.006
+    for gap, stops in ((needs - 0.002, True), (needs + margin, False)):
+        it = going(Twist(0.5, 0.0), wall(gap))
+        found = it.restrict(1.0, Twist(0.001, 0.0))
+        assert (found.share == 0.0) == stops
+        if stops:
+            assert found.reason.endswith("m ahead on the braking path")
+
+
+def test_the_age_of_the_odometry_is_way():
+    it = going(Twist(0.5, 0.0), wall(0.105))
+    assert it.restrict(1.0, Twist(0.001, 0.0)) == UNRESTRICTED
+    assert it.restrict(1.03, Twist(0.001, 0.0)).share == 0.0
+
+
+def test_poses_that_move_are_believed_though_the_twist_says_it_stands():
+    it = watch()
+    for k in range(10):
+        t = 0.02 * k
+        it.observe(
+            t, readings(t, wall(0.08) if k == 9 else empty(), Pose(0.5 * t, 0.0, 0.0)), STILL
+        )
+    assert it.restrict(0.18, Twist(0.001, 0.0)).share == 0.0
+
+
+def test_a_twist_that_moves_is_believed_though_the_poses_stand():
+    it = going(Twist(0.5, 0.0), wall(0.08), applied=STILL, poses=False)
+    assert it.restrict(1.0, Twist(0.001, 0.0)).share == 0.0
+
+
+def test_what_was_sent_is_believed_though_the_odometry_is_frozen():
+    """The scan is 0.1 s old and the odometry stands; but 0.5 m/s is sent."""
+    it = watch()
+    sent = Twist(0.5, 0.0)
+    ranges = wall(0.15)
+    for k in range(30):
+        t = 0.02 * k
+        scan = Scan(0.02 * min(k, 24), min(k, 24), ranges, 0.0)
+        it.observe(t, Readings(Odometry(t, HERE, STILL), scan, None, None), sent if k else STILL)
+        it.restrict(t, sent)
+    share = it.restrict(0.58, sent).share
+    gone = 0.5 * (0.58 + DELAY - 0.48)
+    assert share * 0.5 == pytest.approx(
+        fits(0.15 - gone, 0.5, PERIOD, (1.0 - RESERVE) * BRAKES), abs=0.012
+    )
+    assert share < 1.0
+
+
+def test_points_come_nearer_as_the_robot_moves_on():
+    it = going(Twist(0.3, 0.0), wall(0.3))
+    scan = it._scan
+    shares = []
+    for k in range(1, 12):
+        t = 1.0 + 0.02 * k
+        it.restrict(t - PERIOD, Twist(0.3, 0.0))
+        odometry = Odometry(t, Pose(0.3 * (t - 1.0), 0.0, 0.0), Twist(0.3, 0.0))
+        it.observe(t, Readings(odometry, scan, None, None), Twist(0.3, 0.0))
+        shares.append(it.restrict(t, Twist(1.0, 0.0)).share)
+    assert all(b < a for a, b in pairwise(shares))
+    gone = 0.3 * (0.22 + DELAY)
+    assert shares[-1] == pytest.approx(fits(0.3 - gone, 1.0, PERIOD, 1.6), abs=0.01)
+
+
+def test_beside_a_wall_it_passes_along():
+    for side in (1.0, -1.0):
+        ranges = empty()
+        beside = (side * BEARINGS > 0.3) & (side * BEARINGS < 2.2)
+        ranges[beside] = 0.32 / np.abs(np.sin(BEARINGS[beside]))
+        it = standing(ranges)
+        assert it.restrict(1.0, Twist(1.0, 0.0)) == UNRESTRICTED
+        assert it.restrict(1.0, Twist(-1.0, 0.0)) == UNRESTRICTED
+        towards = it.restrict(1.0, Twist(0.3, side))
+        assert towards.share < 1.0
+        assert towards.reason.endswith("left" if side > 0.0 else "right")
+
+
+def test_something_too_near_to_measure_holds_it_but_for_backing():
+    ranges = empty()
+    ranges[355:365] = -math.inf
+    it = standing(ranges)
+    assert it.restrict(1.0, Twist(0.3, 0.0)).share == 0.0
+    assert it.restrict(1.0, Twist(0.0, 0.5)).share == 0.0
+    assert it.restrict(1.0, Twist(0.0, -0.5)).share == 0.0
+    assert it.restrict(1.0, Twist(-0.3, 0.0)).share == pytest.approx(CRAWL / 0.3)
+
+
+def test_nothing_to_take_from_is_not_restricted():
+    it = standing(wall(-0.01))
+    assert it.restrict(1.0, STILL) == UNRESTRICTED
+    assert it.restrict(1.0, Twist(math.nan, 0.0)) == UNRESTRICTED
+    assert it.restrict(1.0, Twist(0.1, math.inf)) == UNRESTRICTED
+
+
+def test_a_scan_that_does_not_come_stops_it():
+    it = standing(empty())
+    patience = MISSED / 10.0
+    assert it.restrict(1.0 + patience - 1e-6, Twist(0.3, 0.0)) == UNRESTRICTED
+    late = it.restrict(1.0 + patience + 0.0006, Twist(0.3, 0.0))
+    assert late == (0.0, "collision monitor: no scan for 301 ms", False)
+
+
+def test_a_slow_sweep_and_a_late_reading_are_no_loss():
+    it = standing(empty(), sweep_s=0.08, latency_s=0.05)
+    patience = MISSED / 10.0 + 0.08 + 0.05
+    assert it.restrict(1.0 + patience - 1e-6, Twist(0.3, 0.0)) == UNRESTRICTED
+    assert it.restrict(1.0 + patience + 1e-6, Twist(0.3, 0.0)).share == 0.0
+
+
+def test_the_age_of_a_scan_counts_from_its_last_beam():
+    it = watch()
+    it.observe(1.0, readings(1.0, empty(), duration=0.1), STILL)
+    assert it.restrict(1.39, Twist(0.3, 0.0)) == UNRESTRICTED
+    assert it.restrict(1.41, Twist(0.3, 0.0)).reason == "collision monitor: no scan for 310 ms"
+
+
+WRONG = {
+    "there is no odometry": Readings(None, Scan(1.02, 9, empty(), 0.0), None, None),
+    "the odometry is no number": readings(1.02, empty(), Pose(0.0, math.nan, 0.0)),
+    "there is no scan": Readings(Odometry(1.02, HERE, STILL), None, None, None),
+    "a scan of 3 beams, and not 720": readings(1.02, np.ones(3)),
+    "the scan's time is no number": readings(1.02, empty(), duration=math.nan),
+}
+
+
+@pytest.mark.parametrize("said", list(WRONG))
+def test_what_can_not_be_used_stops_it_and_says_why(said):
+    it = standing(empty())
+    assert it.observe(1.02, WRONG[said], STILL) == UNRESTRICTED
+    assert it.restrict(1.02, Twist(0.3, 0.0)) == (0.0, f"collision monitor: {said}", False)
+    fresh = watch()
+    assert fresh.observe(1.02, WRONG[said], STILL) == UNRESTRICTED
+    assert fresh.restrict(1.02, Twist(0.3, 0.0)) == (0.0, f"collision monitor: {said}", False)
+    it.observe(1.04, readings(1.04, empty()), STILL)
+    assert it.restrict(1.04, Twist(0.3, 0.0)) == UNRESTRICTED
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_no_number_of_the_odometry_is_used_that_is_none(which):
+    numbers = [0.0] * 5
+    numbers[which] = math.inf
+    it = standing(empty())
+    odometry = Odometry(1.02, Pose(*numbers[:3]), Twist(*numbers[3:]))
+    it.observe(1.02, Readings(odometry, Scan(1.02, 9, empty(), 0.0), None, None), STILL)
+    assert it.restrict(1.02, Twist(0.3, 0.0)).reason.endswith("the odometry is no number")
+    it.observe(1.04, Readings(Odometry(math.nan, HERE, STILL), None, None, None), STILL)
+    assert it.restrict(1.04, Twist(0.3, 0.0)).reason.endswith("the odometry is no number")
+
+
+def test_before_any_reading_nothing_passes():
+    found = watch().restrict(1.0, Twist(0.3, 0.0))
+    assert found == (0.0, "collision monitor: there is no scan", False)
+
+
+def test_a_scan_from_the_future_is_not_believed():
+    it = standing(empty())
+    it.observe(1.02, readings(1.02 + AHEAD - 1e-6, empty()), STILL)
+    assert it.restrict(1.02, Twist(0.3, 0.0)) == UNRESTRICTED
+    it.observe(1.04, readings(1.04 + AHEAD + 1e-6, empty()), STILL)
+    assert it.restrict(1.04, Twist(0.3, 0.0)).reason == (
+        "collision monitor: the scan comes from the future"
+    )
+
+
+def test_after_the_clock_went_back_what_was_seen_before_does_not_count():
+    it = standing(wall(0.02))
+    it.observe(0.5, Readings(Odometry(0.5, HERE, STILL), None, None, None), STILL)
+    assert it.restrict(0.5, Twist(0.3, 0.0)).reason.endswith("there is no scan")
+    it.observe(0.52, readings(0.52, empty()), STILL)
+    assert it.restrict(0.52, Twist(0.3, 0.0)) == UNRESTRICTED
+
+
+def test_a_reason_is_told_in_the_same_words_while_it_lasts():
+    it = standing(wall(0.05))
+    first = it.restrict(1.0, Twist(1.0, 0.0)).reason
+    assert first == "collision monitor: slower, something 0.05 m ahead"
+    it.observe(1.1, readings(1.1, wall(0.03)), STILL)
+    assert it.restrict(1.1, Twist(1.0, 0.0)).reason == first
+    for k in range(1, 30):
+        t = 1.1 + 0.1 * k
+        it.observe(t, readings(t, wall(0.03)), STILL)
+        assert it.restrict(t, Twist(1.0, 0.0)).reason == first
+    later = t + LASTS + 0.01
+    it.observe(later, readings(later, wall(0.03)), STILL)
+    assert it.restrict(later, Twist(1.0, 0.0)).reason.endswith("0.03 m ahead")
+
+
+def test_what_went_out_of_sight_is_not_turned_or_backed_into():
+    """Something stands 0.14 m behind the robot's left, seen before it turned its back on it."""
+    it = watch()
+    at = np.array([-0.5, 0.2])
+    for k in range(200):
+        t = 0.02 * k
+        psi = math.pi - min(1.0 * t, math.pi)
+        c, s = math.cos(psi), math.sin(psi)
+        x, y = c * at[0] + s * at[1] - SENSOR, -s * at[0] + c * at[1]
+        ranges, bearing = empty(), math.atan2(y, x)
+        near = np.abs(BEARINGS - bearing) < 2.0 * STEP
+        ranges[near] = math.hypot(x, y)
+        turning = Twist(0.0, -1.0 if psi > 0.0 else 0.0)
+        it.observe(t, readings(t, ranges, Pose(0.0, 0.0, psi), turning), turning)
+    assert not near.any()
+    back = it.restrict(t, Twist(-0.8, 0.0))
+    assert back.share < 1.0
+    assert back.reason.endswith("behind")
+    assert back.share * 0.8 == pytest.approx(fits(0.14, 0.8, PERIOD, 1.6), abs=0.02)
+    assert it.restrict(t, Twist(0.8, 0.0)) == UNRESTRICTED
+
+
+def test_it_says_on_which_side_the_thing_is():
+    it = standing(empty())
+    for point, said in (
+        ((0.46, 0.1), "0.10 m ahead"), ((-0.56, 0.1), "0.20 m behind"),
+        ((0.1, 0.39), "0.10 m left"), ((0.1, -0.31), "0.02 m right"),
+        ((0.3, 0.2), "0.00 m ahead"), ((0.5, 0.32), "0.14 m ahead"),
+    ):  # fmt: skip
+        assert it._where(np.array(point)) == said
+
+
+def test_a_robot_that_runs_away_is_a_fault():
+    it = watch()
+    for k in range(100):
+        t = 0.02 * k
+        pose = Pose(0.2 * t, 0.0, 0.0)
+        found = it.observe(t, readings(t, empty(), pose, Twist(0.2, 0.0)), STILL)
+        if found.fault:
+            break
+    assert found.share == 0.0
+    assert found.reason == (
+        "collision monitor: the robot moves at 0.20 m/s although it is told to stand"
+    )
+    full = 1.0 / BRAKES  # from full speed
+    assert DELAY + full + 0.25 < t < DELAY + full + 0.35
+
+
+def test_motion_in_the_poses_alone_is_running_away_too():
+    it, found = watch(), UNRESTRICTED
+    for k in range(100):
+        t = 0.02 * k
+        found = it.observe(t, readings(t, empty(), Pose(0.0, 0.0, -0.5 * t)), STILL)
+    assert found.fault
+
+
+def test_every_robot_with_a_lidar_is_watched():
+    sally = robot("sally")
+    assert any(isinstance(m, CollisionMonitor) for m in monitors(sally, rules(sally, PERIOD)))
+    blind = sally.model_copy(update={"lidar": None})
+    assert not any(isinstance(m, CollisionMonitor) for m in monitors(blind, rules(blind, PERIOD)))
+    with pytest.raises(ValueError, match="LiDAR"):
+        described(blind, rules(blind, PERIOD))
+
+
+def test_what_has_no_limits_is_watched_all_the_same():
+    none = dict.fromkeys(
+        ("speed_mps", "yaw_rate_radps", "wheel_speed_mps", "wheel_acceleration_mps2")
+    )
+    limits = robot("sally").limits.model_copy(update=none)
+    free = model().model_copy(update={"limits": limits})
+    it = CollisionMonitor(described(free, rules(free, PERIOD)))
+    it.observe(1.0, readings(1.0, wall(0.1)), STILL)
+    assert it.restrict(1.0, Twist(1.0, 0.0)) == UNRESTRICTED  # it stands at once, when told to
+    share = it.restrict(1.0, Twist(10.0, 0.0)).share
+    assert share == pytest.approx(0.1 / (10.0 * PERIOD), rel=0.05)

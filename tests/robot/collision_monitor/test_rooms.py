@@ -1,0 +1,36 @@
+"""The collision monitor with the real gate, robot and LiDAR, and no filter at all."""
+
+import pytest
+
+from tests.robot.collision_monitor.rooms import KINDS, drive
+
+HARD = 0.1
+"""No contact is faster [m/s]."""
+
+
+@pytest.mark.parametrize("number", range(len(KINDS)))
+def test_without_a_filter_it_hits_nothing_at_speed(number):
+    row = drive(number, 300, all_round=True)
+    assert row.hit <= HARD
+    assert row.acted > 0
+    assert row.way > 1.0
+    assert row.faulted == ""
+
+
+def test_without_the_monitor_the_same_drive_hits_hard():
+    assert drive(2, 300, all_round=True, watched=False).hit > 0.5
+
+
+def test_a_lidar_that_does_not_look_behind_keeps_what_it_drives_at():
+    row = drive(0, 300, ahead=True)
+    assert row.hit <= HARD
+    assert row.acted > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", range(len(KINDS)))
+def test_in_fifty_rooms_it_hits_nothing_at_speed(kind):
+    for number in range(kind, 50 * len(KINDS), len(KINDS)):
+        row = drive(number, 301, all_round=True)
+        assert row.hit <= HARD, row
+        assert row.faulted == "", row

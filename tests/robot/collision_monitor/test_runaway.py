@@ -1,0 +1,60 @@
+"""Motion that nobody commands."""
+
+from cohelm.core.types import Twist
+from cohelm.robot.collision_monitor.runaway import MOVES, PATIENCE, Runaway
+
+STOPPING = 0.5
+STILL, DRIVES = Twist(0.0, 0.0), Twist(0.3, 0.0)
+
+
+def noticed_after(speed, moved_before=True, commanded=lambda t: False):
+    """How long after the first 0 it is noticed; None within 3 s."""
+    watch = Runaway(STOPPING)
+    if moved_before:
+        assert not watch.noticed(-0.02, DRIVES, 0.3)
+    for k in range(150):
+        t = 0.02 * k
+        if watch.noticed(t, DRIVES if commanded(t) else STILL, speed(t)):
+            return t
+    return None
+
+
+def test_a_robot_that_goes_on_is_noticed_as_soon_as_it_should_stand():
+    after = noticed_after(lambda t: 0.3)
+    assert STOPPING + PATIENCE < after <= STOPPING + PATIENCE + 0.021
+
+
+def test_one_that_brakes_as_it_can_is_not():
+    assert noticed_after(lambda t: max(0.5 - t, 0.0)) is None
+    assert noticed_after(lambda t: MOVES) is None
+
+
+def test_one_that_sets_off_by_itself_is_noticed_sooner():
+    after = noticed_after(lambda t: 0.3 if t > 1.0 else 0.0)
+    assert 1.0 + PATIENCE < after <= 1.0 + PATIENCE + 0.041
+    assert noticed_after(lambda t: 0.3 if t > 1.0 else 0.0, moved_before=False) == after
+
+
+def test_a_nudge_is_none_and_a_second_one_neither():
+    assert noticed_after(lambda t: 0.3 if 1.0 < t < 1.2 or 1.3 < t < 1.5 else 0.0) is None
+
+
+def test_who_is_told_to_drive_may_and_the_time_begins_anew():
+    assert noticed_after(lambda t: 0.3, commanded=lambda t: True) is None
+    after = noticed_after(lambda t: 0.3, commanded=lambda t: 0.4 < t < 1.0)
+    assert 1.0 + STOPPING + PATIENCE < after <= 1.0 + STOPPING + PATIENCE + 0.041
+
+
+def test_one_that_has_stood_and_is_told_to_drive_has_all_its_time_again():
+    def speed(t):
+        return 0.0 if t < 0.4 else 0.3
+
+    after = noticed_after(speed, commanded=lambda t: 0.4 < t < 1.0)
+    assert after > 1.0 + STOPPING + PATIENCE
+
+
+def test_turning_by_either_hand_or_backing_is_driving():
+    watch = Runaway(STOPPING)
+    for k in range(200):
+        for twist in (Twist(0.0, 0.3), Twist(-0.2, 0.0)):
+            assert not watch.noticed(0.02 * k, twist, 0.3)

@@ -1,0 +1,113 @@
+"""What counts of what was seen."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.collision_monitor.odometry import PoseHistory, placed
+from cohelm.robot.collision_monitor.returns import Returns, Sensor
+from cohelm.robot.collision_monitor.surroundings import (
+    BESIDE,
+    GRAIN,
+    NOTHING,
+    REMEMBERED,
+    Surroundings,
+    joined,
+    of_scan,
+    out_of_sight,
+)
+from cohelm.robot.port import Scan
+
+
+def sensor(view_deg, beams=720, mount=Pose(0.3, 0.0, 0.0)):  # noqa: B008, a value
+    view = math.radians(view_deg)
+    step = view / (beams if view_deg == 360.0 else beams - 1)
+    bearings = -0.5 * step * (beams - 1) + step * np.arange(beams)
+    return Sensor(mount, bearings, step, 0.06, 0.02, 10.0, 0.0, 0.0)
+
+
+def things(*points, seen=0.0):
+    n = len(points)
+    return Surroundings(
+        np.array(points, dtype=float).reshape(-1, 2), np.full(n, 0.01), np.full(n, 0.03),
+        np.full(n, seen),
+    )  # fmt: skip
+
+
+HERE = Pose(0.0, 0.0, 0.0)
+
+
+def test_each_beam_is_placed_from_where_the_robot_was_then():
+    poses = PoseHistory()
+    for k in range(11):
+        poses.add(1.0 + 0.01 * k, Pose(0.01 * k, 0.0, 0.02 * k), Twist(1.0, 2.0))
+    found = Returns(
+        np.array([[1.0, 0.0], [1.0, 0.5], [0.0, 1.0]]), np.array([0.01, 0.02, 0.03]),
+        np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.5, 1.0]),
+    )  # fmt: skip
+    placed_there = of_scan(found, Scan(1.02, 0, np.zeros(3), 0.06), poses)
+    assert placed_there.seen == pytest.approx([1.02, 1.05, 1.08])
+    for i in range(3):
+        then = np.array([poses.at(placed_there.seen[i])]).T
+        assert placed_there.points[i] == pytest.approx(placed(found.points[i : i + 1], *then)[0])
+    assert placed_there.errors.tolist() == [0.01, 0.02, 0.03]
+    assert placed_there.margins.tolist() == [0.1, 0.2, 0.3]
+
+
+def test_a_scan_of_nothing_is_nothing():
+    none = Returns(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+    assert len(of_scan(none, Scan(1.0, 0, np.zeros(3), 0.0), PoseHistory()).points) == 0
+
+
+def test_what_went_out_of_sight_behind_is_remembered_and_what_is_in_view_is_not():
+    old = things((-0.8, 0.0), (-0.8, 0.5), (1.0, 0.0), (0.3, 1.0), (0.2, -0.05))
+    kept = out_of_sight(old, 1.0, HERE, sensor(270.0), 0.46)
+    assert sorted(kept.points.tolist()) == [[-0.8, 0.0], [-0.8, 0.5], [0.2, -0.05]]
+    assert kept.seen.tolist() == [0.0] * 3
+    assert kept.errors.tolist() == [0.01] * 3
+    turned = out_of_sight(old, 1.0, Pose(0.0, 0.0, math.pi), sensor(270.0), 0.46)
+    assert sorted(turned.points.tolist()) == [[0.2, -0.05], [1.0, 0.0]]
+
+
+def test_the_view_ends_at_its_outer_beams():
+    s = sensor(180.0, mount=Pose(0.0, 0.0, 0.0))
+    edge = math.radians(90.0)
+    for sign in (1.0, -1.0):
+        inside = things((math.cos(edge - 1e-3), sign * math.sin(edge - 1e-3)))
+        beyond = things((math.cos(edge + 1e-3), sign * math.sin(edge + 1e-3)))
+        assert len(out_of_sight(inside, 1.0, HERE, s, 0.46).points) == 0
+        assert len(out_of_sight(beyond, 1.0, HERE, s, 0.46).points) == 1
+
+
+def test_it_is_forgotten_when_it_is_far_or_long_ago():
+    s, near = sensor(270.0), 0.46 + BESIDE
+    assert len(out_of_sight(things((-near + 0.01, 0.0)), 1.0, HERE, s, 0.46).points) == 1
+    assert len(out_of_sight(things((-near - 0.01, 0.0)), 1.0, HERE, s, 0.46).points) == 0
+    old = things((-1.0, 0.0))
+    assert len(out_of_sight(old, REMEMBERED - 0.1, HERE, s, 0.46).points) == 1
+    assert len(out_of_sight(old, REMEMBERED + 0.1, HERE, s, 0.46).points) == 0
+
+
+def test_a_sensor_that_looks_all_round_remembers_nothing():
+    old = things((-1.0, 0.0), (-1.0, 0.001), (1.0, 0.0))
+    assert out_of_sight(old, 1.0, HERE, sensor(360.0), 0.46) is NOTHING
+    assert len(out_of_sight(old, 1.0, HERE, sensor(358.0), 0.46).points) >= 1
+    assert out_of_sight(NOTHING, 1.0, HERE, sensor(270.0), 0.46) is NOTHING
+
+
+def test_of_what_is_remembered_one_stands_for_its_neighbours():
+    row = [(-1.0 - 0.001 * k, 0.2) for k in range(200)]
+    kept = out_of_sight(things(*row), 1.0, HERE, sensor(270.0), 0.46)
+    assert 0.2 / GRAIN <= len(kept.points) <= 0.2 / GRAIN + 2
+    for point in row:
+        assert np.hypot(*(kept.points - point).T).min() <= GRAIN
+    apart = things((-1.0, 0.2), (-1.0, 0.3), (-1.1, 0.2), (-1.0, -0.2))
+    assert len(out_of_sight(apart, 1.0, HERE, sensor(270.0), 0.46).points) == 4
+
+
+def test_both_are_joined_in_order():
+    both = joined(things((1.0, 0.0), seen=2.0), things((2.0, 0.0), (3.0, 0.0), seen=1.0))
+    assert both.points[:, 0].tolist() == [1.0, 2.0, 3.0]
+    assert both.seen.tolist() == [2.0, 1.0, 1.0]
