@@ -35,7 +35,8 @@ def test_the_bytes_of_a_command_are_where_the_page_says():
     import struct
 
     expected = {"0": wire.VERSION, "1": 1, "2": 0x0102030405060708, "10": 9, "14": 2.5, "22": 1.5,
-                "30": 0.25, "34": 0.5, "38": -0.5, "42": 1, "43": 0, "44": 3, "45": 0.75, "49": 1}  # fmt: skip
+                "30": 0.25, "34": 0.5, "38": -0.5, "42": 1, "43": 0, "44": 3, "45": 0.75,
+                "49": 1}  # fmt: skip
     forms = {"u8": "B", "u32": "I", "u64": "Q", "f": "f", "d": "d"}
     assert set(rows) == set(expected)
     for at, value in expected.items():
