@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cohelm.core.errors import CohelmError
     from cohelm.core.obstacles import Obstacles
     from cohelm.core.types import Pose, Twist
+    from cohelm.drive.library import drive
     from cohelm.law.verdict import Verdict
     from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
     from cohelm.record.table import Record, read_record
@@ -29,7 +30,7 @@ __version__ = "0.1.0"
 __all__ = [
     "CohelmError", "FilterResult", "Limits", "Observation", "Obstacles", "Odometry", "Pose",
     "Readings", "Record", "Robot", "RobotModel", "RunResult", "SafetyFilter", "Scan", "Scenario",
-    "Twist", "Verdict", "load_robot", "load_scenario", "read_record", "run",
+    "Twist", "Verdict", "drive", "load_robot", "load_scenario", "read_record", "run",
 ]  # fmt: skip
 
 _HOME = {
@@ -50,6 +51,7 @@ _HOME = {
     "Scenario": "scenario.model",
     "Twist": "core.types",
     "Verdict": "law.verdict",
+    "drive": "drive.library",
     "load_robot": "scenario.load",
     "load_scenario": "scenario.load",
     "read_record": "record.table",

@@ -43,3 +43,15 @@ def test_a_station_says_how_to_drive_or_the_command_line_does(cohelm):
     said = cohelm("robot", "--listen", "127.0.0.1", "--arrive")
     assert said.code == 2
     assert "leave out --mode, --arrive and --fast" in said.err
+
+
+def test_a_robot_of_ones_own_is_not_simulated(cohelm):
+    said = cohelm("robot", "--driver", "tests.api.carts:Cart", "--fast")
+    assert said.code == 2
+    assert "with --driver nothing is simulated" in said.err
+
+
+def test_a_robot_of_ones_own_that_is_not_there_is_said(cohelm):
+    said = cohelm("robot", "sally", "--driver", "no_such_package:Cart")
+    assert said.code == 2
+    assert "no_such_package:Cart can not be imported" in said.err

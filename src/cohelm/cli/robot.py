@@ -26,6 +26,14 @@ def robot(
     scenario: Annotated[
         str, typer.Option(metavar="SCENARIO", help="Where a robot's YAML file is driven.")
     ] = "lab-guard",
+    driver: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PACKAGE:CLASS",
+            help="Your own robot: a subclass of cohelm.Robot, or an entry point of cohelm.robots. "
+            "The scenario gives map, route and law.",
+        ),
+    ] = None,
     twin: Annotated[
         bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
     ] = False,
@@ -81,7 +89,9 @@ def robot(
     from cohelm.drive.simulated import mapped
     from cohelm.loop.loop import Ways
 
-    asked = Asked(name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [])
+    asked = Asked(
+        name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver
+    )
     if listen is not None and (mode or arrive or fast):
         raise CohelmError(
             "with --listen the station says how to drive: leave out --mode, --arrive and --fast"

@@ -12,9 +12,11 @@ import yaml
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.drive.simulated import Kind, Simulated, simulated
+from cohelm.drive.factory import RobotFactory, own_robot
+from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.operator import Nobody, Scripted
+from cohelm.robot.model import SHIPPED
 from cohelm.scenario import build
 from cohelm.scenario.hand import StickNone, StickOperator
 from cohelm.sim.hand import replayed
@@ -29,11 +31,21 @@ class Asked(NamedTuple):
     real_time: bool
     seed: int | None
     changes: list[str]
+    driver: str | None = None
+    """Of a robot that is not simulated: package:Class, or an entry point."""
 
 
-def meant(asked: Asked) -> Simulated:
+def meant(asked: Asked) -> RobotFactory:
     """The robot that is meant: of a scenario, or a robot's file in another scenario."""
     name, changes = asked.name, list(asked.changes)
+    if asked.driver is not None:
+        if not asked.real_time or asked.kind == "twin" or asked.seed is not None:
+            raise CohelmError(
+                "with --driver nothing is simulated: leave out --twin, --fast and --seed"
+            )
+        described = _is_robot(Path(name)) or name in SHIPPED
+        site, model = (asked.scenario, name) if described else (name, None)
+        return own_robot(asked.driver, site, model, changes)
     if _is_robot(Path(name)):
         changes.append(f"robot={Path(name).absolute()}")
         name = asked.scenario
@@ -69,7 +81,7 @@ class Hands(Scripted):
         return super().heard() if self._present else Nobody().heard()
 
 
-def hands(made: Simulated, mode: str) -> tuple[Mode, Hands]:
+def hands(made: RobotFactory, mode: str) -> tuple[Mode, Hands]:
     """The mode to drive in, and who holds the stick. CohelmError for a mode there is not."""
     stick = made.scenario.stick
     present = not isinstance(stick, (StickNone, StickOperator))

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cohelm.drive.factory import RobotFactory
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Recording
 from cohelm.drive.shown import drawn, way
-from cohelm.drive.simulated import Simulated
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
@@ -42,7 +42,8 @@ _READY = 10.0  # the robot's sensors must speak within this [s]
 class Plan:
     """What a session is to be."""
 
-    robot: Simulated
+    robot: RobotFactory
+    """Whose simulation is one of equals; its scenario is the site: map, route, law."""
     rate: float = 50.0
     """Periods a second, 10 to 500."""
     record: Path | None = None

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from cohelm.core.types import Pose
-from cohelm.law.reference import desired
+from cohelm.drive.factory import beginning, described
 from cohelm.perceive.frames import compose
 from cohelm.perceive.known import Known
 from cohelm.robot.model import RobotModel
@@ -35,18 +35,12 @@ class Simulated:
     @property
     def model(self) -> RobotModel:
         """The robot."""
-        if isinstance(self.scenario.robot, str):
-            raise TypeError("the robot is still a name")
-        return self.scenario.robot
+        return described(self.scenario)
 
     @property
     def start(self) -> Pose:
         """Where it begins."""
-        given = self.scenario.start
-        if given is not None:
-            return Pose(given.x_m, given.y_m, given.heading_rad)
-        first = desired(self.scenario.reference.spline(), 0.0, False)
-        return Pose(first.x, first.y, first.psi)
+        return beginning(self.scenario)
 
     def delay(self, period: float) -> float:
         """From a command to its effect, as the guard has to foresee it [s]."""

@@ -1,0 +1,43 @@
+"""Finds what others have written, by `package:name` or by an installed package's entry point."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from cohelm.core.errors import CohelmError
+
+
+def plugins(group: str) -> dict[str, EntryPoint]:
+    """The entry points of a group that installed packages have, by name."""
+    return {point.name: point for point in entry_points(group=group)}
+
+
+def plugin(group: str, name: str) -> Any:
+    """What `package:name` means, also in the working folder, or the entry point of that name.
+
+    Raises CohelmError where there is no such thing, or importing it fails.
+    """
+    module, colon, inside = name.partition(":")
+    try:
+        if not colon:
+            known = plugins(group)
+            if name in known:
+                return known[name].load()
+            there = f"; installed packages have {', '.join(sorted(known))}" if known else ""
+            raise CohelmError(f"{name}: give package:name, or an entry point of {group}{there}")
+        here = str(Path.cwd())
+        if here not in sys.path:
+            sys.path.insert(0, here)
+        return attrgetter(inside)(import_module(module))
+    except CohelmError:
+        raise
+    except Exception as error:
+        raise CohelmError(
+            f"{name} can not be imported ({type(error).__name__}: {error}): check the name, and "
+            "that its package is installed or its file in this folder"
+        ) from error

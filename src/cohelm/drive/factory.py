@@ -1,0 +1,165 @@
+"""What a session drives: something that makes a robot, and the site where it drives."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.plugins import plugin
+from cohelm.core.types import Pose
+from cohelm.law.reference import desired
+from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.base import Robot
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Robot as Port
+from cohelm.scenario import load
+from cohelm.scenario.model import Scenario
+
+GROUP = "cohelm.robots"
+"""Entry points that name robots by others."""
+
+Make = Callable[[RobotModel], Robot] | Robot
+"""A class or function that makes a robot of its model; or a robot that can be pickled."""
+
+
+class RobotFactory(Protocol):
+    """Makes a robot wherever it is called, and says where it drives. Can be pickled."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The site: map, route, law and stick; standing alone, the robot's description in it."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """kinematic, twin, or own."""
+        ...
+
+    @property
+    def real_time(self) -> bool:
+        """Whether time passes by itself."""
+        ...
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot."""
+        ...
+
+    @property
+    def start(self) -> Pose:
+        """Where it begins."""
+        ...
+
+    def delay(self, period: float) -> float:
+        """From a command to its effect, as the guard has to foresee it [s]."""
+        ...
+
+    def __call__(self) -> Port:
+        """A new one."""
+        ...
+
+
+def described(site: Scenario) -> RobotModel:
+    """The robot of a site that stands alone."""
+    if isinstance(site.robot, str):
+        raise TypeError("the robot is still a name")
+    return site.robot
+
+
+def beginning(site: Scenario) -> Pose:
+    """Where a site's robot begins: as it says, or on its route's first pose."""
+    if site.start is not None:
+        return Pose(site.start.x_m, site.start.y_m, site.start.heading_rad)
+    first = desired(site.reference.spline(), 0.0, False)
+    return Pose(first.x, first.y, first.psi)
+
+
+@dataclass(frozen=True)
+class OwnRobot:
+    """A robot by somebody else, at a site whose obstacles are not simulated: they are there."""
+
+    scenario: Scenario
+    make: Make
+    real_time: bool = True
+    kind: str = "own"
+
+    @property
+    def model(self) -> RobotModel:
+        """As its YAML file describes it."""
+        return described(self.scenario)
+
+    @property
+    def start(self) -> Pose:
+        """Where it is put down."""
+        return beginning(self.scenario)
+
+    def delay(self, period: float) -> float:
+        """As measured, lag included; see docs/loop.md."""
+        return self.model.delay_s
+
+    def __call__(self) -> Port:
+        """Make it, here. Raises CohelmError where that fails, or it is another robot."""
+        try:
+            robot = self.make if isinstance(self.make, Robot) else _made(self.make, self.model)
+        except CohelmError:
+            raise
+        except Exception as error:
+            raise CohelmError(
+                f"the robot can not be made: {type(error).__name__}: {error}"
+            ) from error
+        adapted = RobotAdapter(robot)
+        if adapted.model != self.model:
+            raise CohelmError(
+                f"the robot describes itself otherwise than {self.model.name} does: let it take "
+                "the model it is given, def __init__(self, model): super().__init__(model)"
+            )
+        return adapted
+
+
+def own_robot(
+    robot: Make | str, site: str | Path | Scenario, model: RobotModel | str | Path | None = None,
+    changes: list[str] | None = None,
+) -> OwnRobot:  # fmt: skip
+    """A robot of one's own at a site.
+
+    robot: its class, `package:Class`, an entry point of `cohelm.robots`, or a robot that can be
+    pickled. site: a scenario, of which map, route, law and stick count. model: the robot, a shipped
+    name or its YAML file; by default the robot's own, or the site's.
+
+    Raises CohelmError for what can not be used.
+    """
+    make: Make = plugin(GROUP, robot) if isinstance(robot, str) else robot
+    if not callable(make) and not isinstance(make, Robot):  # pyright: ignore
+        raise CohelmError(
+            f"a robot must be a subclass of cohelm.Robot or make one, got {type(make).__name__}"
+        )
+    if isinstance(model, str | Path):
+        model = load.load_robot(model)
+    if model is None and isinstance(make, Robot):
+        model = RobotAdapter(make).model
+    made = site if isinstance(site, Scenario) else load.scenario(site, changes or [])
+    if model is not None:
+        made = made.model_copy(update={"robot": model})
+    try:
+        pickle.dumps(make)
+    except Exception as error:
+        raise CohelmError(
+            f"the robot can not be sent to the process that drives it ({error}): give its class "
+            "instead of an instance, from a module and not from inside a function"
+        ) from error
+    real_time = bool(getattr(make, "real_time", True))
+    return OwnRobot(load.standing_alone(made, Path()), make, real_time)
+
+
+def _made(make: Callable[..., Any], model: RobotModel) -> Robot:
+    """With the model, where it takes one."""
+    try:
+        takes = bool(inspect.signature(make).parameters)
+    except (TypeError, ValueError):
+        takes = True
+    return make(model) if takes else make()

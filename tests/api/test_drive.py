@@ -1,0 +1,102 @@
+"""A robot by somebody else in the whole loop: gate, watchdog, perception, pilot."""
+
+import math
+
+import numpy as np
+import pytest
+
+import cohelm
+from cohelm.drive.factory import own_robot
+from cohelm.drive.session import Plan, Session
+from cohelm.drive.simulated import simulated
+from cohelm.link.messages import Mode
+from tests.api import carts
+from tests.api.carts import SITE
+
+
+def test_a_robot_of_ones_own_arrives_and_is_recorded(tmp_path):
+    summary = cohelm.drive(carts.Simulated, SITE, arrive=True, seconds=60.0,
+                           record=tmp_path / "drive.mcap")  # fmt: skip
+    assert summary["arrived"]
+    assert not summary["faulted"]
+    assert summary["kind"] == "own"
+    record = cohelm.read_record(tmp_path / "drive.mcap")
+    assert record.table["x"][-1] > 7.8
+    assert record.table["v_given"].max() > 0.4
+
+
+def test_it_drives_as_the_simulated_robot_of_the_same_site_does():
+    """Simulation is one adapter among equals: the same readings, the same trajectory."""
+    tracks = []
+    for factory in (own_robot(carts.Simulated, SITE), simulated(SITE, real_time=False, seed=0)):
+        with Session(Plan(factory)) as session:
+            track = []
+
+            def until(loop, track=track):
+                track.append((*loop.seen.pose, *loop.keeper.gate.out))
+                return loop.keeper.now() > 5.0
+
+            session.run(until, Mode.AUTOMATIC)
+            tracks.append(np.array(track))
+    assert tracks[0][-1, 0] > 1.0
+    assert np.abs(tracks[0] - tracks[1]).max() < 1e-9
+
+
+def test_no_error_in_the_robots_own_code_leaves_it_driving(tmp_path):
+    summary = cohelm.drive(carts.Dying, SITE, seconds=6.0, record=tmp_path / "drive.mcap")
+    assert summary["faulted"]
+    assert "send failed: OSError: the line is dead" in summary["reason"]
+    events = [said for _, said in cohelm.read_record(tmp_path / "drive.mcap").events]
+    assert any("the robot says: send failed" in said for said in events)
+
+
+@pytest.mark.xdist_group("realtime")
+def test_in_real_time_it_lives_in_the_process_of_the_gate():
+    summary = cohelm.drive("tests.api.carts:Cart", SITE, mode="hold", seconds=2.0)
+    assert summary["reason"] == "the drive is over"
+    assert summary["periods"] > 50
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ((object(), SITE), "must be a subclass of cohelm.Robot or make one"),
+        (("tests.api.carts:Nothing", SITE), "can not be imported"),
+        (("no_such_package:Cart", SITE), "can not be imported"),
+        (("cart", SITE), "entry point of cohelm.robots"),
+        ((lambda model: None, SITE), "can not be sent to the process"),
+        ((carts.Broken, SITE), "no such device"),
+        ((carts.Other, SITE), "describes itself otherwise"),
+        ((carts.Simulated, "no-site"), "no such file"),
+        ((carts.Simulated, SITE, "no-robot"), "no robot is called"),
+    ],
+)
+def test_what_can_not_be_driven_is_said(given, said):
+    with pytest.raises(cohelm.CohelmError, match=said):
+        own_robot(*given)()
+
+
+def test_a_robot_that_knows_its_own_model_needs_no_argument():
+    made = own_robot(carts.NoArguments, SITE)
+    assert made().model == made.model
+    again = own_robot(carts.NoArguments, SITE, "jackal")
+    with pytest.raises(cohelm.CohelmError, match="describes itself otherwise"):
+        again()
+
+
+def test_options_that_do_not_go_together_are_said():
+    for options, said in (
+        ({"rate": 5.0}, "rate must be"),
+        ({"rate": math.nan}, "rate must be"),
+        ({"listen": "127.0.0.1", "arrive": True}, "the station says how to drive"),
+        ({"mode": "fly"}, "there is no mode"),
+    ):
+        with pytest.raises(cohelm.CohelmError, match=said):
+            cohelm.drive(carts.Simulated, SITE, **options)
+
+
+def test_the_function_and_the_room_of_one_name_are_both_to_be_had():
+    import cohelm.drive.session
+
+    assert cohelm.drive.session.Session is Session
+    assert callable(cohelm.drive)
