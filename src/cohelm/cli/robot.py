@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say
+from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say, starting
 
 if TYPE_CHECKING:
     from cohelm.drive.session import Plan, Session
@@ -106,8 +106,13 @@ def robot(
         _told(made.scenario.name, _served(plan, listen, seconds), as_json)
         return
     chosen, operator = hands(made, mode)
-    with ended() as stop, Session(plan, operator) as session:
+    with (
+        starting(made.model.name) as line,
+        ended() as stop,
+        Session(plan, operator) as session,
+    ):
         stop.heed()
+        line.over()
         operator.watches(session.loop.keeper.now)
         begun = session.loop.keeper.now()
 
@@ -151,10 +156,11 @@ def _served(plan: Plan, where: str, seconds: float | None) -> dict[str, Any]:
     host, port = address(where, PORT)
     begun = time.monotonic()
 
-    with ended() as stop:
+    with starting(own.name) as line, ended() as stop:
 
         def ready(at: tuple[Any, ...]) -> None:
             stop.heed()
+            line.over()
             say(f"listening on {at[0]}:{at[1]}; robot {plain(own.name)}, Ctrl-C ends it")
 
         def over() -> str:

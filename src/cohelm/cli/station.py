@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.tell import Pictures, plain, say
+from cohelm.cli.tell import Pictures, plain, say, starting
 
 if TYPE_CHECKING:
     from cohelm.station.robot_link import Connect
@@ -111,6 +111,7 @@ def drive(
     so, and the command ends.
     """
     from cohelm.core.errors import CohelmError
+    from cohelm.drive.awaited import Awaited
     from cohelm.drive.beside import Beside
     from cohelm.drive.served import Door
     from cohelm.link import keys
@@ -123,16 +124,32 @@ def drive(
     load.scenario(scenario)  # one that can not be used is told at once,
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
-    say(f"starting the robot in {plain(scenario)}; the first time takes a minute")
     door = Door(of_robot, "127.0.0.1", 0, records)
     with (
-        Beside(scenario, twin, door, carry_on, pictures=pictures) as robot,
-        lent(of_stick, robot.host, robot.port),
+        ExitStack() as joined,
+        Beside(scenario, twin, door, carry_on, pictures=pictures, wait=False) as robot,
+        starting(f"the robot in {scenario}") as begun,
     ):
-        say("to join it with a stick of this machine: cohelm stick --drive")
-        connect = partial(Linked, of_station, robot.host, robot.port, lambda: robot.over)
-        serve(lambda _: connect(), host, port, files, robot.afterwards)
-        over = robot.over
+
+        def linked() -> Linked | None:
+            """The page is there before the robot is: what it compiles takes a minute at first."""
+            if not robot.ready.is_set():
+                return None
+            return Linked(of_station, robot.host, robot.port, lambda: robot.over)
+
+        def ready() -> None:
+            joined.enter_context(lent(of_stick, robot.host, robot.port))
+            begun.over()
+            say("the robot is ready; to join it with a stick of this machine: cohelm stick --drive")
+
+        def connect(_: str) -> Awaited:
+            return Awaited(linked, lambda: robot.over or begun.text())
+
+        robot.when_ready(ready)
+        serve(connect, host, port, files, robot.afterwards)
+        over, came = robot.over, robot.ready.is_set()
+    if over and not came:
+        raise CohelmError(over)
     if over:
         raise CohelmError(f"{over}. The station has ended too: start it again when you want to")
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+_SAID_EVERY = 10.0  # where nobody sees a line move, it is said again so often [s]
 
 Out = Annotated[
     Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder to write into.")
@@ -72,3 +76,48 @@ def progress(what: str) -> Generator[Callable[[str, float], None]]:
     with Progress(*columns, console=stderr, transient=True, disable=hidden) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda doing, share: bar.update(task, description=doing, completed=min(share, 1.0))
+
+
+class Starting:
+    """What is being started, in words that move on: what was compiled so far, and since when."""
+
+    def __init__(self, what: str) -> None:
+        """what: is started, e.g. "the robot in lab-guard"."""
+        self._what, self._since = what, time.time()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._show, name="starting", daemon=True)
+        self._thread.start()
+
+    def text(self) -> str:
+        """For a person, now."""
+        from cohelm.core.jit import compiled_since
+
+        functions, seconds = compiled_since(self._since), time.time() - self._since
+        compiled = f", compiled {functions} functions for this machine, once" if functions else ""
+        return f"starting {self._what}{compiled} ({seconds:.0f} s)"
+
+    def over(self) -> None:
+        """It is started, or will not be."""
+        self._over.set()
+        self._thread.join(1.0)
+
+    def _show(self) -> None:
+        """The line, until it is over: on a terminal it moves, elsewhere it is said now and then."""
+        screen = console(stderr=True)
+        if screen.is_terminal:
+            with screen.status("") as line:
+                while not self._over.wait(0.25):
+                    line.update(plain(self.text()))
+        else:
+            while not self._over.wait(_SAID_EVERY):
+                say(plain(self.text()))
+
+
+@contextmanager
+def starting(what: str) -> Generator[Starting]:
+    """A line on stderr that moves from now until `over` is called, or the block is left."""
+    begun = Starting(what)
+    try:
+        yield begun
+    finally:
+        begun.over()

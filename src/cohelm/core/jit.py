@@ -53,6 +53,26 @@ def _sources(room: str) -> set[Path]:
     return known
 
 
+def compiled_since(when: float) -> int:
+    """How many functions any process of cohelm has compiled into the cache since then.
+
+    when: as `time.time` [s]. 0 where there is no cache.
+    """
+    try:
+        files = _root().rglob("*.nbi")
+        return sum(1 for file in files if file.stat().st_mtime >= when)
+    except (OSError, RuntimeError):
+        return 0
+
+
+def _root() -> Path:
+    """Where the caches of all rooms are. RuntimeError where this person has no home."""
+    own = os.environ.get("COHELM_CACHE_DIR")
+    shared = os.environ.get("XDG_CACHE_HOME")
+    base = Path(own) if own else (Path(shared) if shared else Path.home() / ".cache") / "cohelm"
+    return base / "numba"
+
+
 def _fingerprint(room: str) -> str:
     """A digest of the sources that a room's compiled code depends on, and of where they lie."""
     digest = hashlib.sha256(f"{numba.__version__} {_PACKAGE}".encode())
@@ -64,11 +84,8 @@ def _fingerprint(room: str) -> str:
 @cache
 def _cache_folder(room: str) -> str:
     """The cache of a room for this exact source tree; its oldest others are removed."""
-    own = os.environ.get("COHELM_CACHE_DIR")
-    shared = os.environ.get("XDG_CACHE_HOME")
     try:
-        base = Path(own) if own else (Path(shared) if shared else Path.home() / ".cache") / "cohelm"
-        root = base / "numba" / (room or "elsewhere")
+        root = _root() / (room or "elsewhere")
         folder = root / _fingerprint(room)
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)

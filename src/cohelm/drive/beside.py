@@ -28,9 +28,10 @@ class Beside:
 
     def __init__(
         self, name: str, twin: bool, door: Door, carry_on: bool = False, patience: float = 0.0,
-        pictures: float = 5.0,
+        pictures: float = 5.0, wait: bool = True,
     ) -> None:  # fmt: skip
-        """name: of a scenario. patience, pictures: as in `session.Plan`.
+        """name: of a scenario. patience, pictures: as in `session.Plan`. wait: until the robot can
+        be driven; else see `ready`, and `over` where it can not be started.
 
         Raises CohelmError where the robot can not be started.
         """
@@ -39,27 +40,36 @@ class Beside:
             "cohelm robot", _drive, theirs, name, twin, door, carry_on, patience, pictures
         )
         theirs.close()
+        self.host, self.port = "", 0
+        self.ready = threading.Event()
+        """Set when the robot can be driven, at `host` and `port`."""
+        self.over = ""
+        """Why the robot's process has ended without having been told to; empty: it has not."""
+        self._told = False
+        self._on_ready: Callable[[], None] = lambda: None
+        self._then: Callable[[], None] = lambda: None
+        if wait:
+            self._awaited()
+        self._watch = threading.Thread(target=self._watching, name="robot's end", daemon=True)
+        self._watch.start()
+
+    def _awaited(self) -> None:
+        """Wait until it can be driven. Raises CohelmError where it can not be started."""
         try:
             if not self._line.poll(_START):
                 raise CohelmError(f"the robot was not ready within {_START:.0f} s; see above")
             answer = self._line.recv()
         except (EOFError, OSError):
-            self.close()
+            self._end()
             raise CohelmError("the robot's process ended before it was ready; see above") from None
         except BaseException:
             self._process.kill()  # it does not drive yet, and need not be waited for
-            self.close()
+            self._end()
             raise
         if isinstance(answer, str):
-            self.close()
+            self._end()
             raise CohelmError(answer)
         self.host, self.port = str(answer[0]), int(answer[1])
-        self.over = ""
-        """Why the robot's process has ended without having been told to; empty: it has not."""
-        self._told = False
-        self._then: Callable[[], None] = lambda: None
-        self._watch = threading.Thread(target=self._watching, name="robot's end", daemon=True)
-        self._watch.start()
 
     def __enter__(self) -> Beside:
         return self
@@ -78,9 +88,22 @@ class Beside:
         if self.over:
             then()
 
+    def when_ready(self, then: Callable[[], None]) -> None:
+        """What to do, in a thread, as soon as the robot can be driven; at once, if it can. A
+        CohelmError of it ends the robot."""
+        self._on_ready = then
+        if self.ready.is_set():
+            then()
+
     def close(self) -> None:
         """Tell the robot to stop and to end, and wait until it has."""
         self._told = True
+        if not self.ready.is_set():
+            self._process.kill()  # it does not drive yet, and need not be waited for
+            self._watch.join()
+        self._end()
+
+    def _end(self) -> None:
         self._line.close()
         self._process.join(_END)
         if self._process.is_alive():
@@ -91,6 +114,16 @@ class Beside:
             self._process.join()
 
     def _watching(self) -> None:
+        try:
+            if not self.port:
+                self._awaited()
+            self.ready.set()
+            self._on_ready()
+        except CohelmError as error:
+            if not self._told:
+                self.over = str(error)
+                self._then()
+            return
         wait([self._process.sentinel])
         if not self._told:
             self.over = f"the robot's process has ended: {self._last_words()}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -87,6 +88,10 @@ class Session:
         try:
             if plan.record is not None:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
+            where = plan.known
+            if where is None and plan.localise:
+                where = surveyed(robot.scenario.walls(), robot.start)
+            rehearsed = _beside(lambda: rehearse(model, where is not None)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             ends = (self.recording.loop, self.recording.keeper) if self.recording else (None, None)
             if real_time:
@@ -97,11 +102,8 @@ class Session:
                 if real_time:
                     self.recording.keeper.close()  # the keeper's process has it
                 self.recording.begin(time.time_ns() - round(self.keeper.now() * 1e9))
-            where = plan.known
-            if where is None and plan.localise:
-                where = surveyed(robot.scenario.walls(), robot.start)
-            if real_time:
-                rehearse(model, mapped=where is not None)
+            if rehearsed is not None:
+                rehearsed()
             perception = Perception(model, where, robot.start)
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(
@@ -251,6 +253,28 @@ class Session:
         loop.driver.rehearse_plan(seen, keeper)
         loop.period()
         loop.timing = Timing()
+
+
+def _beside(what: Callable[[], None]) -> Callable[[], None]:
+    """Do something in a thread: what compiles here, and what compiles in the keeper's process, take
+    as long as the longer of the two. Returns what waits for its end, and raises what it raised."""
+    raised: list[BaseException] = []
+
+    def done() -> None:
+        try:
+            what()
+        except BaseException as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=done, name="warm up", daemon=True)
+    thread.start()
+
+    def waited() -> None:
+        thread.join()
+        if raised:
+            raise raised[0]
+
+    return waited
 
 
 def _ways(plan: Plan) -> Ways:

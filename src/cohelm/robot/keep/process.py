@@ -22,7 +22,7 @@ from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, Robot, Scan
 
-_START = 120.0  # a robot may take this long to be made, compiling included [s]
+_START = 600.0  # a robot may take this long to be made, compiling included [s]
 _ANSWER = 2.0  # the keeper answers within this, or is gone [s]
 _WATCHDOGS = 10.0  # ... or within so many times the patience of the watchdog, if that is longer
 

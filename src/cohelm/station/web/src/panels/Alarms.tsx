@@ -22,7 +22,9 @@ function ours(): Shown[] {
   if (c === 'closed' || c === 'connecting') {
     if (s.welcome.value !== null) say('alarm', `No connection to the station${why}. What you see is old. The robot stops by itself.`)
   } else if (c === 'silent') say('alarm', 'The station is silent. What you see is old.')
-  else if (s.link.value !== null && !s.link.value.connected) {
+  else if (s.link.value !== null && !s.link.value.connected && s.robot.value === null) {
+    say('notice', `There is no robot yet${why}.`)
+  } else if (s.link.value !== null && !s.link.value.connected) {
     say('alarm', `No link to the robot${why}. What you see is old. The robot stops by itself.`)
   }
   if (s.youDrive.value && idle.value !== '') say('warning', `Your stick does not steer: ${idle.value}.`)

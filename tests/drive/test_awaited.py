@@ -1,0 +1,116 @@
+"""The page is there before the robot is, and nothing reaches a robot that was not there."""
+
+import time
+
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.drive.awaited import Awaited
+from cohelm.drive.beside import Beside
+from cohelm.drive.served import Door
+from cohelm.link import keys
+from cohelm.link.messages import Ask, Checked, Device
+from cohelm.station.robot_link import Quality
+
+
+class Robot:
+    """Writes down what reaches it."""
+
+    def __init__(self):
+        self.reached = []
+
+    def news(self):
+        return ["news"]
+
+    def steer(self, *what):
+        self.reached.append(("steer", what))
+
+    def ask(self, what, value=0, made=None):
+        self.reached.append(("ask", what))
+        return 7
+
+    def answer(self, number):
+        return ("answer", number)
+
+    def propose(self, points, only_check):
+        self.reached.append(("propose", points))
+        return 8
+
+    def fetch(self, name):
+        self.reached.append(("fetch", name))
+
+    def quality(self):
+        return Quality(True, "robot", "", 0.0, 0.0, 0.0)
+
+    def close(self):
+        self.reached.append(("close", ()))
+
+
+def awaited():
+    there: list[Robot] = []
+    return Awaited(lambda: there[0] if there else None, lambda: "starting (3 s)"), there
+
+
+def test_until_there_is_a_robot_everything_is_refused_and_the_page_hears_why():
+    link, _ = awaited()
+    assert link.quality()[:3] == (False, "the robot beside it", "starting (3 s)")
+    link.steer(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0)
+    answer = link.answer(link.ask(Ask.TAKE))
+    assert not answer.granted
+    assert answer.reason == "the robot is not started yet"
+    number = link.propose([(1.0, 2.0)], False)
+    (news,) = link.news()
+    assert isinstance(news.message, Checked)
+    assert news.message.answer[:2] == (number, False)
+    assert link.news() == []
+
+
+def test_nothing_that_was_wanted_before_it_was_there_reaches_the_robot():
+    link, there = awaited()
+    link.steer(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0)
+    before = link.ask(Ask.TAKE)
+    link.propose([(1.0, 2.0)], False)
+    there.append(Robot())
+    link.news()
+    assert link.quality().connected
+    assert there[0].reached == []
+    assert not link.answer(before).granted
+    assert link.answer(link.ask(Ask.RESET)) == ("answer", 7)
+    assert there[0].reached == [("ask", Ask.RESET)]
+
+
+def test_a_page_that_left_before_makes_no_link_afterwards():
+    link, there = awaited()
+    link.close()
+    there.append(Robot())
+    assert link.news() == []
+    assert not link.quality().connected
+
+
+@pytest.mark.xdist_group("realtime")
+def test_a_robot_that_still_starts_is_ended_at_once(tmp_path):
+    own, _ = keys.pair_here()
+    robot = Beside("lab-guard", True, Door(own, "127.0.0.1", 0, tmp_path), wait=False)
+    assert not robot.ready.is_set()
+    begun = time.monotonic()
+    robot.close()
+    assert time.monotonic() - begun < 10.0
+    assert robot.over == ""
+
+
+@pytest.mark.xdist_group("realtime")
+def test_a_robot_that_can_not_be_started_says_so_and_what_follows_is_called(tmp_path):
+    own, _ = keys.pair_here()
+    robot = Beside("no-such-place", False, Door(own, "127.0.0.1", 0, tmp_path), wait=False)
+    called: list[str] = []
+    robot.afterwards(lambda: called.append(robot.over))
+    until = time.monotonic() + 60.0
+    while not called:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    robot.close()
+    assert "no-such-place" in called[0]
+    assert not robot.ready.is_set()
+    with pytest.raises(CohelmError, match="no-such-place"):
+        Beside("no-such-place", False, Door(own, "127.0.0.1", 0, tmp_path))
