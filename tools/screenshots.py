@@ -216,10 +216,10 @@ def station_replay(robot: Robot, browser: Browser, take_it: Callable[[Page], Non
 
 @shot
 def station_login(robot: Robot, browser: Browser, take_it: Callable[[Page], None]) -> None:
-    with served(robot.connect, host="0.0.0.0") as server:
+    with served(robot.connect) as server:
         context = browser.new_context(viewport={"width": 640, "height": 420})
         page = context.new_page()
-        page.goto(f"http://127.0.0.1:{server.port}/")
+        page.goto(f"{server.origin}/")
         page.get_by_label("Token").fill("guess")
         page.get_by_role("button", name="Enter").click()
         expect(page.get_by_role("alert")).to_contain_text("not the token")

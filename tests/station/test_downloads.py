@@ -318,6 +318,25 @@ def test_downloads_are_so_many_at_once_and_the_next_is_told(server: Server, tmp_
     assert asked(server, "POST", "/records/run.mcap", **shown(server)).status == 200
 
 
+def test_a_hash_that_was_asked_for_on_a_lost_connection_is_asked_for_again(
+    server: Server, bare: Bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(records, "AGAIN_AFTER", 0.5)
+    written(tmp_path, 1000)
+    lost = [0]
+    fetch = bare.bulk._fetch
+
+    def losing(station: object, asked_for: Fetch) -> None:
+        if asked_for.name and not lost[0]:
+            lost[0] = 1
+            return
+        fetch(station, asked_for)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(bare.bulk, "_fetch", losing)
+    assert asked(server, "POST", "/records/run.mcap", **shown(server)).status == 200
+    assert lost[0]
+
+
 def test_a_slow_download_holds_up_neither_pictures_nor_datagrams(
     server: Server, bare: Bare, tmp_path: Path
 ) -> None:

@@ -14,6 +14,7 @@ import base64
 import contextlib
 import hashlib
 import logging
+import math
 import re
 import time
 from collections.abc import AsyncGenerator
@@ -23,7 +24,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from cohelm.link.messages import Digest, Piece
-from cohelm.station.robot_link import Connect, RobotLink
+from cohelm.station.robot_link import Connect, Replayed, RobotLink
 
 WINDOW = 131_072
 """Asked for at a time [byte]."""
@@ -128,15 +129,19 @@ def _part(request: Request, size: int, tag: str) -> tuple[int, int] | None:
 
 
 async def _about(link: RobotLink, name: str) -> Digest | Response:
-    link.fetch(name)
-    until = time.monotonic() + DIGEST_WITHIN
-    answered = time.monotonic() + PIECE_WITHIN
-    while time.monotonic() < until:
+    if isinstance(link, Replayed):
+        return PlainTextResponse("this is a record: there is no robot that has others", 404)
+    began = time.monotonic()
+    again = -math.inf
+    while (now := time.monotonic()) - began < DIGEST_WITHIN:
+        if now - again > AGAIN_AFTER:  # also where a connection was lost meanwhile
+            link.fetch(name)
+            again = now
         for news in link.news():
             if isinstance(news.message, Digest) and news.message.name == name:
                 why = news.message.why
                 return PlainTextResponse(why, 404) if why else news.message
-        if not link.quality().connected and time.monotonic() > answered:
+        if not link.quality().connected and now - began > PIECE_WITHIN:
             break
         await asyncio.sleep(_POLL)
     return PlainTextResponse("the robot does not send it; try again", 504)

@@ -5,8 +5,9 @@ import { retry } from '../socket'
 
 const wrong = signal('')
 
-async function login(token: string): Promise<void> {
-  wrong.value = await enter(token)
+/** typed: the token, or all of the address it is in. */
+async function login(typed: string): Promise<void> {
+  wrong.value = await enter(typed.trim().replace(/^.*token=/, ''))
   if (wrong.value === '') await retry()
 }
 
@@ -17,12 +18,12 @@ export function Login() {
       onSubmit={(event) => {
         event.preventDefault()
         const field = event.currentTarget.elements.namedItem('token') as HTMLInputElement
-        void login(field.value.trim())
+        void login(field.value)
       }}
     >
       <h1>cohelm station</h1>
       <label>Token<input name="token" type="password" autocomplete="off" autofocus required /></label>
-      <p>It is in the address that the station printed when it started: open that address, or copy what follows <code>token=</code>.</p>
+      <p>It is in the address that the station printed when it started: open that address, or copy it here.</p>
       <p role="alert" class="abnormal">{wrong.value}</p>
       <button type="submit">Enter</button>
     </form>
