@@ -19,6 +19,7 @@ from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
 from cohelm.robot.keep.kept import Kept
 from cohelm.robot.monitor import UNRESTRICTED
+from cohelm.scenario.worlds.barn import Barn
 from cohelm.study.campaign.barn import read
 from cohelm.study.campaign.rooms import case
 from tests.robot.collision_monitor.rooms import standing
@@ -49,9 +50,9 @@ def room(number: int, seed: int, folder: Path) -> Path:
     return path
 
 
-def barn(number: int, data: Path, folder: Path) -> Path:
+def barn(found: Barn, folder: Path) -> Path:
     """A BARN world as a scenario."""
-    found = read(data)[number]
+    number = found.number
     written = {
         "name": f"barn-{number}",
         "robot": "jackal",
@@ -127,10 +128,9 @@ def main() -> None:
         numbers = range(given.first, given.first + given.rooms)
         drives += [(room(n, given.seed, folder), "kinematic") for n in numbers]
         if given.barn:
-            step = max(300 // given.worlds, 1)
-            drives += [
-                (barn(n * step, given.barn, folder), "kinematic") for n in range(given.worlds)
-            ]
+            worlds = read(given.barn)
+            some = worlds[:: max(len(worlds) // given.worlds, 1)][: given.worlds]
+            drives += [(barn(found, folder), "kinematic") for found in some]
         for scenario, kind in drives:
             on = drive(scenario, kind, given.seed, watched=True)
             off = drive(scenario, kind, given.seed, watched=False)
