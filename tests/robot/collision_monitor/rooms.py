@@ -1,6 +1,6 @@
 """The collision monitor alone: random rooms where everything stands, and no filter at all.
 
-`python -m tests.robot.collision_monitor.rooms [--n 1000] [--seed 7000] [--all-round] [--ahead]`
+`python -m tests.robot.collision_monitor.rooms [--n 1000] [--seed 7000] [--seconds 12]`
 
 Rooms are those of the campaign `random` without the walkers; the robot is Sally in the kinematic
 simulator, in simulated time, behind the real gate (`Kept`). What asks for motion keeps clear of
@@ -35,7 +35,6 @@ from cohelm.study.campaign.plant import looking_round
 from cohelm.study.campaign.rooms import case
 
 PERIOD = 0.02
-SECONDS = 40.0
 KINDS = ("for the goal", "at random", "full ahead", "at the nearest")
 
 
@@ -109,7 +108,8 @@ def standing(drawn: Case) -> World:
 
 
 def drive(
-    number: int, seed: int, *, all_round: bool = False, ahead: bool = False, watched: bool = True
+    number: int, seed: int, *, seconds: float = 12.0, all_round: bool = False, ahead: bool = False,
+    watched: bool = True,
 ) -> Driven:  # fmt: skip
     """One room."""
     drawn = case(seed, number)
@@ -120,7 +120,7 @@ def drive(
     kept = Kept(simulated, rules(model, PERIOD), None, None if watched else ())
     wants = Wants(kind, drawn, around, seed)
     truth, hit, at, acted, way, before = simulated.truth(), 0.0, math.nan, 0, 0.0, 0.0
-    n = round(SECONDS / PERIOD)
+    n = round(seconds / PERIOD)
     for k in range(n):
         kept.wait(k * PERIOD)
         readings = kept.read()
@@ -149,13 +149,15 @@ def main() -> None:
     ask.add_argument("--n", type=int, default=1000)
     ask.add_argument("--first", type=int, default=0)
     ask.add_argument("--seed", type=int, default=7000)
+    ask.add_argument("--seconds", type=float, default=12.0)
     ask.add_argument("--jobs", type=int, default=1)
     ask.add_argument("--all-round", action="store_true")
     ask.add_argument("--ahead", action="store_true")
     ask.add_argument("--off", action="store_true")
     given = ask.parse_args()
     one = partial(
-        drive, seed=given.seed, all_round=given.all_round, ahead=given.ahead, watched=not given.off
+        drive, seed=given.seed, seconds=given.seconds, all_round=given.all_round,
+        ahead=given.ahead, watched=not given.off,
     )  # fmt: skip
     numbers = range(given.first, given.first + given.n)
     if given.jobs > 1:

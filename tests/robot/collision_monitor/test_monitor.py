@@ -386,3 +386,13 @@ def test_what_has_no_limits_is_watched_all_the_same():
     assert it.restrict(1.0, Twist(1.0, 0.0)) == UNRESTRICTED  # it stands at once, when told to
     share = it.restrict(1.0, Twist(10.0, 0.0)).share
     assert share == pytest.approx(0.1 / (10.0 * PERIOD), rel=0.05)
+
+
+def test_the_same_reading_twice_is_nothing_new():
+    it = standing(wall(0.1))
+    once = readings(1.02, wall(0.05))
+    it.observe(1.02, once, STILL)
+    found = it.restrict(1.02, Twist(1.0, 0.0))
+    it.observe(1.02, once, STILL)
+    assert it.restrict(1.02, Twist(1.0, 0.0)) == found
+    assert len(it._measured) == 6

@@ -108,3 +108,14 @@ def test_no_more_past_is_kept_than_needed_and_a_clock_that_went_back_begins_anew
     it.clear()
     assert len(it) == 0
     assert it.twist == (0.0, 0.0)
+
+
+def test_the_twists_of_a_time_are_those_held_in_it():
+    it = history()
+    assert it.twists(0.5, 0.9) == []
+    assert it.twists(0.5, 1.0) == [(0.0, 0.0)]
+    assert it.twists(1.0, 1.05) == [(0.0, 0.0)]
+    assert it.twists(1.05, 1.2) == [(0.0, 0.0), (0.5, 0.0)]
+    assert it.twists(1.1, 1.3) == [(0.5, 0.0), (0.5, 0.1)]
+    assert it.twists(2.0, 3.0) == [(0.5, 0.1)]
+    assert PoseHistory().twists(0.0, 1.0) == []

@@ -37,6 +37,9 @@ MISSED = 3.0
 INCREMENTS = 0.04
 """Motion is taken from poses so far apart [s]: two readings at 50 Hz, so that the steps of an
 encoder do not make it jitter."""
+LAG = 0.1
+"""What the robot was sent within so long explains how it moves [s]: drives lag by some 50 ms, and
+odometry is the mean over a reading and comes late."""
 LASTS = 1.0
 """A reason is told in the same words until it has been away for so long [s]."""
 _NONE = Twist(0.0, 0.0)
@@ -114,13 +117,18 @@ class CollisionMonitor:
         wrong = self._wrong or self._stale(now)
         if wrong:
             return self._told(now, 0.0, "blind", wrong)
-        braking = self._braking(now)
-        if braking:
-            return self._told(now, 0.0, "stop", f"something {braking} on the braking path")
-        field, points = self._ahead(now, twist)
+        effect = now + self._robot.delay
+        things = joined(
+            seen_by(self._by_odometry, self._measured.at(effect)),
+            seen_by(self._by_command, self._commanded.at(effect)),
+        )
+        where = self._braking(now, things)
+        if where:
+            return self._told(now, 0.0, "stop", f"something {where} on the braking path")
+        field = self._field(things, twist, self._robot.period, 1.0 - RESERVE)
         if field.share >= 1.0:
             return UNRESTRICTED
-        where = self._where(points[field.point])
+        where = self._where(things.points[field.point])
         if field.share > 0.0:
             return self._told(now, field.share, "slow", f"slower, something {where}")
         return self._told(now, 0.0, "stop", f"something {where} on the braking path")
@@ -183,27 +191,39 @@ class CollisionMonitor:
         """What the odometry's twist says, and what its poses say."""
         return self._measured.twist, self._measured.mean_twist(INCREMENTS)
 
-    def _braking(self, now: float) -> str:
-        """Where something is that the robot meets, as it moves, if it brakes one period from now;
-        nothing where nothing is. What is no faster than a crawl can not do harm."""
-        history, robot = self._measured, self._robot
+    def _braking(self, now: float, things: Surroundings) -> str:
+        """Where something is that the robot meets if it brakes one period from now; nothing where
+        nothing is. What is no faster than a crawl can not do harm.
+
+        things: seen from where the robot is when that takes effect. It moves then as it was sent
+        last; but a measured motion that nothing explains that it was sent goes on until then.
+        """
+        robot, history = self._robot, self._measured
+        field = self._stop(things, self._commanded.twist, robot.period)
+        if field.share < 1.0:
+            return self._where(things.points[field.point])
+        here = seen_by(self._by_odometry, history.pose)
         reaction = max(now - history.stamp, 0.0) + robot.delay + robot.period
-        things = seen_by(self._by_odometry, history.pose)
         for twist in self._motions():
-            if fastest(twist, self._shape) > CRAWL:
-                field = self._field(things, twist, reaction, 1.0)
+            if self._unexplained(twist):
+                field = self._stop(here, twist, reaction)
                 if field.share < 1.0:
-                    return self._where(things.points[field.point])
+                    return self._where(here.points[field.point])
         return ""
 
-    def _ahead(self, now: float, twist: Twist) -> tuple[Field, Floats]:
-        """What a twist meets that is sent now, from where the robot is when it takes effect."""
-        effect = now + self._robot.delay
-        things = joined(
-            seen_by(self._by_odometry, self._measured.at(effect)),
-            seen_by(self._by_command, self._commanded.at(effect)),
+    def _unexplained(self, twist: Twist) -> bool:
+        """Whether a measured twist differs from all that the wheels were sent of late."""
+        stamp = self._measured.stamp
+        return all(
+            fastest(Twist(twist.v - sent.v, twist.omega - sent.omega), self._shape) > CRAWL
+            for sent in self._commanded.twists(stamp - LAG, stamp)
         )
-        return self._field(things, twist, self._robot.period, 1.0 - RESERVE), things.points
+
+    def _stop(self, things: Surroundings, twist: Twist, reaction: float) -> Field:
+        """The stop field of a motion that goes on for a reaction time [s]."""
+        if fastest(twist, self._shape) <= CRAWL:
+            return Field(math.inf, -1)
+        return self._field(things, twist, reaction, 1.0)
 
     def _field(self, things: Surroundings, twist: Twist, reaction: float, brakes: float) -> Field:
         """How much of a motion is allowed. brakes: share of the deceleration that is counted on.

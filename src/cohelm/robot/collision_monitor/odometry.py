@@ -53,14 +53,13 @@ def seen_from(points: Floats, pose: Pose) -> Floats:
 
 
 class PoseHistory:
-    """Poses at times that go up; between two of them the robot went straight from one to the other,
-    after the last one it goes on with `twist`."""
+    """Poses at times that go up, each with the twist from then on. Between two of them the robot
+    went straight from one to the other; after the last one it goes on with its twist."""
 
     def __init__(self) -> None:
         self._stamps: list[float] = []
         self._poses: list[Pose] = []
-        self.twist = Twist(0.0, 0.0)
-        """From the last pose on."""
+        self._twists: list[Twist] = []
 
     def __len__(self) -> int:
         return len(self._stamps)
@@ -75,6 +74,11 @@ class PoseHistory:
         """The last one. There must be one."""
         return self._poses[-1]
 
+    @property
+    def twist(self) -> Twist:
+        """From the last pose on; standing before the first."""
+        return self._twists[-1] if self._twists else Twist(0.0, 0.0)
+
     def add(self, stamp: float, pose: Pose, twist: Twist) -> None:
         """The next pose, later than the last one; its heading is unwrapped."""
         if self._poses:
@@ -82,15 +86,15 @@ class PoseHistory:
             pose = pose._replace(psi=before + math.remainder(pose.psi - before, 2.0 * math.pi))
         self._stamps.append(stamp)
         self._poses.append(pose)
-        self.twist = twist
+        self._twists.append(twist)
         while self._stamps[0] < stamp - KEPT:
-            del self._stamps[0], self._poses[0]
+            del self._stamps[0], self._poses[0], self._twists[0]
 
     def clear(self) -> None:
         """Forget all of it."""
         self._stamps.clear()
         self._poses.clear()
-        self.twist = Twist(0.0, 0.0)
+        self._twists.clear()
 
     def at(self, stamp: float) -> Pose:
         """The pose then, or where the robot will be. There must be a pose."""
@@ -111,6 +115,11 @@ class PoseHistory:
         rows = np.array([self.at(first), *self._poses[inner], self.at(last)])
         x, y, psi = (np.interp(stamps, known, rows[:, i]) for i in range(3))
         return x, y, psi
+
+    def twists(self, since: float, until: float) -> list[Twist]:
+        """All that were held from one time to another [s], the one that was held at first too."""
+        first = max(bisect_right(self._stamps, since) - 1, 0)
+        return self._twists[first : bisect_right(self._stamps, until)]
 
     def mean_twist(self, over: float) -> Twist:
         """From the poses alone: between the last one and the one at least so long before [s].
