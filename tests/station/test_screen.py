@@ -19,7 +19,6 @@ from tests.station.person import (
     RIGHT,
     SOON,
     STILL,
-    alarms,
     drive,
     given,
     lead,
@@ -29,7 +28,7 @@ from tests.station.person import (
     until,
     who,
 )  # fmt: skip
-from tests.station.servers import Robot, served
+from tests.station.servers import served
 
 pytestmark = pytest.mark.xdist_group("browser")
 
@@ -169,42 +168,6 @@ def test_all_can_be_done_with_the_keyboard_alone(page: Page) -> None:
     assert {"Manual", "Release", "Edit way", "Stick settings", "● Record"} <= reached
     assert any(name.startswith("STOP") for name in reached)
     release(page)
-
-
-def test_the_station_dies_and_comes_back_while_the_page_stays_open(
-    context: BrowserContext, robot: Robot
-) -> None:
-    with served(robot.connect) as server:
-        page = open_page(context, server)
-        port = server.port
-    expect(alarms(page)).to_contain_text("No connection to the station")
-    with served(robot.connect, port=port) as again:
-        page.get_by_label("Token").wait_for()  # it is another station now
-        page.goto(again.address)  # only what follows the # is new
-        expect(alarms(page)).to_have_text("No alarms")
-        expect(who(page)).to_contain_text("Nobody drives")
-
-
-def test_the_token_is_asked_for_and_the_printed_address_has_it(
-    browser: Browser, robot: Robot
-) -> None:
-    with served(robot.connect, host="0.0.0.0") as server:
-        context = browser.new_context()
-        page = context.new_page()
-        page.goto(f"http://127.0.0.1:{server.port}/")
-        page.get_by_label("Token").fill("guess")
-        page.get_by_role("button", name="Enter").click()
-        expect(page.get_by_role("alert")).to_contain_text("not the token")
-        page.get_by_label("Token").fill(server.address)  # or the token alone
-        page.get_by_role("button", name="Enter").click()
-        expect(who(page)).to_contain_text("Nobody drives")
-        context.close()
-        context = browser.new_context()
-        page = context.new_page()
-        page.goto(f"http://127.0.0.1:{server.port}/#token={server.token}")
-        expect(who(page)).to_contain_text("Nobody drives")
-        assert "token" not in page.url
-        context.close()
 
 
 @pytest.fixture(scope="module")

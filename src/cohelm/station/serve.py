@@ -105,7 +105,8 @@ class Server:
             ws_max_size=LARGEST_MESSAGE, ws_ping_interval=20.0, ws_ping_timeout=20.0,
             timeout_keep_alive=5,
             h11_max_incomplete_event_size=16_384, timeout_graceful_shutdown=1, access_log=False,
-            log_config=None, server_header=False,
+            log_config=None, log_level="warning",  # below that it logs sessions
+            server_header=False,
             date_header=False, proxy_headers=False, lifespan="on", **options,
         )  # fmt: skip
         self._server = uvicorn.Server(config)

@@ -1,0 +1,134 @@
+"""One click lets a person in, and what he came in with is left nowhere."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, Request, expect
+
+from cohelm.station.serve import Server
+from tests.link.ends import until
+from tests.station.bare import Bare
+from tests.station.person import alarms, who
+from tests.station.servers import served
+
+pytestmark = pytest.mark.xdist_group("browser")
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
+    with Bare(tmp_path_factory.mktemp("records")) as made:
+        yield made
+
+
+@pytest.fixture
+def server(bare: Bare) -> Iterator[Server]:
+    with served(bare.connect) as made:
+        yield made
+
+
+def inside(page: Page) -> None:
+    expect(who(page)).to_contain_text("Nobody drives")
+
+
+def test_the_token_is_asked_for_and_the_printed_address_has_it(
+    context: BrowserContext, server: Server
+) -> None:
+    page = context.new_page()
+    page.goto(f"{server.origin}/")
+    for typed, wrong in (("guess", True), (server.address, True), (server.token, False)):
+        page.get_by_label("Token").fill(typed + "x" * wrong)
+        page.get_by_role("button", name="Enter").click()
+        if wrong:
+            expect(page.get_by_role("alert")).to_contain_text("not the token")
+    inside(page)
+
+
+@pytest.mark.parametrize("typed", ["address", "token"])
+def test_the_login_takes_the_token_or_the_whole_address(
+    context: BrowserContext, server: Server, typed: str
+) -> None:
+    page = context.new_page()
+    page.goto(f"{server.origin}/")
+    page.get_by_label("Token").fill(getattr(server, typed))
+    page.get_by_label("Token").press("Enter")
+    inside(page)
+
+
+def test_one_click_on_the_printed_address_and_one_operator_is_in(
+    context: BrowserContext, server: Server, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    asked: list[Request] = []
+    page = context.new_page()
+    page.on("request", lambda request: asked.append(request))
+    wrong: list[str] = []
+    page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    page.goto(server.address)
+    inside(page)
+    assert len(server.station.operators) == 1
+    assert wrong == []
+    # ... and what let it in is neither in the address line, nor in a cookie, a log or a Referer
+    assert page.url == f"{server.origin}/"
+    assert page.evaluate("history.length") <= 2
+    assert context.cookies() == []
+    said = [request.url for request in asked] + [str(request.all_headers()) for request in asked]
+    said = [text for text in said if "#token=" not in text]  # the browser's own word for the first
+    assert not any(server.token in text for text in said)
+    session = page.evaluate("localStorage.getItem('cohelm.session')")
+    assert session
+    assert server.token not in caplog.text
+    assert session not in caplog.text
+
+
+def test_further_tabs_are_in_and_other_origins_know_nothing_of_it(
+    context: BrowserContext, server: Server, bare: Bare
+) -> None:
+    page = context.new_page()
+    page.goto(server.address)
+    inside(page)
+    second = context.new_page()
+    second.goto(f"{server.origin}/")
+    inside(second)
+    until(lambda: len(server.station.operators) == 2)
+    with served(bare.connect) as other:  # another port of this machine, as another user's would be
+        third = context.new_page()
+        shown: list[dict[str, str]] = []
+        third.on("request", lambda request: shown.append(request.all_headers()))
+        third.goto(f"{other.origin}/")
+        third.get_by_label("Token").wait_for()
+        session = page.evaluate("localStorage.getItem('cohelm.session')")
+        assert third.evaluate("localStorage.length") == 0
+        assert not any(session in str(headers) for headers in shown)
+
+
+def test_a_login_in_one_tab_lets_the_waiting_ones_in(
+    context: BrowserContext, server: Server
+) -> None:
+    waiting = context.new_page()
+    waiting.goto(f"{server.origin}/")
+    waiting.get_by_label("Token").wait_for()
+    page = context.new_page()
+    page.goto(server.address)
+    inside(page)
+    waiting.bring_to_front()
+    inside(waiting)
+
+
+def test_the_station_dies_and_comes_back_while_the_page_stays_open(
+    context: BrowserContext, bare: Bare
+) -> None:
+    with served(bare.connect) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        inside(page)
+        port = server.port
+    expect(alarms(page)).to_contain_text("No connection to the station")
+    with served(bare.connect, port=port) as again:
+        page.get_by_label("Token").wait_for()  # it is another station now: the session is nothing
+        assert not again.station.operators
+        page.goto(again.address)  # only what follows the # is new
+        expect(alarms(page)).to_have_text("No alarms")
+        inside(page)
