@@ -30,14 +30,17 @@ def campaign(
     ],
     law: Annotated[
         str | None,
-        typer.Option(metavar="LAW", help="guard (the default), paper or none."),
+        typer.Option(
+            metavar="LAW",
+            help="guard (the default), paper, none, or PACKAGE:FACTORY, a law of your own.",
+        ),
     ] = None,
     compare: Annotated[
         str | None,
         typer.Option(
             metavar="LAW,LAW",
             help="Several laws on the same episodes, e.g. guard,paper,none; in random also rvo "
-            "and vo, controllers of ir-sim.",
+            "and vo, controllers of ir-sim; PACKAGE:FACTORY is a law of your own.",
         ),
     ] = None,
     n: Annotated[

@@ -17,6 +17,7 @@ from cohelm.record.write import Recorder
 from cohelm.study.campaign.adversary import scripted
 from cohelm.study.campaign.case import Case, Law, traced
 from cohelm.study.campaign.episode import judged
+from cohelm.study.campaign.own import is_own, own_trace
 from cohelm.study.campaign.row import Row
 from cohelm.study.campaign.runner import planned
 from cohelm.study.campaign.rvo import PEERS, peer_trace
@@ -65,7 +66,11 @@ def drive(case: Case, row: Row) -> Again:
     law: Law = row.law  # pyright: ignore[reportAssignmentType]
     if row.stick:
         case = scripted(case, row.stick)
-    trace = cut(peer_trace(case, law) if law in PEERS else joined(case, law), case)
+    if is_own(law):
+        whole = own_trace(case, law)
+    else:
+        whole = peer_trace(case, law) if law in PEERS else joined(case, law)
+    trace = cut(whole, case)
     found = judged(case, law, iter((trace,)), case.setup.limits)._replace(stick=row.stick)
     return Again(case, law, trace, found, _equal(found, row))
 

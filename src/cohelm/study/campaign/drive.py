@@ -11,6 +11,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.study.campaign import adversary
 from cohelm.study.campaign.case import Case, Law
 from cohelm.study.campaign.episode import driven, judged
+from cohelm.study.campaign.own import is_own, own_trace
 from cohelm.study.campaign.row import NOT_DRIVEN, Row
 from cohelm.study.campaign.rvo import PEERS, peer_trace
 from cohelm.study.campaign.suites import Suite
@@ -44,6 +45,8 @@ def _one(suite: Suite, law: Law, number: int) -> Row:
         case = suite.case(number)
         if law in PEERS:
             return judged(case, law, iter((peer_trace(case, law),)), case.setup.limits)
+        if is_own(law):
+            return judged(case, law, iter((own_trace(case, law),)), case.setup.limits)
         if is_search(case):
             found = adversary.searched(case, law)
             script = found.case.duel.attack.script if found.case.duel else None

@@ -15,9 +15,11 @@ from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
+from cohelm.core.plugins import plugins
 from cohelm.robot.keep.processes import bound
-from cohelm.study.campaign.case import LAWS, Law, Plant
+from cohelm.study.campaign.case import Law, Plant
 from cohelm.study.campaign.drive import chunk, code
+from cohelm.study.campaign.own import GROUP, factory, is_own
 from cohelm.study.campaign.row import Row
 from cohelm.study.campaign.store import Key, Store
 from cohelm.study.campaign.suites import Suite, suite
@@ -52,14 +54,26 @@ class Plan:
         if not self.laws or len(set(self.laws)) < len(self.laws):
             raise CohelmError(f"give each law once: {', '.join(made.laws)}")
         for law in self.laws:
-            if law not in LAWS:
-                raise CohelmError(f"there is no law {law!r}: choose {', '.join(made.laws)}")
-            if law not in made.laws:
+            if is_own(law):
+                self._own(law, made)
+            elif law not in made.laws:
                 raise CohelmError(
                     f"{law} does not drive in the suite {self.suite} with --plant {self.plant}: "
                     f"choose {', '.join(made.laws)}"
                 )
         return made
+
+    def _own(self, law: str, made: Suite) -> None:
+        """A law by somebody else has to be there, and to be told the truth."""
+        if ":" not in law and law not in plugins(GROUP):
+            there = ", ".join((*made.laws, *plugins(GROUP)))
+            raise CohelmError(f"there is no law {law!r}: choose {there}, or give package:factory")
+        if self.plant != "kinematic" or not made.goals:
+            raise CohelmError(
+                f"{law} does not drive in the suite {self.suite} with --plant {self.plant}: a law "
+                "of your own drives to a goal, with --plant kinematic"
+            )
+        factory(law)
 
     def as_dict(self, episodes: int) -> dict[str, Any]:
         """As the campaign's folder keeps it."""

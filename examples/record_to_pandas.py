@@ -1,0 +1,26 @@
+"""A record, of a run or of a drive, into pandas: when did the filter act, and how near was it?
+
+cohelm robot lab-guard --fast --for 30 --record drive.mcap
+python examples/record_to_pandas.py drive.mcap
+"""
+
+import sys
+
+import pandas as pd
+
+import cohelm
+
+
+def main(path: str) -> pd.DataFrame:
+    """The table, with a column that names the verdict."""
+    record = cohelm.read_record(path)
+    table = pd.DataFrame(record.table).set_index("t")
+    table["verdict"] = table["verdict"].map(lambda number: cohelm.Verdict(number).name)
+    print(table.groupby("verdict")["gap"].describe()[["count", "min", "mean"]])
+    for when, what in record.events[:10]:
+        print(f"{when:8.2f} s  {what}")
+    return table
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,87 @@
+"""Every example runs as it stands, is short, and is shown in the documentation."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cohelm
+from cohelm.drive.factory import own_robot
+from cohelm.drive.session import Plan, Session
+from cohelm.link.messages import Mode
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+def run(name: str, *args: str, cwd: Path = ROOT) -> str:
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "examples" / name), *args], capture_output=True, text=True,
+        cwd=cwd, env=os.environ | {"PYTHONPATH": ""},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_no_example_is_long_or_left_out_of_the_documentation(path):
+    assert len(path.read_text().splitlines()) <= 60
+    assert f"examples/{path.name}" in (ROOT / "docs" / "api.md").read_text()
+
+
+def test_the_filter_stops_somebody_elses_cart_before_the_wall():
+    said = run("safety_filter.py")
+    centimetres = int(said.split("the bow stands ")[1].split(" cm")[0])
+    assert 3 <= centimetres <= 15
+
+
+def test_the_same_law_touches_without_the_filter_and_not_with_it():
+    field, filtered = run("own_law.py").splitlines()
+    assert not field.startswith("potential_field: 0 contacts")
+    assert filtered.startswith("filtered: 0 contacts")
+
+
+def test_a_hundred_runs_are_made_in_parallel():
+    assert len(run("hundred_runs.py", "2").splitlines()) == 5
+
+
+def test_a_scenario_is_built_in_python():
+    lines = run("custom_scenario.py").splitlines()
+    assert ["not through" in line for line in lines] == [True, False, False]
+    assert all("0 contacts" in line for line in lines)
+
+
+def test_a_record_goes_into_pandas(tmp_path):
+    pytest.importorskip("pandas")
+    from cohelm.record.write import Recorder
+
+    with Recorder(tmp_path / "run.mcap") as recorder:
+        result = cohelm.run("lab-guard", changes=["simulation.duration_s=3"])
+        recorder.write(result.trace)
+    assert "UNTOUCHED" in run("record_to_pandas.py", str(tmp_path / "run.mcap"))
+
+
+def test_somebody_elses_robot_drives_the_lab(monkeypatch):
+    """The example's class, on a clock of the test's."""
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    from own_robot import Cart
+
+    class Simulated(Cart):
+        real_time = False
+        t = 0.0
+
+        def now(self) -> float:
+            return self.t
+
+        def wait(self, until: float) -> None:
+            self.t = max(self.t, until)
+
+    made = own_robot(Cart, "lab-guard", "sally")
+    simulated = type(made)(made.scenario, Simulated, real_time=False)
+    with Session(Plan(simulated)) as session:
+        session.run(lambda loop: loop.keeper.now() > 12.0, Mode.AUTOMATIC)
+        assert session.keeper.gate.reason == ""
+        assert session.loop.seen.pose.y > 0.0
+        assert not session.loop.seen.lost
