@@ -1,6 +1,6 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run reproduce test package lint bench coverage clean
+.PHONY: help run reproduce test test-quick test-all package docs lint bench coverage clean
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -10,7 +10,7 @@ GL := .venv/.gl
 BROWSER := .venv/.browser
 
 help:            ## show these lines
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 20
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 20
 
 run: $(READY) $(WEB) $(GL) ## start a simulated robot and its station, and print the address
 	$(BIN)/cohelm drive
@@ -21,6 +21,15 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 
 test: lint $(WEB) $(GL) $(BROWSER) ## lint, then the tests
 	$(BIN)/pytest -n auto --dist loadgroup
+
+test-quick: $(READY) ## the tests of law, gate, scenarios and API, in less than a minute
+	$(BIN)/pytest -m quick
+
+test-all: test   ## all tests, also those that take more than a minute each
+	$(BIN)/pytest -m slow
+
+docs: $(READY)   ## build the documentation as a site, and check all its links
+	$(BIN)/python tools/docs.py
 
 package: $(READY) ## build the wheel as from a fresh clone, and try it in an empty environment
 	$(BIN)/pytest -m slow tests/e2e/test_wheel.py
@@ -41,7 +50,7 @@ coverage: $(READY) ## test the law uncompiled, and show the lines no test reache
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest tests/law --cov=cohelm.law
 
 clean:           ## remove what make made: environment, figures, caches
-	rm -rf .venv .uv out/reproduce dist .coverage .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf .venv .uv out/reproduce out/docs out/site dist .coverage .hypothesis .pytest_cache .ruff_cache .import_linter_cache
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
 $(READY): pyproject.toml uv.lock tools/setup.sh

@@ -1,9 +1,13 @@
-"""Hypothesis profiles: `pytest --hypothesis-profile=thorough` digs; CI repeats its examples."""
+"""Which tests are quick, and Hypothesis profiles.
+
+`pytest --hypothesis-profile=thorough` digs; CI repeats its examples.
+"""
 
 import os
 import signal
 
 import numba
+import pytest
 from hypothesis import HealthCheck, settings
 
 _calm = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -11,6 +15,20 @@ settings.register_profile("default", max_examples=40 if numba.config.DISABLE_JIT
 settings.register_profile("ci", max_examples=100, derandomize=True, print_blob=True, **_calm)
 settings.register_profile("thorough", max_examples=5000, **_calm)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+QUICK = ("api", "core", "law", "robot/gate", "scenario")
+"""Folders whose tests one runs at every change: `pytest -m quick`."""
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark as quick what lies in these folders and is not slow."""
+    tests = config.rootpath / "tests"
+    for item in items:
+        where = item.path.relative_to(tests).as_posix() if tests in item.path.parents else ""
+        quick = where.startswith(tuple(f"{folder}/" for folder in QUICK))
+        if quick and item.get_closest_marker("slow") is None:
+            item.add_marker(pytest.mark.quick)
+
 
 # Started in the background of a shell, a process ignores Ctrl-C, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -1,5 +1,24 @@
-"""`python -m cohelm` is the command `cohelm`."""
+"""`cohelm`, and `python -m cohelm`: the command, from its first moment.
 
-from cohelm.cli import main
+Importing takes a moment, in which Ctrl-C has nothing to tidy up: the process just ends, by the
+signal and without a traceback. From then on `cohelm.cli` handles it.
+"""
 
-main()
+import signal
+
+_BEFORE = signal.getsignal(signal.SIGINT)
+if _BEFORE is signal.default_int_handler:  # not where it is ignored, as in the background
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def main() -> None:
+    """Run the command line."""
+    from cohelm.cli import main as run
+
+    if _BEFORE is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    run()
+
+
+if __name__ == "__main__":
+    main()

@@ -109,3 +109,32 @@ def test_without_a_cache_with_assertions_off_and_in_ascii_a_run_is_the_same(tmp_
     assert (table.returncode, table.stderr) == (0, "")
     assert table.stdout.isascii()
     assert "\x1b" not in table.stdout
+
+
+def test_ctrl_c_while_the_command_still_imports_ends_it_without_a_traceback(tmp_path):
+    code = "from cohelm.__main__ import main; main()"
+    process = subprocess.Popen(
+        (sys.executable, "-X", "importtime", "-c", code, "run", "minimal"), cwd=tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stderr is not None
+    said: list[str] = []
+    for line in process.stderr:  # a line for each module that was imported
+        said.append(line)
+        if "click" in line or "typer" in line:
+            break
+    process.send_signal(signal.SIGINT)
+    said.append(process.stderr.read())
+    process.communicate()
+    assert process.returncode in (-signal.SIGINT, 130)
+    assert "Traceback" not in "".join(said)
+    assert not list(tmp_path.iterdir())
+
+
+def test_in_the_background_ctrl_c_stays_ignored():
+    code = "import signal; import cohelm.__main__; print(repr(signal.getsignal(signal.SIGINT)))"
+    said = subprocess.run(
+        (sys.executable, "-c", code), capture_output=True, text=True, check=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )  # fmt: skip
+    assert "SIG_IGN" in said.stdout

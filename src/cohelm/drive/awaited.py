@@ -66,11 +66,11 @@ class Awaited:
         self._refused.append(News(Checked(answer, 65535), math.nan, math.nan))
         return answer.number
 
-    def fetch(self, name: str) -> None:
+    def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
         """A record, or the list of them."""
         link = self._robot()
         if link is not None:
-            link.fetch(name)
+            link.fetch(name, offset, size)
 
     def quality(self) -> Quality:
         """How good the link is; not connected, and why, until there is a robot."""
