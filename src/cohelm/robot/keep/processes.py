@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import multiprocessing
 import os
 import pickle
@@ -78,6 +79,7 @@ def _run(name: str, what: bytes, outlives: bool) -> None:
         let_go()
     target, args = pickle.loads(what)  # imports
     let_go()
+    gc.freeze()  # what has been imported stays, and need never be looked through for garbage
     target(*args)
 
 
