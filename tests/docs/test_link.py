@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.link import lease, robot_end, station_end, wire
+from cohelm.link import client, lease, pending, robot_end, station_end, wire
 from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.sticks.feel import CueRules
+from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN
 from cohelm.loop.person import Manner
 
 PAGE = Path(__file__).parents[2] / "docs" / "link.md"
@@ -65,4 +66,11 @@ def test_the_numbers_are_those_of_the_code():
         assert said in TEXT
         number, unit = re.findall(r"([\d.]+) (ms|s)\b", said)[-1]
         assert float(number) * {"ms": 1e-3, "s": 1.0}[unit] == pytest.approx(value)
-    assert f"clients | {robot_end.MOST_CLIENTS}" in TEXT
+    assert f"clients | {robot_end.MOST_CLIENTS}, of them {robot_end.MOST_OF_ONE_KEY} with" in TEXT
+    assert f"{client.DATAGRAMS:.0f} a second and {client.AT_ONCE:.0f} at once are heard" in TEXT
+    assert f"of {client.LOOKED_AT:.0f} a second a stop is" in TEXT
+    assert f"{client.REQUESTS:.0f} a second and {client.REQUESTS_AT_ONCE:.0f} at once" in TEXT
+    assert f"{pending.MOST_WAITING} wait for the loop" in TEXT
+    loop = (PAGE.parent / "loop.md").read_text(encoding="utf-8")
+    assert f"again within {BACK_WITHIN:.0f} s of the last before" in loop
+    assert f"seen centred within {CENTRED_WITHIN:.0f} s from there" in loop

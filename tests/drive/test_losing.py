@@ -7,6 +7,7 @@ import pytest
 from cohelm.core.types import Stick
 from cohelm.drive.session import Plan, Session
 from cohelm.link.messages import Arming, Ask, Mode
+from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.loop import Ways
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import Mode as GateMode
@@ -105,10 +106,12 @@ def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
         assert session.loop.person.arming == Arming.ARMED
         assert session.loop.decision.authority_x < 0.2
         drive(session, 0.06)
-        assert session.keeper.gate.mode == GateMode.STOPPED
-        assert "the stick vanished" in session.keeper.gate.reason
+        assert "the stick vanished" in session.loop.paused  # at once it brakes
         drive(session, BRAKING)
         assert speed(session) == 0.0
+        drive(session, BACK_WITHIN + 0.06 - BRAKING)
+        assert session.keeper.gate.mode == GateMode.STOPPED
+        assert "the stick vanished" in session.keeper.gate.reason
         status = operator.statuses[-1]
         assert "the stick vanished" in status.stopped
         assert any("the stick is lost" in alarm.text for alarm in status.alarms)

@@ -1,6 +1,7 @@
 """Everything a hostile network, a stranger or a broken station can send, at a robot that is driven.
 
-As a program: python -m tests.link.fuzz [SECONDS [SEED]]; ends with 1 if anything was wrong.
+As a program: python -m tests.link.fuzz [SECONDS [SEED [FILE]]]; ends with 1 if anything was wrong.
+FILE gets a line a minute: seconds since the start, memory of this process [kB], what was sent.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 import threading
 import time
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 from OpenSSL import SSL
@@ -52,6 +54,12 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
     return bytes(out)
 
 
+def resident() -> int:
+    """Memory of this process that is in use [kB]."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("VmRSS:")[1].split()[0])
+
+
 class Attack:
     """A robot, its driver, and those who are neither."""
 
@@ -88,7 +96,8 @@ class Attack:
             self.robot.tell(STATUS)
             heard = self.robot.heard()
             if heard.command is not None:
-                self.ages.append(heard.age)
+                if len(self.ages) < 500_000:
+                    self.ages.append(heard.age)
                 # a beat that says "no stick" is the driver's own, when this machine was busy
                 if heard.command.valid and heard.command.stick != STICK:
                     self.wrong.append(f"a stick nobody held: {heard.command}")
@@ -97,9 +106,10 @@ class Attack:
                     self.wrong.append(f"a request of who does not drive: {asked}")
                 self.robot.answer(asked.client, asked.request.number, False, "fuzzed")
 
-    def attack(self, seconds: float) -> None:
+    def attack(self, seconds: float, memory: Path | None = None) -> None:
         """Everything, in turn, for so long."""
-        end = time.monotonic() + seconds
+        began = minute = time.monotonic()
+        end = began + seconds
         with contextlib.ExitStack() as stack:
             inside = stack.enter_context(contextlib.closing(_Inside(self, self.keys)))
             while time.monotonic() < end:
@@ -107,6 +117,11 @@ class Attack:
                 inside.datagrams()
                 self._strangers_stream()
                 self._station_stream()
+                if memory is not None and time.monotonic() >= minute:
+                    minute += 60.0
+                    with memory.open("a") as file:
+                        print(round(time.monotonic() - began), resident(), self.sent.total(),
+                              file=file)  # fmt: skip
         lost = self.robot.heard().command is None
         until(lambda: self.robot.heard().command, within=5.0)
         if lost:
@@ -245,11 +260,11 @@ def _asks_for_the_lease(data: bytes) -> bool:
     return isinstance(message, Command) and any(r.what is Ask.TAKE for r in message.requests)
 
 
-def main(seconds: float, seed: int) -> list[str]:
+def main(seconds: float, seed: int, memory: Path | None = None) -> list[str]:
     """What was wrong; nothing, if all is well."""
     attack = Attack(seed)
     try:
-        attack.attack(seconds)
+        attack.attack(seconds, memory)
         attack.wrong += [
             f"{what}: {count}"
             for what, count in attack.robot.counts.items()
@@ -272,7 +287,9 @@ def main(seconds: float, seed: int) -> list[str]:
 if __name__ == "__main__":
     arguments = sys.argv[1:]
     found = main(
-        float(arguments[0]) if arguments else 600.0, int(arguments[1]) if arguments[1:] else 1
+        float(arguments[0]) if arguments else 600.0,
+        int(arguments[1]) if arguments[1:] else 1,
+        Path(arguments[2]) if arguments[2:] else None,
     )
     print("\n".join(found) or "nothing was wrong")
     sys.exit(bool(found))

@@ -33,12 +33,55 @@ def test_age_is_wrong_by_half_the_shortest_round_trip_at_most(ways, offset):
     assert abs(error) <= 0.5 * shortest + DRIFT * (now - 100.0) + 1e-6
 
 
+@given(ways=delays, offset=st.floats(-1e6, 1e6))
+@settings(max_examples=200)
+def test_no_command_is_taken_for_younger_than_it_is(ways, offset):
+    """However unequal the ways; and for older by the shortest way back at most."""
+    path, now = Path(), 100.0
+    back_shortest = math.inf
+    for number, (there, back) in enumerate(ways):
+        now = exchange(path, offset, there, back, now, number + 1)
+        # `exchange` names the way from the robot `there`, and the way of a command `back`
+        back_shortest = min(back_shortest, there)
+        drifted = DRIFT * (now - 100.0)
+        oldest = path.oldest(now - back + offset, now)  # of the command that has just come
+        assert back - 1e-9 <= oldest <= back + back_shortest + drifted + 1e-3
+
+
+@pytest.mark.parametrize("slow", [0.1, 0.25, 0.5])
+def test_a_command_is_as_old_as_it_is_where_only_its_own_way_is_slow(slow):
+    path, now = Path(), 100.0
+    for number in range(20):
+        now = exchange(path, 50.0, 0.0, slow, now, number + 1)
+    assert path.age(now - slow + 50.0, now) == pytest.approx(0.5 * slow, abs=0.01)  # the middle
+    assert path.oldest(now - slow + 50.0, now) == pytest.approx(slow, abs=0.01)
+
+
+@pytest.mark.parametrize("jump", [-3600.0, -1.0, 0.5, 3600.0])
+def test_after_a_clock_has_jumped_the_age_is_bounded_again_from_the_next_echo_on(jump):
+    path, now = Path(), 100.0
+    for number in range(20):
+        now = exchange(path, 50.0, 0.02, 0.02, now, number + 1)
+    now = exchange(path, 50.0 + jump, 0.02, 0.02, now, 30)
+    assert path.oldest(now + 50.0 + jump, now) == pytest.approx(0.02, abs=0.01)
+
+
+def test_a_small_jump_that_hides_in_a_long_round_trip_never_makes_a_command_younger():
+    path, now = Path(), 100.0
+    for number in range(20):
+        now = exchange(path, 50.0, 0.1, 0.1, now, number + 1)
+    for number in range(20, 40):  # 90 ms back: within half of the round trip
+        now = exchange(path, 49.91, 0.1, 0.1, now, number + 1)
+        assert path.oldest(now - 0.1 + 49.91, now) >= 0.1 - 1e-9
+
+
 def test_nothing_is_known_before_an_echo():
     path = Path()
     assert path.heard(Header(1, 1, 5.0, math.nan, math.nan), 100.0)
     assert math.isnan(path.offset)
     assert math.isnan(path.round_trip)
     assert math.isnan(path.age(5.0, 101.0))
+    assert math.isnan(path.oldest(5.0, 101.0))
 
 
 def test_older_and_repeated_messages_are_not_new():

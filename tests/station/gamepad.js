@@ -22,7 +22,19 @@
     },
     // forward and left are positive here, as on the robot
     deflect(forward, left) {
+      clearInterval(window.testPad.hand)
       pad.axes = [-left, -forward, 0, 0]
+      pad.timestamp = performance.now()
+    },
+    // as a hand holds it, which is never quite still
+    hold(forward, left) {
+      window.testPad.deflect(forward, left)
+      let sign = 1
+      window.testPad.hand = setInterval(() => {
+        sign = -sign
+        pad.axes = [-left * (1 - 0.005 * (1 + sign)), -forward * (1 - 0.005 * (1 + sign)), 0, 0]
+        pad.timestamp = performance.now()
+      }, 100)
     },
     press(number, down) {
       pad.buttons[number] = { pressed: down, touched: down, value: down ? 1 : 0 }

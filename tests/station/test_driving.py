@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from cohelm.station.serve import Server
 from tests.station.person import (
@@ -21,6 +21,7 @@ from tests.station.person import (
     until,
     who,
 )
+from tests.station.servers import Robot, served
 
 pytestmark = pytest.mark.xdist_group("browser")
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
@@ -117,6 +118,78 @@ def test_a_gamepad_that_is_unplugged_is_not_a_centred_one(page: Page) -> None:
     release(page)
 
 
+def test_a_gamepad_that_stays_deflected_and_says_nothing_new_is_not_held(page: Page) -> None:
+    """Its battery is flat, or it is out of reach: the receiver shows the last it heard."""
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate("testPad.plug()")
+    drive(page)
+    expect(device(page)).to_contain_text("gamepad: ready")
+    page.evaluate("testPad.hold(0, 0.6)")
+    expect(given(page)).to_contain_text(LEFT)
+    page.wait_for_timeout(4_000)  # a hand trembles
+    expect(device(page)).to_contain_text("gamepad: ready")
+    page.evaluate("clearInterval(testPad.hand)")
+    expect(device(page)).to_contain_text("the gamepad has said nothing new for 3 s")
+    expect(given(page)).to_contain_text(STILL)
+    page.evaluate("testPad.deflect(0, 0.7)")  # it is back, and was not centred
+    expect(device(page)).to_contain_text("let it go to the centre first")
+    expect(given(page)).to_contain_text(STILL)
+    page.evaluate("testPad.deflect(0, 0)")
+    free(page)
+    choose(page, "Manual")
+    expect(device(page)).to_contain_text("gamepad: ready")
+    release(page)
+
+
+def test_a_key_that_was_held_when_the_window_lost_the_focus_must_be_pressed_again(
+    page: Page,
+) -> None:
+    drive(page)
+    page.keyboard.down("ArrowLeft")
+    expect(given(page)).to_contain_text(LEFT)
+    page.evaluate("document.hasFocus = () => false; dispatchEvent(new Event('blur'))")
+    expect(given(page)).to_contain_text(STILL)
+    page.evaluate("delete document.hasFocus; dispatchEvent(new Event('focus'))")
+    free(page)
+    choose(page, "Manual")
+    page.keyboard.down("ArrowLeft")  # as a key that is held repeats itself
+    page.wait_for_timeout(600)
+    expect(given(page)).to_contain_text(STILL)
+    page.keyboard.up("ArrowLeft")
+    page.keyboard.down("ArrowLeft")
+    expect(given(page)).to_contain_text(LEFT)
+    page.keyboard.up("ArrowLeft")
+    release(page)
+
+
+@pytest.mark.slow  # a busy machine makes gaps of its own
+def test_a_page_that_hangs_for_a_moment_goes_on_in_its_mode(browser: Browser, robot: Robot) -> None:
+    with served(robot.connect, stale=0.25) as server:
+        page = browser.new_page()
+        page.add_init_script(PAD)
+        page.goto(server.address)
+        page.evaluate("testPad.plug()")
+        drive(page)
+        expect(device(page)).to_contain_text("gamepad: ready")
+        page.evaluate("testPad.hold(0, 0.6)")
+        expect(given(page)).to_contain_text(LEFT)
+        page.evaluate("{ const end = performance.now() + 600; while (performance.now() < end); }")
+        expect(page.get_by_role("alert", name="Alarms")).to_contain_text(
+            "waiting for your stick to be centred"
+        )
+        expect(given(page)).to_contain_text(STILL)
+        page.evaluate("testPad.deflect(0, 0)")
+        expect(device(page)).to_contain_text("gamepad: ready")
+        expect(stopped(page)).to_be_hidden()
+        page.evaluate("testPad.hold(0, 0.6)")
+        expect(given(page)).to_contain_text(LEFT)
+        expect(page.get_by_role("radio", name="Manual")).to_be_checked()
+        page.evaluate("testPad.deflect(0, 0)")
+        release(page)
+        page.close()
+
+
 @pytest.mark.slow  # it is some way to the next wall
 def test_the_gamepad_shakes_where_something_is_near(page: Page) -> None:
     page.add_init_script(PAD)
@@ -125,7 +198,7 @@ def test_the_gamepad_shakes_where_something_is_near(page: Page) -> None:
     drive(page)
     expect(device(page)).to_contain_text("gamepad: ready")
     assert page.evaluate("testPad.rumbles.length") == 0
-    page.evaluate("testPad.deflect(1, 0)")
+    page.evaluate("testPad.hold(1, 0)")
 
     def rumbled() -> None:
         assert page.evaluate("testPad.rumbles.length") > 5

@@ -51,6 +51,25 @@ def test_a_stick_is_believed_only_after_it_was_centred(asked) -> None:
     ) == ["waiting", "waiting", "armed", "armed", "absent", "absent", "armed"]  # fmt: skip
 
 
+def test_a_pad_is_silent_when_no_value_and_no_timestamp_changes_while_it_is_deflected(
+    asked,
+) -> None:
+    pad = "{index: 0, timestamp: %s, axes: [0, %s], buttons: [{value: 0}]}"
+
+    def silence(first: tuple[float, float], then: tuple[float, float], fore: float, at: int) -> str:
+        before = f"m.heardOf(m.NOTHING, {pad % first}, 1000)"
+        return f"m.silentFor(m.heardOf({before}, {pad % then}, {at}), {fore}, 0, {at})"
+
+    assert asked(
+        "input/silent.ts",
+        silence((5, 0.5), (5, 0.5), 0.5, 3900), silence((5, 0.5), (5, 0.5), 0.5, 4600),
+        silence((5, 0.5), (6, 0.5), 0.5, 9000), silence((0, 0.5), (0, 0.51), 0.51, 9000),
+        silence((5, 0), (5, 0), 0, 99000),  # centred: nothing depends on it
+        silence((5, 1), (5, 1), 1, 10900), silence((5, -1), (5, -1), -1, 11600),
+        "m.silentFor(m.heardOf({at: 0, said: 'x'}, null, 5000), 0.5, 0, 5000)",
+    ) == [0, 3, 0, 0, 0, 0, 10, 5]  # fmt: skip
+
+
 def test_dead_band_and_curve_are_odd_and_reach_the_ends(asked) -> None:
     shape = "{deadBand: 0.1, curve: 0.3}"
     values = asked(

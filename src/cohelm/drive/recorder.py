@@ -28,6 +28,7 @@ from cohelm.robot.keep.processes import left_alone, started
 from cohelm.robot.model import RobotModel
 
 _RESERVE = 1 << 16  # bytes kept for the log
+_MODE = 0o640  # who drove, and from where, is no business of everybody's
 _FLUSH = 0.5  # from one time the file is made good to the next [s]
 
 
@@ -84,9 +85,10 @@ class Log:
 
     def __init__(self, path: Path) -> None:
         self._reserve = path.with_suffix(".reserve")
-        self._file = os.open(path.with_suffix(".log"), os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        appended = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+        self._file = os.open(path.with_suffix(".log"), appended, _MODE)
         with contextlib.suppress(OSError):
-            held = os.open(self._reserve, os.O_WRONLY | os.O_CREAT)
+            held = os.open(self._reserve, os.O_WRONLY | os.O_CREAT, _MODE)
             os.posix_fallocate(held, 0, _RESERVE)
             os.close(held)
 

@@ -10,6 +10,14 @@ trip, and an interval in which the clocks' offset must lie, however unequal the 
 The estimate is the narrowest interval so far, each widened by what clocks can drift apart in the
 time since. Delay makes intervals wide, never wrong; one that does not meet the estimate's therefore
 proves that a clock has jumped (a computer that slept), and the estimate begins anew.
+
+The middle of the interval is right where both ways are equally slow. Where only one is, a command
+may be twice as old as the middle says. What decides whether a command is still used is therefore
+the interval's upper end, `oldest`: no way back takes less than no time, so
+
+    offset <= (stamp - hold) - echo      and      age <= now - stamp + that bound
+
+and the least of these bounds, each widened by drift, is wrong by the shortest way to the other end.
 """
 
 from __future__ import annotations
@@ -32,11 +40,22 @@ class _Sample(NamedTuple):
     offset: float
 
 
+class _Bound(NamedTuple):
+    when: float
+    offset: float
+
+    def at(self, now: float, sense: float) -> float:
+        """The bound `now`, widened by drift; sense: 1 for an upper one, -1 for a lower one."""
+        return self.offset + sense * DRIFT * (now - self.when)
+
+
 class Path:
     """The path to one other end, and its clock. All times in seconds of this end's clock."""
 
     def __init__(self) -> None:
         self._best: _Sample | None = None
+        self._least: _Bound | None = None
+        self._most: _Bound | None = None
         self._arrivals: deque[tuple[float, int]] = deque()
         self._newest: Header | None = None
         self._newest_at = math.nan
@@ -72,6 +91,16 @@ class Path:
         Wrong by half of `shortest` at most, and `DRIFT` times the time since.
         """
         return now - (stamp - self.offset)
+
+    def oldest(self, stamp: float, now: float) -> float:
+        """The most that `age` can be, however unequal the two ways are [s]; NaN: unknown.
+
+        More than the true age by the shortest way to the other end, `DRIFT` times the time since,
+        and 0.1 ms.
+        """
+        if self._most is None:
+            return math.nan
+        return now - stamp + self._most.at(now, 1.0) + _EPS
 
     @property
     def offset(self) -> float:
@@ -111,9 +140,22 @@ class Path:
         best = self._best
         if best is None:
             self._best = sample
+            self._bounded(sample, anew=True)
             return
         drifted = DRIFT * (now - best.when)
         width = 0.5 * (sample.round_trip + best.round_trip) + drifted + 2.0 * _EPS
         jumped = abs(sample.offset - best.offset) > width
+        self._bounded(sample, anew=jumped)
         if jumped or 0.5 * round_trip <= 0.5 * best.round_trip + drifted:
             self._best = sample
+
+    def _bounded(self, sample: _Sample, anew: bool) -> None:
+        """Narrow the bounds on the offset by a sample's; anew: a clock has jumped, or none are."""
+        now, half = sample.when, 0.5 * sample.round_trip
+        least, most = sample.offset - half, sample.offset + half
+        if not anew and self._least is not None and self._most is not None:
+            before = self._least.at(now, -1.0), self._most.at(now, 1.0)
+            if max(least, before[0]) <= min(most, before[1]) + 2.0 * _EPS:
+                least, most = max(least, before[0]), min(most, before[1])
+            # else nothing can be right for both: a jump too small for the middle to show it
+        self._least, self._most = _Bound(now, least), _Bound(now, most)

@@ -66,8 +66,8 @@ class Door:
         """To wait on."""
         return [self.socket, *(handshake.socket for handshake in self._under_way.values())]
 
-    def turn(self, full: bool) -> list[Guest]:
-        """Look at what came; who is let in now. full: let in nobody."""
+    def turn(self) -> list[Guest]:
+        """Look at what came; who is let in now."""
         now = self._clock()
         guests: list[Guest] = []
         for address, handshake in list(self._under_way.items()):
@@ -77,10 +77,8 @@ class Door:
         for datagram, address in udp.receive(self.socket, _PER_TURN):
             if address in self._under_way:
                 guests += self._further(address, datagram, now)
-            elif not full:
-                self._stranger(datagram, address, now)
             else:
-                self.refuse(address, "as many clients as there can be")
+                self._stranger(datagram, address, now)
         self._tick(now)
         return guests
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cohelm.link.messages import Command, Request
+from cohelm.link.messages import Ask, Command, Request
 
 
 class Asked(NamedTuple):
@@ -30,7 +30,12 @@ class Heard(NamedTuple):
     round_trip: float
     """To the driver [s]; NaN: not known."""
     asked: tuple[Asked, ...]
-    """New since the last call, oldest first."""
+    """New since the last call, oldest first, but a stop before all others."""
     term: int = 0
     """Counts the leases: another one than before, and what was chosen in that is over. A driver who
     is lost, with nobody after him, leaves it as it was."""
+
+
+def stops_first(asked: tuple[Asked, ...]) -> tuple[Asked, ...]:
+    """The same with the stops before all else, in whatever order they came."""
+    return tuple(sorted(asked, key=lambda one: one.request.what != Ask.STOP))

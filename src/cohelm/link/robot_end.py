@@ -1,8 +1,10 @@
 """The robot's end of the link: several stations, one driver.
 
 A thread of its own moves the datagrams. The control loop talks to it through newest-wins slots
-and never waits: `tell` what is, `heard` what the driver wants. What is older than `STALE` is not
-there any more, neither when it arrives nor when it is asked for; nothing is queued.
+and never waits: `tell` what is, `heard` what the driver wants. What may be older than `STALE` is
+not there any more, neither when it arrives nor when it is asked for; nothing is queued but
+requests, few of each client, and a stop is apart from them (`pending`). What one client may cost is
+bounded (`client`), so that none is heard less for what another sends.
 """
 
 from __future__ import annotations
@@ -11,22 +13,23 @@ import logging
 import math
 import secrets
 import select
-import socket
 import threading
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
 
 from cohelm.link import lease, udp
-from cohelm.link.clock import Path
+from cohelm.link.client import Client, free_number
 from cohelm.link.codec import Malformed
 from cohelm.link.door import Door, Guest
-from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.dtls import Refused, context
 from cohelm.link.heard import Asked, Heard
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
+from cohelm.link.pending import Pending
+from cohelm.link.rate import Coalesced
 from cohelm.link.turning import Turning
-from cohelm.link.wire import Header, encode, from_operator
+from cohelm.link.wire import Header, encode, from_operator, may_stop
 
 STALE = 0.25
 """An older command is not used [s]."""
@@ -39,33 +42,16 @@ SILENT = 2.0
 FORGOTTEN = 30.0
 """... and it is let go for good, its lease too [s]."""
 MOST_CLIENTS = 16
+MOST_OF_ONE_KEY = 12
+"""Clients with one certificate: the pages of one station, and a few places for others."""
+_MOST_SPEECHLESS = 8
+"""Clients of whom nothing sensible was heard yet; a further one takes the oldest's place."""
+_SPEECHLESS = 5.0  # [s], and such a one is let go
 _PER_TURN = 64
 _log = logging.getLogger("cohelm.link")
 
 _FOR_ALL = frozenset({Ask.STOP, Ask.ACKNOWLEDGE})
 _OF_LEASE = frozenset({Ask.TAKE, Ask.GIVE, Ask.REFUSE})
-
-
-class _Client:
-    """One station that is let in."""
-
-    def __init__(self, number: int, guest: Guest, now: float) -> None:
-        self.number = number
-        self.channel: Channel = guest.channel
-        self.socket: socket.socket = guest.socket
-        self.address = guest.address
-        self.path = Path()
-        self.since = self.last = now
-        self.session: int | None = None
-        self.sequence = 0
-        self.command: Command | None = None
-        self.stamp = math.nan
-        self.used_age = math.nan
-        self.dropped = 0
-        self.complained = -math.inf
-        self.done = 0
-        """Number of the last request that was looked at."""
-        self.answers: deque[Answer] = deque(maxlen=3)
 
 
 class RobotEnd(Turning):
@@ -83,13 +69,14 @@ class RobotEnd(Turning):
         self._session = secrets.randbits(64)
         super().__init__("link robot")
         self._lock = threading.RLock()
-        self._clients: dict[int, _Client] = {}
+        self._clients: dict[int, Client] = {}
         self._held = lease.Held()
         self._term = 0
         self._given_at = -math.inf
         """When the lease came to the driver otherwise than by his own asking just then [s]."""
-        self._numbers: dict[tuple[str, int], int] = {}
-        self._asked: deque[Asked] = deque(maxlen=256)
+        self._number = 0
+        self._pending = Pending()
+        self._lines = Coalesced()
         self._outbox: dict[object, Status | ScanPart | Discs] = {}
         self.counts: Counter[str] = Counter()
         """Messages that were not used, by reason; `door_counts` has those not let in."""
@@ -98,17 +85,19 @@ class RobotEnd(Turning):
     # ---- for the loop ------------------------------------------------------------------
 
     def heard(self) -> Heard:
-        """What the driver wants now. Each request is handed out once."""
+        """What the driver wants now. Each request is handed out once, a stop before all others."""
         now = self.clock()
         with self._lock:
-            asked = tuple(a._replace(age=self._oldest(a, now)) for a in self._asked)
-            self._asked.clear()
+            taken, stops = self._pending.take()
+            asked = tuple(a._replace(age=self._oldest(a, now)) for a in taken)
+            for number, request in stops:
+                self.answer(number, request, True)  # whoever takes a stop obeys it at once
             client = self._clients.get(self._held.driver)
             if client is None:
                 return Heard(self._held.driver, self._name(self._held.driver), None, math.nan,
                              math.nan, asked, self._term)  # fmt: skip
-            age = client.path.age(client.stamp, now)
-            fresh = client.command is not None and -AHEAD <= age <= self._stale
+            age = client.path.oldest(client.stamp, now)
+            fresh = client.command is not None and self._fresh(client, client.stamp, now)
             if fresh:
                 client.used_age = age
             return Heard(
@@ -138,13 +127,13 @@ class RobotEnd(Turning):
     def clients(self) -> dict[int, str]:
         """Who is connected: names by number."""
         with self._lock:
-            return {number: client.channel.name for number, client in self._clients.items()}
+            return {n: c.channel.name for n, c in self._clients.items() if c.session is not None}
 
     def client_of(self, fingerprint: str, session: int) -> int | None:
         """The number of a connected client, by its certificate and session."""
         with self._lock:
-            number = self._numbers.get((fingerprint, session))
-            return number if number in self._clients else None
+            client = self._found(fingerprint, session)
+            return None if client is None else client.number
 
     @property
     def driver(self) -> int:
@@ -190,9 +179,13 @@ class RobotEnd(Turning):
         self._send()
         for client in list(self._clients.values()):
             for datagram, source in udp.receive(client.socket, _PER_TURN):
-                if source[:2] == client.address[:2]:
+                if source[:2] != client.address[:2]:
+                    continue
+                if client.looked_at.take(self.clock()):
                     self._datagram(client, datagram)
-        for guest in self._door.turn(full=len(self._clients) >= MOST_CLIENTS):
+                else:
+                    self._not_used(client, "a flood")
+        for guest in self._door.turn():
             self._welcome(guest)
         self._time_passes(self.clock())
 
@@ -203,97 +196,147 @@ class RobotEnd(Turning):
             if held != self._held:
                 self._lease(held, "the driver did not answer")
         for client in list(self._clients.values()):
-            if now - client.last > FORGOTTEN:
+            if now - client.last > (FORGOTTEN if client.session is not None else _SPEECHLESS):
                 self._leave(client, "nothing heard any more")
+        for line in self._lines.due(now):
+            _log.info("%s", line)
 
     def _welcome(self, guest: Guest) -> None:
         with self._lock:
-            number = max([0, *self._clients, *self._numbers.values()]) + 1
-            client = _Client(number, guest, self.clock())
-            self._clients[number] = client
-        _log.info("%s is connected from %s", guest.channel.name, guest.address[0])
+            speechless = [c for c in self._clients.values() if c.session is None]
+            if len(speechless) >= _MOST_SPEECHLESS:
+                self._leave(speechless[0], "pushed out by newer connections")
+            self._number = free_number(self._number, set(self._clients))
+            client = Client(self._number, guest, self.clock())
+            self._clients[self._number] = client
+        self._say(client, f"{client.name} is connected from {guest.address[0]}")
         for message in guest.first:
             self._message(client, message)
 
-    def _datagram(self, client: _Client, datagram: bytes) -> None:
+    def _datagram(self, client: Client, datagram: bytes) -> None:
         try:
             messages = client.channel.take(datagram)
         except Refused as refused:
             self._leave(client, str(refused))
             return
         for message in messages:
+            client = client.same_as or client
             if client.number in self._clients:
                 self._message(client, message)
 
-    def _message(self, client: _Client, data: bytes) -> None:
+    def _message(self, client: Client, data: bytes) -> None:
+        now = self.clock()
+        too_many = not client.datagrams.take(now)
+        if too_many:
+            self._not_used(client, "too many")
+            if not may_stop(data):
+                return
         try:
             header, message = from_operator(data)
         except Malformed as malformed:
             self._not_used(client, "malformed")
-            now = self.clock()
-            if now - client.complained >= 1.0:
-                client.complained = now
-                _log.warning("from %s: %s", client.channel.name, malformed)
+            self._say(client, f"from {client.name}: {malformed}", logging.WARNING)
             return
         if not isinstance(message, Command):  # datagrams up are nothing else
             return
-        now = self.clock()
         with self._lock:
-            client = self._known(client, header)
+            known = self._known(client, header, now)
+            if known is None:
+                return self._requests(client, message, now, stops_only=True)
+            client = known
             client.last = now
+            if too_many:
+                return self._requests(client, message, now, stops_only=True)
             if not client.path.heard(header, now):
                 self._not_used(client, "out of order")
                 return self._requests(client, message, now, stops_only=True)
-            age = client.path.age(header.stamp, now)
-            if not -AHEAD <= age <= self._stale:  # NaN too: the clocks are not compared yet
-                self._not_used(client, "clocks not compared" if math.isnan(age) else "too old")
+            if not self._fresh(client, header.stamp, now):
+                unknown = math.isnan(client.path.offset)
+                self._not_used(client, "clocks not compared" if unknown else "too old")
                 return self._requests(client, message, now, stops_only=True)
             client.command, client.stamp = message, header.stamp
             self._requests(client, message, now, stops_only=False)
 
-    def _known(self, client: _Client, header: Header) -> _Client:
-        """The client by its session: who comes again, on a new channel, is who it was."""
+    def _fresh(self, client: Client, stamp: float, now: float) -> bool:
+        """Whether a command is young enough even in the worst case, and not from the future."""
+        path = client.path
+        return -AHEAD <= path.age(stamp, now) and path.oldest(stamp, now) <= self._stale
+
+    def _found(self, fingerprint: str, session: int) -> Client | None:
+        for client in self._clients.values():
+            if client.session == session and client.channel.peer == fingerprint:
+                return client
+        return None
+
+    def _known(self, client: Client, header: Header, now: float) -> Client | None:
+        """The client by its session: who comes again, on a new channel, is who it was. None: there
+        is no place for another."""
         if client.session == header.session:
             return client
-        key = (client.channel.peer, header.session)
-        number = self._numbers.get(key)
-        old = self._clients.get(number) if number is not None else None
-        if old is not None and old is not client:
+        old = self._found(client.channel.peer, header.session)
+        if old is not None:
             old.socket.close()
             old.channel, old.socket, old.address = client.channel, client.socket, client.address
             del self._clients[client.number]
+            client.same_as = old
             return old
+        if client.session is None and not self._seated(client, now):
+            self._door.refuse(client.address, "as many clients as there can be")
+            self._leave(client, "there are as many clients as there can be")
+            return None
         if client.session is not None:  # a new session on the same channel: all begins anew
             client.done, client.command = 0, None
         client.session = header.session
-        self._numbers[key] = client.number
-        while len(self._numbers) > 8 * MOST_CLIENTS:
-            del self._numbers[next(iter(self._numbers))]
         return client
 
-    def _not_used(self, client: _Client, why: str) -> None:
+    def _seated(self, client: Client, now: float) -> bool:
+        """Whether there is a place for a new client, if need be that of one who is silent."""
+        others = [c for c in self._clients.values() if c.session is not None]
+        same = [c for c in others if c.channel.peer == client.channel.peer]
+        if len(same) < MOST_OF_ONE_KEY and len(others) < MOST_CLIENTS:
+            return True
+        among = same if len(same) >= MOST_OF_ONE_KEY else others
+        silent = [c for c in among if c.number != self._held.driver and now - c.last > SILENT]
+        if silent:
+            self._leave(min(silent, key=lambda c: c.last), "another needs the place")
+        return bool(silent)
+
+    def _not_used(self, client: Client, why: str) -> None:
         client.dropped += 1
         self.counts[why] += 1
 
-    def _requests(self, client: _Client, command: Command, now: float, stops_only: bool) -> None:
+    def _requests(self, client: Client, command: Command, now: float, stops_only: bool) -> None:
         """Take each request once, in order; of a command that is not used, only a stop."""
         for request in command.requests:
             stop = request.what is Ask.STOP
             if request.number <= client.done or (stops_only and not stop):
                 continue
             client.done = request.number
-            if not stop and not -AHEAD <= client.path.age(request.made, now) <= REQUEST_LIFE:
-                self.answer(client.number, request.number, False, "it came too late")
+            asked = Asked(client.number, client.name, request)
+            refused = ""
+            if stop:
+                for off in self._pending.stop(asked):
+                    self.answer(off.client, off.request.number, False, f"{client.name} stopped it")
+            elif not client.requests.take(now):
+                refused = "too many requests: wait a second"
+            elif not self._in_time(client, request, now):
+                refused = "it came too late"
             elif request.what in _OF_LEASE:
                 self._lease_request(client, request, now)
             elif request.what not in _FOR_ALL and self._held.driver != client.number:
-                self.answer(client.number, request.number, False, "you do not drive")
+                refused = "you do not drive"
             elif request.what not in _FOR_ALL and self._before_lease(client, request, now):
-                self.answer(client.number, request.number, False, "you did not drive yet")
-            else:
-                self._asked.append(Asked(client.number, client.channel.name, request))
+                refused = "you did not drive yet"
+            elif not self._pending.add(asked):
+                refused = "too many requests: wait for their answers"
+            if refused:
+                self.answer(client.number, request.number, False, refused)
 
-    def _lease_request(self, client: _Client, request: Request, now: float) -> None:
+    def _in_time(self, client: Client, request: Request, now: float) -> bool:
+        path, made = client.path, request.made
+        return -AHEAD <= path.age(made, now) and path.oldest(made, now) <= REQUEST_LIFE
+
+    def _lease_request(self, client: Client, request: Request, now: float) -> None:
         held = self._held
         if request.what is Ask.TAKE:
             driver = self._clients.get(held.driver)
@@ -305,45 +348,50 @@ class RobotEnd(Turning):
             said = lease.refuse(held, client.number)
         self.answer(client.number, request.number, said.granted, said.reason)
         taken = request.what is Ask.TAKE
-        self._lease(said.held, f"asked by {client.channel.name}", taken=taken)
+        self._lease(said.held, f"asked by {client.name}", taken=taken)
 
     def _oldest(self, asked: Asked, now: float) -> float:
         """How long ago something was asked for at most [s]; NaN: who asked is gone."""
         client = self._clients.get(asked.client)
         if client is None:
             return math.nan
-        return client.path.age(asked.request.made, now) + 0.5 * client.path.shortest
+        return client.path.oldest(asked.request.made, now)
 
-    def _before_lease(self, client: _Client, request: Request, now: float) -> bool:
+    def _before_lease(self, client: Client, request: Request, now: float) -> bool:
         """Whether it was made before the driver could know that he drives."""
         return now - client.path.age(request.made, now) < self._given_at
 
     def _lease(self, held: lease.Held, why: str, taken: bool = False, lost: bool = False) -> None:
         """taken: the new driver has asked just now. lost: the old one is gone."""
         if held.driver != self._held.driver:
-            _log.info("%s drives now: %s", self._name(held.driver) or "nobody", why)
             self._given_at = -math.inf if taken else self.clock()
             if not (lost and held.driver == lease.NOBODY):
                 self._term += 1
             self._withdraw(self._held.driver)
             new = self._clients.get(held.driver)
+            who = "nobody" if new is None else new.name
+            self._say(None, f"{who} drives now: {why}")
             if new is not None:
                 new.command = None  # what it wanted before it drove counts for nothing
         self._held = held
 
     def _withdraw(self, driver: int) -> None:
         """What somebody asked for as the driver, and the loop has not done, it shall not do."""
-        for asked in [a for a in self._asked if a.client == driver]:
-            if asked.request.what not in _FOR_ALL:
-                self._asked.remove(asked)
-                self.answer(driver, asked.request.number, False, "you do not drive any more")
+        for asked in self._pending.withdraw(driver, but=_FOR_ALL):
+            self.answer(driver, asked.request.number, False, "you do not drive any more")
 
     def _name(self, number: int) -> str:
         client = self._clients.get(number)
         return client.channel.name if client else ""
 
-    def _leave(self, client: _Client, why: str) -> None:
-        _log.info("%s left: %s", client.channel.name, why)
+    def _say(self, about: Client | None, text: str, level: int = logging.INFO) -> None:
+        """Into the log; of what one certificate's clients do, a line of a kind a second."""
+        kind = text.partition(":")[0].replace(f" ({about.number})" if about else "", "")
+        for line in self._lines.add(self.clock(), (kind, level), text):
+            _log.log(level, "%s", line)
+
+    def _leave(self, client: Client, why: str) -> None:
+        self._say(client, f"{client.name} left: {why}")
         with self._lock:
             self._clients.pop(client.number, None)
             client.socket.close()
@@ -357,7 +405,7 @@ class RobotEnd(Turning):
             for client in clients:
                 self._send_to(client, message)
 
-    def _send_to(self, client: _Client, message: Status | ScanPart | Discs) -> None:
+    def _send_to(self, client: Client, message: Status | ScanPart | Discs) -> None:
         now = self.clock()
         if isinstance(message, Status):
             message = self._completed(client, message)
@@ -375,7 +423,7 @@ class RobotEnd(Turning):
             return
         udp.send(client.socket, datagrams)
 
-    def _completed(self, client: _Client, status: Status) -> Status:
+    def _completed(self, client: Client, status: Status) -> Status:
         with self._lock:
             held = self._held
             path = client.path

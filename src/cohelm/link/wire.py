@@ -70,6 +70,9 @@ LARGEST = 1150
 LARGEST_BULK = 32_000_000
 MOST_BEAMS = 500
 """Beams in one ScanPart."""
+_REQUESTS_AT, _REQUEST_SIZE, _WHAT_AT = 50, 15, 4
+"""Where a command's requests begin, how long each is, and where in it `what` stands (docs/link.md).
+The byte before them is their number."""
 MOST_WAYPOINTS = 500
 
 
@@ -189,6 +192,17 @@ def encode(header: Header, message: Message) -> bytes:
 def from_operator(data: bytes, bulk: bool = False) -> tuple[Header, FromOperator]:
     """What an operator sent. Malformed for anything else, and nothing else is raised."""
     return _decoded(data, up=True, bulk=bulk)
+
+
+def may_stop(data: bytes) -> bool:
+    """Whether a datagram looks like a command with a stop in it: cheap, for those who say too much.
+
+    It may be wrong about what is no command; `from_operator` has the last word.
+    """
+    if len(data) < _REQUESTS_AT or data[0] != VERSION or data[1] != 1:
+        return False
+    end = _REQUESTS_AT + _REQUEST_SIZE * data[_REQUESTS_AT - 1]
+    return Ask.STOP in data[_REQUESTS_AT + _WHAT_AT : end : _REQUEST_SIZE]
 
 
 def from_robot(data: bytes, bulk: bool = False) -> tuple[Header, FromRobot]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from cohelm.link.messages import Alarm, Severity
 
+_MOST = 65535  # the number has two bytes on the link
+
 
 class Alarms:
     """A few alarms by name; the same thing happening again is a new number."""
@@ -17,7 +19,7 @@ class Alarms:
         old = self._all.get(name)
         if old is not None and old.active:
             return False
-        self._number += 1
+        self._number = self._number % _MOST + 1
         self._all[name] = Alarm(self._number, severity, True, False, text)
         return True
 

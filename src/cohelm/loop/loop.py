@@ -14,11 +14,13 @@ from cohelm.core.period import PERIOD
 from cohelm.core.types import Twist, wrap
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.cap import FREE as NOTICED
-from cohelm.link.heard import Asked, Heard
+from cohelm.link.heard import Asked, Heard, stops_first
 from cohelm.link.messages import Arming, Ask, Discs, Map, Mode, Polyline, Status
+from cohelm.link.rate import Coalesced
 from cohelm.link.told import Shown, Told
 from cohelm.loop.alarms import Alarms
 from cohelm.loop.driver import Driver
+from cohelm.loop.dropout import WAITING, Dropout, Then, followed
 from cohelm.loop.leash import FREE, allowed, cap, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.person import CENTRED, Manner, Person, renewed
@@ -76,6 +78,8 @@ class Loop:
         self.timing, self.alarms = Timing(), Alarms()
         self.mode = Mode.HOLD
         self.person = Person()
+        self._dropout = Dropout()
+        self._lines = Coalesced()  # of requests: a flood fills no record
         self.problem = ""
         """What is wrong with the readings; empty: nothing."""
         self.cap = FREE
@@ -176,6 +180,7 @@ class Loop:
         said = self.keeper.drive(_GATE[mode])
         if not said:
             self.mode = mode
+            self._forget_dropout()
             self._event(f"mode {mode.name}")
             if mode == Mode.HOLD:
                 self._end(who)
@@ -207,7 +212,7 @@ class Loop:
         now = keeper.now()  # after them: what a held-up loop reads is not from the future
         self._look(now, readings)
         self._notice()
-        self._listen()
+        self._listen(now)
         decision = None
         seen = self.seen
         free = driving(keeper.gate.mode) and not self.problem and not self._pauses
@@ -242,7 +247,7 @@ class Loop:
         self.seen = seen
         self.driver.moved(seen.twist)
 
-    def _listen(self) -> None:
+    def _listen(self, now: float) -> None:
         """What does the person want, and may the stick be believed?"""
         heard = self.operator.heard()
         self._driven_by = (heard.driver, heard.name)
@@ -250,25 +255,45 @@ class Loop:
         self._heed_lease(heard)
         self._requests(heard)
         self.person = renewed(self.person, heard, self.ways.manner, self.ways.period)
-        if self.person.lost and self.keeper.gate.mode == GateMode.SHARED:
-            self.alarms.on("stick", f"the stick is lost: {self.person.lost}")
-            if self.ways.carry_on and self.mode == Mode.SHARED:
-                self._event(f"{self.person.lost}: the controller carries on alone", True)
-            else:
-                self.keeper.stop(f"the stick is lost: {self.person.lost}")
-        elif self.person.arming == Arming.ARMED:
-            self.alarms.off("stick")
-        why = silent(heard, self.ways.manner.stale) if self._led else ""
-        if not why:
-            self.alarms.off("driver")
-        elif driving(self.keeper.gate.mode) and self.alarms.on(
-            "driver", f"the driver is lost: {why}"
-        ):
-            if self.ways.carry_on:
-                self._event(f"{why}: the controller carries on alone", True)
-            else:
-                self.keeper.stop(f"the driver is lost: {why}")
+        self._believe(now, heard)
         self._delay = far(heard, self.person)
+
+    def _believe(self, now: float, heard: Heard) -> None:
+        """Is the stick in use there, and the driver?"""
+        if not driving(self.keeper.gate.mode):
+            self._forget_dropout()
+        stick = self.person.lost if self.keeper.gate.mode == GateMode.SHARED else ""
+        quiet = silent(heard, self.ways.manner.stale) if self._led else ""
+        if self.person.arming == Arming.ARMED:
+            self.alarms.off("stick")
+        if not quiet:
+            self.alarms.off("driver")
+        if not driving(self.keeper.gate.mode):
+            return
+        name = "stick" if stick else "driver"
+        why = stick or quiet
+        if why and self.ways.carry_on and (not stick or self.mode == Mode.SHARED):
+            if self.alarms.on(name, f"the {name} is lost: {why}") or stick:
+                self._event(f"{why}: the controller carries on alone", True)
+            why = ""
+        lost = f"the {name} is lost: {why}" if why else ""
+        before = self._dropout
+        self._dropout, then = followed(before, lost, heard, self.person, now)
+        if then == Then.STOP:
+            said = before.why or lost
+            self.alarms.on("driver" if said.startswith("the driver") else "stick", said)
+            self.keeper.stop(said)
+            self.go_on("stick")
+        elif then == Then.GO_ON:
+            self.go_on("stick")
+        elif self._dropout.why:
+            waiting = math.isfinite(self._dropout.back)
+            self.pause("stick", WAITING if waiting else self._dropout.why)
+
+    def _forget_dropout(self) -> None:
+        """What ends or chooses a mode wins: nothing of before is gone on with."""
+        self._dropout = self._dropout.over
+        self.go_on("stick")
 
     def _heed_lease(self, heard: Heard) -> None:
         """A mode lives no longer than the lease in which it was chosen."""
@@ -283,7 +308,9 @@ class Loop:
     def _requests(self, heard: Heard) -> None:
         """Do or refuse each, and answer."""
         done: dict[int, int] = {}
-        for asked in heard.asked:
+        for line in self._lines.due(self.keeper.now()):
+            self._event(line)
+        for asked in stops_first(heard.asked):
             count = done[asked.client] = done.get(asked.client, 0) + 1
             if count > _MOST_REQUESTS and asked.request.what != Ask.STOP:
                 granted, reason = False, "too many requests: wait a moment and ask again"
@@ -303,7 +330,9 @@ class Loop:
             said = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == Ask.MODE:
             said = self._mode(asked, driver) if value in _MODES else "there is no such mode"
-        self._event(f"{asked.name} asks for {what.name} {value}: {said or 'done'}")
+        text = f"{asked.name} asks for {what.name} {value}: {said or 'done'}"
+        for line in self._lines.add(self.keeper.now(), text, text):
+            self._event(line)
         return not said, said
 
     def _stopped_by(self, asked: Asked) -> None:

@@ -57,6 +57,7 @@ class Operator:
         self._health: robot.Health | None = None
         self._steered: tuple[Stick, bool, bool, robot.Device, float] = _NO_STICK
         self._stick_at = self._steered_at = -math.inf
+        """When the page's newest stick was made at the earliest: then it had just heard us [s]."""
         self._stick_n = -1
         self._state_at = self._link_at = self._beat_at = -math.inf
         self._page_ms: float | None = None
@@ -84,7 +85,9 @@ class Operator:
             case robot.Status():
                 self._status = news
                 self._status_at = time.monotonic() - (0.0 if math.isnan(age) else age)
-                self.client = message.lease.you
+                if self.client != message.lease.you:
+                    self.client = message.lease.you
+                    _log.info("%s is client %d of the robot", self.name, self.client)
             case WholeScan():
                 self._outbox.put("scan", binary.scan(message, age))
             case robot.Picture():
@@ -196,7 +199,7 @@ class Operator:
         age = now - stick.heard_ms / 1e3
         if stick.n <= self._stick_n or not -BEAT <= age <= self.stale:
             return  # the watch says that it is gone, if nothing better comes
-        self._stick_n, self._stick_at = stick.n, now
+        self._stick_n, self._stick_at = stick.n, now - max(age, 0.0)
         before = self._page_ms
         self._page_ms = age * 1e3 if before is None else 0.9 * before + 0.1 * age * 1e3
         device = view.DEVICES[stick.device]

@@ -4,9 +4,9 @@ import { heardMs, send } from '../socket'
 import * as s from '../state'
 import { arm, type Arming } from './arm'
 import { padStops, readPad, rumble } from './gamepad'
-import { keysHeld, listenToKeys, readKeys, typing } from './keyboard'
+import { keysHeld, letGoOfKeys, listenToKeys, readKeys, typing } from './keyboard'
 import type { Device, Reading } from './source'
-import { readTouch, touched } from './touch'
+import { letGoOfPads, readTouch, touched } from './touch'
 
 const PERIOD_MS = 20
 const IN_USE = 0.1
@@ -31,7 +31,7 @@ export const idle = computed(() => {
   // the newest wins on the way: the robot need not have heard the moment in the centre
   switch (s.state.value?.arming) {
     case 'armed': return ''
-    case 'waiting': return 'let it go to the centre first'
+    case 'waiting': return 'waiting for your stick to be centred'
     default: return 'the robot does not hear it yet'
   }
 })
@@ -58,8 +58,17 @@ export function startDriving(): void {
     choose('gamepad')
   })
   setInterval(() => turn(performance.now()), PERIOD_MS)
-  addEventListener('blur', () => turn(performance.now()))
-  document.addEventListener('visibilitychange', () => turn(performance.now()))
+  addEventListener('blur', away)
+  document.addEventListener('visibilitychange', away)
+}
+
+/** What is held while nobody can see the page is let go, and must be taken in hand again. */
+function away(): void {
+  if (elsewhere() !== '') {
+    letGoOfKeys()
+    letGoOfPads()
+  }
+  turn(performance.now())
 }
 
 export function stop(): void {
@@ -76,7 +85,7 @@ function turn(now: number): void {
   const readings: Record<Device, Reading> = {
     none: { present: false, x: 0, psi: 0 },
     keyboard: readKeys(now),
-    gamepad: readPad(),
+    gamepad: readPad(now),
     touch: readTouch(),
   }
   if (padStops()) stop()
@@ -100,7 +109,7 @@ function turn(now: number): void {
 }
 
 function reason(reading: Reading): string {
-  if (!reading.present) return device === 'gamepad' ? 'the gamepad is gone' : 'gone'
+  if (!reading.present) return reading.why || (device === 'gamepad' ? 'the gamepad is gone' : 'gone')
   return arming === 'waiting' ? 'let it go to the centre first' : ''
 }
 

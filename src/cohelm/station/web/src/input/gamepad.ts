@@ -1,9 +1,11 @@
 // A gamepad or joystick of the browser.
 import { settings } from './settings'
 import { shaped } from './shape'
+import { heardOf, NOTHING, silentFor, type Heard } from './silent'
 import type { Reading } from './source'
 
 let stopHeld = false
+let heard: Heard = NOTHING
 
 /** The first pad that is plugged in, or null. */
 export function pad(): Gamepad | null {
@@ -11,19 +13,21 @@ export function pad(): Gamepad | null {
   return null
 }
 
-export function readPad(): Reading {
+/** now: [ms]. A pad that stays deflected and says nothing new is not one that somebody holds. */
+export function readPad(now: number): Reading {
   const one = pad()
   const set = settings.value
   const fore = one?.axes[set.foreAft]
   const left = one?.axes[set.leftRight]
+  heard = heardOf(heard, one, now)
   if (one === null || fore === undefined || left === undefined) {
     return { present: false, x: 0, psi: 0 }
   }
-  return {
-    present: Number.isFinite(fore) && Number.isFinite(left),
-    x: shaped(set.foreAftTurned ? -fore : fore, set),
-    psi: shaped(set.leftRightTurned ? -left : left, set),
-  }
+  const x = shaped(set.foreAftTurned ? -fore : fore, set)
+  const psi = shaped(set.leftRightTurned ? -left : left, set)
+  const silent = silentFor(heard, x !== 0 ? fore : 0, psi !== 0 ? left : 0, now)
+  const why = silent > 0 ? `the gamepad has said nothing new for ${silent} s: let it go to the centre` : ''
+  return { present: Number.isFinite(fore) && Number.isFinite(left) && why === '', x, psi, why }
 }
 
 /** Whether the pad's stop button went down since the last call. */

@@ -21,13 +21,22 @@ export function typing(target: EventTarget | null): boolean {
 
 export function listenToKeys(): void {
   addEventListener('keydown', (event) => {
-    if (KEYS[event.code] === undefined || event.ctrlKey || event.altKey || event.metaKey) return
-    if (typing(event.target)) return
+    if (event.ctrlKey || event.altKey || event.metaKey) {
+      letGoOfKeys() // with such a key down, some systems do not tell when another comes up
+      return
+    }
+    if (KEYS[event.code] === undefined || typing(event.target)) return
     event.preventDefault()
-    held.add(event.code)
+    // a key that was let go of here, and is held down still, must be pressed again
+    if (!event.repeat) held.add(event.code)
   })
   addEventListener('keyup', (event) => held.delete(event.code))
-  addEventListener('blur', () => held.clear())
+  addEventListener('blur', letGoOfKeys)
+}
+
+/** As if no key were down. */
+export function letGoOfKeys(): void {
+  held.clear()
 }
 
 function direction(plus: string, minus: string): number {

@@ -7,6 +7,8 @@ export interface Reading {
   x: number
   /** Left-right, left positive, [-1, 1]. */
   psi: number
+  /** Why it is not present, where the device itself knows. */
+  why?: string
 }
 
 export type Device = 'none' | 'keyboard' | 'gamepad' | 'touch'

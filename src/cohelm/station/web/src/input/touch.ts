@@ -14,3 +14,12 @@ export function touch(part: { x?: number; psi?: number }): void {
   everTouched = true
   touched.value = { ...touched.value, ...part }
 }
+
+/** Counts how often all pads were let go of: a finger that was down before does not count after. */
+export let grip = 0
+
+/** As if no finger were down. */
+export function letGoOfPads(): void {
+  grip += 1
+  touched.value = { x: 0, psi: 0 }
+}

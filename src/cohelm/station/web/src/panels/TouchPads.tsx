@@ -1,13 +1,15 @@
 // Two pads for two thumbs: the left one forward and back, the right one left and right.
-import { touch, touched } from '../input/touch'
+import { useEffect, useRef } from 'preact/hooks'
+import { grip, letGoOfPads, touch, touched } from '../input/touch'
 import { clamp } from '../input/shape'
 import * as s from '../state'
 
 function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {
   const value = touched.value[axis]
+  const since = useRef(grip)
   const drag = (event: PointerEvent) => {
     const pad = event.currentTarget as HTMLElement
-    if (!pad.hasPointerCapture(event.pointerId)) return
+    if (!pad.hasPointerCapture(event.pointerId) || since.current !== grip) return
     const box = pad.getBoundingClientRect()
     const half = (axis === 'x' ? box.height : box.width) / 2 - 24
     const from = axis === 'x' ? box.top + box.height / 2 - event.clientY : box.left + box.width / 2 - event.clientX
@@ -19,7 +21,11 @@ function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {
     <div
       class={`pad ${axis}`} role="slider" aria-label={label} aria-valuemin={-100} aria-valuemax={100}
       aria-valuenow={Math.round(value * 100)}
-      onPointerDown={(event) => { event.currentTarget.setPointerCapture(event.pointerId); drag(event) }}
+      onPointerDown={(event) => {
+        event.currentTarget.setPointerCapture(event.pointerId)
+        since.current = grip
+        drag(event)
+      }}
       onPointerMove={drag} onPointerUp={release} onPointerCancel={release} onLostPointerCapture={release}
     >
       <i style={{ transform: shift }} />
@@ -29,7 +35,9 @@ function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {
 }
 
 export function TouchPads() {
-  if (s.isReplay.value || !s.youDrive.value) return null
+  const shown = !s.isReplay.value && s.youDrive.value
+  useEffect(() => (shown ? letGoOfPads : undefined), [shown]) // pads that go away say no more
+  if (!shown) return null
   return (
     <div class="pads">
       <Pad axis="x" label="Forward and back" />

@@ -1,0 +1,70 @@
+"""Limits on what one sender may cost: a token bucket, and log lines that are counted together."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+EVERY = 1.0
+"""What happens again within this time is counted, and said together [s]."""
+_MOST_KEYS = 64
+
+
+class TokenBucket:
+    """Holds `at_once` tokens at most and gets `per_second` new ones; nothing passes without one."""
+
+    def __init__(self, per_second: float, at_once: float, now: float) -> None:
+        """Full at `now` [s]."""
+        self.per_second, self.at_once = per_second, at_once
+        self._left, self._at = at_once, now
+
+    def take(self, now: float) -> bool:
+        """Whether there was a token at `now` [s]; it is gone then."""
+        self._left = min(self._left + (now - self._at) * self.per_second, self.at_once)
+        self._at = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+class _Kept(NamedTuple):
+    since: float
+    times: int
+    text: str
+
+
+class Coalesced:
+    """Lines for a log, by what they are about: the first is said at once, those within a second
+    after it are counted and said as one. Memory is bounded, however many keys are made up."""
+
+    def __init__(self, every: float = EVERY) -> None:
+        """every: least time between two lines about the same thing [s]."""
+        self._every = every
+        self._kept: dict[object, _Kept] = {}
+
+    def add(self, now: float, key: object, text: str) -> list[str]:
+        """The lines to be written now that this happened."""
+        said = self.due(now)
+        kept = self._kept.get(key)
+        if kept is None and len(self._kept) >= _MOST_KEYS:
+            key = None  # all others together
+            kept = self._kept.get(key)
+        if kept is None:
+            self._kept[key] = _Kept(now, 0, text)
+            return [*said, text]
+        self._kept[key] = _Kept(kept.since, kept.times + 1, text)
+        return said
+
+    def due(self, now: float) -> list[str]:
+        """The lines that have waited long enough; to be called now and then."""
+        said: list[str] = []
+        for key, kept in list(self._kept.items()):
+            if now - kept.since < self._every:
+                continue
+            if kept.times == 0:
+                del self._kept[key]
+                continue
+            more = f" ({kept.times} times within {now - kept.since:.1f} s)"
+            said.append(kept.text + (more if kept.times > 1 else ""))
+            self._kept[key] = _Kept(now, 0, kept.text)
+        return said

@@ -1,0 +1,186 @@
+"""A page that hangs for a moment, on the real loop in simulated time: stand, and go on."""
+
+from __future__ import annotations
+
+import pytest
+
+from cohelm.core.types import Stick
+from cohelm.drive.session import Plan, Session
+from cohelm.link.messages import Arming, Ask, Command, Device, Mode
+from cohelm.loop.dropout import CENTRED_WITHIN, WAITING
+from cohelm.loop.operator import Scripted
+from cohelm.robot.gate.modes import Mode as GateMode
+from tests.drive.faults import failing
+from tests.drive.test_losing import BRAKING, drive, speed
+
+GONE = Command(Stick(0.0, 0.0), False, False, Device.NONE, 1.0, ())
+"""What a station says for a page that says nothing."""
+
+
+class Anna(Scripted):
+    """Holds a gamepad at `stick`; with `gone` her page says nothing, with `dark` her link does."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda _: None, lambda: 0.0)
+        self.stick, self.gone, self.dark, self.armed = Stick(0.0, 0.0), False, 0.0, True
+        self.driver, self.device = 1, Device.GAMEPAD
+
+    def heard(self):
+        said = super().heard()
+        command = Command(self.stick, True, self.armed, self.device, 1.0, ())
+        command = GONE if self.gone else command
+        self.dark += 0.02 if self.dark else 0.0
+        late = self.dark > 0.25
+        return said._replace(
+            driver=self.driver, command=None if late or not self.driver else command,
+            age=max(self.dark, 0.02),
+        )  # fmt: skip
+
+
+@pytest.fixture
+def anna():
+    return Anna()
+
+
+@pytest.fixture
+def session(anna):
+    with Session(Plan(failing("nothing", 1e9)), anna) as session:
+        yield session
+
+
+def lead(session: Session, anna: Anna, mode: Mode) -> None:
+    """Have her choose a mode and drive."""
+    anna.ask(Ask.MODE, mode)
+    drive(session, 0.2)
+    anna.stick = Stick(0.9, 0.0)
+    drive(session, 1.5)
+    assert speed(session) > 0.15
+    assert session.loop.mode == mode
+
+
+def away(anna: Anna, how: str, yes: bool) -> None:
+    anna.gone = yes and how == "page"
+    anna.dark = 0.02 if yes and how == "link" else 0.0
+
+
+@pytest.mark.parametrize("how", ["page", "link"])
+@pytest.mark.parametrize("mode", [Mode.SHARED, Mode.MANUAL])
+def test_a_moment_of_silence_is_no_stop_and_nothing_goes_on_uncentred(session, anna, how, mode):
+    lead(session, anna, mode)
+    away(anna, how, True)
+    drive(session, 0.5)
+    assert session.loop.paused.startswith("the stick is lost")
+    away(anna, how, False)  # still held forward
+    drive(session, 0.3)
+    assert session.loop.paused == WAITING
+    assert anna.statuses[-1].why == WAITING
+    assert anna.statuses[-1].arming == Arming.WAITING
+    drive(session, 1.0)
+    assert speed(session) == 0.0
+    anna.stick = Stick(0.0, 0.0)
+    drive(session, 0.04)
+    assert session.loop.paused == ""
+    anna.stick = Stick(0.9, 0.0)
+    drive(session, 1.5)
+    assert speed(session) > 0.15
+    assert session.loop.mode == mode
+    assert session.keeper.gate.mode == GateMode.SHARED
+    assert not anna.statuses[-1].stopped
+    assert not session.loop.alarms.worst()
+
+
+def test_in_automatic_mode_the_drivers_silence_is_forgiven_likewise(session, anna):
+    anna.ask(Ask.MODE, Mode.AUTOMATIC)
+    drive(session, 1.5)
+    away(anna, "link", True)
+    drive(session, 0.3 + BRAKING)
+    assert "the driver is lost" in session.loop.paused
+    assert speed(session) == 0.0
+    away(anna, "link", False)
+    drive(session, 1.0)
+    assert speed(session) > 0.15
+    assert session.loop.mode == Mode.AUTOMATIC
+    assert not session.loop.alarms.worst()
+
+
+@pytest.mark.parametrize("how", ["page", "link"])
+def test_more_than_a_second_latches_a_stop(session, anna, how):
+    lead(session, anna, Mode.SHARED)
+    away(anna, how, True)
+    drive(session, 0.9)
+    assert session.keeper.gate.mode == GateMode.SHARED
+    drive(session, 0.3)
+    assert session.keeper.gate.mode == GateMode.STOPPED
+    assert "the stick is lost" in session.keeper.gate.reason
+    away(anna, how, False)
+    anna.stick = Stick(0.0, 0.0)
+    drive(session, 1.0)
+    assert speed(session) == 0.0
+    assert session.loop.paused == ""
+    assert any("the stick is lost" in a.text for a in session.loop.alarms.worst())
+
+
+def test_a_stick_that_is_not_let_go_of_latches_a_stop(session, anna):
+    lead(session, anna, Mode.SHARED)
+    away(anna, "page", True)
+    drive(session, 0.4)
+    away(anna, "page", False)
+    drive(session, CENTRED_WITHIN + 0.1)
+    assert session.keeper.gate.mode == GateMode.STOPPED
+
+
+@pytest.mark.parametrize("what", ["disarmed", "released", "given away", "another device"])
+def test_what_somebody_does_meanwhile_is_no_short_gap(session, anna, what):
+    lead(session, anna, Mode.SHARED)
+    if what != "disarmed":
+        away(anna, "page", True)
+        drive(session, 0.4)
+        away(anna, "page", False)
+    anna.armed = what != "disarmed"
+    anna.driver = {"released": 0, "given away": 2}.get(what, 1)
+    anna.device = Device.KEYBOARD if what == "another device" else Device.GAMEPAD
+    anna.stick = Stick(0.0, 0.0)
+    drive(session, 0.06)
+    assert session.keeper.gate.mode == GateMode.STOPPED
+    drive(session, 1.0)
+    assert speed(session) == 0.0
+
+
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.MANUAL, Mode.SHARED])
+def test_a_mode_chosen_meanwhile_wins(session, anna, mode):
+    lead(session, anna, Mode.SHARED)
+    away(anna, "page", True)
+    drive(session, 0.5)
+    assert session.loop.paused
+    anna.ask(Ask.MODE, mode)
+    drive(session, 0.04)
+    assert session.loop.mode == mode
+    away(anna, "page", False)
+    anna.stick = Stick(0.0, 0.0)
+    drive(session, 1.0)
+    assert session.loop.mode == mode
+    assert (speed(session) > 0.1) is (mode == Mode.SHARED)  # which she chose, and nobody steers
+
+
+def test_a_stop_meanwhile_wins(session, anna):
+    lead(session, anna, Mode.SHARED)
+    away(anna, "page", True)
+    drive(session, 0.5)
+    anna.ask(Ask.STOP)
+    away(anna, "page", False)
+    anna.stick = Stick(0.0, 0.0)
+    drive(session, 1.0)
+    assert session.keeper.gate.reason == "stop by script"
+    assert session.loop.paused == ""
+    anna.ask(Ask.RESET)
+    drive(session, 1.0)
+    assert speed(session) == 0.0
+
+
+def test_a_stop_is_done_before_whatever_came_with_it(session, anna):
+    lead(session, anna, Mode.SHARED)
+    anna.ask(Ask.MODE, Mode.HOLD)
+    anna.ask(Ask.STOP)
+    drive(session, 0.04)
+    assert session.keeper.gate.reason == "stop by script"
+    assert [number for number, _, _ in anna.answers][-2:] == [3, 2]

@@ -1,0 +1,99 @@
+"""Whatever floods the robot: a stop is obeyed within two periods, the driver is not disturbed."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from cohelm.core.types import Stick
+from cohelm.link.messages import Ask, Device
+from cohelm.link.robot_end import STALE
+from cohelm.link.station_end import StationEnd
+from tests.link.ends import until
+from tests.link.floods import HERE, KINDS, PERIOD, Robot, Seen, flood, robot
+
+pytestmark = pytest.mark.xdist_group("realtime")
+STICK = Stick(0.25, -0.5)
+RATE = 2000.0
+"""Datagrams a second: forty times what a station sends."""
+STOPS = 8
+"""Under each kind of flood, by the driver and by a watcher in turn."""
+QUIET = 0.02
+"""Time in which a thread that was woken gets the processor on a machine that tests share [s]."""
+
+
+class Driven:
+    """A robot that is driven from this process, and watched."""
+
+    def __init__(self, of: Robot) -> None:
+        self.robot = of
+        self.seen: list[Seen] = []
+        self.driver = StationEnd(of.keys, HERE, of.port)
+        self.watcher = StationEnd(of.keys, HERE, of.port)
+        self._open = True
+        self._threads = [threading.Thread(target=t) for t in (self._drive, self._watch)]
+        for thread in self._threads:
+            thread.start()
+        until(lambda: self.driver.status() and self.watcher.status())
+        number = self.driver.ask(Ask.TAKE)
+        until(lambda: self.driver.answer(number))
+        until(lambda: self.seen[-1].driven)
+
+    def _drive(self) -> None:
+        while self._open:
+            self.driver.steer(STICK, True, True, Device.SCRIPT)
+            time.sleep(PERIOD)
+
+    def _watch(self) -> None:
+        while self._open:
+            if self.robot.told.poll(0.05):
+                self.seen.append(self.robot.told.recv())
+
+    def close(self) -> None:
+        self._open = False
+        for thread in self._threads:
+            thread.join()
+        self.driver.close()
+        self.watcher.close()
+
+
+@pytest.fixture(scope="module")
+def driven():
+    with robot(STICK) as made:
+        driven = Driven(made)
+        yield driven
+        driven.close()
+
+
+def periods_until_stopped(driven: Driven, who: StationEnd, number: int, pressed: float) -> int:
+    """Periods that had begun before the one that obeyed, since a stop was pressed; 1: the next."""
+    until(lambda: who.answer(number), within=5.0)
+    client = who.status().status.lease.you
+    obeyed = next((s for s in driven.seen if s.at > pressed and s.stop == (client, number)), None)
+    if obeyed is None:  # another's stop came first, and did it
+        obeyed = next(s for s in driven.seen if s.at > pressed and s.stop is not None)
+    on_the_way = pressed + QUIET
+    return 1 + sum(on_the_way < s.at < obeyed.at for s in driven.seen)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_flood_holds_up_a_stop_or_the_driver(driven, kind):
+    with flood(kind, driven.robot, 60.0, RATE):
+        time.sleep(0.3)
+        began, took = time.monotonic(), []
+        for k in range(STOPS):
+            who = (driven.driver, driven.watcher)[k % 2]
+            pressed = time.monotonic()
+            number = who.ask(Ask.STOP)
+            took.append(periods_until_stopped(driven, who, number, pressed))
+            assert who.answer(number).granted
+            time.sleep(0.05)
+        ended = time.monotonic()
+    periods = [s for s in driven.seen if began <= s.at <= ended]
+    assert max(took) <= 2, took
+    assert all(s.first for s in periods)
+    assert all(s.driven for s in periods), sum(not s.driven for s in periods)
+    assert max(s.age for s in periods) <= STALE
+    assert max(s.asked for s in periods) <= 20  # what the loop is asked for stays little

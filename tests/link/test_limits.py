@@ -1,0 +1,194 @@
+"""What one client may cost: its places, its numbers, its datagrams and requests; never its stop."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import socket
+import time
+
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from cohelm.core.types import Stick
+from cohelm.link.client import AT_ONCE, free_number
+from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.keys import Keys, pair_here
+from cohelm.link.messages import Ask, Command, Device, Request
+from cohelm.link.pending import MOST_WAITING
+from cohelm.link.robot_end import MOST_CLIENTS, MOST_OF_ONE_KEY, SILENT, RobotEnd
+from cohelm.link.station_end import StationEnd
+from cohelm.link.wire import Header, encode, from_operator, may_stop
+from tests.link.ends import CENTRED, STATUS, until
+
+pytestmark = pytest.mark.xdist_group("realtime")
+HERE = "127.0.0.1"
+
+
+@pytest.fixture(scope="module")
+def keys() -> tuple[Keys, Keys]:
+    return pair_here()
+
+
+@pytest.fixture
+def robot(keys):
+    with RobotEnd(keys[0], HERE, 0) as robot:
+        yield robot
+
+
+def command(number: int, *requests: Request, session: int = 7) -> bytes:
+    now = time.monotonic()
+    stick = Command(CENTRED, True, True, Device.SCRIPT, 1.0, requests)
+    return encode(Header(session, number, now, now - 1e-3, 1e-3), stick)
+
+
+class Raw:
+    """A paired station that says exactly what it is told."""
+
+    def __init__(self, robot: RobotEnd, keys: Keys) -> None:
+        self.sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.sock.settimeout(1.0)
+        self.sock.connect((HERE, robot.address[1]))
+        self.channel = Channel(context(keys, server=False), server=False)
+        self.channel.start()
+        while not self.channel.up:
+            for datagram in self.channel.waiting():
+                self.sock.send(datagram)
+            self.channel.take(self.sock.recv(4096))
+
+    def close(self) -> None:
+        self.sock.close()
+
+    def say(self, data: bytes) -> None:
+        for datagram in self.channel.seal(data):
+            self.sock.send(datagram)
+
+
+@pytest.fixture
+def raw(robot, keys):
+    """Makes paired stations, and lets go of them."""
+    with contextlib.ExitStack() as stack:
+        yield lambda end=robot, key=keys[1]: stack.enter_context(contextlib.closing(Raw(end, key)))
+
+
+requests = st.builds(
+    Request, st.integers(1, 2**32 - 1), st.sampled_from(list(Ask)), st.integers(0, 65535),
+    st.floats(0.0, 1e6),
+)  # fmt: skip
+
+
+@given(st.lists(requests, max_size=8))
+def test_no_command_with_a_stop_in_it_is_overlooked(asked):
+    data = command(1, *asked)
+    assert may_stop(data) is any(r.what is Ask.STOP for r in asked)
+    assert from_operator(data)[1].requests == tuple(asked)
+
+
+@given(st.binary(max_size=1200))
+@settings(max_examples=300)
+def test_looking_for_a_stop_never_breaks(data):
+    assert may_stop(data) in (True, False)
+    assert may_stop(b"\x01\x01" + data) in (True, False)
+
+
+def test_a_stop_passes_from_a_client_that_says_too_much(robot, raw):
+    raw = raw()
+    for number in range(1, int(AT_ONCE) + 200):
+        raw.say(command(number))
+        if number % 50 == 0:
+            time.sleep(0.01)
+    until(lambda: robot.counts["too many"] > 20)
+    raw.say(command(5000, Request(1, Ask.MODE, 2, time.monotonic()),
+                    Request(2, Ask.STOP, 0, time.monotonic())))  # fmt: skip
+    asked = []
+    until(lambda: asked.extend(robot.heard().asked) or asked, within=1.0)
+    assert [a.request.what for a in asked] == [Ask.STOP]
+    assert asked[0].name == "local (1)"
+
+
+def test_requests_beyond_a_rate_are_refused_with_an_answer_and_stops_are_not(robot, raw):
+    raw, answers = raw(), []
+    robot.answer = lambda *answer: answers.append(answer)
+    numbers = itertools.count(1)
+    for k in range(1, 12):
+        now = time.monotonic()
+        asked = [Request(next(numbers), Ask.ACKNOWLEDGE, 0, now) for _ in range(8)]
+        raw.say(command(k, *asked))
+    until(lambda: len(answers) >= 88 - MOST_WAITING)
+    raw.say(command(12, Request(next(numbers), Ask.STOP, 0, time.monotonic())))
+    until(lambda: robot._pending._stop is not None)
+    done = robot.heard().asked
+    assert done[0].request.what is Ask.STOP
+    assert len(done) <= MOST_WAITING + 1
+    refused = [answer for answer in answers if answer[3:] and "too many requests" in answer[3]]
+    assert len(refused) + len(done) == 88 + 1
+
+
+def test_numbers_are_used_again_and_newcomers_still_get_a_status(robot, keys):
+    """After 65 535 connections, as if there had been so many."""
+    robot._number = 65_533
+    with contextlib.ExitStack() as stack:
+        stations = [
+            stack.enter_context(StationEnd(keys[1], HERE, robot.address[1])) for _ in range(4)
+        ]
+        until(lambda: all(s.status() for s in stations), turn=lambda: robot.tell(STATUS))
+        assert {s.status().status.lease.you for s in stations} == {65_534, 65_535, 1, 2}
+
+
+@given(st.integers(0, 65_535), st.sets(st.integers(1, 65_535), max_size=30))
+def test_a_number_is_free_small_enough_and_rests_before_it_is_used_again(last, taken):
+    number = free_number(last, taken)
+    assert 1 <= number <= 65_535
+    assert number not in taken
+    if not taken:
+        assert number == last % 65_535 + 1
+
+
+def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_driver_his(keys, raw):
+    robot_keys, first = keys
+    _, second = pair_here("second")
+    trusted = robot_keys._replace(trusted=(*robot_keys.trusted, second.certificate))
+    second = second._replace(trusted=first.trusted)
+    with RobotEnd(trusted, HERE, 0) as robot, StationEnd(first, HERE, robot.address[1]) as driver:
+        until(driver.status, turn=lambda: robot.tell(STATUS))
+        number = driver.ask(Ask.TAKE)
+        until(lambda: driver.answer(number), turn=lambda: robot.tell(STATUS))
+        raws = []
+        for k in range(MOST_OF_ONE_KEY + 3):
+            raws.append(raw(robot))
+            raws[-1].say(command(1, session=100 + k))
+
+        def speak() -> None:
+            robot.tell(STATUS)
+            for k, one in enumerate(raws):
+                with contextlib.suppress(Refused):
+                    one.say(command(int(1e4 * time.monotonic()) % 2**31, session=100 + k))
+            time.sleep(0.05)
+
+        until(lambda: robot.door_counts["as many clients as there can be"] >= 3, turn=speak)
+        assert len(robot.clients()) == MOST_OF_ONE_KEY
+        with StationEnd(second, HERE, robot.address[1]) as other:
+            until(other.status, turn=speak)
+            assert len(robot.clients()) == MOST_OF_ONE_KEY + 1 <= MOST_CLIENTS
+            assert robot.driver == driver.status().status.lease.you
+            # who falls silent makes room, but never the driver
+            with StationEnd(first, HERE, robot.address[1]) as late:
+                until(late.status, within=SILENT + 8.0, turn=lambda: robot.tell(STATUS))
+            assert robot.driver in robot.clients()
+
+
+def test_a_driver_comes_back_on_a_new_channel_though_all_places_are_taken(robot, raw):
+    first = raw()
+    first.say(command(1, Request(1, Ask.TAKE, 0, time.monotonic()), session=1))
+    until(lambda: robot.driver)
+    for k in range(MOST_OF_ONE_KEY - 1):
+        raw().say(command(1, session=100 + k))
+    until(lambda: len(robot.clients()) == MOST_OF_ONE_KEY)
+    again = raw()  # the same person, from another network
+    again.say(command(2, session=1))
+    again.say(command(3, Request(2, Ask.STOP, 0, time.monotonic()), session=1))
+    asked = []
+    until(lambda: asked.extend(robot.heard().asked) or asked)
+    assert asked[0].client == robot.driver
+    until(lambda: robot.heard().command)
+    assert robot.heard().command.stick == Stick(0.0, 0.0)

@@ -1,0 +1,166 @@
+"""What is lost for a moment brakes the robot; nothing goes on that was not centred since."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import pytest
+from hypothesis import example, given, settings, strategies as st
+
+from cohelm.core.types import Stick
+from cohelm.link.heard import Heard
+from cohelm.link.messages import Command, Device
+from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, Then, followed
+from cohelm.loop.leash import silent
+from cohelm.loop.person import Manner, Person, renewed
+
+DT = 0.02
+SILENCE = 0.26
+"""A link gives nothing to go by once the newest command is older than 250 ms [s]."""
+AWAY = ("gone", "silent")
+"""What nobody does: the page hangs, the link is dark."""
+STICKS = {"other driver": "berta's gamepad", "other device": "anna's touch pads"}
+DONE = ("disarmed", "other device", "other driver", "released")
+"""What somebody does."""
+
+
+def said(what: str, age: float) -> Heard:
+    """What the loop hears in one period; age: how long nothing was heard [s]."""
+    driver = {"other driver": 2, "released": 0}.get(what, 1)
+    if what in ("silent", "released"):
+        return Heard(driver, "anna", None, age, 0.0, ())
+    x = 0.8 if what == "deflected" else 0.0
+    device = {"gone": Device.NONE, "other device": Device.TOUCH}.get(what, Device.GAMEPAD)
+    good = what != "gone"
+    command = Command(Stick(x, 0.0), good, good and what != "disarmed", device, 1.0, ())
+    return Heard(driver, "anna", command, 0.02, 0.0, ())
+
+
+class Period(NamedTuple):
+    t: float
+    what: str
+    then: Then
+
+    @property
+    def stick(self) -> str:
+        """Whose, and which; of what is none: nothing."""
+        return "" if self.what in (*AWAY, "released") else STICKS.get(self.what, "anna's gamepad")
+
+
+def lived(script: list[tuple[str, int]]) -> list[Period]:
+    """A robot in shared mode, its driver armed, until it is stopped."""
+    person, dropout = Person(), Dropout()
+    quiet, t, periods = 0.0, 100.0, []
+    for what, count in [("centred", 2), *script]:
+        for _ in range(count):
+            t += DT
+            quiet = quiet + DT if what in ("silent", "released") else 0.0
+            heard = said(what, quiet + (SILENCE if quiet else 0.0))
+            person = renewed(person, heard, Manner(), DT)
+            lost = person.lost or silent(heard, Manner().stale)
+            dropout, then = followed(dropout, lost, heard, person, t)
+            periods.append(Period(t, what, then))
+            if then is Then.STOP:
+                return periods
+    return periods
+
+
+scripts = st.lists(
+    st.tuples(
+        st.sampled_from(["centred", "deflected", *AWAY, *DONE]),
+        st.integers(1, 60) | st.just(1) | st.integers(100, 200),
+    ),
+    max_size=8,
+)
+
+
+@given(scripts)
+@settings(max_examples=300)
+@example([("deflected", 5), ("gone", 20), ("deflected", 30), ("centred", 1)])
+@example([("gone", 20), ("disarmed", 20), ("centred", 5)])
+def test_nothing_goes_on_but_the_same_stick_soon_and_centred(script):
+    standing, mine = None, ""
+    for k, period in enumerate(periods := lived(script)):
+        if period.then is Then.STAND:
+            assert standing is None
+            assert period.what in AWAY
+            standing = period
+        elif period.then is Then.GO_ON:
+            assert standing is not None
+            assert period.what not in ("deflected", "disarmed", *AWAY)
+            meanwhile = [p for p in periods[: k + 1] if p.t >= standing.t]
+            assert {p.stick for p in meanwhile} <= {mine, ""}
+            away = [p.t for p in meanwhile if p.what in AWAY]
+            assert away[-1] - standing.t <= BACK_WITHIN + 1e-9
+            assert period.t - away[-1] <= CENTRED_WITHIN + 2 * DT
+            standing = None
+        elif period.then is Then.STOP:
+            standing = None
+        elif standing is None and period.what != "disarmed":
+            mine = period.stick or mine
+    if standing is not None:  # still undecided: it has not been for long
+        assert periods[-1].t - standing.t <= BACK_WITHIN + CENTRED_WITHIN + 2 * DT
+
+
+@given(scripts)
+@settings(max_examples=200)
+def test_whatever_is_lost_the_robot_stands_or_is_stopped_in_the_same_period(script):
+    steers, standing, mine = True, False, "anna's gamepad"
+    for period in lived(script)[1:]:
+        if steers and period.what in (*AWAY, "disarmed", "released"):
+            assert period.then in (Then.STAND, Then.STOP)
+        if period.then in (Then.STAND, Then.STOP):
+            steers = False
+        elif period.stick != mine and period.stick:
+            mine, steers = period.stick, period.what != "deflected"  # another's must be centred
+        elif period.then is Then.GO_ON or (period.what == "centred" and not standing):
+            steers = True
+        standing = period.then is Then.STAND or (standing and period.then is Then.NOTHING)
+
+
+@pytest.mark.parametrize("away", AWAY)
+@pytest.mark.parametrize("held", ["deflected", "centred"])
+def test_a_short_dropout_is_over_when_the_stick_was_centred(away, held):
+    periods = lived([("deflected", 20), (away, 15), (held, 40), ("centred", 1)])
+    thens = [p.then for p in periods if p.then is not Then.NOTHING]
+    assert thens == [Then.STAND, Then.GO_ON]
+    over = next(p for p in periods if p.then is Then.GO_ON)
+    assert over.what == "centred"
+
+
+@pytest.mark.parametrize("away", AWAY)
+def test_a_long_dropout_is_a_loss(away):
+    periods = lived([("deflected", 20), (away, 100)])
+    assert periods[-1].then is Then.STOP
+    stood = next(p for p in periods if p.then is Then.STAND)
+    assert 0.7 <= periods[-1].t - stood.t <= BACK_WITHIN + 2 * DT
+
+
+def test_a_stick_that_is_never_centred_again_is_a_loss():
+    periods = lived([("deflected", 20), ("gone", 15), ("deflected", 400)])
+    assert periods[-1].then is Then.STOP
+    assert periods[-1].t - 100.0 == pytest.approx(0.7 + CENTRED_WITHIN, abs=0.1)
+
+
+@pytest.mark.parametrize("what", DONE)
+def test_what_somebody_does_is_no_dropout(what):
+    periods = lived([("deflected", 20), (what, 10)])
+    # another driver's stick is not this one's; it waits to be centred, as it always did
+    assert [p.then for p in periods][-1] is (
+        Then.STOP if what in ("disarmed", "released") else Then.NOTHING
+    )
+
+
+def test_a_driver_without_a_stick_has_none_to_centre():
+    dropout, now = Dropout(driver=1), 100.0
+    heard = Heard(1, "anna", None, 0.31, 0.0, ())
+    assert followed(dropout, "the driver is lost", heard, Person(), now)[1] is Then.STOP
+
+
+def test_an_age_that_is_not_known_gives_no_more_time():
+    dropout = Dropout(driver=1, device=Device.GAMEPAD)
+    heard = Heard(1, "anna", None, math.nan, 0.0, ())
+    stood, then = followed(dropout, "the stick is lost", heard, Person(), 100.0)
+    assert then is Then.STAND
+    assert followed(stood, "", heard, Person(), 101.01)[1] is Then.STOP

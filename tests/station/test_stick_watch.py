@@ -1,0 +1,39 @@
+"""The station never repeats a deflection that is older than it may be, counted from the page."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from cohelm.link.messages import Device
+from cohelm.station import messages as page
+from cohelm.station.operator import Operator
+
+STALE = 0.25
+
+
+class Link:
+    def __init__(self) -> None:
+        self.steered: list[tuple] = []
+
+    def steer(self, *what) -> None:
+        self.steered.append(what)
+
+
+@pytest.mark.parametrize("on_the_way", [0.0, 0.1, 0.2])
+def test_no_deflection_is_repeated_once_it_may_be_older_than_the_limit(on_the_way):
+    link = Link()
+    operator = Operator("key", "anna", lambda _: link, STALE)
+    now = time.monotonic()
+    heard = 1e3 * (now - on_the_way)  # the beat that the page had heard when it sent this
+    operator._said(
+        page.Stick(n=1, heard_ms=heard, x=0.5, psi=0.0, valid=True, armed=True,
+                   device="gamepad", speed_scale=1.0)
+    )  # fmt: skip
+    assert link.steered[-1][1]
+    operator.watch(now - on_the_way + STALE - 0.01)
+    assert link.steered[-1][1]
+    operator.watch(now - on_the_way + STALE + 0.06)
+    assert not link.steered[-1][1]
+    assert link.steered[-1][3] is Device.NONE
