@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from cohelm.core.types import Floats, Pose, Twist, X, Y
+from cohelm.core.obstacles import Obstacles
+from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.step import prepared
 from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.pilot.safety_filter import SafetyFilter
 from cohelm.robot.model import RobotModel, shipped_path
 from cohelm.study.bench.measure import Rounds, median_call_us
 from cohelm.study.bench.peers import Peer, PeerFailed, installed
@@ -26,6 +28,9 @@ DISCS = (4, 16, 64, 256, 1024)
 POINTS = (90, 360, 720, 1440, 10_000)
 COMPARED = 16
 """Discs at which cbfpy is timed too."""
+FILTERS = {
+    "discs": "16 discs", "points": "720 LiDAR points", "fresh points": "and `Obstacles` made anew"
+}  # fmt: skip
 PEERS = {"qpax": "cbfpy, qpax", "elastiqp": "cbfpy, elastiqp"}
 
 
@@ -36,6 +41,8 @@ class GuardTimes:
     discs: dict[int, Rounds] = field(default_factory=dict)
     points: dict[int, Rounds] = field(default_factory=dict)
     peers: dict[str, Rounds] = field(default_factory=dict)
+    filters: dict[str, Rounds] = field(default_factory=dict)
+    """A whole call of `cohelm.SafetyFilter`, see FILTERS."""
 
     def as_json(self) -> dict[str, object]:
         """Medians, and how many times as long cbfpy takes."""
@@ -43,6 +50,8 @@ class GuardTimes:
         return {
             "discs_us": {str(n): r.median for n, r in self.discs.items()},
             "points_us": {str(n): r.median for n, r in self.points.items()},
+            "safety_filter_us": {name: r.median for name, r in self.filters.items()},
+            "safety_filter_times_step": self.filters["discs"].times(ours),
             "times_cbfpy": {name: r.times(ours) for name, r in self.peers.items()},
         }
 
@@ -80,6 +89,20 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
         timed["discs", n] = step(surroundings(f.discs), f.poses, asked)
     for n in POINTS:
         timed["points", n] = step(surroundings(points=room(n)), here, wishes)
+    safe = SafetyFilter(model, 0.02, delay=0.05)
+    known, seen, scan = (
+        Obstacles(discs=fields[COMPARED].discs[:, [X, Y, RADIUS]]),
+        room(720),
+        here[0],
+    )
+    poses, now = fields[COMPARED].poses, Twist(0.4, 0.1)
+    asked = tuple(Twist(float(v), float(w)) for v, w in fields[COMPARED].wishes)
+    points = Obstacles(points=seen)
+    timed["filter discs", 16] = lambda i: safe(poses[i % POSES], now, asked[i % POSES], known)
+    timed["filter points", 16] = lambda i: safe(scan, now, wishes[i % POSES], points)
+    timed["filter fresh points", 16] = lambda i: safe(
+        scan, now, wishes[i % POSES], Obstacles(points=seen)
+    )
     taken: dict[tuple[str, int], list[float]] = {key: [] for key in timed}
     theirs: dict[str, list[float]] = {}
     with _Peers(fields[COMPARED]) as peers:
@@ -93,6 +116,7 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
         {n: Rounds(tuple(taken["discs", n])) for n in DISCS},
         {n: Rounds(tuple(taken["points", n])) for n in POINTS},
         {name: Rounds(tuple(us)) for name, us in theirs.items()},
+        {name: Rounds(tuple(taken[f"filter {name}", 16])) for name in FILTERS},
     )
 
 
@@ -138,6 +162,8 @@ def markdown(found: GuardTimes) -> list[str]:
     lines += [f"| {n} | {_shown(r)} |" for n, r in found.discs.items()]
     lines += ["", "| LiDAR points | guard step [µs] |", "|---:|---:|"]
     lines += [f"| {n} | {_shown(r)} |" for n, r in found.points.items()]
+    lines += ["", "| `cohelm.SafetyFilter`, a whole call [µs] | |", "|---|---:|"]
+    lines += [f"| {FILTERS[name]} | {_shown(r)} |" for name, r in found.filters.items()]
     for name, r in found.peers.items():
         ratio = r.times(found.discs[COMPARED])
         lines += ["", f"{PEERS[name]} at {COMPARED} discs: {_shown(r)} µs, {ratio:.3g} times ours."]

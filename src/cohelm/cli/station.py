@@ -88,6 +88,13 @@ def drive(
         bool,
         typer.Option("--twin/--kinematic", help="Physics and a camera (MuJoCo), or kinematics."),
     ] = True,
+    driver: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PACKAGE:CLASS",
+            help="Your own robot, a subclass of cohelm.Robot, at this scenario's site.",
+        ),
+    ] = None,
     records: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the records made from the screen.")
     ] = Path("out/records"),
@@ -102,7 +109,7 @@ def drive(
     tls_key: CertificateKey = None,
     without_tls: InClear = False,
 ) -> None:
-    """Drive a simulated robot from a browser.
+    """Drive a simulated robot, or with --driver your own, from a browser.
 
     Robot and station, both on this machine.
 
@@ -113,6 +120,7 @@ def drive(
     from cohelm.core.errors import CohelmError
     from cohelm.drive.awaited import Awaited
     from cohelm.drive.beside import Beside
+    from cohelm.drive.factory import own_robot
     from cohelm.drive.served import Door
     from cohelm.link import keys
     from cohelm.link.lent import lent
@@ -122,12 +130,17 @@ def drive(
 
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     load.scenario(scenario)  # one that can not be used is told at once,
+    if driver is not None:
+        own_robot(driver, scenario)
+        twin = False
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
     door = Door(of_robot, "127.0.0.1", 0, records)
     with (
         ExitStack() as joined,
-        Beside(scenario, twin, door, carry_on, pictures=pictures, wait=False) as robot,
+        Beside(
+            scenario, twin, door, carry_on, pictures=pictures, wait=False, driver=driver
+        ) as robot,
         starting(f"the robot in {scenario}") as begun,
     ):
 

@@ -28,16 +28,17 @@ class Beside:
 
     def __init__(
         self, name: str, twin: bool, door: Door, carry_on: bool = False, patience: float = 0.0,
-        pictures: float = 5.0, wait: bool = True,
+        pictures: float = 5.0, wait: bool = True, driver: str | None = None,
     ) -> None:  # fmt: skip
         """name: of a scenario. patience, pictures: as in `session.Plan`. wait: until the robot can
-        be driven; else see `ready`, and `over` where it can not be started.
+        be driven; else see `ready`, and `over` where it can not be started. driver: of a robot that
+        is not simulated, see `operate.Asked`.
 
         Raises CohelmError where the robot can not be started.
         """
         self._line, theirs = multiprocessing.Pipe()
         self._process = started(
-            "cohelm robot", _drive, theirs, name, twin, door, carry_on, patience, pictures
+            "cohelm robot", _drive, theirs, name, twin, door, carry_on, patience, pictures, driver
         )
         theirs.close()
         self.host, self.port = "", 0
@@ -145,14 +146,13 @@ class Beside:
 
 def _drive(
     line: Connection, name: str, twin: bool, door: Door, carry_on: bool, patience: float,
-    pictures: float,
+    pictures: float, driver: str | None,
 ) -> None:  # fmt: skip
     """The robot's process."""
     let_go = bound()
-    from cohelm.drive.operate import ended
+    from cohelm.drive.operate import Asked, ended, meant
     from cohelm.drive.served import serve
     from cohelm.drive.session import Plan
-    from cohelm.drive.simulated import simulated
     from cohelm.loop.loop import Ways
 
     with ended() as end:
@@ -169,7 +169,8 @@ def _drive(
             let_go()
 
         try:
-            made = simulated(name, "twin" if twin else "kinematic")
+            kind = "twin" if twin else "kinematic"
+            made = meant(Asked(name, "lab-guard", kind, True, None, [], driver))
             ways = Ways(carry_on=carry_on)
             plan = Plan(made, ways=ways, patience=patience, pictures=pictures)
             serve(plan, door, ready, over)

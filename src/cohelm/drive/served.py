@@ -52,7 +52,7 @@ def serve(
     end, bulk = _ends(door, STALE + plan.patience)
     operator = OverLink(
         end, bulk, plan.robot.model, door.records, on_loss, plan.ways.manner.stale,
-        plan.robot.kind == "twin",
+        plan.robot.kind != "kinematic",
     )  # fmt: skip
     try:
         with Session(plan, operator) as session:
