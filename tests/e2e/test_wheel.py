@@ -9,7 +9,6 @@ import os
 import shutil
 import signal
 import subprocess
-import time
 import urllib.request
 import zipfile
 from pathlib import Path
@@ -101,7 +100,7 @@ def test_the_version_and_the_schema_are_those_of_the_checkout(installed, tmp_pat
     assert said[1].stdout == schema.read_text(encoding="utf-8")
 
 
-def test_drive_answers_with_the_page_and_ends_on_ctrl_c(installed, tmp_path):
+def test_drive_answers_with_the_page_starts_the_robot_and_ends_on_ctrl_c(installed, tmp_path):
     drive = subprocess.Popen(
         (installed, "drive", "--port", "0"), cwd=tmp_path, text=True, env=CLEAN,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -112,11 +111,16 @@ def test_drive_answers_with_the_page_and_ends_on_ctrl_c(installed, tmp_path):
         assert address.startswith("http://"), drive.communicate()
         with urllib.request.urlopen(address, timeout=60.0) as answer:
             assert b"<title>" in answer.read()
-        time.sleep(1.0)  # the server heeds signals once it serves
+        assert drive.stderr is not None
+        said = ""
+        while "the robot is ready" not in said:  # moves on as long as something is compiled
+            line = drive.stderr.readline()
+            assert line, said
+            said += line
     finally:
         drive.send_signal(signal.SIGINT)
         _, err = drive.communicate(timeout=120)
-    assert "Traceback" not in err
+    assert "Traceback" not in said + err
     assert drive.returncode in (0, 130)
 
 

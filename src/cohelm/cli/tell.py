@@ -93,7 +93,8 @@ class Starting:
         from cohelm.core.jit import compiled_since
 
         functions, seconds = compiled_since(self._since), time.time() - self._since
-        compiled = f", compiled {functions} functions for this machine, once" if functions else ""
+        counted = f"{functions} function{'' if functions == 1 else 's'}"
+        compiled = f", compiled {counted} for this machine, once" if functions else ""
         return f"starting {self._what}{compiled} ({seconds:.0f} s)"
 
     def over(self) -> None:
