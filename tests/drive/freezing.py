@@ -41,7 +41,7 @@ from cohelm.robot.keep.processes import children
 from cohelm.robot.port import Readings
 
 PROCESSES = ("loop", "keeper", "planner", "recorder")
-STARTED = 300.0  # with nothing compiled, on a busy machine [s]
+STARTED = 900.0  # with nothing compiled, on a busy machine [s]
 WATCHDOG, LOOK, TIMEOUT, BRAKES = 0.1, 0.02, 0.5, 2.0
 """Of the gate, between two looks of the keeper, the robot's own [s]; and its brakes [m/s^2]."""
 SLACK = 0.05
@@ -149,6 +149,7 @@ class Drive:
         self._process.start()
         theirs.close()
         if not self._line.poll(STARTED):
+            self.kill()
             raise AssertionError("the drive has not begun")
         self.state = State("IDLE", "", ())
         found = self._line.recv()
