@@ -18,6 +18,8 @@ settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 QUICK = ("api", "core", "law", "robot/gate", "scenario")
 """Folders whose tests one runs at every change: `pytest -m quick`."""
+NOT_QUICK = ("test_mutants.py", "test_examples.py", "api/test_drive.py", "api/test_robot.py")
+"""... but for what starts processes there, or drives in real time."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -26,6 +28,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         where = item.path.relative_to(tests).as_posix() if tests in item.path.parents else ""
         quick = where.startswith(tuple(f"{folder}/" for folder in QUICK))
+        quick = quick and not where.endswith(NOT_QUICK)
         if quick and item.get_closest_marker("slow") is None:
             item.add_marker(pytest.mark.quick)
 
