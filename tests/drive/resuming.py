@@ -143,16 +143,16 @@ class Rule:
         self.mode = Mode.HOLD
         self.driver = 0
         self.since = -1e9
-        self.stops: list[tuple[float, int]] = []
-        """When, and by which client; 0: the robot, -1: the lease."""
+        self.stops: list[tuple[float, int, int]] = []
+        """When, by which client (0: the robot, -1: the lease), and which request of his."""
         self.latched: object = None
         self.before = Twist(0.0, 0.0)
         self.given = 0
 
-    def end(self, now: float, who: int) -> None:
+    def end(self, now: float, who: int, number: int = 0) -> None:
         self.since = now if self.mode != Mode.HOLD else self.since
         self.mode = Mode.HOLD
-        self.stops.append((now, who))
+        self.stops.append((now, who, number))
 
     def follow(self, now: float, log: list[tuple], gate) -> None:
         for what, *rest in log:
@@ -167,14 +167,16 @@ class Rule:
             if request.what == Ask.STOP or (
                 request.what == Ask.MODE and request.value == Mode.HOLD
             ):
-                self.end(now, station.number)
+                self.end(now, station.number, request.number)
             elif request.what == Ask.MODE:
                 assert station.number == self.driver, "a mode by somebody who does not drive"
-                for at, who in self.stops:
-                    assert who in (station.number, -1) or request.made > at, "asked before a stop"
+                for at, who, number in self.stops:
+                    own = who == station.number
+                    after = request.number > number if own else who == -1 or request.made > at
+                    assert after, "asked before a stop"
                 self.mode, self.given = Mode(request.value), self.given + 1
         state = (gate.mode, gate.reason) if latched(gate.mode) else None
-        if state not in (None, self.latched) and not any(at == now for at, _ in self.stops):
+        if state not in (None, self.latched) and not any(at == now for at, *_ in self.stops):
             self.end(now, 0)
         self.latched = state
         assert state is None or self.mode == Mode.HOLD

@@ -89,6 +89,7 @@ class Station:
         sock = SimpleNamespace(close=lambda: None, send=lambda data: None)
         link.end._welcome(Guest(channel, sock, ("", 0), []))
         self.number = max(link.end._clients)
+        self.client = link.end._clients[self.number]
         self.bulk = _Station(channel, ("", 0), 0.0)
         self.bulk.session = self.session
         link.bulk._stations.append(self.bulk)
@@ -121,15 +122,18 @@ class Station:
         self.link.later(self.delay, lambda: self.hand_over(data))
 
     def hand_over(self, data: bytes) -> None:
-        client = self.link.end._clients.get(self.number)
-        if client is not None:
-            self.link.end._message(client, data)
+        if self.there:
+            self.link.end._message(self.client, data)
 
     def leave(self) -> None:
         self.silent = True
-        client = self.link.end._clients.get(self.number)
-        if client is not None:
-            self.link.end._leave(client, "good-bye")
+        if self.there:
+            self.link.end._leave(self.client, "good-bye")
+
+    @property
+    def there(self) -> bool:
+        """Whether this one is connected: its number may be another's when it has left."""
+        return self.link.end._clients.get(self.number) is self.client
 
 
 class SimulatedLink(OverLink):

@@ -267,6 +267,21 @@ def test_stop_and_mode_in_one_datagram_end_in_a_stop(drive):
     drive.run(script())
 
 
+def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
+    """The link hands stops over before all else."""
+    operator = Scripted(lambda _: CENTRED, lambda: 0.0)
+    with Session(Plan(failing("", 1e9)), operator) as session:
+        session.keeper.stop("for a start")
+        operator.ask(Ask.RESET)
+        operator.ask(Ask.MODE, Mode.AUTOMATIC)
+        operator.ask(Ask.STOP)
+        operator._asked.reverse()
+        periods = iter(range(10))
+        session.run(lambda _: next(periods, None) is None)
+        assert session.keeper.gate.mode == GateMode.STOPPED
+        assert session.loop.mode == Mode.HOLD
+
+
 def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(Plan(failing("", 1e9)), operator) as session:
@@ -399,7 +414,7 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
                 person.silent, person.valid, person.armed = False, True, True
         said = does(what)
         history.append(f"{drive.keeper.now():.2f} {what} {said}")
-        yield from waits(rng.choice([1, 1, 1, 2, 4, 12]))
+        yield from waits(rng.choice([1, 1, 1, 1, 1, 1, 1, 1, 3, 3, 10]))
 
 
 def some(folder, seed: int, steps: int) -> Drive:
@@ -417,7 +432,7 @@ def some(folder, seed: int, steps: int) -> Drive:
 def test_no_sequence_of_requests_deaths_and_timings_sets_the_robot_off(tmp_path, seed):
     made = some(tmp_path, seed, 1000)
     assert made.rule.given > 20
-    assert made.moved > 500  # else it shows nothing
+    assert made.moved > 150  # else it shows nothing
 
 
 @pytest.mark.slow

@@ -90,6 +90,8 @@ class Loop:
         """Who drives, 0: nobody; and a count of the leases."""
         self.ended = 0
         """How often a mode was ended, or forbidden: by a stop, hold, fault, or the lease's end."""
+        self._stood: dict[int, int] = {}
+        """The number of each client's newest request to stand."""
         self._ended: dict[int, float] = {}
         """When each client did that last, 0: the robot itself [s]."""
         self._latched = (GateMode.IDLE, "")
@@ -342,6 +344,7 @@ class Loop:
         if not latched(before.mode) and gate.mode == GateMode.STOPPED:
             self._latched = (gate.mode, gate.reason)  # his own, not the robot's
         self._end(asked.client)
+        self._stood[asked.client] = asked.request.number
 
     def _mode(self, asked: Asked, driver: int) -> str:
         mode = Mode(asked.request.value)
@@ -349,18 +352,23 @@ class Loop:
         said = self._not_now(asked, driver, hold) or self._choose(mode, asked.client)
         if not said:
             self._led = not hold
+            if hold:
+                self._stood[asked.client] = asked.request.number
         return said
 
     def _not_now(self, asked: Asked, driver: int, hold: bool = False) -> str:
         """Why a request may not lead to driving; empty: it may.
 
         Whoever asked must drive still, and must have asked after everything that ended a mode or
-        forbade one, unless he did that himself: then his requests come in his order.
+        forbade one; what he did himself counts by the order of his requests.
         """
         if asked.client != driver:
             return "you do not drive"
-        made = self.keeper.now() - asked.age
-        others = (at for who, at in self._ended.items() if who != asked.client)
+        now, who, number = self.keeper.now(), asked.client, asked.request.number
+        made, own = now - asked.age, self._ended.get(who, -math.inf)
+        others = (at for other, at in self._ended.items() if other != who)
+        if not hold and now - own < _REMEMBERED and number < self._stood.get(who, 0):
+            return "you told the robot to stand after that: ask again"
         if not hold and (math.isnan(made) or made <= max(others, default=-math.inf)):
             return "the robot was told to stand after you asked: ask again"
         return ""
@@ -370,6 +378,7 @@ class Loop:
         now = self.keeper.now()
         self.ended += 1
         self._ended = {w: at for w, at in self._ended.items() if now - at < _REMEMBERED}
+        self._stood = {w: number for w, number in self._stood.items() if w in self._ended}
         self._ended[who] = now
 
     def _notice(self) -> None:
