@@ -312,7 +312,8 @@ def test_downloads_are_so_many_at_once_and_the_next_is_told(server: Server, tmp_
     said = asked(server, "POST", "/records/run.mcap", **shown(server))
     assert said.status == 503
     assert "wait for one" in said.text
-    for link, _ in going:
+    for link, answer in going:
+        answer.close()
         link.close()
     until(lambda: server.station._downloads._going == 0, within=30.0)
     assert asked(server, "POST", "/records/run.mcap", **shown(server)).status == 200

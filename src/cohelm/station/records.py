@@ -212,10 +212,13 @@ class _Streamed(Response):
             _log.warning("a download is broken off: %s", broken)
         except TimeoutError:
             _log.warning("a download is broken off: nobody takes it")
+        except asyncio.CancelledError:
+            _log.warning("a download is broken off: the station ends")
         finally:
             gone.cancel()
-            await self._pieces.aclose()
-            await self._stack.aclose()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._pieces.aclose()
+                await self._stack.aclose()
 
 
 async def _gone(receive: Receive) -> None:

@@ -63,6 +63,9 @@ async function connect(): Promise<void> {
   const opened = new WebSocket(url, ['cohelm', session() ?? 'none'])
   socket = opened
   opened.binaryType = 'arraybuffer'
+  opened.onopen = () => {
+    if (opened === socket) lastHeard = performance.now() // it is silent from now on, not before
+  }
   opened.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
     if (opened === socket) heard(event.data)
   }
