@@ -9,11 +9,12 @@ from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.gate.gate import Rules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import Monitor
+from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 
 
 def monitors(model: RobotModel, rules: Rules) -> tuple[Monitor, ...]:
     """New ones, that have seen nothing yet."""
-    found: list[Monitor] = []
+    found: list[Monitor] = [PlausibilityMonitor(model)]
     if model.lidar is not None:
         found.append(CollisionMonitor(described(model, rules)))
     return tuple(found)

@@ -1,0 +1,59 @@
+"""Scans' stamps and numbers against when they come."""
+
+from __future__ import annotations
+
+import math
+
+from cohelm.robot.plausibility.content import CAREFUL
+from cohelm.robot.plausibility.finding import Finding, fault, slow
+from cohelm.robot.port import Scan
+from cohelm.robot.sensors import LidarModel
+
+_SLACK = 0.1
+"""A scan may come so much later than its LiDAR takes [s]: the loop reads every 20 to 100 ms."""
+_PATIENCE = 5  # scans in a row
+
+
+class Arrival:
+    """Of one scan after the other."""
+
+    def __init__(self, lidar: LidarModel) -> None:
+        self._usual = lidar.latency_s + _SLACK
+        self._period = 1.0 / lidar.rate_hz
+        self._last: Scan | None = None
+        self._late = 0
+
+    def forget(self) -> None:
+        """As if none had come."""
+        self._last, self._late = None, 0
+
+    def new(self, scan: Scan) -> bool:
+        """Whether this is another one than the last."""
+        last = self._last
+        return last is None or scan.number != last.number or scan.stamp != last.stamp
+
+    def take(self, now: float, scan: Scan) -> list[Finding]:
+        """One that is new."""
+        last, self._last = self._last, scan
+        late = now - scan.stamp - scan.duration > self._usual
+        self._late = self._late + 1 if late else 0
+        if last is not None:
+            if scan.number == last.number:
+                return [fault(f"the scan's number stays {scan.number} while its stamps go on")]
+            if scan.number < last.number:
+                return [fault(f"the scans' numbers went back from {last.number} to {scan.number}")]
+            if scan.stamp <= last.stamp:
+                return [fault("the scans' stamps stand still or went back")]
+            skipped = scan.number - last.number
+            if scan.stamp - last.stamp < 0.4 * self._period * skipped:
+                step = 1000.0 * (scan.stamp - last.stamp) / skipped
+                return [fault(f"scans are stamped {step:.0f} ms apart, more often than they come")]
+        if self._late >= _PATIENCE:
+            age = 1000.0 * (now - scan.stamp - scan.duration)
+            return [slow(CAREFUL, f"scans come {age:.0f} ms late")]
+        return []
+
+
+def usable(scan: Scan) -> bool:
+    """Whether its time is a number."""
+    return math.isfinite(scan.stamp) and math.isfinite(scan.duration) and scan.duration >= 0.0

@@ -1,0 +1,125 @@
+"""The motion that turns one sight into the other, by what both show: point to line."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats, Ints
+from cohelm.robot.plausibility.sight import Sight, foretold, normals, polar
+from cohelm.robot.sensors import Lidar
+
+_WIDTHS = (0.5, 0.3, 0.15, 0.1, 0.08)
+"""Residuals beyond this count no more, round after round [m]."""
+_PIECE = 0.25  # [m]
+_LEAST = 30  # points that look square at a direction, before anything is said of it
+
+
+class Match(NamedTuple):
+    """How far odometry is from what the sights show."""
+
+    off: Floats
+    """(3,), the correction of odometry's motion, in the body frame of the later sight [m, m, rad]:
+    where earlier points really are, minus where odometry foretells them."""
+    known: Floats
+    """(3, 3), so many points' worth of each direction was seen: sum of weights J'J."""
+    against: float
+    """How much surface speaks for the correction, and against odometry [m]."""
+    for_it: float
+    """How much speaks for odometry, and against the correction [m]."""
+
+
+def match(before: Sight, now: Sight, lidar: Lidar) -> Match | None:
+    """None where too little of both is alike, or flat, to say."""
+    sigma = max(lidar.noise, 0.005)
+    lines, where = normals(now, lidar, sigma)
+    if len(where) < _LEAST or len(before.points) < _LEAST:
+        return None
+    table = np.full(len(lidar.beams), -1, dtype=np.int64)
+    beams, _ = polar(lidar, now.points[where])
+    index = np.rint(beams).astype(np.int64)
+    inside = (index >= 0) & (index < len(table))
+    table[index[inside]] = np.flatnonzero(inside)
+    given = foretold(before, now)
+    off = np.zeros(3)
+    known = np.zeros((3, 3))
+    for width in _WIDTHS:
+        p = _moved(given, off)
+        at, which = _paired(lidar, p, table)
+        if len(at) < _LEAST:
+            return None
+        q, n, p = now.points[where[which]], lines[which], p[at]
+        d = ((q - p) * n).sum(axis=1)
+        apart = np.hypot(*(q - p).T)
+        w = np.clip(1.0 - (d / width) ** 2, 0.0, None) ** 2
+        w[apart > 4.0 * width + 0.2] = 0.0
+        jacobian = np.column_stack((n, p[:, 0] * n[:, 1] - p[:, 1] * n[:, 0]))
+        known = (jacobian * w[:, None]).T @ jacobian
+        # what is not seen stays as odometry has it: as if three points said so, and loosely
+        wanted: Floats = jacobian.T @ (w * d)
+        inverse: Floats = np.linalg.inv(known + np.diag([3.0, 3.0, 1.0]))
+        step: Floats = inverse @ wanted
+        off = _added(off, step)
+        if np.abs(step).max() < 1e-4 and width < 0.2:
+            break
+    against, for_it = _votes(lidar, given, off, now, lines, where, table, before.arc, sigma)
+    return Match(off, known, against, for_it)
+
+
+def _moved(points: Floats, by: Floats) -> Floats:
+    c, s = math.cos(float(by[2])), math.sin(float(by[2]))
+    return np.column_stack((
+        c * points[:, 0] - s * points[:, 1] + by[0], s * points[:, 0] + c * points[:, 1] + by[1],
+    ))  # fmt: skip
+
+
+def _added(a: Floats, b: Floats) -> Floats:
+    c, s = math.cos(float(b[2])), math.sin(float(b[2]))
+    return np.array([c * a[0] - s * a[1] + b[0], s * a[0] + c * a[1] + b[1], a[2] + b[2]])
+
+
+def _paired(lidar: Lidar, points: Floats, table: Ints) -> tuple[Ints, Ints]:
+    """Which of the points fall on a beam with a line, and on which."""
+    beams, _ = polar(lidar, points)
+    index = np.rint(beams)
+    inside = np.flatnonzero((index >= 0) & (index < len(table)))
+    line = table[index[inside].astype(np.int64)]
+    return inside[line >= 0], line[line >= 0]
+
+
+def _votes(
+    lidar: Lidar, given: Floats, off: Floats, now: Sight, lines: Floats, where: Ints,
+    table: Ints, arc: Floats, sigma: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Surface that tells the two motions apart, and fits only one of them: piece by piece, since
+    over a piece of a quarter of a metre the noise of its points averages out."""
+    piece = (np.cumsum(arc) / _PIECE).astype(np.int64)
+
+    def residuals(points: Floats) -> Floats:
+        """Of each point from the line it falls on; NaN where there is none, or something before."""
+        beams, r = polar(lidar, points)
+        index = np.rint(beams)
+        inside = (index >= 0) & (index < len(lidar.beams))
+        seen = now.ranges[np.where(inside, index, 0).astype(np.int64)]
+        at, line = _paired(lidar, points, table)
+        out = np.full(len(points), math.nan)
+        out[at] = ((now.points[where[line]] - points[at]) * lines[line]).sum(axis=1)
+        out[~inside | (seen < r - 0.2)] = math.nan
+        return out
+
+    a, b = residuals(given), residuals(_moved(given, off))
+    told = ~np.isnan(a) & ~np.isnan(b)
+    piece, a, b, arc = piece[told], a[told], b[told], arc[told]
+    if len(a) == 0:
+        return 0.0, 0.0
+    count = np.maximum(np.bincount(piece), 1)
+    a = np.abs(np.bincount(piece, a)) / count
+    b = np.abs(np.bincount(piece, b)) / count
+    length = np.bincount(piece, arc)
+    near = np.maximum(3.0 * math.sqrt(2.0) * sigma / np.sqrt(count), 0.015)
+    enough = count >= 4
+    against = float(length[enough & (b < 2.0 * near) & (a > b + near)].sum())
+    for_it = float(length[enough & (a < 2.0 * near) & (b > a + near)].sum())
+    return against, for_it

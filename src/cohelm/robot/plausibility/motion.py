@@ -1,0 +1,183 @@
+"""The motion that scans show against odometry's: now, and over the last metres."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Floats
+from cohelm.robot.plausibility.content import CAREFUL
+from cohelm.robot.plausibility.finding import Finding, hold, slow
+from cohelm.robot.plausibility.match import match
+from cohelm.robot.plausibility.sight import Sight, motion, turned
+from cohelm.robot.plausibility.view import vanished
+from cohelm.robot.sensors import Lidar
+
+
+class Tolerance(NamedTuple):
+    """How far scans and odometry may be apart."""
+
+    way: float = 0.05
+    """Over `_WINDOW` [m]: a tenth of a second at half a metre a second."""
+    turn: float = math.radians(2.5)
+    """[rad]; at two metres, a thumb's breadth more than the noise of a range."""
+    share: float = 0.1
+    """... and this of the motion more: wheels measure a few per cent wrongly, and slip."""
+    surface: float = 0.8
+    """So much surface must speak against odometry [m]: more than a person has."""
+    majority: float = 2.0
+    """... and so many times as much as speaks for it."""
+    gone: float = 0.4
+    """What vanishes from one scan to the next into nothing, in one piece [m]: a person who runs,
+    2.5 m/s, uncovers 0.25 m in a tenth of a second."""
+    replaced: float = 0.9
+    """What vanishes and shows what is behind [m]: a person who steps aside."""
+    scale: float = 0.1
+    """Odometry's way may be longer or shorter by this share, over metres."""
+    angle: float = math.radians(3.0)
+    """The way by the scans may lead so far beside that of the wheels [rad]: the mount."""
+
+
+TOLERANCE = Tolerance()
+_WINDOW = 0.65  # motion is compared over so long [s]
+_LEG = 0.3  # a sample of the long run is so long [m]
+_LEGS = 4.0  # worth of samples before the long run is judged
+_KEPT = 0.9  # of the samples before, at each new one: about ten count, three metres
+_TOLD = 25.0  # points that show a direction before it is judged
+_OLD = 3.0  # a leg may take so long [s]
+
+
+class Motion:
+    """Takes sights in order, and says what can not be."""
+
+    def __init__(self, lidar: Lidar, tolerance: Tolerance = TOLERANCE) -> None:
+        self._lidar, self._t = lidar, tolerance
+        self._recent: deque[Sight] = deque()
+        self._leg: Sight | None = None
+        self._sums = np.zeros(4)  # ahead: odometry^2, odometry * scan; aside: the same
+        self.blinded: NDArray[np.bool_] | None = None
+        """Beams of the newest sight that see nothing where much stood a sight before, if any."""
+
+    def forget(self) -> None:
+        """As if none had come: what the robot knew of its place is void."""
+        self._recent.clear()
+        self._leg = None
+        self.blinded = None
+
+    def take(self, now: Sight) -> list[Finding]:
+        """A sight more."""
+        while self._recent and not 0.0 < now.stamp - self._recent[0].stamp < _WINDOW:
+            self._recent.popleft()
+        found: list[Finding] = []
+        self.blinded = None
+        if self._recent:
+            found += self._look_for(self._recent[-1], now)
+            found += self._compare(self._oldest(now), now)
+        if found:
+            self._recent.clear()
+        found += self._long_run(now, clean=not found)
+        self._recent.append(now)
+        return found
+
+    def _oldest(self, now: Sight) -> Sight:
+        """That still looks about where this one does."""
+        for before in self._recent:
+            if abs(float(now.pose[2] - before.pose[2])) < 0.7:
+                return before
+        return self._recent[-1]
+
+    def _look_for(self, last: Sight, now: Sight) -> list[Finding]:
+        """What stood there a scan ago."""
+        t, dt = self._t, now.stamp - last.stamp
+        slack = 0.05 + 0.1 * math.hypot(*motion(last, now)[:2])
+        gone = vanished(last, now, self._lidar, slack)
+        longer = max(dt / 0.1, 1.0)
+        if gone.empty > t.gone * longer:
+            self.blinded = gone.beams
+            return [hold(f"{gone.empty:.1f} m of what stood there has vanished from the scan")]
+        if gone.width > t.replaced * longer:
+            return [hold(f"the scan shows something else over {gone.width:.1f} m, at once")]
+        return []
+
+    def _compare(self, before: Sight, now: Sight) -> list[Finding]:
+        """Scan-to-scan motion against odometry's."""
+        made = match(before, now, self._lidar)
+        if made is None:
+            return []
+        t, told = self._t, motion(before, now)
+        way, turn = math.hypot(*made.off[:2]), abs(float(made.off[2]))
+        much = way > t.way + t.share * math.hypot(told[0], told[1])
+        much |= turn > t.turn + t.share * abs(float(told[2]))
+        if not much or made.against < max(t.surface, t.majority * made.for_it):
+            return []
+        seen = _scans(made.off, told)
+        dt = now.stamp - before.stamp
+        return [hold(
+            f"scans and odometry disagree: in {dt:.1f} s {_said(seen)} against {_said(told)}"
+        )]  # fmt: skip
+
+    def _long_run(self, now: Sight, clean: bool) -> list[Finding]:
+        """Scale and direction of the way, over metres."""
+        leg = self._leg
+        if leg is None or not clean or now.stamp - leg.stamp > _OLD:
+            self._leg = now if clean else None
+            return self._judged()
+        told = motion(leg, now)
+        way = math.hypot(told[0], told[1])
+        if abs(float(told[2])) > 0.5:
+            self._leg = now
+        elif way > _LEG:
+            self._leg = now
+            made = match(leg, now, self._lidar)
+            if made is not None:
+                self._sample(made.known, _scans(made.off, told), told, float(told[2]))
+        return self._judged()
+
+    def _sample(self, known: Floats, seen: Floats, told: Floats, turn: float) -> None:
+        ahead = told[:2] / math.hypot(told[0], told[1])
+        aside = np.array([-ahead[1], ahead[0]])
+        u, w = turned(np.array([ahead, aside]), -turn)  # `known` is of the later body frame
+        sums = self._sums
+        way = float(told[:2] @ ahead)
+        if u @ known[:2, :2] @ u > _TOLD:
+            sums[:2] = _KEPT * sums[:2] + (way * way, way * float(seen[:2] @ ahead))
+        if w @ known[:2, :2] @ w > _TOLD:
+            forward = way if float(told[0]) >= 0.0 else -way
+            sideways = float(seen[:2] @ aside) * (1.0 if float(told[0]) >= 0.0 else -1.0)
+            sums[2:4] = _KEPT * sums[2:4] + (forward * forward, forward * sideways)
+
+    def _judged(self) -> list[Finding]:
+        t, enough = self._t, _LEGS * _LEG * _LEG
+        found: list[Finding] = []
+        oo, os, ff, fs = self._sums.tolist()
+        if oo > enough and abs(os / oo - 1.0) > t.scale:
+            found.append(slow(
+                CAREFUL, f"the scans show {100.0 * os / oo:.0f} % of the way that odometry says"
+            ))  # fmt: skip
+        if ff > enough and abs(fs / ff) > math.tan(t.angle):
+            off = math.degrees(math.atan(fs / ff))
+            found.append(slow(
+                CAREFUL, f"the scans show a way {off:.0f} deg beside that of the wheels: "
+                "is the LiDAR mounted as described?"
+            ))  # fmt: skip
+        return found
+
+
+def _scans(off: Floats, told: Floats) -> Floats:
+    """The motion that the scans show, in the body frame of the first: with odometry's (t, psi) a
+    standing p is foretold at R(-psi) (p - t), and with R(off) and off added it is where it is seen.
+    """
+    turn = float(told[2] - off[2])
+    c, s = math.cos(turn), math.sin(turn)
+    return np.array([
+        told[0] - c * off[0] + s * off[1], told[1] - s * off[0] - c * off[1], turn,
+    ])  # fmt: skip
+
+
+def _said(motion: Floats) -> str:
+    way = math.hypot(motion[0], motion[1])
+    return f"{math.copysign(way, motion[0]):.2f} m and {math.degrees(float(motion[2])):.0f} deg"

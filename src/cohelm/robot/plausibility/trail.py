@@ -1,0 +1,80 @@
+"""Where odometry said the robot was, and what the wheels were told, over the last seconds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cohelm.core.types import Floats, Twist
+from cohelm.robot.port import Odometry
+
+_KEPT = 3.0  # [s]
+
+
+class Trail:
+    """Rows of time and numbers in the order of time, the oldest forgotten; linear between them."""
+
+    def __init__(self, columns: int, kept: float = _KEPT) -> None:
+        """columns: numbers a row beside the time. kept: for so long [s]."""
+        self._rows: Floats = np.empty((1024, columns + 1))
+        self._first = self._end = 0
+        self._kept = kept
+
+    def __len__(self) -> int:
+        return self._end - self._first
+
+    @property
+    def rows(self) -> Floats:
+        """Time first [s]."""
+        return self._rows[self._first : self._end]
+
+    @property
+    def newest(self) -> float:
+        """Time of the last row [s]; -inf: there is none."""
+        return float(self._rows[self._end - 1, 0]) if len(self) else -math.inf
+
+    def add(self, t: float, *values: float) -> None:
+        """A row that is newer than all; where time went back or has a hole, all begins anew."""
+        if len(self) and not 0.0 < t - self.newest < 1.0:
+            if t == self.newest:
+                return
+            self._first = self._end = 0
+        if self._end == len(self._rows):
+            kept = self.rows[-len(self._rows) // 2 :].copy()
+            self._rows[: len(kept)] = kept
+            self._first, self._end = 0, len(kept)
+        self._rows[self._end] = (t, *values)
+        self._end += 1
+        while self._rows[self._first, 0] < t - self._kept:
+            self._first += 1
+
+    def since(self, t: float) -> Floats:
+        """Rows not older than t."""
+        rows = self.rows
+        return rows[np.searchsorted(rows[:, 0], t) :]
+
+    def at(self, times: Floats) -> Floats:
+        """Interpolated, held at both ends; (len(times), columns)."""
+        rows = self.rows
+        out = np.empty((len(times), rows.shape[1] - 1))
+        for column in range(out.shape[1]):
+            out[:, column] = np.interp(times, rows[:, 0], rows[:, column + 1])
+        return out
+
+
+def extended(trail: Trail, odometry: Odometry) -> None:
+    """A reading more: x, y, unwrapped heading, v, omega."""
+    x, y, psi = odometry.pose
+    if len(trail):
+        before = float(trail.rows[-1, 3])
+        psi = before + math.remainder(psi - before, 2.0 * math.pi)
+    trail.add(odometry.stamp, x, y, psi, *odometry.twist)
+
+
+def moving(trail: Trail, since: float) -> Twist:
+    """The largest speed and yaw rate that odometry gave since then, without signs."""
+    rows = trail.since(since)
+    if not len(rows):
+        return Twist(0.0, 0.0)
+    return Twist(float(np.abs(rows[:, 4]).max()), float(np.abs(rows[:, 5]).max()))

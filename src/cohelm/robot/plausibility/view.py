@@ -1,0 +1,114 @@
+"""Where the LiDAR sees: what stood there can not vanish; what never saw vouches for nothing."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Floats
+from cohelm.robot.plausibility.sight import Sight, foretold, polar
+from cohelm.robot.sensors import Lidar
+
+_FAR = 0.85  # surfaces foretold farther than this share of range_max may be out of range
+_FOR = 3  # scans in a row without what had stood there are no accident
+_BIN = math.radians(10.0)
+_CONE = math.radians(30.0)
+"""Sally's half width, 0.29 m, fills so much to either side half a metre before the LiDAR."""
+
+
+class Vanished(NamedTuple):
+    """Surface that stood there, and through which the LiDAR now looks."""
+
+    width: float
+    """The widest in one piece [m]."""
+    empty: float
+    """The widest in one piece where it now sees nothing at all [m]."""
+    beams: NDArray[np.bool_]
+    """(n,), where it sees nothing at all instead."""
+
+
+def vanished(before: Sight, now: Sight, lidar: Lidar, slack: float) -> Vanished:
+    """slack: how far odometry may be off meanwhile [m]."""
+    points = foretold(before, now)
+    beams, r = polar(lidar, points)
+    index = np.rint(beams)
+    n = len(now.ranges)
+    inside = (index >= 2) & (index < n - 2) & (r < _FAR * lidar.range_max) & (r > lidar.range_min)
+    index = np.where(inside, index, 2).astype(np.int64)
+    around = np.stack([now.ranges[index + k] for k in (-2, -1, 0, 1, 2)])
+    nearest = np.fmin.reduce(around)  # edges move by a beam or two; NaN: no beam looked
+    room = slack + 0.03 * r + 5.0 * lidar.noise
+    gone = inside & (nearest > r + room)
+    nothing = gone & (nearest == math.inf)
+    where = np.zeros(n, dtype=np.bool_)
+    where[index[nothing]] = True
+    return Vanished(_widest(gone, inside, before.arc), _widest(nothing, inside, before.arc), where)
+
+
+def _widest(
+    gone: NDArray[np.bool_], inside: NDArray[np.bool_], arc: Floats
+) -> float:  # fmt: skip
+    """Of the runs of points that are gone, the longest; points out of view do not end one."""
+    run, length = gone[inside], arc[inside]
+    if not run.any():
+        return 0.0
+    added = np.concatenate(([0.0], np.cumsum(np.where(run, length, 0.0))))
+    ends = np.concatenate(([0], np.flatnonzero(~run) + 1, [len(run)]))
+    return float(np.diff(added[ends]).max(initial=0.0))
+
+
+class View:
+    """Which directions of the LiDAR have shown that they see: by bins of ten degrees."""
+
+    def __init__(self, lidar: Lidar) -> None:
+        n = len(lidar.beams)
+        self._lidar = lidar
+        self._bin = (np.arange(n) * lidar.step / _BIN).astype(np.int64)
+        self._count = int(self._bin[-1]) + 1
+        self._size = np.bincount(self._bin, minlength=self._count)
+        self.proven = np.zeros(self._count, dtype=np.bool_)
+        """Has returned something, and nothing has vanished there since."""
+        self.empty = np.ones(self._count, dtype=np.bool_)
+        """Returns nothing now."""
+        self._blinded = np.zeros(self._count, dtype=np.bool_)
+        self._scans = 0
+
+    def take(self, ranges: Floats, gone: NDArray[np.bool_] | None) -> float:
+        """A scan more. gone: beams in which what stood there has vanished.
+
+        Returns over which angle nothing has been seen since things vanished there all at once, for
+        so many scans that it is no accident [rad].
+        """
+        returns = np.isfinite(ranges) | (ranges == -math.inf)
+        seen = np.bincount(self._bin[returns], minlength=self._count)
+        self.empty = seen == 0
+        self.proven |= seen >= np.minimum(2, self._size)
+        if gone is not None and gone.any():
+            lost = np.bincount(self._bin[gone], minlength=self._count)
+            blinded = (lost > 0.3 * self._size) & self.empty
+            self.proven &= ~blinded
+            self._blinded |= blinded
+        self._blinded &= self.empty
+        self._scans = self._scans + 1 if self._blinded.any() else 0
+        return _BIN * float(self._blinded.sum()) if self._scans >= _FOR else 0.0
+
+    def forget(self) -> None:
+        """What vanished is forgotten; what has shown that it sees is not."""
+        self._blinded[:] = False
+
+    def vouches(self, bearing: float) -> bool:
+        """Whether anything in the cone about a bearing in the body frame sees, or has seen; yes
+        where the LiDAR does not look."""
+        first = self._lidar.mount.psi + self._lidar.first
+        middles = first + _BIN * (np.arange(self._count) + 0.5)
+        off = np.abs(np.remainder(middles - bearing + math.pi, 2.0 * math.pi) - math.pi)
+        cone = off <= _CONE
+        return bool((self.proven | ~self.empty)[cone].any()) if cone.any() else True
+
+    @property
+    def blank(self) -> bool:
+        """Whether no direction returns anything now."""
+        return bool(self.empty.all())

@@ -1,0 +1,123 @@
+"""Odometry against itself and against what the wheels were told."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats, Twist
+from cohelm.robot.model import RobotModel
+from cohelm.robot.plausibility.finding import Finding, fault, hold
+from cohelm.robot.plausibility.trail import Trail
+
+
+class Tolerance(NamedTuple):
+    """How far apart they may be."""
+
+    step: float = 0.03
+    """Pose and twist over one reading [m, rad]: a filter's small correction."""
+    drift: float = 0.05
+    """Pose and twist over `window` [m, rad]; a twist that is filtered lags by some 0.1 s."""
+    share: float = 0.25
+    """... and this of the way more: a twist is an average, or an instant."""
+    window: float = 0.5
+    """[s]"""
+    lag: float = 0.3
+    """Drives may follow a command by so much later than the robot's `delay_s` [s]: on a slope, with
+    a load, by a controller of their own."""
+    speed: float = 0.12
+    """Measured and commanded speed [m/s]; a wheel that spins or is held back shows more."""
+    yaw_rate: float = 0.25
+    """[rad/s]"""
+    ratio: float = 0.15
+    """... and this of the command more."""
+    patience: float = 0.15
+    """For so long they have to be apart [s]."""
+
+
+TOLERANCE = Tolerance()
+
+
+def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
+    """Pose against twist: the way between two poses is what the speeds between them add up to."""
+    rows = trail.since(trail.newest - t.window)
+    if len(rows) < 2:
+        return None
+    way, turn = _added_up(rows)
+    gone, turned = _gone(rows)
+    last, before = rows[-1], rows[-2]
+    dt = float(last[0] - before[0])
+    steps = (math.hypot(last[1] - before[1], last[2] - before[2]), abs(last[3] - before[3]))
+    told = (abs(last[4]) * dt, abs(last[5]) * dt)
+    told_before = (abs(before[4]) * dt, abs(before[5]) * dt)
+    for step, a, b in zip(steps, told, told_before, strict=True):
+        if step > (1.0 + t.share) * max(a, b) + t.step:
+            return fault(f"the odometry's pose jumped by {step:.2f} against its speed")
+    if abs(gone - way) > t.drift + t.share * max(abs(way), abs(gone)):
+        return fault(f"the odometry's pose and speed disagree: {gone:.2f} m against {way:.2f} m")
+    if abs(turned - turn) > t.drift + t.share * max(abs(turn), abs(turned)):
+        a, b = math.degrees(turned), math.degrees(turn)
+        return fault(f"the odometry's heading and yaw rate disagree: {a:.0f} against {b:.0f} deg")
+    return None
+
+
+def _added_up(rows: Floats) -> tuple[float, float]:
+    dt = np.diff(rows[:, 0])
+    mean = 0.5 * (rows[1:, 4:6] + rows[:-1, 4:6])
+    return float(mean[:, 0] @ dt), float(mean[:, 1] @ dt)
+
+
+def _gone(rows: Floats) -> tuple[float, float]:
+    """Along the headings it had, and round [m, rad]."""
+    middle = 0.5 * (rows[1:, 3] + rows[:-1, 3])
+    dx, dy = np.diff(rows[:, 1]), np.diff(rows[:, 2])
+    along = np.cos(middle) * dx + np.sin(middle) * dy
+    return float(along.sum()), float(rows[-1, 3] - rows[0, 3])
+
+
+class Following:
+    """Whether the wheels do what they are told, later and not quite: measured twist against the
+    range of what was commanded over the time in which a command may take effect."""
+
+    def __init__(self, model: RobotModel, tolerance: Tolerance = TOLERANCE) -> None:
+        self._t, self._late = tolerance, model.delay_s + tolerance.lag
+        self._apart = math.nan
+
+    def watch(self, now: float, twist: Twist, commands: Trail) -> Finding | None:
+        """A finding when they have been apart for long enough."""
+        rows = commands.since(now - self._late)
+        if not len(rows) or now - commands.rows[0, 0] < self._late:
+            self._apart = math.nan
+            return None
+        why = self._wrong(twist, rows)
+        if not why:
+            self._apart = math.nan
+            return None
+        if math.isnan(self._apart):
+            self._apart = now
+        if now - self._apart < self._t.patience:
+            return None
+        driven = bool((np.abs(rows[:, 1:3]).max(axis=1) > 0.02).all())
+        return fault(why) if driven else hold(why)
+
+    def _wrong(self, twist: Twist, rows: Floats) -> str:
+        t = self._t
+        if _outside(twist.v, rows[:, 1], t.speed, t.ratio):
+            told = float(rows[:, 1].mean())
+            return f"the odometry says {twist.v:.2f} m/s where {told:.2f} m/s is commanded"
+        if _outside(twist.omega, rows[:, 2], t.yaw_rate, t.ratio):
+            told = float(rows[:, 2].mean())
+            return f"the odometry says {twist.omega:.2f} rad/s where {told:.2f} rad/s is commanded"
+        return ""
+
+
+def _outside(measured: float, told: Floats, room: float, ratio: float) -> bool:
+    """Beyond what was told in that time; a robot that is told to slow down may do so at once."""
+    low, high = float(told.min()), float(told.max())
+    newest = float(told[-1])
+    if abs(newest) < max(abs(low), abs(high)) - 1e-6:
+        low, high = min(low, 0.0), max(high, 0.0)
+    slack = room + ratio * max(abs(low), abs(high))
+    return not low - slack <= measured <= high + slack
