@@ -307,7 +307,9 @@ _OF_ODOMETRY: dict[str, Callable] = {
     "odometry 20 % long": _scaled(1.2),
     "odometry backwards": _scaled(-1.0),
     "gyro off by 10 deg/s": _biased,
-    "odometry 0.2 s old": lambda liar, o: liar.odometry_at(o.stamp - 0.2)._replace(stamp=o.stamp),
+    "odometry 0.2 s old": lambda liar, o: liar.odometry_at(
+        o.stamp - min(0.2, 0.1 * (o.stamp - liar._at))
+    )._replace(stamp=o.stamp),
     "odometry jumps by 0.1 m a second": _jumping,
     "speed half, pose right": lambda _, o: o._replace(twist=Twist(0.5 * o.twist.v, o.twist.omega)),
     "pose half, speed right": lambda liar, o: o._replace(pose=_scaled(0.5)(liar, o).pose),

@@ -9,7 +9,7 @@ from cohelm.law.guard.surroundings import surroundings
 from cohelm.link.heard import Heard
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.loop.driver import Driver
-from cohelm.loop.leash import FREE, allowed, cap, far, silent
+from cohelm.loop.leash import FREE, LOST, allowed, cap, crawl, far, silent
 from cohelm.loop.person import Person
 from tests.pilot.drives import SETTINGS
 
@@ -61,3 +61,18 @@ def test_clear_is_the_gap_of_the_outline_to_the_nearest_thing_of_any_kind():
     disc = surroundings([(1.0, 3.0, 0.0, 0.0, 0.1, 0.2)], points=[[1.0, 2.0 + 0.36 + 0.6]])
     assert driver.clear(pose, disc, 0) == pytest.approx(1.0 - 0.36 - 0.1)
     assert driver.clear(pose, surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)]), 0) == 0.0
+
+
+def test_lost_it_crawls_by_what_the_scan_alone_vouches_for():
+    settings = SETTINGS
+    caps = [crawl(clear, 0.05, settings) for clear in (0.0, 0.02, 0.1, 1.0, math.inf)]
+    speeds = [c.speed for c in caps]
+    assert speeds == sorted(speeds)
+    assert 0.0 < speeds[0] <= 0.05  # it can leave what it stands against
+    assert speeds[-1] == LOST
+    assert all(c.reason.startswith("lost, with") for c in caps)
+    braking = min(settings.limits.acceleration, settings.limits.wheel_acceleration)
+    braking = braking if math.isfinite(braking) else 1.0
+    for c, clear in zip(caps[1:4], (0.02, 0.1, 1.0), strict=True):
+        stops_within = c.speed * 0.05 + c.speed**2 / (2.0 * braking)
+        assert stops_within <= max(0.5 * clear, 0.05 * 0.05 + 0.05**2 / (2.0 * braking)) + 1e-9

@@ -37,6 +37,8 @@ class Driver:
     ) -> None:
         """delay: from command to wheels [s]."""
         self.pilot, self.settings, self._planning = pilot, settings, planning
+        self.delay = delay
+        """From command to wheels [s]."""
         self.fastest = math.inf
         """What is asked for is slowed down to this [m/s]."""
         self._alone = _alone(settings, delay)

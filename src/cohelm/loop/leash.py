@@ -12,6 +12,9 @@ from cohelm.pilot.step import Settings
 
 FREE = Cap(math.inf, "")
 """No cap."""
+LOST = 0.2
+"""A robot that has lost its place is never driven faster [m/s]."""
+_FREES = 0.05  # nor is it slowed below this: it can leave what it stands against [m/s]
 _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
 
 
@@ -37,6 +40,24 @@ def far(heard: Heard, person: Person) -> float:
 
 def cap(delay: float, clear: float, settings: Settings) -> Cap:
     """How fast a person may go who sees the past. clear: smallest gap to anything [m]."""
+    return speed_cap(delay, clear, _braking(settings), settings.gains.u_d)
+
+
+def crawl(clear: float, delay: float, settings: Settings) -> Cap:
+    """How fast a robot may go that has lost its place, and has its scan alone to go by.
+
+    It stands within half of what is clear [m], its own delay [s] included, and is never faster
+    than LOST:
+
+        v delay + v^2 / (2 a) = clear / 2   =>   v = a (sqrt(delay^2 + clear / a) - delay)
+    """
+    a = _braking(settings)
+    room = a * (math.sqrt(delay * delay + max(clear, 0.0) / a) - delay)
+    speed = min(max(room, _FREES), LOST)
+    seen = f"{clear:.1f} m clear" if math.isfinite(clear) else "nothing in sight"
+    return Cap(speed, f"lost, with {seen}")
+
+
+def _braking(settings: Settings) -> float:
     braking = min(settings.limits.acceleration, settings.limits.wheel_acceleration)
-    braking = braking if math.isfinite(braking) and braking > 0.0 else _DECELERATION
-    return speed_cap(delay, clear, braking, settings.gains.u_d)
+    return braking if math.isfinite(braking) and braking > 0.0 else _DECELERATION

@@ -21,7 +21,7 @@ from cohelm.link.told import Shown, Told
 from cohelm.loop.alarms import Alarms
 from cohelm.loop.driver import Driver
 from cohelm.loop.dropout import WAITING, Dropout, Then, followed
-from cohelm.loop.leash import FREE, allowed, cap, far, silent
+from cohelm.loop.leash import FREE, allowed, cap, crawl, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.person import CENTRED, Manner, Person, renewed
 from cohelm.loop.senses import Senses, patience
@@ -83,7 +83,7 @@ class Loop:
         self.problem = ""
         """What is wrong with the readings; empty: nothing."""
         self.cap = FREE
-        """On the speed, by the driver's delay."""
+        """On the speed, by the driver's delay, or while lost."""
         self._pauses: dict[str, str] = {}
         self._led = False  # a person chose the mode, and must go on being heard
         self.lease = (0, 0)
@@ -403,12 +403,14 @@ class Loop:
         return self.driver.follow(now, seen.pose, stick, around)
 
     def _bound(self, seen: Seen, around: Surroundings) -> None:
-        """How fast it may be asked to go: what the driver allows, and his delay."""
+        """How fast it may be asked to go: what the driver allows, his delay, and where the robot
+        has lost its place, what it sees."""
         driver, self.cap = self.driver, FREE
-        if self._delay > NOTICED:
-            self.cap = cap(
-                self._delay, driver.clear(seen.pose, around, seen.blind), driver.settings
-            )
+        if self._delay > NOTICED or seen.lost:
+            clear, settings = driver.clear(seen.pose, around, seen.blind), driver.settings
+            caps = [cap(self._delay, clear, settings)]
+            caps += [crawl(clear, self.driver.delay, settings)] if seen.lost else []
+            self.cap = min(caps)
         usual = self._scale * driver.settings.gains.u_d if self._scale < 1.0 else math.inf
         driver.fastest = min(usual, self.cap.speed)
 

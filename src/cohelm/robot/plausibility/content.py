@@ -27,6 +27,9 @@ the LiDAR is described to lose: it sees badly."""
 _NOISY = 4.0
 """A scan may be so many times as noisy as the LiDAR is described: surfaces are rough, too."""
 _LEAST = 0.01  # less noise than this is not asked about [m]
+CRAWL = 0.08
+"""No part of the outline is faster where what the scan shows can not be relied on at all [m/s]:
+less than the 0.1 m/s with which a contact does no harm."""
 CAREFUL = 0.2
 """The speed where a sense is worse than it should be [m/s]: Sally stands within 2 cm from there."""
 
@@ -94,7 +97,8 @@ class Content:
         invalid = float(np.isnan(ranges).sum()) / n
         finite = np.isfinite(ranges)
         alone = ~finite[1:-1] & finite[:-2] & finite[2:]
-        alone &= np.abs(ranges[:-2] - ranges[2:]) < 0.2 if alone.any() else False
+        known = np.where(finite, ranges, math.nan)
+        alone &= np.abs(known[:-2] - known[2:]) < 0.2
         seen = max(int(finite[1:-1].sum() + alone.sum()), 1)
         empty = float(alone.sum()) / seen - self._lidar.dropout
         rough = roughness(ranges)
@@ -122,8 +126,11 @@ class Content:
 def roughness(ranges: Floats) -> float:
     """The noise of a range, from how neighbours in a row differ from a straight line: the median,
     so that edges do not count [m]; 0 where too few beams return anything."""
-    bend = ranges[:-2] - 2.0 * ranges[1:-1] + ranges[2:] if len(ranges) > 2 else ranges[:0]
-    bend = np.abs(bend[np.isfinite(bend)])
+    if len(ranges) < 3:
+        return 0.0
+    known = np.where(np.isfinite(ranges), ranges, math.nan)
+    bend = np.abs(known[:-2] - 2.0 * known[1:-1] + known[2:])
+    bend = bend[~np.isnan(bend)]
     return float(np.median(bend)) / (0.6745 * math.sqrt(6.0)) if len(bend) >= _RUN else 0.0
 
 

@@ -59,13 +59,16 @@ def match(before: Sight, now: Sight, lidar: Lidar) -> Match | None:
         known = (jacobian * w[:, None]).T @ jacobian
         # what is not seen stays as odometry has it: as if three points said so, and loosely
         wanted: Floats = jacobian.T @ (w * d)
-        inverse: Floats = np.linalg.inv(known + np.diag([3.0, 3.0, 1.0]))
-        step: Floats = inverse @ wanted
+        step = _solved(known + np.diag([3.0, 3.0, 1.0]), wanted)
         off = _added(off, step)
         if np.abs(step).max() < 1e-4 and width < 0.2:
             break
     against, for_it = _votes(lidar, given, off, now, lines, where, table, before.arc, sigma)
     return Match(off, known, against, for_it)
+
+
+def _solved(matrix: Floats, wanted: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64) @ wanted
 
 
 def _moved(points: Floats, by: Floats) -> Floats:

@@ -16,7 +16,7 @@ from cohelm.core.types import Twist
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.plausibility.arrival import Arrival, usable
-from cohelm.robot.plausibility.content import Content
+from cohelm.robot.plausibility.content import CRAWL, Content
 from cohelm.robot.plausibility.finding import Action, Finding, fault
 from cohelm.robot.plausibility.motion import Motion
 from cohelm.robot.plausibility.sight import sighted
@@ -25,13 +25,11 @@ from cohelm.robot.plausibility.view import View
 from cohelm.robot.plausibility.wheels import Following, consistent
 from cohelm.robot.port import Odometry, Readings, Scan
 
-CRAWL = 0.08
-"""No part of the outline is faster where nothing vouches for the ground ahead [m/s]: less than the
-0.1 m/s with which a contact does no harm."""
 _STANDS = 0.5  # what is odd keeps the robot standing for so long after [s]
 _AGAIN = 6.0  # odd things within so long of each other are counted [s]
 _TIMES = 3  # so many of them, each after things were well, are no accident
 _LASTS = 1.0  # odd for so long, while the wheels turn, is no accident either [s]
+_VOUCHED = 0.25  # of range_max: where nothing was within it, so far is still clear after
 _WAITS = 0.06  # for odometry of a scan's own time [s]
 _APART = 0.05  # sights nearer in time are not compared [s]
 _SHOWN = 1.0  # a slow-down stays for so long after its cause [s]
@@ -52,6 +50,8 @@ class PlausibilityMonitor:
         self._view = None if self._lidar is None else View(self._lidar)
         self._pending: deque[Scan] = deque(maxlen=3)
         self._looked = -math.inf
+        self._way = math.inf
+        """Gone since a scan last showed anything [m]."""
         self._last: Odometry | None = None
         self._clock = -math.inf
         self._odd_since = self._odd_at = -math.inf
@@ -96,6 +96,7 @@ class PlausibilityMonitor:
         numbers = (odometry.stamp, *odometry.pose, *odometry.twist)
         if not all(map(math.isfinite, numbers)) or odometry.stamp <= self._trail.newest:
             return []
+        self._way += abs(odometry.twist.v) * min(odometry.stamp - self._trail.newest, 1.0)
         extended(self._trail, odometry)
         found = (
             consistent(self._trail), self._following.watch(now, odometry.twist, self._commands)
@@ -132,6 +133,8 @@ class PlausibilityMonitor:
         self._looked = sight.stamp
         found = motion.take(sight)
         angle = view.take(ranges, motion.blinded)
+        if not view.blank:
+            self._way = 0.0
         if angle > _BLIND:
             wide = math.degrees(angle)
             found.append(fault(f"{wide:.0f} deg of the scan are empty where things stood"))
@@ -175,7 +178,7 @@ class PlausibilityMonitor:
         view = self._view
         if view is None or twist.v == 0.0:
             return speed, reason
-        if view.blank:
+        if self._way > _VOUCHED * (self._lidar.range_max if self._lidar else 0.0):
             return CRAWL, "the scan shows nothing at all: it vouches for no ground"
         if not view.vouches(0.0 if twist.v > 0.0 else math.pi):
             return CRAWL, "the LiDAR has not shown that it sees what lies ahead"

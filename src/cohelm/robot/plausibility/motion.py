@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Floats
-from cohelm.robot.plausibility.content import CAREFUL
+from cohelm.robot.plausibility.content import CAREFUL, CRAWL
 from cohelm.robot.plausibility.finding import Finding, hold, slow
 from cohelm.robot.plausibility.match import match
 from cohelm.robot.plausibility.sight import Sight, motion, turned
@@ -156,7 +156,7 @@ class Motion:
         oo, os, ff, fs = self._sums.tolist()
         if oo > enough and abs(os / oo - 1.0) > t.scale:
             found.append(slow(
-                CAREFUL, f"the scans show {100.0 * os / oo:.0f} % of the way that odometry says"
+                CRAWL, f"the scans show {100.0 * os / oo:.0f} % of the way that odometry says"
             ))  # fmt: skip
         if ff > enough and abs(fs / ff) > math.tan(t.angle):
             off = math.degrees(math.atan(fs / ff))

@@ -13,6 +13,7 @@ from cohelm.robot.plausibility.trail import Trail
 from cohelm.robot.sensors import Lidar
 
 _POINTS = 400  # of a sight, at most
+_HALF = 0.25  # a chord's half [m]
 
 
 class Sight(NamedTuple):
@@ -124,13 +125,13 @@ def motion(before: Sight, now: Sight) -> Floats:
 def normals(sight: Sight, lidar: Lidar, sigma: float) -> tuple[Floats, Ints]:
     """Unit normals of the surfaces at a sight's points, and which points have one, as indices.
 
-    A chord of a quarter of a metre or more across each point, so that noise turns it little; a
-    point that is off its chord's line is on an edge or a small thing, and has none.
+    A chord of half a metre across each point, so that noise turns it little and no person has one;
+    a point that is off its chord's line is on an edge or a small thing, and has none.
     """
     p, m = sight.points, len(sight.points)
     if m < 9:
         return np.empty((0, 2)), np.empty(0, dtype=np.int64)
-    spread = np.clip(np.rint(0.13 / np.maximum(sight.arc, 1e-3)), 2, 16).astype(np.int64)
+    spread = np.clip(np.rint(_HALF / np.maximum(sight.arc, 1e-3)), 3, 40).astype(np.int64)
     index = np.arange(m)
     a, b = index - spread, index + spread
     inside = (a >= 0) & (b < m)
@@ -141,7 +142,7 @@ def normals(sight: Sight, lidar: Lidar, sigma: float) -> tuple[Floats, Ints]:
     normal = np.column_stack((-unit[:, 1], unit[:, 0]))
     middle = 0.5 * (p[a] + p[b])
     off = np.abs(((p[index] - middle) * normal).sum(axis=1))
-    half = np.abs((p[(a + index) // 2] - middle) * normal).sum(axis=1)
+    half = np.abs(((p[(a + index) // 2] - middle) * normal).sum(axis=1))
     near = 0.02 + 3.0 * sigma
-    flat = (off < near) & (half < near) & (length < 1.5) & (length > 0.05)
+    flat = (off < near) & (half < near) & (length < 3.0) & (length > 0.3)
     return normal[flat], index[flat]

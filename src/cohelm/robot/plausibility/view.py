@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.types import Floats
+from cohelm.core.types import Floats, Ints
 from cohelm.robot.plausibility.sight import Sight, foretold, polar
 from cohelm.robot.sensors import Lidar
 
 _FAR = 0.85  # surfaces foretold farther than this share of range_max may be out of range
+_APART = 0.3  # points in a row that are farther apart are not on one surface [m]
 _FOR = 3  # scans in a row without what had stood there are no accident
 _BIN = math.radians(10.0)
 _CONE = math.radians(30.0)
@@ -45,19 +46,21 @@ def vanished(before: Sight, now: Sight, lidar: Lidar, slack: float) -> Vanished:
     nothing = gone & (nearest == math.inf)
     where = np.zeros(n, dtype=np.bool_)
     where[index[nothing]] = True
-    return Vanished(_widest(gone, inside, before.arc), _widest(nothing, inside, before.arc), where)
+    apart = np.concatenate(([True], np.hypot(*np.diff(before.points, axis=0).T) > _APART))
+    surface = np.cumsum(apart)[inside]
+    arc = before.arc[inside]
+    return Vanished(
+        _widest(gone[inside], surface, arc), _widest(nothing[inside], surface, arc), where
+    )
 
 
-def _widest(
-    gone: NDArray[np.bool_], inside: NDArray[np.bool_], arc: Floats
-) -> float:  # fmt: skip
-    """Of the runs of points that are gone, the longest; points out of view do not end one."""
-    run, length = gone[inside], arc[inside]
-    if not run.any():
+def _widest(gone: NDArray[np.bool_], surface: Ints, arc: Floats) -> float:
+    """Of the runs of points of one surface that are gone, the longest."""
+    if not gone.any():
         return 0.0
-    added = np.concatenate(([0.0], np.cumsum(np.where(run, length, 0.0))))
-    ends = np.concatenate(([0], np.flatnonzero(~run) + 1, [len(run)]))
-    return float(np.diff(added[ends]).max(initial=0.0))
+    new = np.concatenate(([True], (np.diff(surface) != 0) | (np.diff(gone.astype(np.int8)) != 0)))
+    run = np.cumsum(new) - 1
+    return float(np.bincount(run, np.where(gone, arc, 0.0)).max())
 
 
 class View:

@@ -45,7 +45,6 @@ def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
     rows = trail.since(trail.newest - t.window)
     if len(rows) < 2:
         return None
-    way, turn = _added_up(rows)
     gone, turned = _gone(rows)
     last, before = rows[-1], rows[-2]
     dt = float(last[0] - before[0])
@@ -55,18 +54,20 @@ def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
     for step, a, b in zip(steps, told, told_before, strict=True):
         if step > (1.0 + t.share) * max(a, b) + t.step:
             return fault(f"the odometry's pose jumped by {step:.2f} against its speed")
-    if abs(gone - way) > t.drift + t.share * max(abs(way), abs(gone)):
-        return fault(f"the odometry's pose and speed disagree: {gone:.2f} m against {way:.2f} m")
-    if abs(turned - turn) > t.drift + t.share * max(abs(turn), abs(turned)):
-        a, b = math.degrees(turned), math.degrees(turn)
-        return fault(f"the odometry's heading and yaw rate disagree: {a:.0f} against {b:.0f} deg")
+    for what, went, column in (("speed", gone, 4), ("yaw rate", turned, 5)):
+        low, high = _added_up(rows, column)
+        room = t.drift + t.share * max(abs(low), abs(high), abs(went))
+        if not low - room <= went <= high + room:
+            said = f"{went:.2f} against {0.5 * (low + high):.2f} in {t.window} s"
+            return fault(f"the odometry's pose and {what} disagree: {said}")
     return None
 
 
-def _added_up(rows: Floats) -> tuple[float, float]:
+def _added_up(rows: Floats, column: int) -> tuple[float, float]:
+    """What a speed adds up to, whether it is of the instant, or the mean since the last one."""
     dt = np.diff(rows[:, 0])
-    mean = 0.5 * (rows[1:, 4:6] + rows[:-1, 4:6])
-    return float(mean[:, 0] @ dt), float(mean[:, 1] @ dt)
+    sums = (float(rows[1:, column] @ dt), float(rows[:-1, column] @ dt))
+    return min(sums), max(sums)
 
 
 def _gone(rows: Floats) -> tuple[float, float]:

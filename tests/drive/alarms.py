@@ -1,0 +1,88 @@
+"""How often the plausibility monitor says something where nothing lies.
+
+Episodes of the campaigns, driven by their own fast simulation; what odometry and LiDAR would have
+read along them, errors and all, is given to the monitor: `python -m tests.drive.alarms random`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.plausibility.monitor import PlausibilityMonitor
+from cohelm.robot.port import Readings, Scan
+from cohelm.scenario.load import robot
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import scan
+from cohelm.sim.odometer import Odometer
+from cohelm.study.campaign.case import traced
+from cohelm.study.campaign.suites import suite
+
+
+def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
+    """Counts what was done in one episode, once for each spell; how long it was [s]."""
+    case = made.case(number)
+    setup, model = case.setup, robot(case.robot)
+    lidar, rate = model.lidar.lidar(), model.lidar.rate_hz
+    monitor = PlausibilityMonitor(model)
+    odometer = Odometer(model.odometry, number)
+    odometry, looked, before, t = odometer.start(0.0), None, "", 0.0
+    half, count = 0.5 * model.track_m, 0
+    last = None
+    for piece in traced(case, "guard"):
+        for row, discs in zip(piece.rows, piece.discs, strict=True):
+            t = float(row["t"])
+            pose = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
+            if last is not None:
+                v, omega = float(last["applied_v"]), float(last["applied_omega"])
+                left, right = (v - half * omega) * setup.dt, (v + half * omega) * setup.dt
+                odometry = odometer.reading(t, setup.dt, left, right, omega * setup.dt)
+            last = row
+            if looked is None or t - looked.stamp >= 1.0 / rate - 1e-6:
+                ranges = np.empty(len(lidar.beams))
+                scan(
+                    pose, lidar, np.ascontiguousarray(discs), setup.around.walls, NO_GRID, number,
+                    count, ranges,
+                )  # fmt: skip
+                looked = Scan(t, count, ranges, 0.0)
+                count += 1
+            told = Twist(float(row["v"]), float(row["omega"]))
+            readings = Readings(odometry, looked, None, None)
+            got = monitor.observe(t, readings, told)
+            if not got.fault and got.share == 1.0:
+                got = monitor.restrict(t, told)
+            what = "fault" if got.fault else "hold" if got.share == 0.0 else "slow"
+            now = f"{what}: {got.reason}" if got.reason else ""
+            if now and now.split(":")[0] != before.split(":")[0]:
+                said[what] += 1
+                if shown:
+                    print(f"  {made.name} {number} at {t:.1f} s: {now}", flush=True)
+            before = now
+    return t
+
+
+def main() -> None:
+    """Count."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("suite")
+    parser.add_argument("--hours", type=float, default=1.0)
+    parser.add_argument("--seed", type=int, default=77)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--data", type=Path)
+    given = parser.parse_args()
+    made = suite(given.suite, given.seed, given.data)
+    said, t, number = Counter(), 0.0, given.first
+    while t < 3600.0 * given.hours:
+        t += alarms(made, number, said, shown=True)
+        number += 1
+    out = {"suite": given.suite, "hours": t / 3600.0, "episodes": number - given.first, **said}
+    print(json.dumps(out), flush=True)
+
+
+if __name__ == "__main__":
+    main()
