@@ -1,0 +1,109 @@
+"""What looks odd and is no lie: nothing is stopped for it for good, and mostly nothing at all."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Twist
+from tests.robot.plausibility.watched import NOTHING, ROOM, SALLY, person, watched, without_noise
+
+
+def ahead(t: float) -> Twist:
+    return Twist(0.5 if t < 7.0 else 0.0, 0.0)
+
+
+def winding(t: float) -> Twist:
+    return Twist(0.4, 0.8 * math.sin(t)) if t < 8.0 else Twist(-0.3, 0.0)
+
+
+def standing(_: float) -> Twist:
+    return Twist(0.0, 0.0)
+
+
+def spinning(t: float) -> Twist:
+    return Twist(0.0, 1.8 if t % 6.0 < 3.0 else -1.8)
+
+
+@pytest.mark.parametrize("drive", [ahead, winding, standing, spinning])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_alarm_in_a_room_however_it_is_driven(drive, seed):
+    assert watched(drive, 12.0, seed=seed) == []
+
+
+@pytest.mark.parametrize("drive", [standing, winding])
+def test_no_alarm_where_neither_lidar_nor_odometry_has_noise(drive):
+    assert watched(drive, 8.0, model=without_noise()) == []
+
+
+def test_no_alarm_along_a_corridor_that_shows_no_motion():
+    corridor = np.array([[-50.0, -1.0, 80.0, -1.0], [-50.0, 1.0, 80.0, 1.0]])
+    assert watched(ahead, 12.0, walls=corridor) == []
+
+
+def test_no_alarm_among_people_who_walk():
+    people = [person(4.0 + k, -2.0 - 0.8 * k, -0.2 * k, 0.9 + 0.1 * k) for k in range(6)]
+    people += [person(-2.0, 0.6, 0.9, 0.0), person(1.2, -0.8, 0.5, 0.0)]
+    assert watched(ahead, 10.0, people=people) == []
+
+
+def test_no_alarm_when_someone_walks_beside_the_robot_in_a_corridor():
+    corridor = np.array([[-50.0, -1.5, 80.0, -1.5], [-50.0, 1.5, 80.0, 1.5]])
+    group = [person(1.5, 0.7, 0.5, 0.0), person(1.6, -0.7, 0.5, 0.0), person(2.4, 0.0, 0.5, 0.0)]
+    assert watched(ahead, 7.0, walls=corridor, people=group) == []
+
+
+def test_no_alarm_when_scans_are_lost():
+    last = []
+
+    def told(t, readings, _):
+        lost = 2.0 < t < 2.3 or 4.0 < t < 4.2
+        if not lost:
+            last[:] = [readings.scan]
+        return readings._replace(scan=last[0])
+
+    assert watched(ahead, 8.0, told=told) == []
+
+
+def test_an_open_field_is_driven_slowly_and_nothing_is_stopped():
+    said = watched(ahead, 6.0, walls=NOTHING)
+    assert said
+    assert not any(one.fault or one.share == 0.0 for _, one in said)
+    assert "vouches for no ground" in said[-1][1].reason
+
+
+def test_a_robot_that_leaves_a_hall_is_not_stopped():
+    wall = np.array([[-1.0, -3.0, -1.0, 3.0], [-1.0, 3.0, 0.5, 3.0], [-1.0, -3.0, 0.5, -3.0]])
+    said = watched(ahead, 5.0, walls=wall)
+    assert not any(one.fault or one.share == 0.0 for _, one in said)
+
+
+@pytest.mark.parametrize("off", [(0.5, 0.3, 0.0), (0.0, 0.0, 0.6), (2.0, 0.5, -1.0)])
+def test_a_push_holds_the_robot_for_a_moment_and_is_no_fault(off):
+    pushed = []
+
+    def told(t, _, robot):
+        if t > 3.0 and not pushed:
+            pushed.append(t)
+            robot.push(*off)
+
+    said = watched(lambda t: Twist(0.3, 0.0) if t < 6.0 else Twist(0.0, 0.0), 9.0, told=told)
+    assert said
+    assert not any(one.fault for _, one in said)
+    assert 3.0 <= said[0][0] < 3.4
+    assert said[-1][0] < 4.5
+
+
+def test_who_carries_the_robot_about_is_no_fault_while_it_is_not_driven():
+    def told(t, _, robot):
+        if 2.0 < t < 4.0:
+            robot.push(0.01, 0.004, 0.005)
+
+    said = watched(standing, 8.0, told=told)
+    assert not any(one.fault for _, one in said)
+    assert all(2.0 < t < 5.0 for t, _ in said)
+
+
+def test_no_alarm_of_a_robot_without_a_lidar():
+    blind = SALLY.model_copy(update={"lidar": None})
+    assert watched(winding, 4.0, model=blind, walls=ROOM) == []
