@@ -28,7 +28,8 @@ FORWARD = 0.8
 """When the stick is pushed [s]."""
 HARMFUL = 0.1
 """A contact of a part of the outline that is faster counts [m/s]."""
-_GATE = ("faster than", "the robot does not do more")
+_NOT = ("faster than", "the robot does not do more", "collision monitor")
+"""Reasons that have nothing to do with a lie."""
 
 
 class Came(NamedTuple):
@@ -125,7 +126,7 @@ class _Judge:
             self.noticed, self.reason = 0.0, gate.reason
 
     def _note(self, reason: str) -> None:
-        if reason.startswith(_GATE) or "a change faster" in reason or reason == "idle":
+        if reason.startswith(_NOT) or "a change faster" in reason or reason == "idle":
             return
         if self._now >= self._at and self.noticed == math.inf:
             self.noticed, self.reason = self._now - max(self._at, FORWARD), reason

@@ -13,7 +13,7 @@ from cohelm.robot.sensors import Lidar
 
 _WIDTHS = (0.5, 0.3, 0.15, 0.1, 0.08)
 """Residuals beyond this count no more, round after round [m]."""
-_PIECE = 0.25  # [m]
+_PIECE = 0.5  # [m]
 _LEAST = 30  # points that look square at a direction, before anything is said of it
 
 
@@ -57,9 +57,9 @@ def match(before: Sight, now: Sight, lidar: Lidar) -> Match | None:
         w[apart > 4.0 * width + 0.2] = 0.0
         jacobian = np.column_stack((n, p[:, 0] * n[:, 1] - p[:, 1] * n[:, 0]))
         known = (jacobian * w[:, None]).T @ jacobian
-        # what is not seen stays as odometry has it: as if three points said so, and loosely
+        # what is not seen stays as odometry has it: as if half a point said so
         wanted: Floats = jacobian.T @ (w * d)
-        step = _solved(known + np.diag([3.0, 3.0, 1.0]), wanted)
+        step = _solved(known + np.diag([0.5, 0.5, 0.2]), wanted)
         off = _added(off, step)
         if np.abs(step).max() < 1e-4 and width < 0.2:
             break
@@ -97,7 +97,7 @@ def _votes(
     table: Ints, arc: Floats, sigma: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Surface that tells the two motions apart, and fits only one of them: piece by piece, since
-    over a piece of a quarter of a metre the noise of its points averages out."""
+    over a piece of half a metre the noise of its points averages out."""
     piece = (np.cumsum(arc) / _PIECE).astype(np.int64)
 
     def residuals(points: Floats) -> Floats:

@@ -47,7 +47,7 @@ _WINDOW = 0.65  # motion is compared over so long [s]
 _LEG = 0.3  # a sample of the long run is so long [m]
 _LEGS = 4.0  # worth of samples before the long run is judged
 _KEPT = 0.9  # of the samples before, at each new one: about ten count, three metres
-_TOLD = 25.0  # points that show a direction before it is judged
+_TOLD = 10.0  # points that show a direction before it is judged
 _OLD = 3.0  # a leg may take so long [s]
 
 

@@ -1,0 +1,46 @@
+"""No sense is believed alone: whatever it says, nothing is hit by a robot that moves.
+
+A few drives by default; `pytest -m slow tests/drive/test_lies.py` drives all of them, and
+`python -m tests.drive.lied` prints what came of each.
+"""
+
+import math
+
+import pytest
+
+from tests.drive.lied import HARMFUL, MODES, drive
+from tests.drive.lies import LIES
+
+SEEDS = (0, 1, 2, 3)
+"""Before the robot sets off, at speed, nearer to the wall, and where it has to brake."""
+SOME = [
+    ("frozen", "manual", 3), ("frozen, with new noise", "automatic", 2),
+    ("all infinite", "manual", 2), ("front quarter infinite", "manual", 3),
+    ("0.3 s older than stamped", "manual", 0), ("odometry frozen", "manual", 2),
+    ("gyro off by 10 deg/s", "automatic", 1), ("number stays", "manual", 3),
+]  # fmt: skip
+
+
+def held(lie: str, mode: str, kind: str, mapped: bool, seed: int) -> None:
+    came = drive(lie, mode, kind, mapped, seed)
+    assert came.contact <= HARMFUL, came
+    promised = LIES[lie]
+    if seed in (1, 2) and came.drove > 0.3:  # in motion, and with a way to go
+        assert came.noticed <= promised.within, came
+    if promised.about and came.noticed < math.inf:
+        assert promised.about in came.reason, came
+
+
+@pytest.mark.parametrize(("lie", "mode", "seed"), SOME)
+def test_no_lie_drives_the_robot_into_a_wall(lie, mode, seed):
+    held(lie, mode, "kinematic", False, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["kinematic", "twin"])
+@pytest.mark.parametrize("mode", list(MODES))
+@pytest.mark.parametrize("lie", list(LIES))
+def test_no_lie_of_them_all_drives_the_robot_into_a_wall(lie, mode, kind):
+    for mapped in (True, False):
+        for seed in SEEDS:
+            held(lie, mode, kind, mapped, seed)

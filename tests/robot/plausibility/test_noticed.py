@@ -1,0 +1,238 @@
+"""What can not be is noticed, within the time that docs/plausibility.md says, and said."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.plausibility.content import CAREFUL, CRAWL
+from cohelm.robot.plausibility.monitor import PlausibilityMonitor
+from cohelm.robot.port import Odometry, Readings, Scan
+from tests.robot.plausibility.watched import SALLY, watched
+
+AT = 3.0
+SCAN = 0.1
+
+
+def ahead(t: float) -> Twist:
+    return Twist(0.4, 0.0) if t < 9.0 else Twist(0.0, 0.0)
+
+
+def turning(t: float) -> Twist:
+    return Twist(0.3, 0.4)
+
+
+def of_scan(change):
+    """From AT on each new scan is changed, once."""
+    made: list = []
+
+    def told(t, readings, _):
+        scan = readings.scan
+        if t < AT:
+            made[:] = [scan, scan, scan]
+            return None
+        if made[0].number != scan.number:
+            made[:] = [scan, change(scan, made[2]), made[2]]
+            return readings._replace(scan=made[1])
+        return readings._replace(scan=made[1])
+
+    return told
+
+
+def ranges(change):
+    return of_scan(lambda scan, old: scan._replace(ranges=change(scan.ranges.copy(), old.ranges)))
+
+
+def front(r, value):
+    r[240:480] = value
+    return r
+
+
+IMPOSSIBLE = {
+    "repeats": ranges(lambda r, old: old),
+    "repeats, mirrored": of_scan(lambda scan, old: scan),  # replaced below
+    "same 9.99 m": ranges(lambda r, old: np.full(len(r), 9.99)),
+    "beams instead of 720": ranges(lambda r, old: r[:360]),
+    "number stays": of_scan(lambda scan, old: scan._replace(number=old.number)),
+    "numbers went back": of_scan(lambda scan, old: scan._replace(number=scan.number - 10)),
+    "stamps stand still": of_scan(lambda scan, old: scan._replace(stamp=old.stamp)),
+    "more often": of_scan(lambda scan, old: scan._replace(stamp=old.stamp + 0.01)),
+}
+last: list = [np.full(720, 3.0)]
+
+
+def _mirrored(scan, old):
+    before, last[0] = last[0], scan.ranges
+    return scan._replace(ranges=before[::-1].copy()) if scan.number % 2 else scan
+
+
+IMPOSSIBLE["repeats, mirrored"] = of_scan(_mirrored)
+
+
+@pytest.mark.parametrize("said", list(IMPOSSIBLE))
+def test_a_scan_that_can_not_be_is_a_fault_within_two_scans(said):
+    found = watched(ahead, AT + 1.0, told=IMPOSSIBLE[said])
+    faults = [(t, one.reason) for t, one in found if one.fault]
+    assert faults
+    assert faults[0][0] <= AT + 2.5 * SCAN
+    assert said in faults[0][1]
+
+
+def test_a_quarter_that_goes_blind_stops_the_robot_at_once_and_faults_it():
+    found = watched(ahead, AT + 1.0, told=ranges(lambda r, old: front(r, math.inf)))
+    assert found[0][0] <= AT + 1.5 * SCAN
+    assert found[0][1].share == 0.0
+    assert "vanished" in found[0][1].reason
+    assert any(one.fault and "empty where things stood" in one.reason for _, one in found)
+
+
+def test_a_quarter_that_was_blind_from_the_start_is_not_driven_into_but_at_a_crawl():
+    def told(t, readings, _):
+        blind = front(readings.scan.ranges.copy(), math.inf)
+        return readings._replace(scan=readings.scan._replace(ranges=blind))
+
+    found = watched(ahead, 2.0, told=told)
+    assert found[0][0] < 0.2
+    assert "has not shown that it sees" in found[0][1].reason
+    assert all(one.share <= CRAWL / 0.02 for _, one in found)
+
+
+WORSE = {
+    "noisy": ranges(lambda r, old: np.clip(r + 0.2 * np.sin(1e5 * r), 0.1, 11.0)),
+    "no number": ranges(lambda r, old: np.where(np.arange(len(r)) % 5 < 2, math.nan, r)),
+    "see nothing": ranges(lambda r, old: np.where(np.arange(len(r)) % 3 == 0, math.inf, r)),
+    "ms late": of_scan(lambda scan, old: scan._replace(stamp=scan.stamp - 0.15)),
+}
+
+
+@pytest.mark.parametrize("said", list(WORSE))
+def test_a_scan_that_is_worse_than_it_should_be_slows_the_robot(said):
+    found = watched(lambda t: Twist(0.4, 0.0), AT + 1.5, told=WORSE[said])
+    if said != "ms late":
+        assert found[0][0] <= AT + 4.0 * SCAN
+    slows = [one for _, one in found if said in one.reason]
+    assert slows
+    assert slows[-1].share == pytest.approx(CAREFUL / 0.4, rel=0.2)
+
+
+def of_odometry(change):
+    held: list = []
+
+    def told(t, readings, _):
+        if t < AT:
+            held[:] = [readings.odometry]
+            return None
+        return readings._replace(odometry=change(readings.odometry, held[0]))
+
+    return told
+
+
+WHEELS = {
+    "pose jumped": of_odometry(
+        lambda o, held: o._replace(pose=Pose(o.pose.x + 0.08, o.pose.y, o.pose.psi))
+    ),
+    "pose and speed": of_odometry(lambda o, held: o._replace(pose=held.pose)),
+    "where 0.40 m/s is commanded": of_odometry(
+        lambda o, held: o._replace(
+            pose=Pose(held.pose.x, held.pose.y, o.pose.psi), twist=Twist(0.0, 0.0)
+        )
+    ),
+    "pose and yaw rate": of_odometry(
+        lambda o, held: o._replace(twist=Twist(o.twist.v, o.twist.omega + 0.2))
+    ),
+}
+
+
+@pytest.mark.parametrize("said", list(WHEELS))
+def test_odometry_against_itself_and_the_command_is_a_fault_within_half_a_second(said):
+    blind = SALLY.model_copy(update={"lidar": None})
+    found = watched(ahead, AT + 1.0, told=WHEELS[said], model=blind)
+    faults = [(t, one.reason) for t, one in found if one.fault]
+    assert faults
+    assert faults[0][0] <= AT + 0.56
+    assert said in faults[0][1]
+
+
+def test_a_robot_that_nobody_drives_may_be_pushed_on_its_wheels():
+    blind = SALLY.model_copy(update={"lidar": None})
+
+    def told(t, readings, _):
+        if AT < t < AT + 1.0:
+            o = readings.odometry
+            x = 0.4 * (t - AT)
+            return readings._replace(odometry=Odometry(o.stamp, Pose(x, 0.0, 0.0), Twist(0.4, 0.0)))
+        if t >= AT + 1.0:
+            o = readings.odometry
+            return readings._replace(odometry=o._replace(pose=Pose(0.4, 0.0, 0.0)))
+        return None
+
+    found = watched(lambda t: Twist(0.0, 0.0), AT + 3.0, told=told, model=blind)
+    assert found
+    assert not any(one.fault for _, one in found)
+    assert found[-1][0] < AT + 1.8
+
+
+MOTION = {
+    "frozen, with new noise": (
+        ahead, ranges(lambda r, old: old + 0.02 * np.random.default_rng(int(1e6 * r[3])).normal(
+            size=len(r)))
+    ),
+    "turned by a quarter": (ahead, ranges(lambda r, old: np.roll(r, 240))),
+    "mirrored": (turning, ranges(lambda r, old: r[::-1].copy())),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("lie", list(MOTION))
+def test_scans_that_show_another_motion_than_odometry_stop_the_robot(lie):
+    drive, told = MOTION[lie]
+    found = watched(drive, AT + 1.0, told=told)
+    assert found
+    assert found[0][0] <= AT + 0.4
+    assert found[0][1].share == 0.0
+
+
+def test_a_mount_that_is_five_degrees_off_slows_the_robot_within_metres():
+    def told(t, readings, _):
+        turned = np.roll(readings.scan.ranges, round(5.0 * 719 / 270))
+        return readings._replace(scan=readings.scan._replace(ranges=turned))
+
+    found = watched(lambda t: Twist(0.4, 0.0), 9.0, told=told)
+    reasons = [one.reason for _, one in found]
+    assert any("beside that of the wheels" in reason for reason in reasons)
+    assert not any(one.fault for _, one in found)
+
+
+@pytest.mark.parametrize("share", [0.8, 1.2])
+def test_odometry_that_measures_the_way_wrongly_is_noticed_within_metres(share):
+    def told(t, readings, _):
+        o = readings.odometry
+        pose = Pose(share * o.pose.x, share * o.pose.y, o.pose.psi)
+        return readings._replace(
+            odometry=o._replace(pose=pose, twist=Twist(share * o.twist.v, o.twist.omega))
+        )
+
+    found = watched(lambda t: Twist(0.4, 0.0), 9.0, told=told)
+    assert found
+    assert "scans" in found[0][1].reason
+
+
+def test_it_raises_nothing_whatever_it_reads():
+    monitor = PlausibilityMonitor(SALLY)
+    nan = math.nan
+    good = np.full(720, 3.0)
+    for k, (t, o, s) in enumerate(
+        [
+            (0.0, None, None),
+            (0.02, Odometry(nan, Pose(0, 0, 0), Twist(0, 0)), Scan(nan, 0, good, 0.0)),
+            (0.04, Odometry(0.04, Pose(nan, 0, 0), Twist(0, 0)), Scan(0.0, 1, good * nan, 0.0)),
+            (0.06, Odometry(0.06, Pose(0, 0, 0), Twist(0, 0)), Scan(0.05, 2, good[:0], 0.0)),
+            (0.08, Odometry(0.08, Pose(0, 0, 0), Twist(0, 0)), Scan(0.07, 3, good * math.inf, 0.0)),
+            (0.2, Odometry(0.2, Pose(0, 0, 0), Twist(0, 0)), Scan(0.2, 4, -good * math.inf, 0.0)),
+            (nan, Odometry(0.3, Pose(0, 0, 0), Twist(0, 0)), Scan(0.3, 5, good, nan)),
+            (-5.0, Odometry(-5.0, Pose(0, 0, 0), Twist(0, 0)), Scan(-5.0, 6, good, 0.5)),
+            (9.0, Odometry(9.0, Pose(0, 0, 9e9), Twist(9e9, 9e9)), Scan(8.9, 7, good * 9e9, 0.1)),
+        ]
+    ):
+        assert 0.0 <= monitor.observe(t, Readings(o, s, None, None), Twist(0, 0)).share <= 1.0, k
+        assert 0.0 <= monitor.restrict(t, Twist(0.5, -1.0)).share <= 1.0
