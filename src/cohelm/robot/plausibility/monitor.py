@@ -27,7 +27,7 @@ from cohelm.robot.port import Odometry, Readings, Scan
 
 _STANDS = 0.5  # what is odd keeps the robot standing for so long after [s]
 _AGAIN = 6.0  # odd things within so long of each other are counted [s]
-_TIMES = 3  # so many of them, each after things were well, are no accident
+_TIMES = 2  # so many of them, each after things were well, are no accident
 _LASTS = 1.0  # odd for so long, while the wheels turn, is no accident either [s]
 _VOUCHED = 0.25  # of range_max: where nothing was within it, so far is still clear after
 _WAITS = 0.06  # for odometry of a scan's own time [s]
@@ -176,6 +176,8 @@ class PlausibilityMonitor:
             elif one.speed < speed:
                 speed, reason = one.speed, one.reason
         view = self._view
+        if self._motion is not None and self._motion.doubted:
+            return CRAWL, "scans and odometry disagreed, and have to agree first over some way"
         if view is None or twist.v == 0.0:
             return speed, reason
         if self._way > _VOUCHED * (self._lidar.range_max if self._lidar else 0.0):

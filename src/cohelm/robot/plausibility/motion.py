@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cohelm.core.types import Floats
 from cohelm.robot.plausibility.content import CAREFUL, CRAWL
-from cohelm.robot.plausibility.finding import Finding, hold, slow
-from cohelm.robot.plausibility.match import match
+from cohelm.robot.plausibility.finding import Finding, fault, hold, slow
+from cohelm.robot.plausibility.match import Match, match
 from cohelm.robot.plausibility.sight import Sight, motion, turned
 from cohelm.robot.plausibility.view import vanished
 from cohelm.robot.sensors import Lidar
@@ -27,15 +27,18 @@ class Tolerance(NamedTuple):
     """[rad]; at two metres, a thumb's breadth more than the noise of a range."""
     share: float = 0.1
     """... and this of the motion more: wheels measure a few per cent wrongly, and slip."""
-    surface: float = 0.8
-    """So much surface must speak against odometry [m]: more than a person has."""
+    surface: float = 0.4
+    """So much surface, square to the beams, must speak against odometry [m]; and of one that is
+    straight for half a metre: a person has none."""
     majority: float = 2.0
     """... and so many times as much as speaks for it."""
-    gone: float = 0.4
-    """What vanishes from one scan to the next into nothing, in one piece [m]: a person who runs,
-    2.5 m/s, uncovers 0.25 m in a tenth of a second."""
+    gone: float = 0.7
+    """What vanishes from one scan to the next into nothing, of one surface [m]: more than a person
+    is wide; and one who runs, 2.5 m/s, uncovers 0.25 m in a tenth of a second."""
     replaced: float = 0.9
     """What vanishes and shows what is behind [m]: a person who steps aside."""
+    lag: float = 0.1
+    """Scans may be stamped so wrongly [s]: 2 cm when Sally brakes from 0.2 m/s."""
     scale: float = 0.1
     """Odometry's way may be longer or shorter by this share, over metres."""
     angle: float = math.radians(3.0)
@@ -44,6 +47,11 @@ class Tolerance(NamedTuple):
 
 TOLERANCE = Tolerance()
 _WINDOW = 0.65  # motion is compared over so long [s]
+_FORGET = 0.995  # of what showed a lag, at each scan: half of it after 14 s
+_CHANGED = 0.05  # changes of speed, squared and added up, before a lag is judged [m^2/s^2]
+_PROVEN = 0.12  # a way over which odometry and scans have to agree after they did not [m]
+_AGREED = 0.04  # ... within this [m]
+_ENDS = 0.5  # a way after which that is given up: the scans do not show the motion [m]
 _LEG = 0.3  # a sample of the long run is so long [m]
 _LEGS = 4.0  # worth of samples before the long run is judged
 _KEPT = 0.9  # of the samples before, at each new one: about ten count, three metres
@@ -59,13 +67,17 @@ class Motion:
         self._recent: deque[Sight] = deque()
         self._leg: Sight | None = None
         self._sums = np.zeros(4)  # ahead: odometry^2, odometry * scan; aside: the same
+        self._lag = np.zeros((2, 2))  # speeding up, slowing down: change^2, change * off
+        self.doubted = False
+        """Whether scans and odometry have disagreed, and not agreed again over some way since."""
+        self._probe: Sight | None = None
         self.blinded: NDArray[np.bool_] | None = None
         """Beams of the newest sight that see nothing where much stood a sight before, if any."""
 
     def forget(self) -> None:
         """As if none had come: what the robot knew of its place is void."""
         self._recent.clear()
-        self._leg = None
+        self._leg = self._probe = None
         self.blinded = None
 
     def take(self, now: Sight) -> list[Finding]:
@@ -77,8 +89,12 @@ class Motion:
         if self._recent:
             found += self._look_for(self._recent[-1], now)
             found += self._compare(self._oldest(now), now)
+        found += self._late()
         if found:
             self._recent.clear()
+            self.doubted, self._probe = True, None
+        elif self.doubted:
+            found += self._prove(now)
         found += self._long_run(now, clean=not found)
         self._recent.append(now)
         return found
@@ -109,6 +125,7 @@ class Motion:
         if made is None:
             return []
         t, told = self._t, motion(before, now)
+        self._add_lag(before, now, made)
         way, turn = math.hypot(*made.off[:2]), abs(float(made.off[2]))
         much = way > t.way + t.share * math.hypot(told[0], told[1])
         much |= turn > t.turn + t.share * abs(float(told[2]))
@@ -119,6 +136,49 @@ class Motion:
         return [hold(
             f"scans and odometry disagree: in {dt:.1f} s {_said(seen)} against {_said(told)}"
         )]  # fmt: skip
+
+    def _add_lag(self, before: Sight, now: Sight, made: Match) -> None:
+        """Scans that are older than their stamps show less of the way while the robot speeds up,
+        and more while it slows down: by the lag times the change of its speed."""
+        self._lag *= _FORGET
+        change = float(now.twist[0] - before.twist[0])
+        if abs(change) < 0.1 or made.known[0, 0] < _TOLD or abs(float(now.twist[1])) > 0.5:
+            return
+        faster = 0 if change * float(now.twist[0] + before.twist[0]) > 0.0 else 1
+        self._lag[faster] += (change * change, change * float(made.off[0]))
+
+    def _late(self) -> list[Finding]:
+        """A lag that shows when the robot speeds up and when it slows down is no push."""
+        (up, up_off), (down, down_off) = self._lag.tolist()
+        if min(up, down) < _CHANGED:
+            return []
+        lags = (up_off / up, down_off / down)
+        if min(lags) > self._t.lag or max(lags) < -self._t.lag:
+            mean = 500.0 * (lags[0] + lags[1])
+            which = "older" if mean > 0.0 else "younger"
+            return [fault(f"scans are {abs(mean):.0f} ms {which} than odometry, by their stamps")]
+        return []
+
+    def _prove(self, now: Sight) -> list[Finding]:
+        """After they disagreed: do they agree over some way?"""
+        probe = self._probe
+        if probe is None or abs(float(now.pose[2] - probe.pose[2])) > 0.7:
+            self._probe = now
+            return []
+        told = motion(probe, now)
+        way = math.hypot(told[0], told[1])
+        if way < _PROVEN:
+            return []
+        made = match(probe, now, self._lidar)
+        if made is not None and made.known[0, 0] > _TOLD:
+            self.doubted, self._probe = False, None
+            off = math.hypot(*made.off[:2])
+            if off > _AGREED and made.against > made.for_it:
+                self.doubted = True
+                return [hold(f"scans and odometry still disagree: {off:.2f} m in {way:.2f} m")]
+        elif way > _ENDS:
+            self.doubted, self._probe = False, None
+        return []
 
     def _long_run(self, now: Sight, clean: bool) -> list[Finding]:
         """Scale and direction of the way, over metres."""

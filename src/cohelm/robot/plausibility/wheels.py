@@ -115,10 +115,7 @@ class Following:
 
 
 def _outside(measured: float, told: Floats, room: float, ratio: float) -> bool:
-    """Beyond what was told in that time; a robot that is told to slow down may do so at once."""
+    """Beyond all that was told in that time."""
     low, high = float(told.min()), float(told.max())
-    newest = float(told[-1])
-    if abs(newest) < max(abs(low), abs(high)) - 1e-6:
-        low, high = min(low, 0.0), max(high, 0.0)
     slack = room + ratio * max(abs(low), abs(high))
     return not low - slack <= measured <= high + slack
