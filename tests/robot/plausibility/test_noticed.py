@@ -129,7 +129,7 @@ def of_odometry(change):
 
 
 WHEELS = {
-    "pose jumped": of_odometry(
+    "odometry jumped by": of_odometry(
         lambda o, held: o._replace(pose=Pose(o.pose.x + 0.08, o.pose.y, o.pose.psi))
     ),
     "pose and speed": of_odometry(lambda o, held: o._replace(pose=held.pose)),

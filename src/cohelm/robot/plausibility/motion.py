@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections import deque
 from typing import NamedTuple
 
@@ -53,8 +54,7 @@ _PROVEN = 0.12  # a way over which odometry and scans have to agree after they d
 _AGREED = 0.04  # ... within this [m]
 _ENDS = 0.5  # a way after which that is given up: the scans do not show the motion [m]
 _LEG = 0.3  # a sample of the long run is so long [m]
-_LEGS = 4.0  # worth of samples before the long run is judged
-_KEPT = 0.9  # of the samples before, at each new one: about ten count, three metres
+_LEGS, _KEPT = 6, 8  # legs before the way is judged, and that are kept
 _TOLD = 10.0  # points that show a direction before it is judged
 _OLD = 3.0  # a leg may take so long [s]
 
@@ -66,7 +66,8 @@ class Motion:
         self._lidar, self._t = lidar, tolerance
         self._recent: deque[Sight] = deque()
         self._leg: Sight | None = None
-        self._sums = np.zeros(4)  # ahead: odometry^2, odometry * scan; aside: the same
+        self._scales: deque[float] = deque(maxlen=_KEPT)  # scans' way ahead over odometry's
+        self._angles: deque[float] = deque(maxlen=_KEPT)  # of the scans' way to odometry's [rad]
         self._lag = np.zeros((2, 2))  # speeding up, slowing down: change^2, change * off
         self.doubted = False
         """Whether scans and odometry have disagreed, and not agreed again over some way since."""
@@ -201,29 +202,29 @@ class Motion:
         ahead = told[:2] / math.hypot(told[0], told[1])
         aside = np.array([-ahead[1], ahead[0]])
         u, w = turned(np.array([ahead, aside]), -turn)  # `known` is of the later body frame
-        sums = self._sums
         way = float(told[:2] @ ahead)
         if u @ known[:2, :2] @ u > _TOLD:
-            sums[:2] = _KEPT * sums[:2] + (way * way, way * float(seen[:2] @ ahead))
+            self._scales.append(float(seen[:2] @ ahead) / way)
         if w @ known[:2, :2] @ w > _TOLD:
-            forward = way if float(told[0]) >= 0.0 else -way
-            sideways = float(seen[:2] @ aside) * (1.0 if float(told[0]) >= 0.0 else -1.0)
-            sums[2:4] = _KEPT * sums[2:4] + (forward * forward, forward * sideways)
+            self._angles.append(math.atan2(float(seen[:2] @ aside), way))
 
     def _judged(self) -> list[Finding]:
-        t, enough = self._t, _LEGS * _LEG * _LEG
+        """By the middle one of the last legs: a leg that people or corners spoil does not count."""
+        t = self._t
         found: list[Finding] = []
-        oo, os, ff, fs = self._sums.tolist()
-        if oo > enough and abs(os / oo - 1.0) > t.scale:
-            found.append(slow(
-                CRAWL, f"the scans show {100.0 * os / oo:.0f} % of the way that odometry says"
-            ))  # fmt: skip
-        if ff > enough and abs(fs / ff) > math.tan(t.angle):
-            off = math.degrees(math.atan(fs / ff))
-            found.append(slow(
-                CAREFUL, f"the scans show a way {off:.0f} deg beside that of the wheels: "
-                "is the LiDAR mounted as described?"
-            ))  # fmt: skip
+        if len(self._scales) >= _LEGS:
+            scale = statistics.median(self._scales)
+            if abs(scale - 1.0) > t.scale:
+                of = f"{100.0 * scale:.0f} %"
+                found.append(slow(CRAWL, f"the scans show {of} of the way that odometry says"))
+        if len(self._angles) >= _LEGS:
+            angle = statistics.median(self._angles)
+            if abs(angle) > t.angle:
+                off = f"{math.degrees(angle):.0f} deg"
+                found.append(slow(
+                    CAREFUL, f"the scans show a way {off} beside that of the wheels: "
+                    "is the LiDAR mounted as described?"
+                ))  # fmt: skip
         return found
 
 

@@ -51,9 +51,9 @@ def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
     steps = (math.hypot(last[1] - before[1], last[2] - before[2]), abs(last[3] - before[3]))
     told = (abs(last[4]) * dt, abs(last[5]) * dt)
     told_before = (abs(before[4]) * dt, abs(before[5]) * dt)
-    for step, a, b in zip(steps, told, told_before, strict=True):
+    for step, a, b, unit in zip(steps, told, told_before, ("m", "rad"), strict=True):
         if step > (1.0 + t.share) * max(a, b) + t.step:
-            return fault(f"the odometry's pose jumped by {step:.2f} against its speed")
+            return fault(f"the odometry jumped by {step:.2f} {unit} against its speed")
     for what, went, column in (("speed", gone, 4), ("yaw rate", turned, 5)):
         low, high = _added_up(rows, column)
         room = t.drift + t.share * max(abs(low), abs(high), abs(went))
