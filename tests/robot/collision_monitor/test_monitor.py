@@ -396,3 +396,14 @@ def test_the_same_reading_twice_is_nothing_new():
     it.observe(1.02, once, STILL)
     assert it.restrict(1.02, Twist(1.0, 0.0)) == found
     assert len(it._measured) == 6
+
+
+def test_what_was_sent_a_moment_ago_explains_motion_and_what_was_sent_long_ago_does_not():
+    for ago, explained in ((0.06, True), (0.3, False)):
+        it = watch()
+        for k in range(50, -1, -1):
+            t = 1.0 - 0.02 * k
+            sent = Twist(0.5, 0.0) if t < 1.0 - ago else STILL
+            it.restrict(t - PERIOD, sent)
+            it.observe(t, readings(t, empty(), Pose(0.5 * t, 0.0, 0.0), Twist(0.5, 0.0)), sent)
+        assert it._unexplained(Twist(0.5, 0.0)) != explained

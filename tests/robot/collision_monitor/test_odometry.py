@@ -119,3 +119,10 @@ def test_the_twists_of_a_time_are_those_held_in_it():
     assert it.twists(1.1, 1.3) == [(0.5, 0.0), (0.5, 0.1)]
     assert it.twists(2.0, 3.0) == [(0.5, 0.1)]
     assert PoseHistory().twists(0.0, 1.0) == []
+
+
+def test_a_heading_may_change_by_more_than_a_quarter_turn_in_one_reading():
+    it = PoseHistory()
+    it.add(0.0, Pose(0.0, 0.0, 0.5), Twist(0.0, 0.0))
+    it.add(0.1, Pose(0.0, 0.0, 2.5), Twist(0.0, 0.0))
+    assert it.pose.psi == pytest.approx(2.5)
