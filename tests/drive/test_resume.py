@@ -384,7 +384,7 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
                 people[i] = drive.station(people[i].name, rng.choice([0.0, 0.02, 0.1, 0.2]))
                 return people[i].name
             case "slow":
-                rng.choice(people).delay = rng.choice([0.0, 0.02, 0.05, 0.1])
+                rng.choice(people).delay = rng.choice([0.0, 0.02, 0.05, 0.2])
             case "fails":
                 beside.fails = rng.choice(["", "", "check", "mistake", "build"])
                 return beside.fails
