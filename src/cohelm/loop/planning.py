@@ -159,5 +159,8 @@ def _plan(line: socket.socket, planner: Planner) -> None:
     os.nice(5)
     with line, line.makefile("rb") as tasks, contextlib.suppress(OSError):
         while head := tasks.read(_SIZE.size):
-            task = tasks.read(*_SIZE.unpack(head))
+            (size,) = _SIZE.unpack(head)
+            task = tasks.read(size)
+            if len(task) < size:  # the loop ended while it told it
+                return
             line.sendall(_framed(planner(pickle.loads(task))))
