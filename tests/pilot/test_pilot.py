@@ -10,10 +10,9 @@ from cohelm.core.types import Pose, Stick, Twist
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.verdict import INVALID
-from cohelm.pilot.movers import Foresight
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot
-from cohelm.pilot.plan import Care
 from cohelm.pilot.step import FOLLOWING, LED
+from cohelm.scenario.law import Law, PlanModel
 from tests.pilot.drives import DT, SETTINGS, drive
 
 STRAIGHT = [[0.0, 0.0], [2.0, 0.0], [4.0, 0.0], [6.0, 0.0]]
@@ -110,7 +109,10 @@ def test_what_is_asked_for_is_slowed_down_on_the_same_arc():
 def test_who_comes_head_on_is_passed_on_the_right_where_that_is_asked_for():
     def beside(right):
         walker = (6.0, -0.05, 0.2, 0.2, -0.4, 0.0)  # a little to the robot's right
-        d = drive(STRAIGHT, [walker], care=Care(foresight=Foresight(right=right)), seconds=20.0)
+        law = Law(plan=PlanModel(pass_right_m=right))
+        settings = law.settings(SETTINGS.outline, SETTINGS.limits, 0.5, DT)
+        settings = settings._replace(gains=SETTINGS.gains)
+        d = drive(STRAIGHT, [walker], settings=settings, care=law.care(), seconds=20.0)
         assert d.arrived
         assert d.gaps.min() > 0.1
         met = np.abs(6.0 - 0.4 * DT * np.arange(len(d.poses)) - d.poses[:, 0]).argmin()

@@ -16,7 +16,7 @@ PERIOD = np.dtype(
         ("arming", "i8"),  # link.messages.Arming
         ("stick_age", "f8"),  # of the newest command of the operator [s]; NaN: none
         ("mode", "i8"),  # robot.gate.modes.Mode
-        ("doing", "i8"),  # pilot.step: FOLLOWING, LED, ESCAPING; -1: nothing
+        ("doing", "i8"),  # pilot.step: FOLLOWING, LED, ESCAPING, EVADING; -1: nothing
         ("authority_x", "f8"), ("authority_psi", "f8"),
         ("x_d", "f8"), ("y_d", "f8"), ("psi_d", "f8"),  # what is followed
         ("e_p", "f8"),  # E_P (51)

@@ -165,10 +165,12 @@ class Driver:
 
 
 def _alone(settings: Settings, delay: float) -> Pilot:
-    """A pilot whose automatic part wants nothing: gains 0, and a reference that stands still."""
+    """A pilot whose automatic part wants nothing: gains 0, a reference that stands still, and it
+    steps out of nobody's way."""
     nothing = settings.gains._replace(k_x=0.0, k_psi=0.0)
     nowhere: Reference = through(np.array([[0.0, 0.0], [1.0, 0.0]]), 1.0)
-    pilot = Pilot(nowhere, settings._replace(gains=nothing), delay=delay)
+    by_hand = settings._replace(gains=nothing, evasion=settings.evasion._replace(horizon=0.0))
+    pilot = Pilot(nowhere, by_hand, delay=delay)
     still = Profile(np.zeros_like(pilot.course.paced.rate), pilot.course.paced.duration)
     pilot.course = pilot.course._replace(paced=still)
     return pilot

@@ -16,6 +16,7 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference
 from cohelm.perceive.escape import Escape
 from cohelm.pilot.course import Course
+from cohelm.pilot.evasion import Evasion, EvasionParams
 from cohelm.pilot.step import Decision, Settings, State, pilot_step
 from cohelm.robot.limits import Limits
 
@@ -24,7 +25,7 @@ Flat = Callable[
 ]
 """`pilot_step` of one robot on one route, from Python."""
 
-_STATE = 11  # of the numbers that come back, so many are the state
+_STATE = 17  # of the numbers that come back, so many are the state
 
 
 def step_of(settings: Settings, line: Floats) -> Flat:
@@ -32,7 +33,7 @@ def step_of(settings: Settings, line: Floats) -> Flat:
     s = settings
     row = np.array(
         [*s.limits, *s.gains, *s.rules, *s.pace, s.filter, s.spline_speed, s.led_below,
-         s.escape_speed, s.escape_yaw_rate], dtype=np.float64,
+         s.escape_speed, s.escape_yaw_rate, *s.evasion], dtype=np.float64,
     )  # fmt: skip
     outline = np.ascontiguousarray(s.outline, dtype=np.float64)
     line = np.ascontiguousarray(line, dtype=np.float64)
@@ -41,18 +42,21 @@ def step_of(settings: Settings, line: Floats) -> Flat:
         state: State, pose: Pose, twist: Twist, stick: Stick, around: Surroundings,
         course: Course, dt: float, sent: Floats, fastest: float,
     ) -> tuple[State, Decision]:  # fmt: skip
-        k, time, clock, left, at, held, refused = state
+        k, time, clock, left, at, held, refused, evasion = state
         reference = course.reference
         # a whole number would compile another step
         x, y, psi, v = float(pose[0]), float(pose[1]), float(pose[2]), float(twist[0])
         n = _flat(
-            k, time, *clock, *left, at, held, refused, x, y, psi, v, float(twist[1]),
+            k, time, *clock, *left, at, held, refused, *evasion, x, y, psi, v, float(twist[1]),
             float(stick[0]), float(stick[1]), *around,
             reference.knots, reference.coeffs, reference.speed, course.poses,
             course.paced.rate, course.row, line, outline, row, float(dt), sent,
             float(fastest),
         )  # fmt: skip
-        after = State(n[0], n[1], Clock(n[2], n[3], n[4]), Escape(n[5], n[6], n[7]), *n[8:_STATE])
+        after = State(
+            n[0], n[1], Clock(n[2], n[3], n[4]), Escape(n[5], n[6], n[7]), n[8], n[9], n[10],
+            Evasion(n[11], n[12], n[13], n[14], n[15], n[16]),
+        )  # fmt: skip
         return after, Decision._make(n[_STATE:])
 
     return step
@@ -62,6 +66,7 @@ def step_of(settings: Settings, line: Floats) -> Flat:
 def _flat(
     k: int, time: float, tau: float, rate: float, waited: float, distance: float,
     curvature: float, turn: float, at: int, held: float, refused: int,
+    on: bool, evade_v: float, evade_omega: float, after_it: float, turns: float, wait: int,
     x: float, y: float, psi: float, v: float,
     omega: float, stick_x: float, stick_psi: float, discs: Floats, agility: Floats,
     segments: Floats, points: Floats, knots: Floats, coeffs: Floats, speed: float, poses: Floats,
@@ -77,11 +82,23 @@ def _flat(
     pace = Pace(
         r[25], r[26], r[27], r[28], r[29], r[30], r[31], r[32], r[33], r[34], r[35], r[36], r[37]
     )
+    evasion = EvasionParams(
+        r[43], r[44], r[45], r[46], r[47], r[48], r[49], r[50], r[51], r[52], r[53], r[54], r[55],
+        r[56], r[57],
+    )  # fmt: skip
     s = Settings(
-        outline, limits, gains, rules, pace, int(r[38]), r[39] != 0.0, r[40], r[41], r[42], fastest
-    )
+        outline, limits, gains, rules, pace, int(r[38]), r[39] != 0.0, r[40], r[41], r[42], fastest,
+        evasion,
+    )  # fmt: skip
     before = State(
-        k, time, Clock(tau, rate, waited), Escape(distance, curvature, turn), at, held, refused
+        k,
+        time,
+        Clock(tau, rate, waited),
+        Escape(distance, curvature, turn),
+        at,
+        held,
+        refused,
+        Evasion(on, evade_v, evade_omega, after_it, turns, wait),
     )
     reference = Reference(knots, coeffs, speed)
     course = Course(reference, poses, Profile(rates, knots[-1]), back, True)
@@ -92,7 +109,8 @@ def _flat(
     return (
         after.k, after.time, after.clock.tau, after.clock.rate, after.clock.waited,
         after.left.distance, after.left.curvature, after.left.turn, after.row, after.held,
-        after.refused,
+        after.refused, after.evasion.on, after.evasion.v, after.evasion.omega, after.evasion.then,
+        after.evasion.turns, after.evasion.left,
         d.v, d.omega, d.automatic_v, d.automatic_omega, d.human_v, d.human_omega, d.shared_v,
         d.shared_omega, d.avoid_v, d.avoid_omega, d.authority_x, d.authority_psi, d.intent_x,
         d.intent_psi, d.I, d.J, d.h, d.verdict, d.culprit, d.gap, d.change, d.doing, d.tau,

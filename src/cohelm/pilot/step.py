@@ -19,6 +19,7 @@ from cohelm.law.track import track
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.perceive.escape import Escape, kind, rest, wish
 from cohelm.pilot.course import Course, nearest_row
+from cohelm.pilot.evasion import NO_EVASION, Evasion, EvasionParams, evade
 from cohelm.pilot.foresee import foreseen, moved_on, stopping
 from cohelm.robot.limits import Limits
 
@@ -26,8 +27,9 @@ GUARD, BARRIER, NONE = range(3)
 """Filters: the guard, with a reference that waits; the paper's barrier; none. With the last two
 the reference runs on with time, as in the paper (E12)."""
 
-FOLLOWING, LED, ESCAPING = range(3)
-"""What the robot is doing: following its course, led by the person, getting out of a tight spot."""
+FOLLOWING, LED, ESCAPING, EVADING = range(4)
+"""What the robot is doing: following its course, led by the person, getting out of a tight spot,
+getting out of somebody's way."""
 
 NO_MOVE = Escape(0.0, 0.0, 0.0)
 
@@ -52,6 +54,8 @@ class Settings(NamedTuple):
     """[rad/s]"""
     fastest: float = math.inf
     """What is asked for is slowed down to this, on the same arc [m/s]."""
+    evasion: EvasionParams = EvasionParams()
+    """How moving obstacles are evaded."""
 
 
 class State(NamedTuple):
@@ -71,6 +75,7 @@ class State(NamedTuple):
     """How long such a move has been held up [s]."""
     refused: int
     """Kinds of moves, see `perceive.escape`, that were held up since the robot last got on."""
+    evasion: Evasion = NO_EVASION
 
 
 START = State(0, 0.0, Clock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
@@ -115,7 +120,7 @@ class Decision(NamedTuple):
     change: float
     """Distance of the command from the blend in the guard's metric [m/s]."""
     doing: int
-    """FOLLOWING, LED or ESCAPING."""
+    """FOLLOWING, LED, ESCAPING or EVADING."""
     tau: float
     """The course's clock [s]."""
     rate: float
@@ -152,8 +157,16 @@ def pilot_step(
     left = NO_MOVE if led else state.left
     escaping = left.distance != 0.0 or left.turn != 0.0
 
-    clock, target = _reference(state, then, course, led, escaping, s, dt)
-    if escaping:
+    evasion = NO_EVASION
+    if s.filter == GUARD and s.evasion.horizon > 0.0 and not led:
+        evasion = evade(
+            state.evasion, then, before, things, course, state.clock, s.outline, s.limits, s.gains,
+            s.rules, s.pace, _capped(s.evasion, s.fastest),
+        )  # fmt: skip
+    clock, target = _reference(state, then, course, led or evasion.on, escaping, s, dt)
+    if evasion.on:
+        tau_c, left, escaping = Twist(evasion.v, evasion.omega), NO_MOVE, False
+    elif escaping:
         tau_c = wish(left, s.escape_speed, s.escape_yaw_rate, s.rules.dt)
     else:
         tau_c = track(then, target, s.gains)
@@ -183,8 +196,8 @@ def pilot_step(
         left = rest(left, Twist(v, omega), s.rules.dt)
     left, held, refused = _given_up(state, left, Twist(v, omega), clock.rate, dt)
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
-    doing = LED if led else (ESCAPING if escaping else FOLLOWING)
-    return State(state.k + 1, state.time + dt, clock, left, row, held, refused), Decision(
+    doing = LED if led else (EVADING if evasion.on else (ESCAPING if escaping else FOLLOWING))
+    return State(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion), Decision(
         v, omega,
         _or_0(tau_c.v), _or_0(tau_c.omega), _or_0(tau_h.v), _or_0(tau_h.omega),
         _or_0(tau.v), _or_0(tau.omega), _or_0(v - tau.v), _or_0(omega - tau.omega),
@@ -202,6 +215,16 @@ def _slowed(asked: Twist, fastest: float) -> Twist:
         share = fastest / abs(asked.v)
         return Twist(asked.v * share, asked.omega * share)
     return asked
+
+
+@jit_inline
+def _capped(e: EvasionParams, fastest: float) -> EvasionParams:
+    """An evasion is no faster than anything else may be."""
+    return EvasionParams(
+        e.horizon, e.period, min(e.speed, fastest), e.yaw_rate, e.clearance, e.standing_growth,
+        e.growth_per_speed, e.most_growth, e.social_clearance, e.comfortable, e.clearance_weight,
+        e.hysteresis, e.static_clearance, e.certified_for, e.pass_right,
+    )  # fmt: skip
 
 
 _PATIENCE = 0.4  # a move held up for longer is given up [s]

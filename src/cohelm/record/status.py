@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from cohelm.core.trace import ROW, Trace
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, X, Y
 from cohelm.law.verdict import BRAKING, INVALID, POWERLESS, SHAPED, STANDING, UNTOUCHED
-from cohelm.pilot.step import ESCAPING, FOLLOWING, LED
+from cohelm.pilot.step import ESCAPING, EVADING, FOLLOWING, LED
 
 TOPIC = "/status"
 TYPE = "cohelm_msgs/msg/Status"
@@ -80,7 +80,7 @@ _VERDICTS = {
     "BRAKING": BRAKING,
     "STANDING": STANDING,
 }
-_DOING = {"FOLLOWING": FOLLOWING, "LED": LED, "ESCAPING": ESCAPING}
+_DOING = {"FOLLOWING": FOLLOWING, "LED": LED, "ESCAPING": ESCAPING, "EVADING": EVADING}
 _CONSTANTS = {"verdict": _VERDICTS, "doing": _DOING}
 _COLUMNS = {
     "obstacle_x": (X, "[m] centres, world frame, in the order of the names in the metadata"),

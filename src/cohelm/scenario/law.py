@@ -12,6 +12,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.govern import Pace
 from cohelm.law.guard.step import Rules
 from cohelm.perceive.way import Manners
+from cohelm.pilot.evasion import EvasionParams
 from cohelm.pilot.plan import Care
 from cohelm.pilot.step import BARRIER, GUARD, NONE, Settings
 from cohelm.robot.limits import Limits
@@ -25,6 +26,8 @@ Rate = Annotated[float, Field(gt=0.0, le=1e3)]
 Angle = Annotated[float, Field(gt=0.0, le=1.5707)]
 
 _PAPER, _RULES, _PACE, _CARE, _MANNERS = Gains(), Rules(), Pace(), Care(), Manners()
+_EVASION = EvasionParams()
+_HURRY = 1.6  # who gets out of the way may be so much faster than the reference
 _FILTERS = {"guard": GUARD, "barrier": BARRIER, "none": NONE}
 
 
@@ -174,6 +177,29 @@ class PlanModel(Schema):
         return _MANNERS._replace(gap=gap, room=self.room_m)
 
 
+class EvasionModel(Schema):
+    """Making way for who moves; with the guard only, and never while a person leads."""
+
+    horizon_s: Annotated[float, Field(ge=0.0, le=10.0)] = _EVASION.horizon
+    """How far ahead is looked; 0: nobody is evaded, the robot only stands."""
+    speed_mps: Rate | None = None
+    """Largest speed of an evasion; by default 1.6 times that of the reference."""
+    yaw_rate_radps: Rate = _EVASION.yaw_rate
+    """Largest yaw rate of one."""
+    clearance_m: AtLeast0 = _EVASION.clearance
+    """Least clearance to where a moving obstacle may be."""
+    social_clearance_m: AtLeast0 = _EVASION.social_clearance
+    """Clearance that is kept where there is room."""
+
+    def params(self, u_d: float) -> EvasionParams:
+        """The same as numbers. u_d: speed of the reference [m/s]."""
+        return _EVASION._replace(
+            horizon=self.horizon_s, yaw_rate=self.yaw_rate_radps, clearance=self.clearance_m,
+            speed=_HURRY * u_d if self.speed_mps is None else self.speed_mps,
+            social_clearance=max(self.social_clearance_m, self.clearance_m),
+        )  # fmt: skip
+
+
 class Law(Schema):
     """What filters the wishes; gains of Table II, and the choices that the paper leaves open."""
 
@@ -192,6 +218,8 @@ class Law(Schema):
     """How fast, and when to wait."""
     plan: PlanModel = PlanModel()
     """Ways round."""
+    evasion: EvasionModel = EvasionModel()
+    """Making way for who moves."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -223,4 +251,5 @@ class Law(Schema):
         return Settings(
             outline, limits, self.gains(u_d), self.guard.rules(dt), self.pace.pace(),
             _FILTERS[self.filter], False, 0.5, self.plan.escape_mps, self.plan.escape_radps,
+            evasion=self.evasion.params(u_d)._replace(pass_right=self.plan.pass_right_m),
         )  # fmt: skip

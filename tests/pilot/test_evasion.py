@@ -1,0 +1,89 @@
+"""The robot steps aside: who comes towards it, crosses or overtakes it is not waited for."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, Twist, disc
+from cohelm.law.guard.surroundings import surroundings
+from cohelm.law.reference import through
+from cohelm.pilot.evasion import EvasionParams
+from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.step import EVADING, LED
+from tests.pilot.drives import DT, SETTINGS, drive
+
+WAY = [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0)]
+OFF = SETTINGS._replace(evasion=EvasionParams(horizon=0.0))
+
+
+def coming(x, y, vx, vy, radius=0.25):
+    """A disc that drifts, minding nobody."""
+    return (x, y, radius, radius + 0.5, vx, vy)  # as `disc` takes it
+
+
+ENCOUNTERS = {
+    "head-on": coming(6.0, 0.0, -0.8, 0.0),
+    "head-on, a little aside": coming(6.0, 0.3, -0.8, 0.0),
+    "crossing from the left": coming(3.0, 3.0, 0.0, -0.6),
+    "crossing from the right, fast": coming(3.0, -6.0, 0.0, 1.2),
+    "overtaking": coming(-2.5, 0.1, 0.9, 0.0),
+    "slower ahead": coming(1.5, 0.0, 0.2, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", ENCOUNTERS)
+def test_nobody_who_keeps_his_way_touches_a_robot_that_has_room(name):
+    done = drive(WAY, [ENCOUNTERS[name]], seconds=40.0)
+    assert done.gaps.min() > 0.05
+    assert done.arrived
+
+
+def test_without_evasion_the_same_encounters_end_in_a_touch():
+    """The tests above can fail."""
+    gaps = [drive(WAY, [who], seconds=20.0, settings=OFF).gaps.min() for who in ENCOUNTERS.values()]
+    assert min(gaps) < 0.0
+
+
+def test_where_nobody_moves_nothing_is_changed():
+    still = [(2.0, 0.6, 0.2, 0.7, 0.0, 0.0)]
+    with_it, without = drive(WAY, still, agility=0.0), drive(WAY, still, settings=OFF, agility=0.0)
+    np.testing.assert_array_equal(with_it.poses, without.poses)
+
+
+def test_who_passes_far_away_is_not_minded():
+    done = drive(WAY, [coming(3.0, 4.0, 0.5, 0.0)], seconds=30.0)
+    assert EVADING not in {d.doing for d in done.decisions}
+
+
+def test_it_comes_back_to_its_path():
+    done = drive(WAY, [ENCOUNTERS["head-on"]], seconds=40.0)
+    assert abs(done.poses[:, 1]).max() > 0.3  # it went round
+    assert abs(done.poses[-1, 1]) < 0.1
+
+
+def test_a_person_who_leads_is_not_overruled():
+    """Whole deflection straight on: the command asked for is the person's alone."""
+
+    def hand(_time, _pose):
+        return 1.0, 0.0
+
+    done = drive(WAY, [ENCOUNTERS["head-on"]], seconds=5.0, hand=hand)
+    led = [d for d in done.decisions if d.doing == LED]
+    assert led
+    assert EVADING not in {d.doing for d in done.decisions[50:]}
+    for d in led[50:]:
+        assert d.shared_v == pytest.approx(d.human_v, abs=0.1)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300, -1e300])
+@pytest.mark.parametrize("column", range(6))
+def test_what_is_asked_for_is_finite_whatever_is_told(bad, column):
+    pilot = Pilot(through(WAY, 0.5), SETTINGS)
+    rows = np.array([disc(*coming(3.0, 0.1, -0.5, 0.0)), disc(*coming(2.0, 0.2, -0.5, 0.0))])
+    rows[1, column] = bad
+    around = surroundings(rows, np.array([0.5, 0.5]))
+    for k in range(12):
+        d = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), None, around)
+        asked = (d.v, d.omega, d.shared_v, d.shared_omega, d.automatic_v, d.automatic_omega)
+        assert np.isfinite(asked).all()
