@@ -63,6 +63,8 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
                 if shown:
                     print(f"  {made.name} {number} at {t:.1f} s: {now}", flush=True)
             before = now
+            if got.fault:
+                return t  # latched
     return t
 
 

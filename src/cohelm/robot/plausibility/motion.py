@@ -54,7 +54,8 @@ _PROVEN = 0.12  # a way over which odometry and scans have to agree after they d
 _AGREED = 0.04  # ... within this [m]
 _ENDS = 0.5  # a way after which that is given up: the scans do not show the motion [m]
 _LEG = 0.3  # a sample of the long run is so long [m]
-_LEGS, _KEPT = 6, 8  # legs before the way is judged, and that are kept
+_LEGS, _KEPT = 8, 10  # legs before the way is judged, and that are kept
+_AGREE = 0.8  # of the legs are off by half as much at least
 _TOLD = 10.0  # points that show a direction before it is judged
 _OLD = 3.0  # a leg may take so long [s]
 
@@ -209,23 +210,30 @@ class Motion:
             self._angles.append(math.atan2(float(seen[:2] @ aside), way))
 
     def _judged(self) -> list[Finding]:
-        """By the middle one of the last legs: a leg that people or corners spoil does not count."""
+        """By the last legs: one that people or corners spoil does not count."""
         t = self._t
         found: list[Finding] = []
-        if len(self._scales) >= _LEGS:
-            scale = statistics.median(self._scales)
-            if abs(scale - 1.0) > t.scale:
-                of = f"{100.0 * scale:.0f} %"
-                found.append(slow(CRAWL, f"the scans show {of} of the way that odometry says"))
-        if len(self._angles) >= _LEGS:
-            angle = statistics.median(self._angles)
-            if abs(angle) > t.angle:
-                off = f"{math.degrees(angle):.0f} deg"
-                found.append(slow(
-                    CAREFUL, f"the scans show a way {off} beside that of the wheels: "
-                    "is the LiDAR mounted as described?"
-                ))  # fmt: skip
+        scale = _off([scale - 1.0 for scale in self._scales], t.scale)
+        if scale:
+            of = f"{100.0 * (1.0 + scale):.0f} %"
+            found.append(slow(CRAWL, f"the scans show {of} of the way that odometry says"))
+        angle = _off(list(self._angles), t.angle)
+        if angle:
+            off = f"{math.degrees(angle):.0f} deg"
+            found.append(slow(
+                CAREFUL, f"the scans show a way {off} beside that of the wheels: "
+                "is the LiDAR mounted as described?"
+            ))  # fmt: skip
         return found
+
+
+def _off(legs: list[float], most: float) -> float:
+    """The middle one of the legs, where it is too much, and most of them agree; else 0."""
+    if len(legs) < _LEGS:
+        return 0.0
+    middle = statistics.median(legs)
+    agree = sum(leg * math.copysign(1.0, middle) > 0.5 * most for leg in legs)
+    return middle if abs(middle) > most and agree >= _AGREE * len(legs) else 0.0
 
 
 def _scans(off: Floats, told: Floats) -> Floats:
