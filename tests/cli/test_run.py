@@ -29,6 +29,7 @@ def test_a_replay_gives_the_metrics_of_the_run_to_the_last_digit(cohelm, tmp_pat
     ran = json.loads(cohelm("run", "lab-shared", "--out", "there", "--json").out)
     replayed = json.loads(cohelm("replay", "there/record.mcap", "--json").out)
     assert replayed.pop("record") == "there/record.mcap"
+    assert (replayed.pop("record_whole"), replayed.pop("record_fault")) == (True, None)
     assert (ran.pop("scenario"), ran.pop("out")) == ("lab-shared", "there")
     assert replayed == ran
     assert json.loads((tmp_path / "there" / "metrics.json").read_text()) == ran

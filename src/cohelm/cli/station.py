@@ -109,7 +109,7 @@ def drive(
     tls_key: CertificateKey = None,
     without_tls: InClear = False,
 ) -> None:
-    """Drive a simulated robot, or with --driver your own, from a browser.
+    """Drive a robot from a browser: a simulated one, or yours.
 
     Robot and station, both on this machine.
 

@@ -23,7 +23,7 @@ class VirtualSdl:
         from cohelm.link.sticks.sdl_stick import _sdl
 
         pygame = _sdl()
-        (library,) = (Path(pygame.__file__).parent.parent / "pygame.libs").glob("libSDL2-2-*")
+        (library,) = (Path(pygame.__file__).parent.parent / "pygame_ce.libs").glob("libSDL2-2*")
         self._sdl: Any = ctypes.CDLL(str(library))
         self._sdl.SDL_JoystickOpen.restype = ctypes.c_void_p
         self.index: int = self._sdl.SDL_JoystickAttachVirtual(1, 2, 4, 0)
