@@ -87,6 +87,7 @@ def test_an_output_that_can_not_be_written_is_told_without_a_traceback():
     assert said.stderr.count("\n") == 1
 
 
+@pytest.mark.slow  # compiles everything twice
 def test_without_a_cache_with_assertions_off_and_in_ascii_a_run_is_the_same(tmp_path):
     folder = tmp_path / "ein Ordner, é 車"
     folder.mkdir()
