@@ -43,6 +43,7 @@ class Drive:
 
         def before() -> None:
             signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where pytest is under nohup
             if limit:
                 import resource
 
