@@ -44,7 +44,7 @@ class Drive:
         self.said = ""
         self._reader = threading.Thread(target=self._read, args=(self.process.stderr,))
         self._reader.start()
-        until(lambda: "Ctrl-C ends" in self.said or self.process.poll() is not None, STARTED)
+        until(lambda: "robot is ready" in self.said or self.process.poll() is not None, STARTED)
         self.address = self.process.stdout.readline().strip()
 
     def _read(self, stream) -> None:
