@@ -6,6 +6,7 @@ What the robot did is read from the record: the keeper and the recorder outlive 
 import json
 import os
 import re
+import resource
 import signal
 import socket
 import subprocess
@@ -30,7 +31,7 @@ STARTED = 240.0  # with nothing compiled, on a busy machine [s]
 class Drive:
     """`cohelm robot` on the corridor in a process of its own; or with a sensor that breaks."""
 
-    def __init__(self, folder: Path, *more: str, limit: int = 0, breaks: str = "") -> None:
+    def __init__(self, folder: Path, *more: str, breaks: str = "") -> None:
         self.record = folder / "drive.mcap"
         self.log = folder / "drive.log"
         self.now = folder / "now"
@@ -44,10 +45,6 @@ class Drive:
         def before() -> None:
             signal.signal(signal.SIGINT, signal.default_int_handler)
             signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where pytest is under nohup
-            if limit:
-                import resource
-
-                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -89,8 +86,8 @@ class Drive:
 def drive(request, tmp_path):
     made = []
 
-    def start(*more: str, folder: Path = tmp_path, limit: int = 0, breaks: str = "") -> Drive:
-        made.append(Drive(folder, *more, limit=limit, breaks=breaks))
+    def start(*more: str, folder: Path = tmp_path, breaks: str = "") -> Drive:
+        made.append(Drive(folder, *more, breaks=breaks))
         return made[-1]
 
     yield start
@@ -199,12 +196,16 @@ def test_when_the_driver_s_process_is_killed_the_robot_stops(drive, tmp_path, mo
 
 @pytest.mark.slow
 def test_a_disk_that_fills_up_stops_the_record_but_not_the_robot(drive):
-    going = drive("--for", "8", limit=100_000)
+    going = drive("--for", "8")
+    going.said("IDLE -> AUTOMATIC", STARTED)
+    limit = going.record.stat().st_size + 30_000
+    recorder = child(going.process.pid, "recorder")  # alone: no other writes to the disk
+    resource.prlimit(recorder, resource.RLIMIT_FSIZE, (limit, limit))
     summary, log = going.ended()
     assert "recording stopped: File too large" in log
     assert summary["reason"] == "the drive is over"
     assert "AUTOMATIC -> STOPPED: the drive is over" in log  # the log still grows
-    assert going.record.stat().st_size <= 100_000
+    assert going.record.stat().st_size <= limit
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
 
@@ -71,12 +72,18 @@ class SharedMemory:
 
 
 def shared(model: RobotModel) -> SharedMemory:
-    """Memory for what a robot's sensors give."""
+    """Memory for what a robot's sensors give. CohelmError where there is none."""
     lidar, camera = model.lidar, model.camera
     scan = _NUMBER * lidar.beams if lidar else 0
     frame = 3 * camera.width * camera.height if camera else 0
-    handle = os.memfd_create("cohelm sensors", os.MFD_CLOEXEC)
-    os.ftruncate(handle, _size(scan, frame))
+    try:
+        handle = os.memfd_create("cohelm sensors", os.MFD_CLOEXEC)
+        os.ftruncate(handle, _size(scan, frame))  # heeds a limit on files, though it is none
+    except OSError as error:
+        raise CohelmError(
+            f"there is no memory for scans and frames, {_size(scan, frame)} bytes "
+            f"({error.strerror}): see `ulimit -f`, `ulimit -n`"
+        ) from error
     return SharedMemory(handle, scan, frame)
 
 
