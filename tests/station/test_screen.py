@@ -84,7 +84,9 @@ def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
     page.reload()  # the browser's button, in the middle of a drive
     expect(who(page)).to_contain_text("You drive")
     expect(given(page)).to_contain_text(STILL)
-    expect(stopped(second)).to_contain_text("the stick is lost: the stick vanished")
+    # as quick as that it is a dropout, and latches nothing (docs/loop.md); what was held is let go
+    page.wait_for_timeout(600)
+    expect(given(second)).to_contain_text(STILL)
     page.keyboard.up("ArrowRight")
     release(page)
     second.close()

@@ -47,7 +47,8 @@ class Beside:
         self.over = ""
         """Why the robot's process has ended without having been told to; empty: it has not."""
         self._told = False
-        self._on_ready: Callable[[], None] = lambda: None
+        self._on_ready: Callable[[], None] | None = None
+        self._turn = threading.Lock()
         self._then: Callable[[], None] = lambda: None
         if wait:
             self._awaited()
@@ -92,8 +93,10 @@ class Beside:
     def when_ready(self, then: Callable[[], None]) -> None:
         """What to do, in a thread, as soon as the robot can be driven; at once, if it can. A
         CohelmError of it ends the robot."""
-        self._on_ready = then
-        if self.ready.is_set():
+        with self._turn:
+            came = self.ready.is_set()
+            self._on_ready = None if came else then
+        if came:
             then()
 
     def close(self) -> None:
@@ -118,8 +121,11 @@ class Beside:
         try:
             if not self.port:
                 self._awaited()
-            self.ready.set()
-            self._on_ready()
+            with self._turn:
+                self.ready.set()
+                on_ready = self._on_ready
+            if on_ready is not None:
+                on_ready()  # once: whoever asks from now on calls it itself
         except CohelmError as error:
             if not self._told:
                 self.over = str(error)
