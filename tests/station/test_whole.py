@@ -113,6 +113,7 @@ def test_the_robot_stops_when_its_station_dies_in_the_middle_of_a_drive(
         port = first.port
     with served(robot.connect, port=port) as second:
         assert second.port == port
+        page.goto(second.address)  # another station is another token
         expect(stopped(page)).to_contain_text("is lost:")
         expect(given(page)).to_contain_text(STILL)
         expect(who(page)).to_contain_text("Nobody drives")
