@@ -62,7 +62,7 @@ class Robot:
                 self.watcher.ask(Ask.MODE, Mode.HOLD)
                 if _neat(status._replace(lease=status.lease._replace(driver=0, asking=0))):
                     self.watcher.ask(Ask.GIVE, 0)
-            time.sleep(0.05)
+            time.sleep(0.4)  # a client may ask for 20 things a second, and no more
 
     def close(self) -> None:
         """End it."""
