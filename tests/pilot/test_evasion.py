@@ -14,7 +14,8 @@ from cohelm.pilot.step import EVADING, LED
 from tests.pilot.drives import DT, SETTINGS, drive
 
 WAY = [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0)]
-OFF = SETTINGS._replace(evasion=EvasionParams(horizon=0.0))
+OFF = SETTINGS
+ON = SETTINGS._replace(evasion=EvasionParams(horizon=3.0))
 
 
 def coming(x, y, vx, vy, radius=0.25):
@@ -34,7 +35,7 @@ ENCOUNTERS = {
 
 @pytest.mark.parametrize("name", ENCOUNTERS)
 def test_nobody_who_keeps_his_way_touches_a_robot_that_has_room(name):
-    done = drive(WAY, [ENCOUNTERS[name]], seconds=40.0)
+    done = drive(WAY, [ENCOUNTERS[name]], seconds=40.0, settings=ON)
     assert done.gaps.min() > 0.05
     assert done.arrived
 
@@ -47,17 +48,20 @@ def test_without_evasion_the_same_encounters_end_in_a_touch():
 
 def test_where_nobody_moves_nothing_is_changed():
     still = [(2.0, 0.6, 0.2, 0.7, 0.0, 0.0)]
-    with_it, without = drive(WAY, still, agility=0.0), drive(WAY, still, settings=OFF, agility=0.0)
+    with_it, without = (
+        drive(WAY, still, settings=ON, agility=0.0),
+        drive(WAY, still, settings=OFF, agility=0.0),
+    )
     np.testing.assert_array_equal(with_it.poses, without.poses)
 
 
 def test_who_passes_far_away_is_not_minded():
-    done = drive(WAY, [coming(3.0, 4.0, 0.5, 0.0)], seconds=30.0)
+    done = drive(WAY, [coming(3.0, 4.0, 0.5, 0.0)], seconds=30.0, settings=ON)
     assert EVADING not in {d.doing for d in done.decisions}
 
 
 def test_it_comes_back_to_its_path():
-    done = drive(WAY, [ENCOUNTERS["head-on"]], seconds=40.0)
+    done = drive(WAY, [ENCOUNTERS["head-on"]], seconds=40.0, settings=ON)
     assert abs(done.poses[:, 1]).max() > 0.3  # it went round
     assert abs(done.poses[-1, 1]) < 0.1
 
@@ -68,7 +72,7 @@ def test_a_person_who_leads_is_not_overruled():
     def hand(_time, _pose):
         return 1.0, 0.0
 
-    done = drive(WAY, [ENCOUNTERS["head-on"]], seconds=5.0, hand=hand)
+    done = drive(WAY, [ENCOUNTERS["head-on"]], seconds=5.0, hand=hand, settings=ON)
     led = [d for d in done.decisions if d.doing == LED]
     assert led
     assert EVADING not in {d.doing for d in done.decisions[50:]}
@@ -79,7 +83,7 @@ def test_a_person_who_leads_is_not_overruled():
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300, -1e300])
 @pytest.mark.parametrize("column", range(6))
 def test_what_is_asked_for_is_finite_whatever_is_told(bad, column):
-    pilot = Pilot(through(WAY, 0.5), SETTINGS)
+    pilot = Pilot(through(WAY, 0.5), ON)
     rows = np.array([disc(*coming(3.0, 0.1, -0.5, 0.0)), disc(*coming(2.0, 0.2, -0.5, 0.0))])
     rows[1, column] = bad
     around = surroundings(rows, np.array([0.5, 0.5]))

@@ -45,8 +45,8 @@ _TURNS = 1.0  # the first piece of an arc [s]
 class EvasionParams(NamedTuple):
     """How moving obstacles are evaded."""
 
-    horizon: float = 3.0
-    """How far ahead is looked; 0: nobody is evaded [s]."""
+    horizon: float = 0.0
+    """How far ahead is looked, say 3; 0: nobody is evaded [s]."""
     period: float = 0.1
     """From one look to the next [s]."""
     speed: float = 0.8

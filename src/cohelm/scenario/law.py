@@ -181,7 +181,7 @@ class EvasionModel(Schema):
     """Making way for who moves; with the guard only, and never while a person leads."""
 
     horizon_s: Annotated[float, Field(ge=0.0, le=10.0)] = _EVASION.horizon
-    """How far ahead is looked; 0: nobody is evaded, the robot only stands."""
+    """How far ahead is looked, say 3; 0: nobody is evaded, the robot only stands."""
     speed_mps: Rate | None = None
     """Largest speed of an evasion; by default 1.6 times that of the reference."""
     yaw_rate_radps: Rate = _EVASION.yaw_rate
