@@ -73,3 +73,18 @@ def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(
     for helper in ("what plans ways round does not answer", "the recorder gives no sign of life"):
         assert f"! loop: {helper}" in log
         assert f"loop: over: {helper}" in log
+
+
+def test_who_follows_no_route_waits_for_no_plan():
+    with Session(Plan(simulated(CORRIDOR, seed=2), patience=PATIENT)) as session:
+        loop, planner = session.loop, children(os.getpid())["cohelm planner"]
+        drive(session, 1.0, Mode.AUTOMATIC)
+        with stopped(planner):
+            drive(session, 10.0, until=lambda loop: told(loop, "plans ways round"))
+            loop.choose(Mode.HOLD)
+            drive(session, 1.0, until=lambda loop: not alarms(loop))
+            assert not alarms(loop)
+        drive(session, ANSWER + 0.5)
+        drive(session, 1.0, Mode.AUTOMATIC, until=lambda loop: bool(alarms(loop)))
+        assert not alarms(loop)
+        session.end("enough")

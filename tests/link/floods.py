@@ -27,8 +27,7 @@ from cohelm.core.types import Stick
 from cohelm.link.dtls import Channel, Refused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask, Command, Device, Fetch, Request, Waypoints
-from cohelm.link.robot_bulk import RobotBulk
-from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode
 from tests.link.ends import STATUS
@@ -62,8 +61,8 @@ class Seen(NamedTuple):
 def _robot(keys: Keys, stick: Stick, told: Connection) -> None:
     """The other process: both ends of the link, and a loop at 50 Hz that obeys."""
     sys.setswitchinterval(5e-4)  # as `Loop.run`
-    with RobotEnd(keys, HERE, 0) as end:
-        bulk = RobotBulk(end, keys, None)
+    end, bulk = both_ends(keys, HERE)
+    with end:
         told.send(end.address[1])
         due = time.monotonic()
         while not told.poll():

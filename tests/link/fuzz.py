@@ -22,8 +22,7 @@ from cohelm.core.types import Stick
 from cohelm.link.dtls import Channel, Refused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask, Command, Device, Fetch, Request, Waypoints
-from cohelm.link.robot_bulk import RobotBulk
-from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_bulk import both_ends
 from cohelm.link.station_end import StationEnd
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode
@@ -67,8 +66,7 @@ class Attack:
         self.rng = random.Random(seed)
         robot_keys, self.keys = pair_here()
         self.stranger = pair_here("stranger")[1]._replace(trusted=self.keys.trusted)
-        self.robot = RobotEnd(robot_keys, HERE, 0)
-        self.bulk = RobotBulk(self.robot, robot_keys, None)
+        self.robot, self.bulk = both_ends(robot_keys, HERE)
         self.port = self.robot.address[1]
         self.to = (HERE, self.port)
         self.driver = StationEnd(self.keys, HERE, self.port)

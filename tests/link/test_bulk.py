@@ -29,8 +29,7 @@ from cohelm.link.messages import (
     Waypoints,
 )  # fmt: skip
 from cohelm.link.pace import FASTEST, SLOWEST, TARGET, Pace
-from cohelm.link.robot_bulk import RobotBulk
-from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_bulk import both_ends
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import STATUS, until
@@ -42,8 +41,7 @@ HERE = "127.0.0.1"
 class Both:
     def __init__(self, folder) -> None:
         self.robot_keys, self.keys = pair_here()
-        self.robot = RobotEnd(self.robot_keys, HERE, 0)
-        self.down = RobotBulk(self.robot, self.robot_keys, folder)
+        self.robot, self.down = both_ends(self.robot_keys, HERE, 0, folder)
         self.port = self.robot.address[1]
         self.station = StationEnd(self.keys, HERE, self.port)
         self.up = self.stream(self.keys, self.station.session)

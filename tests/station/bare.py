@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from cohelm.link import keys
-from cohelm.link.robot_bulk import RobotBulk
-from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_bulk import both_ends
 from cohelm.station.linked import Linked
 from tests.link.ends import STATUS
 
@@ -18,8 +17,7 @@ class Bare:
 
     def __init__(self, folder: Path) -> None:
         self.robot_keys, self.keys = keys.pair_here()
-        self.end = RobotEnd(self.robot_keys, "127.0.0.1", 0, stale=5.0)
-        self.bulk = RobotBulk(self.end, self.robot_keys, folder)
+        self.end, self.bulk = both_ends(self.robot_keys, "127.0.0.1", 0, folder, stale=5.0)
         self.port = self.end.address[1]
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._tell, daemon=True)

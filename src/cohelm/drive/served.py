@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cohelm.core.errors import CohelmError
 from cohelm.drive.desk import Desk
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Plan, Session
 from cohelm.link.keys import Keys
-from cohelm.link.robot_bulk import RobotBulk
-from cohelm.link.robot_end import STALE, RobotEnd
+from cohelm.link.robot_bulk import both_ends
+from cohelm.link.robot_end import STALE
 from cohelm.loop.loop import Loop
 from cohelm.perceive.taped import surveyed
 
@@ -49,7 +48,7 @@ def serve(
             _log.warning("there is no wall to localise by: the robot trusts its odometry")
             plan = replace(plan, localise=False)
     on_loss = "goes on alone" if plan.ways.carry_on else "stops"
-    end, bulk = _ends(door, STALE + plan.patience)
+    end, bulk = both_ends(door.keys, door.host, door.port, door.records, STALE + plan.patience)
     operator = OverLink(
         end, bulk, plan.robot.model, door.records, on_loss, plan.ways.manner.stale,
         plan.robot.kind != "kinematic",
@@ -75,21 +74,3 @@ def serve(
         return summary | session.record_summary()
     finally:
         operator.close()
-
-
-def _ends(door: Door, stale: float, tries: int = 5) -> tuple[RobotEnd, RobotBulk]:
-    """Both ways of the link, on ports of one number. Raises CohelmError where there are none.
-
-    A port that is free for datagrams may be taken for streams: then another one, where any will do.
-    """
-    end = RobotEnd(door.keys, door.host, door.port, stale=stale)
-    try:
-        return end, RobotBulk(end, door.keys, door.records)
-    except CohelmError:
-        end.close()
-        if door.port or tries <= 1:
-            raise
-    except BaseException:
-        end.close()
-        raise
-    return _ends(door, stale, tries - 1)

@@ -40,7 +40,7 @@ from cohelm.link.messages import (
     Waypoints,
 )  # fmt: skip
 from cohelm.link.pace import Pace
-from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_end import STALE, RobotEnd
 from cohelm.link.robot_records import Digests, Wanted, listed, opened
 from cohelm.link.stream import Stream
 from cohelm.link.turning import Turning
@@ -50,6 +50,7 @@ MOST_STREAMS = 24
 _STRANGERS = 8
 _PATIENCE = 5.0  # [s], for a handshake
 _LARGEST_UP = 65_536
+_PORTS = 5  # that are tried
 _LAST = (Picture, Map)  # the big ones, after all others
 _log = logging.getLogger("cohelm.link")
 
@@ -75,6 +76,27 @@ class _Station:
         self.wanted: Wanted | None = None
         self.digest_of = ""
         """The record whose hash it waits for."""
+
+
+def both_ends(
+    keys: Keys, host: str, port: int = 0, records: Path | None = None, stale: float = STALE
+) -> tuple[RobotEnd, RobotBulk]:
+    """Both ways of the link on ports of one number; port 0 takes one that is free for both.
+
+    A port that is free for datagrams may be taken for streams. Raises CohelmError.
+    """
+    for left in range(0 if port else _PORTS, -1, -1):
+        end = RobotEnd(keys, host, port, stale=stale)
+        try:
+            return end, RobotBulk(end, keys, records)
+        except CohelmError:
+            end.close()
+            if not left:
+                raise
+        except BaseException:
+            end.close()
+            raise
+    raise AssertionError
 
 
 class RobotBulk(Turning):

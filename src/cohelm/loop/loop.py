@@ -40,6 +40,8 @@ _GATE = {
     Mode.HOLD: GateMode.IDLE, Mode.AUTOMATIC: GateMode.AUTOMATIC,
     Mode.SHARED: GateMode.SHARED, Mode.MANUAL: GateMode.SHARED,
 }  # fmt: skip
+_PLANNED = (Mode.AUTOMATIC, Mode.SHARED)
+"""Modes that follow a route, and so need plans."""
 _MODES = frozenset(int(mode) for mode in Mode)
 _TOLD = 50.0  # statuses a second, at most
 _DISCS = 40  # shown, at most
@@ -177,7 +179,7 @@ class Loop:
         """who: the client that chooses; 0: the robot, or who started it."""
         if mode != Mode.HOLD and self.problem:
             return self.problem
-        if mode in (Mode.AUTOMATIC, Mode.SHARED) and self.driver.pilot is None:
+        if mode in _PLANNED and self.driver.pilot is None:
             return "there is no route to follow"
         said = self.keeper.drive(_GATE[mode])
         if not said:
@@ -442,7 +444,7 @@ class Loop:
             self.alarms.on("recorder", self._recorder)
         elif not said and not self._recorder:
             self._heed("recorder", _MUTE_RECORDER if self._record.mute else "")
-        late = _LATE_PLANNER if self.driver.planless else ""
+        late = _LATE_PLANNER if self.driver.planless and self.mode in _PLANNED else ""
         self._heed("planner", _NO_PLANNER if self.driver.stuck else late)
         if self.driver.arrived != self._arrived:
             self._arrived = self.driver.arrived

@@ -102,7 +102,10 @@ class Elsewhere:
             return None
         self._exchange()
         made = self._come()
-        self._waited += min(max(now - self._asked, 0.0), _ASKED)
+        gap = max(now - self._asked, 0.0)
+        # After a long gap another drive has begun, that has not waited yet.
+        self._waited = 0.0 if gap > ANSWER else self._waited + min(gap, _ASKED)
+        self.late = self.late and self._waited > 0.0
         self._asked = now
         if made is None:
             self.late = self.late or self._waited > ANSWER

@@ -14,8 +14,7 @@ from cohelm.core.types import Stick, Twist
 from cohelm.link import keys as pairing
 from cohelm.link.keys import pair_here
 from cohelm.link.messages import Device, Hello, Mode
-from cohelm.link.robot_bulk import RobotBulk
-from cohelm.link.robot_end import RobotEnd
+from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stick import Recording
 from cohelm.link.sticks.at_helm import drive
 from cohelm.link.sticks.played import PlayedStick
@@ -31,8 +30,7 @@ class Robot:
     """Its loop, as far as the driver is concerned."""
 
     def __init__(self, keys) -> None:
-        self.end = RobotEnd(keys, HERE, 0)
-        self.bulk = RobotBulk(self.end, keys)
+        self.end, self.bulk = both_ends(keys, HERE)
         outline = np.zeros((3, 2), np.float32)
         self.bulk.publish(Hello("sally", "0", outline, 2.0, 1.0, 0.3, "stop", (NAN, NAN, NAN, NAN)))
         self.side = Side()
