@@ -24,13 +24,13 @@ def test_a_paired_station_hears_a_robot_that_listens(tmp_path, monkeypatch):
         port = free.getsockname()[1]
     command = [sys.executable, "-m", "cohelm", "robot", "--listen", f"127.0.0.1:{port}"]
     with subprocess.Popen(
-        [*command, "--for", "60", "--json"], cwd=tmp_path, env=os.environ | {"NO_COLOR": "1"},
+        [*command, "--for", "150", "--json"], cwd=tmp_path, env=os.environ | {"NO_COLOR": "1"},
         stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     ) as robot:  # fmt: skip
         try:
             assert any("listening on" in line for line in robot.stderr)
             with StationEnd(keys.station(), "127.0.0.1", port) as station:
-                until = time.monotonic() + 20.0
+                until = time.monotonic() + 120.0  # its code may have to be compiled first
                 while station.status() is None:
                     assert time.monotonic() < until, "no telemetry"
                     time.sleep(0.05)
