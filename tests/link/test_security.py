@@ -88,7 +88,7 @@ def test_a_replayed_or_forged_datagram_is_dropped_in_silence():
 
 def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
     """1500 hellos from new ports, and strangers who go all the way, within a few seconds."""
-    began, before = time.monotonic(), len(driven.ages)
+    began, before = time.monotonic(), driven.ages.copy()
     made = context(stranger(driven.keys), server=False)
     finished = 0
     for number in range(1500):
@@ -111,9 +111,9 @@ def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
     assert finished > 20
     counts = driven.robot.door_counts
     assert counts["too many handshakes"] + counts["certificate verify failed"] > 10
-    ages = sorted(driven.ages[before:])
+    ages = sorted((driven.ages - before).elements())
     assert len(ages) > 20.0 * (time.monotonic() - began)  # of 50 a second, on a busy machine
-    assert ages[int(0.95 * len(ages))] < 0.2  # attackers and driver share this process
+    assert ages[int(0.95 * len(ages))] < 200  # attackers and driver share this process
     assert driven.robot.heard().command.stick == fuzz.STICK
 
 
