@@ -1,8 +1,11 @@
 """How careful a session's guard is, before anything is started."""
 
+import os
+from pathlib import Path
+
 import pytest
 
-from cohelm.drive.session import Plan, driver_of
+from cohelm.drive.session import Plan, Session, driver_of
 from cohelm.drive.simulated import simulated
 
 
@@ -21,3 +24,21 @@ def test_the_guard_has_room_for_the_lidars_noise_and_foresees_the_whole_lag(kind
     assert driver.pilot.planner.care.accept == pytest.approx(law.care().accept + room)
     assert driver.pilot.planner.care.slack == pytest.approx(law.care().slack + 0.04)
     assert len(driver.pilot.sent) == steps
+
+
+@pytest.mark.xdist_group("realtime")
+def test_after_a_drive_the_process_is_an_ordinary_one_again():
+    """What drew a picture after a drive kept every other process off its processor."""
+
+    def rank() -> set[tuple[int, int]]:
+        tasks = [int(task.name) for task in Path("/proc/self/task").iterdir()]
+        policy = [os.sched_getscheduler(t) & ~os.SCHED_RESET_ON_FORK for t in tasks]
+        return set(zip(policy, (os.getpriority(os.PRIO_PROCESS, t) for t in tasks), strict=True))
+
+    before = rank()
+    with Session(Plan(simulated("lab-guard"))) as session:
+        if session.scheduling.startswith("ordinary"):
+            pytest.skip("this user may not raise a process's priority")
+        session.run(lambda loop: loop.timing.kept().periods > 5)
+        assert rank() != before
+    assert rank() == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -31,7 +32,7 @@ from cohelm.record.drive import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
 from cohelm.robot.keep.kept import Keeper, Kept, rules, standing
 from cohelm.robot.keep.lines import Line
-from cohelm.robot.keep.priority import urgent, with_its_threads
+from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import KeptElsewhere
 from cohelm.scenario.load import dump
 
@@ -74,6 +75,7 @@ class Session:
         """Raises CohelmError where something can not be started; nothing is left running then."""
         self.plan = plan
         self.scheduling = "simulated time"
+        self._urgent, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
         robot, real_time = plan.robot, plan.robot.real_time
         model = robot.model
         self.recording: Recording | None = None
@@ -117,7 +119,7 @@ class Session:
                 self.loop.note(line)
             self._warm()
             if real_time:
-                self.scheduling = urgent()
+                self._urgent, self.scheduling = True, urgent()
         except BaseException:
             self.close()
             raise
@@ -238,6 +240,8 @@ class Session:
         self.pictures.close()
         if self.recording is not None:
             self._whole = self.recording.close() and self._whole
+        if self._urgent:
+            ordinary(self._niceness)
 
     def _warm(self) -> None:
         """Compile what a period needs, before the first one is due: a few, standing."""

@@ -38,6 +38,20 @@ def urgent() -> str:
     return "raised priority"
 
 
+def ordinary(niceness: int = 0) -> None:
+    """Put this process and all its threads back among ordinary ones, when nothing is due any more.
+
+    What it does next, such as drawing what was driven, may take long, and must keep no other
+    process off the processor.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_SLACK, 0, 0, 0, 0)
+        for task in Path("/proc/self/task").iterdir():
+            with contextlib.suppress(ProcessLookupError):
+                os.sched_setscheduler(int(task.name), os.SCHED_OTHER, os.sched_param(0))
+                os.setpriority(os.PRIO_PROCESS, int(task.name), niceness)
+
+
 def with_its_threads() -> None:
     """Put this process's other threads right behind the urgent one that calls this.
 
