@@ -7,10 +7,11 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, reduce
 from pathlib import Path
+from types import FrameType
 
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -18,6 +19,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from cohelm.cli.interrupt import interrupted
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.record import status
@@ -95,12 +97,17 @@ def test_ctrl_c_leaves_a_finished_record(tmp_path: Path) -> None:
         assert make_reader(file).get_summary() is not None
 
 
+def _comes_now(*_: object) -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("comes", [_comes_now, interrupted], ids=["at once", "put off for numba"])
 @pytest.mark.parametrize("after", [0.003, 0.011, 0.024, 0.038, 0.052, 0.067])
 def test_ctrl_c_while_a_piece_is_written_leaves_that_piece_whole(
-    tmp_path: Path, after: float
+    tmp_path: Path, after: float, comes: Callable[[int, FrameType | None], None]
 ) -> None:
     path = tmp_path / "run.mcap"
-    before = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    before = signal.signal(signal.SIGALRM, comes)
     try:
         with pytest.raises(KeyboardInterrupt), Recorder(path, scene(SETUP)) as recorder:  # noqa: PT012
             recorder.write(written()[0])

@@ -162,11 +162,14 @@ def _undisturbed() -> AbstractContextManager[None]:
 
 @contextmanager
 def _holding_interrupts() -> Generator[None]:
+    """Also one that was put off, and comes as an alarm (`cli/interrupt`)."""
     held: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    kinds = (signal.SIGINT, signal.SIGALRM)
+    before = [signal.signal(kind, lambda number, _: held.append(number)) for kind in kinds]
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for kind, handler in zip(kinds, before, strict=True):
+            signal.signal(kind, handler)
         if held:
             signal.raise_signal(held[0])
