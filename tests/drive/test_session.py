@@ -1,12 +1,14 @@
 """How careful a session's guard is, before anything is started."""
 
 import os
+import time
 from pathlib import Path
 
 import pytest
 
 from cohelm.drive.session import Plan, Session, driver_of
 from cohelm.drive.simulated import simulated
+from cohelm.loop.planning import ANSWER, Elsewhere
 
 
 @pytest.mark.parametrize(("kind", "steps"), [("kinematic", 2), ("twin", 4)])
@@ -42,3 +44,31 @@ def test_after_a_drive_the_process_is_an_ordinary_one_again():
         session.run(lambda loop: loop.timing.kept().periods > 5)
         assert rank() != before
     assert rank() == before
+
+
+class Clock:
+    """A keeper as far as a rehearsal needs one, in real time."""
+
+    def now(self) -> float:
+        return time.monotonic()
+
+    def wait(self, until: float) -> None:
+        time.sleep(max(until - time.monotonic(), 0.0))
+
+
+def _slow(task: object) -> object:
+    """A planner that must compile first."""
+    time.sleep(ANSWER + 0.3)
+    return task
+
+
+def test_a_start_waits_for_its_first_plan_and_no_longer_however_late_it_is():
+    """It waited three minutes, whenever compiling took longer than a plan may."""
+    with Session(Plan(simulated("lab-guard", real_time=False))) as session:
+        session.run(lambda loop: loop.timing.kept().periods > 5)
+        driver, seen = session.loop.driver, session.loop.seen
+        driver._planning = Elsewhere(_slow)
+        begun = time.monotonic()
+        driver.rehearse_plan(seen, Clock())
+        assert ANSWER < time.monotonic() - begun < 60.0
+        assert not driver.planless

@@ -105,7 +105,7 @@ def test_a_plan_that_comes_too_late_is_not_used_and_the_next_one_is(planning):
         asked(planning, 0.0, 10.0)
         assert planning.late
     end = time.monotonic() + 60.0
-    while planning._busy and time.monotonic() < end:
+    while planning.busy and time.monotonic() < end:
         assert planning.plan(10.0) is None
         time.sleep(0.005)
     assert planning.offer(10.1, b"new")
@@ -118,7 +118,7 @@ def test_a_plan_that_nobody_asked_for_in_time_is_no_trouble_but_is_not_used(plan
     assert planning.offer(0.0, b"old")
     time.sleep(0.5)
     end = time.monotonic() + 60.0
-    while planning._busy and time.monotonic() < end:
+    while planning.busy and time.monotonic() < end:
         assert planning.plan(100.0) is None
         time.sleep(0.005)
     assert not planning.late

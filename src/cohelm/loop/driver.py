@@ -153,10 +153,10 @@ class Driver:
         task = self.pilot.task(seen.pose, Twist(0.0, 0.0), self.around(seen))
         end = keeper.now() + _COMPILING
         self._planning.offer(keeper.now(), task)
-        while self._planning.plan(keeper.now()) is None and keeper.now() < end:
-            if self._planning.broken:
-                return
+        while self._planning.busy and not self._planning.broken and keeper.now() < end:
             keeper.wait(keeper.now() + 0.02)
+            self._planning.plan(keeper.now())  # what compiled for long is too old to be used
+        self._planning.late = False
 
     def close(self) -> None:
         """End what plans."""

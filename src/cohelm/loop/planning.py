@@ -28,6 +28,11 @@ class Planning(Protocol):
     late: bool
     """Whether there was no plan in time, so that none is used, though there may be some again."""
 
+    @property
+    def busy(self) -> bool:
+        """Whether a plan is being made, or has not been asked for since."""
+        ...
+
     def offer(self, now: float, task: Task) -> bool:
         """Plan from this; False where the last one is not done yet."""
         ...
@@ -49,6 +54,11 @@ class Here:
         self._planner, self._takes = planner, takes
         self.broken = self.late = False
         self._made: deque[tuple[float, Plan]] = deque()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a plan has not been handed out yet."""
+        return bool(self._made)
 
     def offer(self, now: float, task: Task) -> bool:
         """Plan now."""
@@ -81,7 +91,7 @@ class Elsewhere:
         theirs.close()
         self._line.setblocking(False)
         self._going, self._coming = b"", bytearray()
-        self._busy = False
+        self.busy = False
         self._offered = self._asked = 0.0
         self._waited = 0.0
         """For this plan, as long as somebody asked for it [s]."""
@@ -89,16 +99,16 @@ class Elsewhere:
 
     def offer(self, now: float, task: Task) -> bool:
         """Send it over, unless one is there."""
-        if self._busy or self.broken:
+        if self.busy or self.broken:
             return False
-        self._going, self._busy = _framed(task), True
+        self._going, self.busy = _framed(task), True
         self._offered, self._asked, self._waited = now, now, 0.0
         self._exchange()
         return not self.broken
 
     def plan(self, now: float) -> Plan | None:
         """The plan, if all of it has come back."""
-        if not self._busy or self.broken:
+        if not self.busy or self.broken:
             return None
         self._exchange()
         made = self._come()
@@ -110,7 +120,7 @@ class Elsewhere:
         if made is None:
             self.late = self.late or self._waited > ANSWER
             return None
-        self._busy = False
+        self.busy = False
         old = now - self._offered > ANSWER
         self.late = self._waited > ANSWER  # who did not ask did not wait
         return None if old else made
