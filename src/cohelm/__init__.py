@@ -6,10 +6,10 @@ heavy is imported until a name is used.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # as `typing` has it, whose import would be half of that of the command
 if TYPE_CHECKING:
+    from typing import Any
+
     from cohelm.core.errors import CohelmError
     from cohelm.core.obstacles import Obstacles
     from cohelm.core.types import Pose, Twist
@@ -64,6 +64,8 @@ def __getattr__(name: str) -> Any:
     """Import a name's home when it is first asked for."""
     if name not in _HOME:
         raise AttributeError(f"module 'cohelm' has no attribute {name!r}")
+    from importlib import import_module
+
     value = getattr(import_module(f"cohelm.{_HOME[name]}"), name)
     globals()[name] = value
     return value

@@ -15,9 +15,12 @@ def main() -> None:
     """Run the command line."""
     from cohelm.cli import main as run
 
-    if _BEFORE is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    run()
+    try:
+        if _BEFORE is signal.default_int_handler:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        run()
+    except KeyboardInterrupt:  # just before or after the command itself, which handles its own
+        raise SystemExit(130) from None
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """Ctrl-C is never raised where numba makes an answer: it would end the process with a fault."""
 
+import os
 import signal
+import subprocess
 import sys
 import time
 
@@ -47,3 +49,48 @@ def test_where_an_answer_is_made_it_is_put_off_until_that_is_done_and_never_lost
         assert done
     else:
         pytest.fail("it was lost")
+
+
+PRESSED = """
+import os, signal, sys
+from cohelm.__main__ import main
+def press(frame, event, what):
+    name = frame.f_code.co_name if event == "call" else getattr(what, "__name__", "")
+    if name == os.environ["PRESSED_IN"] and frame.f_code is not main.__code__ and patient():
+        sys.setprofile(None)
+        signal.raise_signal(signal.SIGINT)
+def patient():
+    return "cohelm.cli.app" in sys.modules and signal.getsignal(signal.SIGINT) != signal.SIG_DFL
+sys.argv = ["cohelm", "--version"]
+sys.setprofile(press)
+main()
+"""
+
+
+def pressed_in(function: str, file: str) -> subprocess.CompletedProcess[str]:
+    """`cohelm --version`, and Ctrl-C at the first call of a function, seen from code of a file."""
+    source = f"exec(compile({PRESSED!r}, {file!r}, 'exec'))"
+    return subprocess.run(
+        [sys.executable, "-c", source], capture_output=True, text=True,
+        env=os.environ | {"PRESSED_IN": function},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("function", ["get_command", "get_params_from_function", "main", "flush"])
+def test_it_ends_the_command_without_a_traceback_also_before_and_after_its_work(function):
+    ran = pressed_in(function, "press.py")
+    assert ran.returncode == 130
+    assert "Traceback" not in ran.stderr, ran.stderr
+
+
+def test_one_that_was_put_off_until_the_command_was_over_comes_no_more():
+    ran = pressed_in("flush", "<string>")
+    assert (ran.returncode, ran.stderr) == (0, "")
+
+
+def test_next_to_nothing_is_imported_before_ctrl_c_is_taken_care_of():
+    source = (
+        "import sys; old = {*sys.modules}; import cohelm.__main__; print(*{*sys.modules} - old)"
+    )
+    ran = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True)
+    assert not {"typing", "importlib", "re", "numpy"} & {*ran.stdout.split()}

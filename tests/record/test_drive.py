@@ -86,6 +86,21 @@ def test_a_period_comes_back_to_the_last_bit(tmp_path):
     assert said.msg == "AUTOMATIC -> STOPPED: why"
 
 
+@pytest.mark.parametrize("buffering", [0, -1])
+def test_what_was_flushed_stands_in_the_file_and_a_finished_one_has_its_end(tmp_path, buffering):
+    path = tmp_path / "one.mcap"
+    with path.open("wb", buffering=buffering) as file:
+        made = DriveFile(file, sally(), EPOCH)
+        made.write(Event(1.0, "gate", "one", True))
+        made.flush()
+        assert [m.msg for _, _, m in messages(path, ("/rosout",))] == ["one"]
+        made.write(Event(2.0, "gate", "two", True))
+        made.finish()
+        with path.open("rb") as again:  # by its index, which is at the very end
+            said = [message for _, _, message in make_reader(again).iter_messages(("/rosout",))]
+        assert len(said) == 2
+
+
 def test_a_drive_that_was_cut_short_is_read_as_far_as_it_goes(drive, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(drive.read_bytes()[: drive.stat().st_size // 2])

@@ -44,6 +44,14 @@ def test_no_command_is_late_on_a_robot_without_delay():
     assert robot.truth().twist.v == pytest.approx(3 * 2.0 * TICK)
 
 
+def test_whole_numbers_are_numbers():
+    robot, same = (Kinematic(sally(), Pose(*at), room()) for at in ((1, 2, 0), (1.0, 2.0, 0.0)))
+    for one, twist in ((robot, Twist(1, 0)), (same, Twist(1.0, 0.0))):
+        one.send(twist)
+        one.wait(0.5)
+    assert repr(robot.truth()) == repr(same.truth())
+
+
 def test_the_same_seed_makes_the_same_run_to_the_last_bit():
     def run(seed: int) -> tuple:
         robot = Kinematic(sally(), around=room(), seed=seed)

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from cohelm import __version__
-from cohelm.cli.interrupt import patient
+from cohelm.cli.interrupt import patient, settled
 from cohelm.cli.tell import plain, say
 from cohelm.core.errors import CohelmError
 
@@ -55,6 +55,8 @@ def main() -> None:
             said = f"{where} can not be written ({error.strerror}): free some space"
             say(f"[bold red]error:[/bold red] {plain(said)}")
         sys.exit(1)
+    finally:
+        settled()
 
 
 def _version(wanted: bool) -> None:

@@ -23,6 +23,11 @@ def patient() -> None:
         signal.signal(signal.SIGINT, interrupted)
 
 
+def settled() -> None:
+    """The command is over: one that was put off comes no more, when nobody could take it."""
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
 def interrupted(_: int, frame: FrameType | None) -> None:
     """The handler: raises, or comes again as an alarm, however often, until it can."""
     if frame is not None and _inside(frame.f_code.co_filename):

@@ -8,7 +8,6 @@ disk is full: room for it is kept in `NAME.reserve` until then.
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import pickle
 import select
@@ -119,9 +118,7 @@ def _record(
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a file-size limit is an OSError, then
     log = Log(path)
     with path.open("wb", buffering=0) as file:  # closing it writes nothing, so never fails
-        # not the bare file: the MCAP writer would buffer that itself, where no flush of ours
-        # reaches, and the end of the record would be lost
-        desk = _Desk(io.BufferedWriter(file), log, model, scenario)
+        desk = _Desk(file, log, model, scenario)
         desk.sit(loop, keeper)
     log.close()
     if desk.full:

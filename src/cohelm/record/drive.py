@@ -7,6 +7,7 @@ every number of a period; besides, what the stations were shown (`shown.TOPICS`)
 
 from __future__ import annotations
 
+import io
 import math
 from typing import IO, Any, NamedTuple
 
@@ -91,10 +92,11 @@ class DriveFile:
 
     def __init__(self, file: IO[bytes], model: RobotModel, epoch: int, scenario: str = "") -> None:
         """epoch: wall-clock time when the robot's clock was 0 [ns]; a label only."""
-        self._file = file
+        # the MCAP writer would buffer a bare file itself, where no flush of ours reaches
+        self._file = io.BufferedWriter(file) if isinstance(file, io.RawIOBase) else file
         self._epoch = epoch
         self._count = 0
-        self._mcap = Writer(file, chunk_size=1 << 16, compression=CompressionType.ZSTD)
+        self._mcap = Writer(self._file, chunk_size=1 << 16, compression=CompressionType.ZSTD)
         self._mcap.start(profile=Profile.ROS2, library=f"cohelm {__version__}")
         about = {"version": __version__, "robot": model.name, "epoch_ns": str(epoch)}
         self._mcap.add_metadata(METADATA, about)

@@ -86,6 +86,7 @@ class Kinematic(Paced):
         self._asked = Twist(0.0, 0.0)
         self._coming: deque[tuple[int, Twist]] = deque()
         self._told = 0
+        start = Pose(*map(float, start))  # compiled code knows no whole numbers
         self._motion = Motion(start, Twist(0.0, 0.0), 0.0, 0.0, 0.0, NOWHERE, NOWHERE)
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
@@ -109,6 +110,7 @@ class Kinematic(Paced):
         free = self._limits._replace(
             acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
         )
+        twist = Twist(float(twist.v), float(twist.omega))
         possible = achievable(twist, Twist(0.0, 0.0), free, TICK)
         self._coming.append((self._tick + self._delay, possible))
         self._arrive()
