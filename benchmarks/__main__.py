@@ -11,7 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import commands
-import crowds
 import growth
 import guard
 import parts
@@ -37,14 +36,12 @@ def main() -> None:
             )
 
         steps = growth.measure(told("steps"), quick)
-        robots = crowds.measure(told("crowds"), quick)
         guarded = guard.measure(told("guard"), quick)
         waits = commands.measure(told("commands"), quick)
         others = parts.measure(told("parts"), quick)
     found = {
         "growth": steps.as_json(),
         "guard": guarded.as_json(),
-        "crowds": robots.as_json(),
         "commands": {wait.name: wait.as_json() for wait in waits},
         "parts": {each.part.title: list(each.lines) for each in others},
     }
@@ -60,7 +57,7 @@ def main() -> None:
         "",
         "Written by `make bench`; do not edit. Each number is the median of rounds (smallest –",
         "largest), and each round times us and the peers in turns. What is equal and what is not:",
-        "`src/cohelm/study/bench/peers.py`.",
+        "`benchmarks/bench/peers.py`.",
         "",
         f"{cores} cores of {article} {cpu}, {system}; {versions}.",
         "",
@@ -71,10 +68,6 @@ def main() -> None:
         "## One step of the guard",
         "",
         *guard.markdown(guarded),
-        "",
-        "## Many robots, four discs",
-        "",
-        *crowds.markdown(robots),
         "",
         "## Commands",
         "",

@@ -10,10 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.measure import Rounds
+from bench.peers import installed
 from growth import shown
-
-from cohelm.study.bench.measure import Rounds
-from cohelm.study.bench.peers import installed
 
 COHELM = (str(Path(sys.executable).with_name("cohelm")),)
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from bench.compare import bench
+from bench.measure import Rounds
+from bench.result import BenchResult
 from matplotlib.figure import Figure
-
-from cohelm.study.bench.compare import bench
-from cohelm.study.bench.measure import Rounds
-from cohelm.study.bench.result import BenchResult
 
 PEERS = {"qpax": "cbfpy, qpax", "elastiqp": "cbfpy, elastiqp"}
 
@@ -72,9 +71,11 @@ def markdown(result: BenchResult) -> list[str]:
             f"| ir-sim, one robot, commands given | {shown(ir_sim)} | 1 |",
             f"| cohelm, one robot, everything recorded | {shown(result.run)} "
             f"| {ratios['run_over_ir_sim']:.3g} |",
-            f"| cohelm, {result.robots} robots, scored (million steps/s) | {shown(result.batch)} "
-            f"| {ratios['batch_over_ir_sim']:.3g} |",
         ]
+    lines += [
+        "",
+        f"Episodes of the campaigns, guard and planning: {shown(result.guarded)} steps/s a core.",
+    ]
     lines += [f"No number for {name}: {why}." for name, why in found["absent"].items()]
     return lines
 

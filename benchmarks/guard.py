@@ -13,6 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from bench.measure import Rounds, median_call_us
+from bench.peers import Peer, PeerFailed, installed
+from bench.scene import POSES, SAFE_M, Field, field as among
 
 from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
@@ -20,9 +23,6 @@ from cohelm.law.guard.step import prepared
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.pilot.safety_filter import SafetyFilter
 from cohelm.robot.model import RobotModel, shipped_path
-from cohelm.study.bench.measure import Rounds, median_call_us
-from cohelm.study.bench.peers import Peer, PeerFailed, installed
-from cohelm.study.bench.scene import POSES, SAFE_M, Field, field as among
 
 DISCS = (4, 16, 64, 256, 1024)
 POINTS = (90, 360, 720, 1440, 10_000)

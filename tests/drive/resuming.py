@@ -195,8 +195,10 @@ class Rule:
 class Drive:
     """Robot, loop, desk and link; `run` turns them and holds the rule after each period."""
 
-    def __init__(self, folder: Path, ways: Ways | None = None) -> None:
-        made = simulated(CORRIDOR, real_time=False, seed=2)
+    def __init__(
+        self, folder: Path, ways: Ways | None = None, changes: list[str] | None = None
+    ) -> None:
+        made = simulated(CORRIDOR, real_time=False, seed=2, changes=changes)
         robot = made.model
         few = robot.lidar.model_copy(update={"beams": 120})
         coarse = robot.model_copy(update={"lidar": few, "camera": None})

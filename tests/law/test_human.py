@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 
 from cohelm.core.types import Desired, Pose, Stick, Twist, discs
 from cohelm.law.blend import Authority, authority, blend
-from cohelm.law.gains import GAINS, Gains, table
+from cohelm.law.gains import Gains
 from cohelm.law.human import human, intent, limited, supplied_energy
 from cohelm.law.step import step
 from tests.law import states
@@ -138,13 +138,6 @@ def test_a_stick_released_gives_back_what_was_put_in(x, psi):
     start = Stick(x, psi)
     assert supplied([start, Stick(0.0, 0.0)]) == pytest.approx(-sum(intent(start, PAPER)))
     assert supplied([Stick(0.0, 0.0), start, Stick(0.0, 0.0)]) == pytest.approx(0.0, abs=1e-15)
-
-
-@given(states.gains())
-def test_a_table_of_gains_holds_them_field_by_field(gains):
-    (row,) = table([gains])
-    assert row.dtype == GAINS
-    assert Gains(*row.tolist()) == gains
 
 
 def test_a_stick_at_rest_leaves_the_controller_alone():

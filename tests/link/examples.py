@@ -78,7 +78,6 @@ waypoints = st.builds(
 )
 bulk_up = st.one_of(
     waypoints,
-    st.builds(m.Place, long, st.builds(Pose, finite, finite, finite)),
     st.builds(m.Fetch, texts(128), huge, long),
 )
 bulk_down = st.one_of(
@@ -91,9 +90,8 @@ bulk_down = st.one_of(
         m.Map, long, poses, single, short, short, short, short, short, short,
         st.binary(max_size=99),
     ),
-    st.builds(m.Health, single, listed(texts(120), 16), single, st.floats()),
+    st.builds(m.Health, single, listed(texts(120), 16)),
     st.builds(m.Picture, long, clock, poses, st.binary(max_size=99)),
-    st.builds(m.Clients, listed(st.builds(m.Client, short, texts(64)), 64)),
     st.builds(m.Records, listed(st.builds(m.RecordInfo, texts(128), huge, st.floats()), 9)),
     st.builds(m.Piece, texts(128), huge, st.binary(max_size=99)),
     st.builds(m.Checked, answers, short),

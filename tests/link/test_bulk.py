@@ -16,14 +16,12 @@ from cohelm.link.messages import (
     Answer,
     Ask,
     Checked,
-    Clients,
     Digest,
     Fetch,
     Health,
     Line,
     Picture,
     Piece,
-    Place,
     Polyline,
     Records,
     Waypoints,
@@ -75,14 +73,12 @@ def both(tmp_path):
 def test_what_is_published_comes_to_all_and_to_who_comes_later(both):
     line = Polyline(Line.REFERENCE, np.random.default_rng(1).random((5000, 2), np.float32))
     both.down.publish(line)
-    both.down.publish(Health(0.5, ("the left wheel squeaks",), 0.2, 1e9))
+    both.down.publish(Health(0.5, ("the left wheel squeaks",)))
     until(lambda: both.got(Polyline) and both.got(Health), turn=both.turn)
     assert np.array_equal(both.got(Polyline)[0].points, line.points)
     with both.stream(both.keys, 77) as late:
         news: list[object] = []
         until(lambda: any(type(m) is Polyline for m in news), turn=lambda: news.extend(late.news()))
-    until(lambda: both.got(Clients), turn=both.turn)
-    assert both.got(Clients)[-1].all[0].name == "local"
 
 
 def test_of_pictures_only_the_newest_is_sent_and_shown(both):
@@ -105,11 +101,11 @@ def test_way_points_come_from_the_driver_alone_and_are_answered(both):
     assert both.got(Checked)[0] == Checked(Answer(1, False, "you do not drive"), 65535)
     both.drive()
     both.up.send(Waypoints(2, way, False))
-    both.up.send(Place(3, Pose(1.0, 2.0, 0.5)))
+    both.up.send(Waypoints(3, way + 1.0, True))
     proposed = []
     until(lambda: len(proposed) == 2, turn=lambda: proposed.extend(both.down.proposed()))
     assert np.array_equal(proposed[0].what.points, way)
-    assert proposed[1].what.pose == Pose(1.0, 2.0, 0.5)
+    assert np.array_equal(proposed[1].what.points, way + 1.0)
     both.down.reply(proposed[0].client, Checked(Answer(2, False, "0.1 m from a wall"), 1))
     until(lambda: len(both.got(Checked)) == 2, turn=both.turn)
     assert both.got(Checked)[1].worst == 1
@@ -160,7 +156,7 @@ def test_no_more_of_a_record_leaves_the_robot_than_was_asked_for(both, tmp_path)
 
 def test_an_unpaired_station_gets_nothing(both):
     stranger = pair_here("stranger")[1]._replace(trusted=both.keys.trusted)
-    both.down.publish(Health(0.5, (), 0.2, 1e9))
+    both.down.publish(Health(0.5, ()))
     with both.stream(stranger, 5) as stream:
         time.sleep(0.5)
         assert not stream.news()
@@ -176,7 +172,7 @@ def test_slow_and_silent_strangers_do_not_keep_a_station_out(both):
         sock.send(b"\x16\x03")
     with both.stream(both.keys, 9) as late:
         until(lambda: late.connected, within=5.0)
-    both.down.publish(Health(0.25, (), 0.2, 1e9))
+    both.down.publish(Health(0.25, ()))
     until(lambda: both.got(Health), turn=both.turn)
     for sock in held:
         sock.close()

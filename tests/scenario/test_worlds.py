@@ -507,7 +507,7 @@ def where(track, t, begin=0.0):
     """The disc of a track at time t of the simulator."""
     _, made = bodies([track], 0.25, 0.35, begin, 100.0)
     discs = np.empty((1, 6))
-    place(discs, 0, world((made, np.empty((0, 4)))), t)
+    place(discs, world((made, np.empty((0, 4)))), t)
     return discs[0]
 
 
@@ -565,7 +565,7 @@ def test_real_crowds_are_where_their_samples_say(name, people, at_once):
     busiest = float(times[count.argmax()])
     names, made = bodies(crowd, 0.25, 0.35, busiest - 20.0, 40.0)
     discs = np.empty((len(made), 6))
-    place(discs, 0, world((made, np.empty((0, 4)))), 20.2)  # half-way to the next sample
+    place(discs, world((made, np.empty((0, 4)))), 20.2)  # half-way to the next sample
     expected = {
         track.name: [np.interp(busiest + 0.2, track.times, axis) for axis in track.points.T]
         for track in crowd

@@ -24,30 +24,22 @@ def test_a_recorded_deflection_holds_until_the_next(events, t):
     held = (0.0, 0.0)
     if len(past) and t <= times[-1]:
         held = (x[past[-1]], psi[past[-1]])
-    assert replayed(0, replay((times, x, psi)), t) == held
+    assert replayed(replay(times, x, psi), t) == held
 
 
 def test_before_and_after_the_record_the_stick_is_centred():
-    one = replay((np.array([1.0, 2.0]), np.array([0.3, 0.4]), np.array([-0.3, -0.4])))
-    seen = [replayed(0, one, t).x for t in (0.0, 0.999, 1.0, 1.999, 2.0, 2.001, 100.0)]
+    one = replay([1.0, 2.0], [0.3, 0.4], [-0.3, -0.4])
+    seen = [replayed(one, t).x for t in (0.0, 0.999, 1.0, 1.999, 2.0, 2.001, 100.0)]
     assert seen == [0.0, 0.0, 0.3, 0.3, 0.4, 0.0, 0.0]
 
 
 def test_of_two_events_at_one_instant_the_later_counts():
-    one = replay((np.array([1.0, 1.0, 2.0]), np.array([0.3, 0.4, 0.5]), np.zeros(3)))
-    assert replayed(0, one, 1.0).x == 0.4
-
-
-@given(st.lists(rows, min_size=1, max_size=5), st.floats(-1, 11))
-def test_each_hand_of_many_plays_its_own_record(records, t):
-    hands = [hand(r) if r else (np.empty(0),) * 3 for r in records]
-    together = replay(*hands)
-    for i, one in enumerate(hands):
-        assert replayed(i, together, t) == replayed(0, replay(one), t)
+    one = replay([1.0, 1.0, 2.0], [0.3, 0.4, 0.5], np.zeros(3))
+    assert replayed(one, 1.0).x == 0.4
 
 
 def test_no_record_is_a_centred_stick():
-    assert replayed(0, replay(), 5.0) == (0.0, 0.0)
+    assert replayed(replay(), 5.0) == (0.0, 0.0)
 
 
 def test_trembling_is_standard_normal_and_its_own_for_every_seed():

@@ -148,7 +148,7 @@ def test_the_recorded_energy_is_the_springs_and_never_negative(path):
     """(40)–(42): from a centred stick the passivity integral is V_h of the raw deflection."""
     times = 0.3 + 0.02 * np.arange(len(path))
     hand = (times, np.array([p[0] for p in path]), np.array([p[1] for p in path]))
-    rows = run(lab_run(hands=replay(hand), duration=1.0)).rows
+    rows = run(lab_run(hands=replay(*hand), duration=1.0)).rows
     spring = 0.5 * Gains().k_s * (rows["stick_x"] ** 2 + rows["stick_psi"] ** 2)
     assert rows["energy"] == pytest.approx(spring, abs=1e-12)
     assert rows["energy"].min() >= -1e-12
@@ -169,7 +169,7 @@ def test_fast_turns_in_free_space_are_blamed_on_the_heading_and_no_obstacle():
 
 def test_a_number_that_is_not_finite_stops_the_robot_and_says_so():
     hand = (np.array([1.0, 1.5]), np.array([math.nan, 0.0]), np.zeros(2))
-    rows = run(lab_run(hands=replay(hand), duration=3.0, limits=SALLY)).rows
+    rows = run(lab_run(hands=replay(*hand), duration=3.0, limits=SALLY)).rows
     lost = (rows["t"] > 0.995) & (rows["t"] < 1.495)
     assert (rows["verdict"][lost] == 3).all()
     assert (rows["v"][lost] == 0.0).all()

@@ -14,9 +14,9 @@ from tests.sim.runs import MOVER, NO_WALLS, lab_world
 TWIN = paper.Spline(lab.MOVER, lab.MOVER_SPEED)
 
 
-def placed(around, t, w=0):
-    discs = np.full((around.first[w + 1] - around.first[w], 6), np.nan)
-    place(discs, w, around, t)
+def placed(around, t):
+    discs = np.full((len(around.discs), 6), np.nan)
+    place(discs, around, t)
     return discs
 
 
@@ -51,21 +51,18 @@ def test_an_obstacle_with_a_velocity_drifts(t, vx, vy):
 
 
 @pytest.mark.parametrize("t", [0.0, 3.0, 50.0])
-def test_each_world_of_many_holds_its_own_obstacles(t):
+def test_each_obstacle_of_many_goes_its_own_way(t):
     """However their paths and drifts are laid out in the flat arrays."""
     other = through([(0, 0), (1, 1), (2, 0)], 0.3)
-    scenes = [
-        [Body(disc(5.0, 5.0, 0.1))],
-        [],
-        [Body(disc(0.0, 0.0, 0.2), other, 1.0), Body(disc(1.0, 0.0, 0.1, vx=0.5)),
-         Body(disc(9.0, -1.5, 0.1), MOVER, 15.0)],
-        [Body(disc(0.0, 0.0, 0.3), other)],
+    bodies = [
+        Body(disc(5.0, 5.0, 0.1)), Body(disc(0.0, 0.0, 0.2), other, 1.0),
+        Body(disc(1.0, 0.0, 0.1, vx=0.5)), Body(disc(9.0, -1.5, 0.1), MOVER, 15.0),
+        Body(disc(0.0, 0.0, 0.3), other),
     ]  # fmt: skip
-    together = world(*[(scene, NO_WALLS) for scene in scenes])
-    for w, scene in enumerate(scenes):
-        alone = world((scene, NO_WALLS))
-        assert (placed(together, t, w) == placed(alone, t)).all()
-    assert [moves(w, together) for w in range(4)] == [False, False, True, True]
+    together = world((bodies, NO_WALLS))
+    for row, body in zip(placed(together, t), bodies, strict=True):
+        assert (row == placed(world(([body], NO_WALLS)), t)[0]).all()
+    assert [moves(i, together) for i in range(5)] == [False, True, True, True, True]
 
 
 @given(

@@ -368,7 +368,7 @@ def test_of_what_is_published_nothing_piles_up_at_a_station_that_does_not_look(
     with end, StationBulk(bare.keys, "127.0.0.1", bare.port, end.session) as watcher:
         until(lambda: watcher.connected)
         for number in range(200):
-            bare.bulk.publish(Health(number / 200.0, (), 0.2, 1e9))
+            bare.bulk.publish(Health(number / 200.0, ()))
             time.sleep(0.005)
         until(
             lambda: any(isinstance(m, Health) and m.battery > 0.99 for m in watcher._news.values())

@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given, strategies as st
 from rich.console import Console
 
+from benchmarks.bench.compare import bench, world_question
+from benchmarks.bench.measure import Rounds
+from benchmarks.bench.peers import _NEEDS, INSTALL, Peer, PeerFailed, installed
+from benchmarks.bench.scene import course, field
 from cohelm.core.types import SAFE, Desired, Pose, Stick, Twist, X, Y, disc, discs
 from cohelm.law.barrier import barrier
 from cohelm.law.gains import Gains
 from cohelm.law.step import step
 from cohelm.robot.kinematics import arc
 from cohelm.sim.run import run
-from cohelm.study.bench.compare import bench, world_question
-from cohelm.study.bench.measure import Rounds
-from cohelm.study.bench.peers import _NEEDS, INSTALL, Peer, PeerFailed, installed
-from cohelm.study.bench.scene import course, field
 
 needs_cbfpy = pytest.mark.skipif(
     not installed("qpax"), reason="the peer cbfpy is not installed: uv sync --extra peers"
@@ -31,7 +31,7 @@ needs_ir_sim = pytest.mark.skipif(
 
 
 def tiny(**options):
-    return bench(sizes=(4, 16), rounds=2, robots=3, **options)
+    return bench(sizes=(4, 16), rounds=2, **options)
 
 
 def shown(result) -> str:
@@ -58,9 +58,9 @@ def test_an_absent_peer_is_null_and_the_table_says_how_to_get_it(monkeypatch):
 def test_the_bench_has_every_promised_number():
     found = tiny(peers=()).as_json()
     assert list(found["step_us"]) == ["4", "16"]
-    numbers = [*found["step_us"].values(), found["run_steps_per_s"], found["batch_msteps_per_s"]]
+    numbers = [*found["step_us"].values(), found["run_steps_per_s"], found["guarded_steps_per_s"]]
     assert all(math.isfinite(number) and number > 0.0 for number in numbers)
-    for name in ("step_us", "run_steps_per_s", "batch_msteps_per_s"):
+    for name in ("step_us", "run_steps_per_s", "guarded_steps_per_s"):
         assert found["spread"][name]
     assert found["machine"]["cores"] >= 1
     assert found["machine"]["numba"]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -131,17 +132,26 @@ def replay(
 def bench(as_json: Json = False) -> None:
     """Time it beside its peers, in a minute.
 
-    One step of the law, and the simulator with many robots. Peers (cbfpy, ir-sim) are timed
+    One step of the law, a run, and episodes of the campaigns. Peers (cbfpy, ir-sim) are timed
     where the extra `peers` is installed.
     """
     with progress("starting") as told:
-        from cohelm.study.bench.compare import bench as measure
-
-        result = measure(told)
+        result = _benchmark().bench(told)
     if as_json:
         print_json(result.as_json())
     else:
         console().print(result.table())
+
+
+def _benchmark() -> Any:
+    """The measuring, which lies in a wheel beside this package, and in a checkout at its top."""
+    from importlib import import_module
+    from importlib.util import find_spec
+
+    if find_spec("cohelm.bench") is not None:
+        return import_module("cohelm.bench.compare")
+    sys.path.insert(0, str(Path(__file__).parents[3]))
+    return import_module("benchmarks.bench.compare")
 
 
 @app.command()

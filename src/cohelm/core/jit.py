@@ -120,7 +120,7 @@ def jit(function: F) -> F:
     """Compile: strict IEEE arithmetic, where x / 0 is inf or NaN and raises nothing.
 
     No fast-math flag anywhere: it buys 8 % here, and costs NaN checks (`nnan`, and `reassoc`
-    too: numba's isfinite is x - x == x - x) and equal results in a run and in a batch.
+    too: numba's isfinite is x - x == x - x) and equal results wherever a function is melted in.
     """
     return _compile(function)
 
@@ -129,19 +129,6 @@ def jit_inline(function: F) -> F:
     """As `jit`, melted into its compiled callers: for what runs in every step.
 
     It may read and slice arrays but not make any: it is compiled without numba's reference
-    counts, whose atomic updates at every array argument cost a batch more than a tenth.
+    counts, whose atomic updates at every array argument cost an inner loop more than a tenth.
     """
     return _compile(function, forceinline=True, _nrt=False)
-
-
-def jit_apart(function: F) -> F:
-    """As `jit_inline`, but not melted in: for a long loop that the compiler is to vectorise.
-
-    What is melted into its caller has been unrolled before, and is not vectorised any more.
-    """
-    return _compile(function, _nrt=False)
-
-
-def jit_free(function: F) -> F:
-    """As `jit`, and Python's other threads run meanwhile: for what several threads call at once."""
-    return _compile(function, nogil=True)

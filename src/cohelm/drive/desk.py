@@ -20,13 +20,14 @@ from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import Rerouting
 from cohelm.drive.session import Session, driver_of
-from cohelm.drive.shown import drawn, way
+from cohelm.drive.shown import detour, drawn, way
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Map, Polyline
+from cohelm.link.messages import Health, Map, Polyline
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.frames import placed
 from cohelm.perceive.known import Known
+from cohelm.pilot.course import Course
 
 _LEAVE = 5.0
 """A driver that is still being made at the end of the drive is left to itself [s]."""
@@ -61,6 +62,9 @@ class Desk:
             session, operator, records, self._beside.records, lambda: self._drawn, self._beside.make
         )
         self._drawn: tuple[Map | Polyline, ...] = ()
+        self._course: Course | None = None
+        self._detour = detour(None)
+        self._health: Health | None = None
         session.shown = operator.picture
         self._map = () if known is None else (drawn(known),)
         self._show(*self._map, *way(robot.scenario.reference.spline()))
@@ -69,12 +73,30 @@ class Desk:
         """Between two periods."""
         self._rerouting.turn(loop)
         self._records.turn(loop)
+        self._tell(loop)
 
     def close(self) -> None:
         """Finish the record; what is being made besides is not waited for."""
         self._beside.ways.close(_LEAVE)
         self._rerouting.close()
         self._records.close()
+
+    def _tell(self, loop: Loop) -> None:
+        """To stations and records, what is new: the detour that is driven, how the robot is."""
+        pilot = loop.driver.pilot
+        course = None if pilot is None else pilot.course
+        if course is not self._course:
+            self._course, line = course, detour(course)
+            if len(line.points) or len(self._detour.points):
+                self._detour = line
+                self._operator.publish(line)
+                loop.note(line)
+        said = None if loop.readings is None else loop.readings.health
+        if said is not None:
+            health = Health(round(said.battery, 2), said.faults)
+            if str(health) != str(self._health):  # a NaN is not itself
+                self._health = health
+                self._operator.publish(health)
 
     def _build(self, reference: Reference) -> Driver:
         plan = self._session.plan

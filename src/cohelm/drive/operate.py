@@ -88,7 +88,7 @@ def hands(made: RobotFactory, mode: str) -> tuple[Mode, Hands]:
     table = build.setup(made.scenario).hands if present else None
 
     def hand(t: float) -> Stick | None:
-        return None if table is None else replayed(0, table, t)
+        return None if table is None else replayed(table, t)
 
     if not mode:
         return (Mode.SHARED if present else Mode.AUTOMATIC), Hands(hand, present)

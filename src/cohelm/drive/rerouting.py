@@ -16,7 +16,7 @@ from cohelm.drive.jobs import Jobs
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.proposed import NONE, Judged
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Answer, Checked, Mode, Severity, Waypoints
+from cohelm.link.messages import Answer, Checked, Mode, Severity
 from cohelm.link.robot_bulk import Proposed
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
@@ -98,10 +98,9 @@ class Rerouting:
     # ---- proposals ----------------------------------------------------------------------
 
     def _take(self, one: Proposed, lease: tuple[int, int], now: float) -> None:
-        if isinstance(one.what, Waypoints):
-            number, points, only_check = one.what
-            wish = _Wish(one.client, number, points, only_check, lease, now)
-            self._wishes[one.client, only_check] = wish
+        number, points, only_check = one.what
+        wish = _Wish(one.client, number, points, only_check, lease, now)
+        self._wishes[one.client, only_check] = wish
 
     def _expire(self, now: float) -> None:
         for key, wish in list(self._wishes.items()):

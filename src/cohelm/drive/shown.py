@@ -9,7 +9,7 @@ import numpy as np
 from cohelm.law.reference import Reference, desired
 from cohelm.link.messages import Line, Map, Polyline
 from cohelm.perceive.known import Known
-from cohelm.pilot.course import poses_along
+from cohelm.pilot.course import Course, poses_along
 
 _STEP = 0.1  # between two points of a way [m]
 
@@ -23,6 +23,12 @@ def drawn(known: Known) -> Map:
         1, known.origin, known.resolution, columns, rows, 0, 0, columns, rows,
         zlib.compress(np.ascontiguousarray(cells).tobytes()),
     )  # fmt: skip
+
+
+def detour(course: Course | None) -> Polyline:
+    """The course that is driven, where it is not the reference's own; else no points."""
+    points = np.empty((0, 2)) if course is None or course.row == 0 else course.poses[:, :2]
+    return Polyline(Line.DETOUR, points.astype(np.float32))
 
 
 def way(reference: Reference) -> tuple[Polyline, Polyline]:

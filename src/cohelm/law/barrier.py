@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.facing import Facing, facing
+from cohelm.core.facing import facing
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import SAFE, VX, VY, Floats, Pose, Twist, X, Y, is_finite
 from cohelm.law.gains import Gains
@@ -45,95 +45,6 @@ def _h(dx: float, dy: float, safe: float) -> float:
 
 
 @jit_inline
-def part_of_growth(
-    at: Facing, v: float, sign: float, dx: float, dy: float, vx: float, vy: float, safe: float
-) -> float:
-    """One obstacle's part of I: d(1/h_i)/dt under the wish and the obstacle's motion."""
-    h = _h(dx, dy, safe)
-    return 2.0 / (h * h) * (sign * (dx * vx + dy * vy) - (dx * at.cos + dy * at.sin) * v)
-
-
-class Sums(NamedTuple):
-    """What the obstacles add up to."""
-
-    B: float
-    """(22)."""
-    along: float
-    """First entry of L_gB (26)."""
-    motion: float
-    """(27), with the derivative's own sign."""
-    smallest: float
-    """Smallest h_i [m^2]."""
-
-
-@jit_inline
-def none_yet(at: Facing) -> Sums:
-    """No obstacle: only cos^2 psi."""
-    return Sums(at.cos * at.cos, 0.0, 0.0, math.inf)
-
-
-@jit_inline
-def with_disc(
-    sums: Sums, at: Facing, dx: float, dy: float, vx: float, vy: float, safe: float
-) -> Sums:
-    """One obstacle more: (dx, dy) from it to the robot [m], its velocity and r_i. No branches."""
-    h = _h(dx, dy, safe)
-    inverse = 1.0 / h
-    slope = 2.0 * inverse * inverse
-    return Sums(
-        sums.B + inverse,
-        sums.along - slope * (dx * at.cos + dy * at.sin),
-        sums.motion + slope * (dx * vx + dy * vy),
-        min(sums.smallest, h),
-    )
-
-
-@jit_inline
-def growth(
-    sums: Sums, at: Facing, wish: Twist, sign: float, K: float, C: float
-) -> tuple[float, float]:
-    """I (31) and J (32); sign: of the moving-obstacle term (E2)."""
-    asked = sums.along * wish.v + turning(at) * wish.omega
-    return asked + sign * sums.motion, K * sums.B + C
-
-
-@jit_inline
-def passes(I: float, J: float, smallest: float) -> bool:
-    """Whether the wish passes untouched: all are numbers, and I <= J."""
-    return (I <= J) & _sound(I, J, smallest)
-
-
-@jit_inline
-def shapes(I: float, J: float, smallest: float, square: float) -> bool:
-    """Whether the filter can and must act. square: ||L_gB||^2."""
-    return (I > J) & _sound(I, J, smallest) & (square >= _POWERLESS_BELOW)
-
-
-@jit_inline
-def _sound(I: float, J: float, smallest: float) -> bool:
-    return is_finite(I) & is_finite(J) & (smallest > -math.inf)
-
-
-@jit_inline
-def turning(at: Facing) -> float:
-    """Second entry of L_gB (26)."""
-    return -2.0 * at.sin * at.cos
-
-
-@jit_inline
-def steering(k_cbf: float, smallest: float) -> float:
-    """What (33) adds to the right [rad/s]."""
-    return k_cbf * math.tanh(1.0 / smallest)
-
-
-@jit_inline
-def added(I: float, J: float, along: float, across: float, steer: float) -> Twist:
-    """u of (33), from L_gB = (along, across) and `steering`."""
-    gain = (I - J) / (along * along + across * across)
-    return Twist(-gain * along, -gain * across - steer)
-
-
-@jit_inline
 def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
     """The least input along L_gB that keeps B from growing faster than K B + C.
 
@@ -149,28 +60,35 @@ def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
     """
     at = facing(pose.psi)
     sign = 1.0 if gains.true_sign else -1.0
-    sums = none_yet(at)
+    B, along, motion, smallest = at.cos * at.cos, 0.0, 0.0, math.inf
     for i in range(discs.shape[0]):
-        sums = with_disc(
-            sums, at, pose.x - discs[i, X], pose.y - discs[i, Y],
-            discs[i, VX], discs[i, VY], discs[i, SAFE],
-        )  # fmt: skip
-    along, across, smallest = sums.along, turning(at), sums.smallest
-    I, J = growth(sums, at, wish, sign, gains.K, gains.C)
-    if passes(I, J, smallest):
-        return Avoidance(Twist(0.0, 0.0), I, J, smallest, UNTOUCHED, -1)
-    if not _sound(I, J, smallest):
+        dx, dy = pose.x - discs[i, X], pose.y - discs[i, Y]
+        h = _h(dx, dy, discs[i, SAFE])
+        inverse = 1.0 / h
+        slope = 2.0 * inverse * inverse
+        B += inverse
+        along -= slope * (dx * at.cos + dy * at.sin)
+        motion += slope * (dx * discs[i, VX] + dy * discs[i, VY])
+        smallest = min(smallest, h)
+    across = -2.0 * at.sin * at.cos
+    I = along * wish.v + across * wish.omega + sign * motion
+    J = gains.K * B + gains.C
+    if not (is_finite(I) and is_finite(J) and smallest > -math.inf):
         return Avoidance(Twist(math.nan, math.nan), I, J, smallest, INVALID, -1)
+    if I <= J:
+        return Avoidance(Twist(0.0, 0.0), I, J, smallest, UNTOUCHED, -1)
     culprit = HEADING
     most = across * wish.omega
     for i in range(discs.shape[0]):
-        part = part_of_growth(
-            at, wish.v, sign, pose.x - discs[i, X], pose.y - discs[i, Y],
-            discs[i, VX], discs[i, VY], discs[i, SAFE],
-        )  # fmt: skip
+        dx, dy = pose.x - discs[i, X], pose.y - discs[i, Y]
+        h = _h(dx, dy, discs[i, SAFE])
+        moved = sign * (dx * discs[i, VX] + dy * discs[i, VY])
+        part = 2.0 / (h * h) * (moved - (dx * at.cos + dy * at.sin) * wish.v)
         if part > most:
             most, culprit = part, i
-    steer = steering(gains.k_cbf, smallest)
-    if not shapes(I, J, smallest, along * along + across * across):
+    steer = gains.k_cbf * math.tanh(1.0 / smallest)
+    square = along * along + across * across
+    if square < _POWERLESS_BELOW:
         return Avoidance(Twist(0.0, -steer), I, J, smallest, POWERLESS, culprit)
-    return Avoidance(added(I, J, along, across, steer), I, J, smallest, SHAPED, culprit)
+    gain = (I - J) / square
+    return Avoidance(Twist(-gain * along, -gain * across - steer), I, J, smallest, SHAPED, culprit)

@@ -4,16 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 
 class Gains(NamedTuple):
-    """Parameters of Table II and the choices that the errata leave open.
-
-    Flat, so that a batch can hold one row per robot (`table`) and the same functions read
-    either form.
-    """
+    """Parameters of Table II and the choices that the errata leave open."""
 
     k_x: float = 0.9
     """Surge gain of (16) [1/s]."""
@@ -41,15 +34,3 @@ class Gains(NamedTuple):
     """One authority for both axes (47)(48), or one per axis (43)(44), found unstable (Remark 2)."""
     true_sign: bool = True
     """Sign of the moving-obstacle term: the derivative's own, or (27) as printed (E2)."""
-
-
-GAINS = np.dtype(
-    [(name, "?" if isinstance(value, bool) else "f8") for name, value in Gains()._asdict().items()],
-    align=True,
-)
-"""One row of a table of gains, field by field as in `Gains`."""
-
-
-def table(rows: list[Gains]) -> NDArray[np.void]:
-    """Gains of many robots as a structured array, shape (n,)."""
-    return np.array([tuple(row) for row in rows], dtype=GAINS)

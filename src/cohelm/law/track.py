@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cohelm.core.facing import Facing, facing
+from cohelm.core.facing import facing
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import Desired, Pose, Twist, wrap
 from cohelm.law.gains import Gains
@@ -20,34 +20,21 @@ def track(pose: Pose, desired: Desired, gains: Gains) -> Twist:
 
     Errors are in the body frame [m, rad]; gains k_x, k_psi [1/s] > 0.
     """
-    return tracked(pose, facing(pose.psi), desired, facing(desired.psi), gains.k_x, gains.k_psi)
-
-
-@jit_inline
-def tracked(
-    pose: Pose, at: Facing, desired: Desired, to: Facing, k_x: float, k_psi: float
-) -> Twist:
-    """`track` with both headings' cosines and sines known."""
+    at, to = facing(pose.psi), facing(desired.psi)
     c, s = at.cos, at.sin
     dx, dy = desired.x - pose.x, desired.y - pose.y
     x_b = dx * c + dy * s
     y_b = -dx * s + dy * c
     # cosine and sine of psi~ = psi_d - psi, which needs no wrapping
     cos_e, sin_e = to.cos * c + to.sin * s, to.sin * c - to.cos * s
-    v = desired.u * cos_e + k_x * x_b
-    omega = desired.r + k_psi * sin_e + y_b * desired.u
+    v = desired.u * cos_e + gains.k_x * x_b
+    omega = desired.r + gains.k_psi * sin_e + y_b * desired.u
     return Twist(v, omega)
 
 
 @jit_inline
 def pose_error(pose: Pose, desired: Desired) -> float:
     """E_P, the norm of the pose error (51), heading difference wrapped (E9) [m and rad]."""
-    return math.sqrt(pose_error_square(pose, desired))
-
-
-@jit_inline
-def pose_error_square(pose: Pose, desired: Desired) -> float:
-    """E_P^2."""
     dx, dy = desired.x - pose.x, desired.y - pose.y
     e_psi = wrap(desired.psi - pose.psi)
-    return dx * dx + dy * dy + e_psi * e_psi
+    return math.sqrt(dx * dx + dy * dy + e_psi * e_psi)

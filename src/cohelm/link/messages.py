@@ -299,9 +299,9 @@ class Line(IntEnum):
     """What a polyline is."""
 
     REFERENCE = 0
-    TRAIL = 1
-    DETOUR = 2
-    WAYPOINTS = 3
+    DETOUR = 1
+    """The course round what is in the way, while one is driven; else no points."""
+    WAYPOINTS = 2
 
 
 class Polyline(NamedTuple):
@@ -334,15 +334,11 @@ class Map(NamedTuple):
 
 
 class Health(NamedTuple):
-    """Bulk: how the robot is."""
+    """Bulk: what the robot says of itself; told at every change."""
 
     battery: float
-    """Share of its charge."""
+    """Share of its charge, in hundredths."""
     faults: tuple[str, ...]
-    load: float
-    """Share of one core the robot's process uses."""
-    free_disk: float
-    """[byte]"""
 
 
 class Picture(NamedTuple):
@@ -354,19 +350,6 @@ class Picture(NamedTuple):
     pose: Pose
     """Of the body in the map, then."""
     jpeg: bytes
-
-
-class Client(NamedTuple):
-    """One who is connected."""
-
-    number: int
-    name: str
-
-
-class Clients(NamedTuple):
-    """Bulk: who is connected; told at every change."""
-
-    all: tuple[Client, ...]
 
 
 class RecordInfo(NamedTuple):
@@ -424,13 +407,6 @@ class Waypoints(NamedTuple):
     """Say what you think of them, but do not follow them."""
 
 
-class Place(NamedTuple):
-    """Bulk, up: the robot is about here; it looks for itself from there."""
-
-    number: int
-    pose: Pose
-
-
 class Fetch(NamedTuple):
     """Bulk, up: send part of a record, and no more; an empty name asks for the list of them."""
 
@@ -441,10 +417,10 @@ class Fetch(NamedTuple):
     """So many bytes; 0: say how many there are, and their hash."""
 
 
-FromOperator: TypeAlias = Command | Waypoints | Place | Fetch
+FromOperator: TypeAlias = Command | Waypoints | Fetch
 FromRobot: TypeAlias = (
-    Status | ScanPart | Discs | Hello | Polyline | Map | Health | Picture | Clients | Records
-    | Piece | Digest | Checked
+    Status | ScanPart | Discs | Hello | Polyline | Map | Health | Picture | Records | Piece
+    | Digest | Checked
 )  # fmt: skip
 Message: TypeAlias = FromOperator | FromRobot
 """What may go either way."""

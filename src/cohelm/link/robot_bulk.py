@@ -27,14 +27,11 @@ from cohelm.link.keys import Keys
 from cohelm.link.messages import (
     Answer,
     Checked,
-    Client,
-    Clients,
     Fetch,
     FromRobot,
     Map,
     Picture,
     Piece,
-    Place,
     Polyline,
     Records,
     Waypoints,
@@ -60,7 +57,7 @@ class Proposed(NamedTuple):
 
     client: int
     name: str
-    what: Waypoints | Place
+    what: Waypoints
 
 
 class _Station:
@@ -117,7 +114,6 @@ class RobotBulk(Turning):
         self._published: dict[object, FromRobot] = {}
         self._proposed: dict[object, Proposed] = {}
         """Of each station the newest of each kind: nobody can crowd out another's."""
-        self._known: dict[int, str] = {}
         self._start()
 
     # ---- for the loop ------------------------------------------------------------------
@@ -167,7 +163,6 @@ class RobotBulk(Turning):
         waiting.poll(0.0 if self._digests.busy else 10.0 if busy else 200.0)
         self._bell.silence()
         self._accept()
-        self._announce()
         now = self._clock()
         for station in list(self._stations):
             try:
@@ -205,12 +200,6 @@ class RobotBulk(Turning):
         stream = Stream(self._context, sock, server=True, most=_LARGEST_UP)
         with self._lock:
             self._stations.append(_Station(stream, address, self._clock()))
-
-    def _announce(self) -> None:
-        known = self._end.clients()
-        if known != self._known:
-            self._known = known
-            self.publish(Clients(tuple(Client(n, name) for n, name in sorted(known.items()))))
 
     def _serve(self, station: _Station, now: float) -> None:
         was_up = station.stream.up
@@ -259,17 +248,16 @@ class RobotBulk(Turning):
         station.session = header.session
         if isinstance(message, Fetch):
             self._fetch(station, message)
-        elif isinstance(message, Waypoints | Place):
+        elif isinstance(message, Waypoints):
             client = self._number(station)
-            to_try = isinstance(message, Waypoints) and message.only_check
-            if client is None or (not to_try and client != self._end.driver):
+            key = (client, message.only_check)
+            if client is None or not (message.only_check or client == self._end.driver):
                 refusal = Checked(Answer(message.number, False, "you do not drive"), 65535)
                 station.replies.append(refusal)
             else:
                 with self._lock:  # at the end: oldest first
-                    self._proposed.pop((client, type(message), to_try), None)
-                    proposed = Proposed(client, station.stream.name, message)
-                    self._proposed[client, type(message), to_try] = proposed
+                    self._proposed.pop(key, None)
+                    self._proposed[key] = Proposed(client, station.stream.name, message)
 
     def _fetch(self, station: _Station, asked: Fetch) -> None:
         if not asked.name:

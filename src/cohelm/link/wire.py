@@ -31,8 +31,6 @@ from cohelm.link.messages import (
     Arming,
     Ask,
     Checked,
-    Client,
-    Clients,
     Command,
     Device,
     Digest,
@@ -51,7 +49,6 @@ from cohelm.link.messages import (
     Mode,
     Picture,
     Piece,
-    Place,
     Polyline,
     RecordInfo,
     Records,
@@ -64,7 +61,7 @@ from cohelm.link.messages import (
     Waypoints,
 )
 
-VERSION = 2
+VERSION = 3
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 LARGEST_BULK = 32_000_000
@@ -122,7 +119,6 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
         Waypoints,
         record(Waypoints, _LONG, checked(array("f8", 2, MOST_WAYPOINTS), _finite), FLAG),
     ),
-    3: (Place, record(Place, _LONG, record(Pose, real("f"), real("f"), real("f")))),
     4: (Fetch, record(Fetch, text(128), _HUGE, whole("I"))),
     # down, datagrams
     64: (
@@ -162,9 +158,8 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
             blob(LARGEST_BULK - 1000),
         ),
     ),
-    99: (Health, record(Health, _TOLD, many(text(120), 16), _TOLD, told("d"))),
+    99: (Health, record(Health, _TOLD, many(text(120), 16))),
     100: (Picture, record(Picture, _LONG, _TIME, _POSE, blob(4_000_000))),
-    101: (Clients, record(Clients, many(record(Client, _SHORT, text(64)), 64))),
     102: (
         Records,
         record(Records, many(record(RecordInfo, text(128), _HUGE, told("d")), 1000)),
@@ -174,7 +169,7 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
     105: (Digest, record(Digest, text(128), _HUGE, blob(32), text(120))),
 }  # fmt: skip
 _KINDS = {of: kind for kind, (of, _) in _LAYOUTS.items()}
-_UP = frozenset({1, 2, 3, 4})
+_UP = frozenset({1, 2, 4})
 DATAGRAMS = (Command, Status, ScanPart, Discs)
 """What travels as datagrams."""
 _DATAGRAM_KINDS = frozenset(_KINDS[of] for of in DATAGRAMS)

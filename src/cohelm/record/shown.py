@@ -39,10 +39,13 @@ TOPICS = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     "/map": "nav_msgs/msg/OccupancyGrid",
     "/reference": "nav_msgs/msg/Path",
+    "/detour": "nav_msgs/msg/Path",
     "/waypoints": "nav_msgs/msg/Path",
     "/obstacles": "visualization_msgs/msg/MarkerArray",
 }
-_LINES = {Line.REFERENCE: "/reference", Line.WAYPOINTS: "/waypoints"}
+_LINES = {
+    Line.REFERENCE: "/reference", Line.DETOUR: "/detour", Line.WAYPOINTS: "/waypoints",
+}  # fmt: skip
 _LEVELS = {Severity.NOTICE: 0, Severity.WARNING: 1, Severity.ALARM: 2}
 _UNKNOWN = 255
 

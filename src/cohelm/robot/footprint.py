@@ -8,7 +8,6 @@ depth for a disc whose centre is inside, minus the overlap otherwise).
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -94,60 +93,29 @@ def _area(corners: Floats) -> float:
     return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
 
 
-class Outside(NamedTuple):
-    """How far a point is outside the edges looked at so far."""
-
-    area: float
-    """Straight out from an edge, times its length: nothing is nearer [m^2]; infinite if none."""
-    length: float
-    """Of that edge [m]."""
-    corner: float
-    """Squared, from the nearest corner of an edge that it is beyond [m^2]; infinite if none."""
-
-
-INSIDE = Outside(math.inf, 1.0, math.inf)
-"""No edge looked at yet."""
-
-
-@jit_inline
-def past_edge(
-    so_far: Outside, ax: float, ay: float, bx: float, by: float, px: float, py: float
-) -> Outside:
-    """One edge more, from corner a to b, of a convex outline; the point p. No branches."""
-    ex, ey = bx - ax, by - ay
-    wx, wy = px - ax, py - ay
-    beyond = wx * ey - wy * ex
-    along, square = wx * ex + wy * ey, ex * ex + ey * ey
-    outside = beyond > 0.0  # only such an edge can be the nearest
-    before_it = outside & (0.0 <= along) & (along <= square) & (so_far.area == math.inf)
-    vx, vy = px - bx, py - by
-    corner = vx * vx + vy * vy if along > 0.0 else wx * wx + wy * wy
-    return Outside(
-        beyond if before_it else so_far.area,
-        math.sqrt(square) if before_it else so_far.length,
-        min(so_far.corner, corner) if outside else so_far.corner,
-    )
-
-
-@jit_inline
-def outside_gap(out: Outside) -> float:
-    """The distance, all edges looked at; infinite from inside [m]."""
-    return out.area / out.length if out.area < math.inf else math.sqrt(out.corner)
-
-
 @jit_inline
 def point_gap(outline: Floats, px: float, py: float) -> float:
-    """Signed distance from a body-frame point to the outline, negative inside [m]."""
+    """Signed distance from a body-frame point to the outline, negative inside [m].
+
+    Straight out from an edge, nothing is nearer; else it is the nearest corner of an edge that the
+    point is beyond.
+    """
     k = outline.shape[0]
-    out = INSIDE
+    corner = math.inf
     for i in range(k):
         j = i + 1 if i + 1 < k else 0
-        out = past_edge(out, outline[i, 0], outline[i, 1], outline[j, 0], outline[j, 1], px, py)
-        if out.area < math.inf:
-            break
-    gap = outside_gap(out)
-    if gap < math.inf:
-        return gap
+        ex, ey = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
+        wx, wy = px - outline[i, 0], py - outline[i, 1]
+        beyond = wx * ey - wy * ex
+        if not beyond > 0.0:
+            continue  # only such an edge can be the nearest
+        along, square = wx * ex + wy * ey, ex * ex + ey * ey
+        if 0.0 <= along <= square:
+            return beyond / math.sqrt(square)
+        vx, vy = px - outline[j, 0], py - outline[j, 1]
+        corner = min(corner, vx * vx + vy * vy if along > 0.0 else wx * wx + wy * wy)
+    if corner < math.inf:
+        return math.sqrt(corner)
     depth = math.inf
     for i in range(k):
         j = i + 1 if i + 1 < k else 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cohelm.core.facing import Facing, facing
+from cohelm.core.facing import facing
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import Pose, Twist
 
@@ -19,31 +19,14 @@ def arc(pose: Pose, twist: Twist, dt: float) -> Pose:
     The heading is not wrapped.
     """
     a = 0.5 * twist.omega * dt
-    if bends_little(a):
-        return gentle_arc(pose, facing(pose.psi), twist, dt)
-    return _along(pose, facing(pose.psi), twist, dt, math.sin(a) / a, math.cos(a))
-
-
-@jit_inline
-def bends_little(a: float) -> bool:
-    """Whether half the turn of an arc [rad] is small enough for `gentle_arc`."""
-    return a * a < 0.01
-
-
-@jit_inline
-def gentle_arc(pose: Pose, at: Facing, twist: Twist, dt: float) -> Pose:
-    """`arc` where it bends little, by the series; `at`: the heading's cosine and sine."""
-    a = 0.5 * twist.omega * dt
     q = a * a
-    sinc = 1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880))))
-    cos_a = 1.0 + q * (-1 / 2 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320))))
-    return _along(pose, at, twist, dt, sinc, cos_a)
-
-
-@jit_inline
-def _along(pose: Pose, at: Facing, twist: Twist, dt: float, sinc: float, cos_a: float) -> Pose:
-    chord = twist.v * dt * sinc
-    sin_a = 0.5 * twist.omega * dt * sinc
+    if q < 0.01:
+        sinc = 1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880))))
+        cos_a = 1.0 + q * (-1 / 2 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320))))
+    else:
+        sinc, cos_a = math.sin(a) / a, math.cos(a)
+    chord, sin_a = twist.v * dt * sinc, a * sinc
+    at = facing(pose.psi)
     return Pose(
         pose.x + chord * (at.cos * cos_a - at.sin * sin_a),
         pose.y + chord * (at.sin * cos_a + at.cos * sin_a),

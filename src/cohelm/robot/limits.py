@@ -65,32 +65,10 @@ def _excess(
     v: float, omega: float, speed: float, yaw_rate: float, wheel: float, track: float
 ) -> float:
     """How many times over the bounds a twist is; 1 inside them."""
-    if _inside(v, omega, speed, yaw_rate, wheel, track):
-        return 1.0  # most of the time, and spares three divisions
     rim = abs(v) + 0.5 * track * abs(omega)  # the faster wheel
+    if abs(v) <= speed and abs(omega) <= yaw_rate and rim <= wheel:
+        return 1.0  # most of the time, and spares three divisions
     return max(abs(v) / speed, abs(omega) / yaw_rate, rim / wheel)
-
-
-@jit_inline
-def _inside(
-    v: float, omega: float, speed: float, yaw_rate: float, wheel: float, track: float
-) -> bool:
-    """Whether a twist is within the bounds; no for one that is not a number. No branches."""
-    rim = abs(v) + 0.5 * track * abs(omega)
-    return (abs(v) <= speed) & (abs(omega) <= yaw_rate) & (rim <= wheel)
-
-
-@jit_inline
-def allowed(command: Twist, before: Twist, limits: Limits, dt: float) -> bool:
-    """Whether `achievable` would pass the command to the last bit, but for a hair. No branches."""
-    v, omega = command.v, command.omega
-    track, wheel = limits.track, limits.wheel_speed
-    dv, domega = v - before.v, omega - before.omega
-    change = limits.wheel_acceleration * dt - _grain(v, omega, before, track)
-    return _inside(v, omega, limits.speed, limits.yaw_rate, wheel, track) & _inside(
-        dv, domega, limits.acceleration * dt, limits.yaw_acceleration * dt,
-        max(change, _NONE), track,
-    )  # fmt: skip
 
 
 @jit_inline

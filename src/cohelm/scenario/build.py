@@ -171,7 +171,7 @@ def _hands(alone: Scenario) -> tuple[Replay, Scenario]:
     stick = alone.stick
     if isinstance(stick, StickScript):
         t, x, psi = np.array(stick.events, dtype=np.float64).T
-        return replay((t.copy(), x.copy(), psi.copy())), alone
+        return replay(t, x, psi), alone
     if not isinstance(stick, StickFile):
         return replay(), alone
     table = sticks.read(stick.path, stick.run, stick.source, stick.full_scale, stick.clip)
@@ -182,7 +182,7 @@ def _hands(alone: Scenario) -> tuple[Replay, Scenario]:
             "(its sha256 differs); remove stick.sha256 to play it as it is now"
         )
     named = alone.model_copy(update={"stick": stick.model_copy(update={"sha256": now})})
-    return replay((table.times + stick.start_s, table.x, table.psi)), named
+    return replay(table.times + stick.start_s, table.x, table.psi), named
 
 
 def _check_length(made: Setup, alone: Scenario) -> None:

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cohelm.core.facing import facing
 from cohelm.core.jit import jit, jit_inline
@@ -60,18 +60,6 @@ class Operator(NamedTuple):
     """Standard deviation of the trembling, in deflection."""
 
 
-OPERATOR = np.dtype(
-    [(name, "?" if isinstance(v, bool) else "f8") for name, v in Operator()._asdict().items()],
-    align=True,
-)
-"""One row of a table of operators, for a batch."""
-
-
-def operator_table(rows: list[Operator]) -> NDArray[np.void]:
-    """Operators of many robots as a structured array, shape (n,)."""
-    return np.array([tuple(row) for row in rows], dtype=OPERATOR)
-
-
 class Person(NamedTuple):
     """What the simulated person has in mind between two steps."""
 
@@ -93,42 +81,35 @@ IDLE = Person(math.inf, -math.inf, 0.0, 0.0, 0.0)
 
 
 class Replay(NamedTuple):
-    """Recorded or scripted sticks: events of hand i are rows first[i]:first[i + 1].
+    """A recorded or scripted stick.
 
-    times [s] never decrease within a hand. A deflection holds until the next event; before the
-    first and after the last event the stick is centred.
+    times [s] never decrease. A deflection holds until the next event; before the first and after
+    the last event the stick is centred.
     """
 
-    first: NDArray[np.int64]
     times: Floats
     x: Floats
     psi: Floats
 
 
-def replay(*hands: tuple[Floats, Floats, Floats]) -> Replay:
-    """Hands from (times, x, psi) arrays; one empty hand when none is given."""
-    lengths = [len(times) for times, _, _ in hands] or [0]
-    columns = [
-        np.concatenate([np.asarray(hand[c], dtype=np.float64) for hand in hands] or [np.empty(0)])
-        for c in range(3)
-    ]
-    first = np.concatenate(([0], np.cumsum(lengths))).astype(np.int64)
-    return Replay(first, *columns)
+def replay(times: ArrayLike = (), x: ArrayLike = (), psi: ArrayLike = ()) -> Replay:
+    """A stick from its columns; without any, nobody at it."""
+    return Replay(*(np.array(column, dtype=np.float64) for column in (times, x, psi)))
 
 
 @jit_inline
-def replayed(hand: int, hands: Replay, t: float) -> Stick:
-    """The newest deflection of a hand at time t."""
-    low, high = hands.first[hand], hands.first[hand + 1]
-    if low == high or t < hands.times[low] or t > hands.times[high - 1]:
+def replayed(hand: Replay, t: float) -> Stick:
+    """The newest deflection at time t."""
+    low, high = 0, len(hand.times)
+    if low == high or t < hand.times[low] or t > hand.times[high - 1]:
         return Stick(0.0, 0.0)
     while high - low > 1:
         middle = (low + high) // 2
-        if hands.times[middle] <= t:
+        if hand.times[middle] <= t:
             low = middle
         else:
             high = middle
-    return Stick(float(hands.x[low]), float(hands.psi[low]))
+    return Stick(float(hand.x[low]), float(hand.psi[low]))
 
 
 @jit_inline

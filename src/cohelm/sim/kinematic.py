@@ -58,8 +58,8 @@ class Motion(NamedTuple):
 class Kinematic(Paced):
     """A differential drive that does what its wheels can do of what it is told, after a delay.
 
-    It passes through what it hits; `truth` says that it did. One world (index 0) of `around`;
-    its movers run with the robot's clock.
+    It passes through what it hits; `truth` says that it did. What moves in `around` goes with the
+    robot's clock.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class Kinematic(Paced):
         """How it really is."""
         self._catch_up()
         m = self._motion
-        place(self._discs, 0, self._world, self._tick * TICK)
+        place(self._discs, self._world, self._tick * TICK)
         gap = _clearance(m.pose, self._outline, self._reach, self._discs, self._world.walls)
         return Truth(self._tick * TICK, m.pose, m.twist, gap, m.least, m.least_moving)
 
@@ -182,7 +182,7 @@ class Kinematic(Paced):
             return
         number = 0 if self._scan is None else self._scan.number + 1
         ranges = np.empty(len(self._lidar.beams))
-        place(self._discs, 0, self._world, tick * TICK)
+        place(self._discs, self._world, tick * TICK)
         scan(
             self._motion.pose, self._lidar, self._discs, self._world.walls, self._grid,
             self._seed, number, ranges,
@@ -225,7 +225,7 @@ def _move(
         right += (twist.v + turn) * TICK
         yaw += twist.omega * TICK
         if k % _LOOKS == 0:
-            place(discs, 0, around, k * TICK)
+            place(discs, around, k * TICK)
             least = clearance(pose, outline, reach, discs, around.walls, least)
             if abs(twist.v) > _MOVING or abs(twist.omega) > _MOVING:
                 least_moving = clearance(pose, outline, reach, discs, around.walls, least_moving)

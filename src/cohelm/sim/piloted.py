@@ -191,7 +191,7 @@ def look(
     """What the robot knows after the scan of step k: points that stand, discs that move."""
     lidar = eyes.lidar
     discs = np.empty((len(scene.around.discs), 6))
-    place(discs, 0, scene.around, k * dt)
+    place(discs, scene.around, k * dt)
     ranges = np.empty(len(lidar.beams))
     pose, number = now.robot.pose, _scans(k, dt, given.rate)
     scan(pose, lidar, discs, scene.barred, scene.grid, scene.seed, number, ranges)
@@ -220,7 +220,7 @@ def known(t: float, told: Surroundings, stamp: float, walls: Floats, scene: Scen
     if scene.sees:
         return moved_on(told, t - stamp, 0.0)
     discs = np.empty((len(scene.around.discs), 6))
-    place(discs, 0, scene.around, t)
+    place(discs, scene.around, t)
     return Surroundings(discs, scene.agility, walls, told.points)
 
 
@@ -238,14 +238,14 @@ def _advance(
         k = first + j
         pose, before = robot.pose, robot.applied
         there = discs[j]
-        place(there, 0, scene.around, k * dt)
+        place(there, scene.around, k * dt)
         around = known(k * dt, told, now.stamp, walls, scene)
         if scene.operator.active:
             person, stick = operate(
                 person, scene.operator, pose, there, scene.around.noticed, k, dt, scene.seed
             )
         else:
-            stick = replayed(0, scene.hands, k * dt)
+            stick = replayed(scene.hands, k * dt)
         pilot, d = pilot_step(pilot, pose, before, stick, around, course, line, settings, dt, sent)
         led = d.doing == LED
         arriving = Twist(d.v, d.omega)

@@ -85,14 +85,14 @@ def _advance(
     for j in range(len(rows)):
         k = first + j
         now = discs[j]
-        place(now, 0, around, k * dt)
+        place(now, around, k * dt)
         d = table[k]
         desired = Desired(d[0], d[1], d[2], d[3], d[4])
         pose = state.pose
         if operator.active:
             person, stick = operate(person, operator, pose, now, around.noticed, k, dt, seed)
         else:
-            stick = replayed(0, hands, k * dt)
+            stick = replayed(hands, k * dt)
         state, s, saturated = turn(k, dt, state, stick, desired, now, gains, limits, queue)
         for i in range(now.shape[0]):
             dx, dy = pose.x - now[i, X], pose.y - now[i, Y]

@@ -29,80 +29,67 @@ class Body:
 
 
 class World(NamedTuple):
-    """Any number of worlds as flat arrays; world w has discs first[w]:first[w + 1].
+    """Discs and walls as flat arrays.
 
-    discs: (D, 6) at t = 0. noticed: (D,). path_first: (D + 1,) rows of a disc's knots; none if
+    discs: (n, 6) at t = 0. noticed: (n,). path_first: (n + 1,) rows of a disc's knots; none if
     it rests or drifts. knots: (K,) times [s]. coeffs: (K, 8) as in `law.reference` (the last
-    row of each path is not used). walls: (S, 4) segments x1, y1, x2, y2 [m].
+    row of each path is not used). walls: (s, 4) segments x1, y1, x2, y2 [m].
     """
 
-    first: Ints
     discs: Floats
     noticed: NDArray[np.bool_]
     path_first: Ints
     knots: Floats
     coeffs: Floats
-    wall_first: Ints
     walls: Floats
 
 
-def world(*scenes: tuple[Sequence[Body], Floats]) -> World:
-    """Worlds from (bodies, walls) pairs; walls (s, 4) may be empty."""
-    bodies = [body for scene, _ in scenes for body in scene]
-    knots: list[Floats] = []
-    coeffs: list[Floats] = []
-    lengths: list[int] = []
-    for body in bodies:
-        if body.path is None:
-            lengths.append(0)
-            continue
-        knots.append(body.path.knots + body.start)
-        coeffs.append(np.vstack((body.path.coeffs, np.zeros((1, 8)))))
-        lengths.append(len(body.path.knots))
-    walls = [np.asarray(w, dtype=np.float64).reshape(-1, 4) for _, w in scenes]
+def world(scene: tuple[Sequence[Body], Floats]) -> World:
+    """A world from (bodies, walls); walls (s, 4) may be empty."""
+    bodies, walls = scene
+    paths = [body.path for body in bodies]
+    lengths = [0 if path is None else len(path.knots) for path in paths]
     return World(
-        first=_starts([len(scene) for scene, _ in scenes]),
         discs=np.array([body.row for body in bodies], dtype=np.float64).reshape(-1, 6),
         noticed=np.array([body.noticed for body in bodies], dtype=np.bool_),
-        path_first=_starts(lengths),
-        knots=np.concatenate([*knots, np.empty(0)]),
-        coeffs=np.concatenate([*coeffs, np.empty((0, 8))]),
-        wall_first=_starts([len(w) for w in walls]),
-        walls=np.concatenate([*walls, np.empty((0, 4))]),
-    )
-
-
-def _starts(lengths: list[int]) -> Ints:
-    return np.concatenate(([0], np.cumsum(lengths, dtype=np.int64))).astype(np.int64)
-
-
-@jit_inline
-def moves(w: int, worlds: World) -> bool:
-    """Whether any disc of world w ever moves."""
-    for i in range(worlds.first[w], worlds.first[w + 1]):
-        drifts = worlds.discs[i, VX] != 0.0 or worlds.discs[i, VY] != 0.0
-        if drifts or worlds.path_first[i] < worlds.path_first[i + 1]:
-            return True
-    return False
+        path_first=np.concatenate(([0], np.cumsum(lengths, dtype=np.int64))).astype(np.int64),
+        knots=np.concatenate([*[b.path.knots + b.start for b in bodies if b.path], np.empty(0)]),
+        coeffs=np.concatenate([
+            *[np.vstack((path.coeffs, np.zeros((1, 8)))) for path in paths if path],
+            np.empty((0, 8)),
+        ]),
+        walls=np.asarray(walls, dtype=np.float64).reshape(-1, 4),
+    )  # fmt: skip
 
 
 @jit_inline
-def place(discs: Floats, w: int, worlds: World, t: float) -> None:
-    """Write the discs of world w as they are at time t into `discs`."""
-    offset = worlds.first[w]
-    for j in range(discs.shape[0]):
-        i = offset + j
-        a, b = worlds.path_first[i], worlds.path_first[i + 1]
-        discs[j, RADIUS], discs[j, SAFE] = worlds.discs[i, RADIUS], worlds.discs[i, SAFE]
-        if a == b:
-            discs[j, X] = worlds.discs[i, X] + t * worlds.discs[i, VX]
-            discs[j, Y] = worlds.discs[i, Y] + t * worlds.discs[i, VY]
-            discs[j, VX], discs[j, VY] = worlds.discs[i, VX], worlds.discs[i, VY]
-        else:
-            m = evaluate(worlds.knots[a:b], worlds.coeffs[a:b], t)
-            going = worlds.knots[a] <= t < worlds.knots[b - 1]
-            discs[j, X], discs[j, Y] = m.x, m.y
-            discs[j, VX], discs[j, VY] = (m.vx, m.vy) if going else (0.0, 0.0)
+def moves(i: int, world: World) -> bool:
+    """Whether disc i ever moves."""
+    drifts = world.discs[i, VX] != 0.0 or world.discs[i, VY] != 0.0
+    return drifts or world.path_first[i] < world.path_first[i + 1]
+
+
+@jit_inline
+def place_one(disc: Floats, i: int, world: World, t: float) -> None:
+    """Write disc i as it is at time t into the row `disc`."""
+    a, b = world.path_first[i], world.path_first[i + 1]
+    disc[RADIUS], disc[SAFE] = world.discs[i, RADIUS], world.discs[i, SAFE]
+    if a == b:
+        disc[X] = world.discs[i, X] + t * world.discs[i, VX]
+        disc[Y] = world.discs[i, Y] + t * world.discs[i, VY]
+        disc[VX], disc[VY] = world.discs[i, VX], world.discs[i, VY]
+    else:
+        m = evaluate(world.knots[a:b], world.coeffs[a:b], t)
+        going = world.knots[a] <= t < world.knots[b - 1]
+        disc[X], disc[Y] = m.x, m.y
+        disc[VX], disc[VY] = (m.vx, m.vy) if going else (0.0, 0.0)
+
+
+@jit_inline
+def place(discs: Floats, world: World, t: float) -> None:
+    """Write all discs as they are at time t into `discs`."""
+    for i in range(discs.shape[0]):
+        place_one(discs[i], i, world, t)
 
 
 @jit_inline

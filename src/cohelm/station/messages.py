@@ -243,7 +243,7 @@ class Line(Schema):
     """A line on the map; replaces the earlier of its kind."""
 
     type: Literal["line"] = "line"
-    what: Literal["reference", "trail", "detour", "waypoints"]
+    what: Literal["reference", "detour", "waypoints"]
     points: list[Point]
 
 

@@ -147,13 +147,13 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
     done = n
     for k in range(n):
         t, there = k * dt, discs[k]
-        place(there, 0, setup.around, t)
+        place(there, setup.around, t)
         if setup.operator.active:
             person, stick = operate(
                 person, setup.operator, pose, there, setup.around.noticed, k, dt, setup.seed
             )
         else:
-            stick = replayed(0, setup.hands, t)
+            stick = replayed(setup.hands, t)
         wanted = desired(setup.reference, t, setup.spline_speed)
         around = _obstacles(there, moving, setup.around.walls)
         now = Observation(t, dt, pose, applied, around, wanted, goal, stick)

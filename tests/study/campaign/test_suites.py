@@ -25,7 +25,7 @@ def test_a_room_can_be_crossed_and_its_walkers_keep_their_bounds(number):
     assert goal is not None
     n, discs = len(setup.names), np.empty((3000, len(setup.names), 6))
     for k in range(3000):
-        place(discs[k], 0, setup.around, 0.04 * k)
+        place(discs[k], setup.around, 0.04 * k)
     walks = np.array([name.startswith("walker") for name in setup.names])
     assert 2 <= walks.sum() <= 5
     assert 6 <= n - walks.sum() <= 14

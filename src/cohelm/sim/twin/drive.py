@@ -76,8 +76,7 @@ class _Run:
         self.setup, self.given = setup, given
         around = setup.around
         if setup.barred is not None:  # the map's borders come with the map
-            ends = np.array([0, len(setup.barred)])
-            around = around._replace(walls=setup.barred, wall_first=ends)
+            around = around._replace(walls=setup.barred)
         self.walls = setup.around.walls
         self.robot = Twin(
             model, setup.start, around, grid=setup.grid, seed=setup.seed,
@@ -147,7 +146,7 @@ class _Run:
     def _hand(self, k: int, pose: Pose, things: Floats) -> Stick:
         setup = self.setup
         if not setup.operator.active:
-            return replayed(0, setup.hands, k * setup.dt)
+            return replayed(setup.hands, k * setup.dt)
         self.person, stick = operate(
             self.person, setup.operator, pose, things, setup.around.noticed, k, setup.dt,
             setup.seed,

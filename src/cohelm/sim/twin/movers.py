@@ -12,7 +12,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, X, Y
 from cohelm.robot.footprint import disc_clearance
 from cohelm.sim.duel import choose, walk_on
-from cohelm.sim.world import World, place
+from cohelm.sim.world import World, place_one
 
 STROLL = 0.4
 """Speed at which a mover goes round what is in its way [m/s]."""
@@ -84,7 +84,7 @@ def walk(
         if movers.hunt.agility[m] > 0.0:
             _hunt(step, time, pose, outline, discs, walls, i, m, movers.hunt, after[0])
         else:
-            place(after, i, movers.paths, time)
+            place_one(after[0], i, movers.paths, time)
             _go(step, pose, outline, discs, walls, i, movers.held[m], after[0])
         way = math.hypot(after[0, X] - discs[i, X], after[0, Y] - discs[i, Y])
         farthest = max(farthest, way)

@@ -100,18 +100,15 @@ class Twin(Paced):
         self._walls = np.vstack((around.walls, borders(grid)))
         self._seen_walls = around.walls
         self._discs = np.empty((len(around.discs), 6))
-        place(self._discs, 0, around, 0.0)
-        solo = around._replace(
-            first=np.arange(len(self._discs) + 1), wall_first=np.zeros(len(self._discs) + 1, int)
-        )
-        moving = [i for i in range(len(self._discs)) if moves(i, solo)]
+        place(self._discs, around, 0.0)
+        moving = [i for i in range(len(self._discs)) if moves(i, around)]
         agility = np.zeros(len(moving)) if hunters is None else hunters.agility[moving]
         hunt = Hunt(
             agility, hunters.fastest if hunters else 0.0, hunters.seed if hunters else 0,
             np.zeros((len(moving), 2)),
         )  # fmt: skip
         self._movers = Movers(
-            np.array(moving, dtype=np.int64), solo, np.zeros((len(moving), 5)), hunt
+            np.array(moving, dtype=np.int64), around, np.zeros((len(moving), 5)), hunt
         )
         text = mjcf(model, settings, step, self._discs, moving, around.walls, grid)
         try:

@@ -100,5 +100,5 @@ def case(hands: Hands, course: Setup, seed: int, number: int) -> Case:
         begin += float(rng.uniform(0.0, 0.5) * (hand.times[-1] - hand.times[0]))
     later = hand.times >= begin
     times = np.ascontiguousarray(hand.times[later] - begin)
-    setup = replace(course, hands=replay((times, hand.x[later], hand.psi[later])), seed=number)
+    setup = replace(course, hands=replay(times, hand.x[later], hand.psi[later]), seed=number)
     return Case("hands", number, hands.names[which], setup, goal(setup))

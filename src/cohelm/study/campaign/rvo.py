@@ -9,7 +9,7 @@ wants the same 0.5 m/s, and is told what its wheels can do (`acce` is its larges
 in a step). It takes the robot for a circle, 0.1 m larger than the outline's farthest corner, as it
 always does. The robot then moves as ours does: wheel limits, exact arcs, 50 steps a second.
 
-ir-sim runs in a process of its own, for the same reasons as in `study.bench.peers`, where each
+ir-sim runs in a process of its own, for the same reasons as the peers of `cohelm bench`: each
 worker keeps one. This module is also what that process runs.
 """
 
@@ -93,12 +93,12 @@ def _drive(irsim: Any, case: Case, mode: str) -> tuple[NDArray[np.void], Floats]
     assert goal is not None
     m = len(setup.names)
     discs, rows = np.empty((setup.steps, m, 6)), np.zeros(setup.steps, dtype=ROW)
-    place(discs[0], 0, setup.around, 0.0)
+    place(discs[0], setup.around, 0.0)
     env = _world(irsim, case, discs[0], mode)
     reach = float(np.hypot(*setup.outline.T).max())
     pose, applied, command = setup.start, Twist(0.0, 0.0), Twist(0.0, 0.0)
     for k in range(setup.steps):
-        place(discs[k], 0, setup.around, k * DT)
+        place(discs[k], setup.around, k * DT)
         if k % _HOLD == 0:
             command = _asked(env, pose, applied, discs[k])
         applied = achievable(command, applied, setup.limits, DT)

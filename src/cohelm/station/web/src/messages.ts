@@ -188,7 +188,7 @@ export interface Discs {
 /** A line on the map; replaces the earlier of its kind. */
 export interface Line {
   type: 'line'
-  what: 'reference' | 'trail' | 'detour' | 'waypoints'
+  what: 'reference' | 'detour' | 'waypoints'
   points: Array<[number, number]>
 }
 

@@ -1,4 +1,4 @@
-// Where the robot has been, as far as this page saw it, and before that as the robot tells it.
+// Where the robot has been, as far as this page saw it.
 import { effect, signal } from '@preact/signals'
 import * as s from '../state'
 import type { Point } from './view'
@@ -7,11 +7,6 @@ const STEP_M = 0.05
 const MOST = 5000
 
 export const trail = signal<Point[]>([])
-
-effect(() => {
-  const told = s.lines.value.trail
-  if (told !== undefined) trail.value = told.slice(-MOST)
-})
 
 effect(() => {
   const now = s.state.value

@@ -14,9 +14,10 @@ from cohelm.law.reference import through
 from cohelm.law.step import step
 from cohelm.robot.limits import unlimited
 from cohelm.robot.model import RobotModel, shipped_path
-from cohelm.sim.batch import Batch
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
+from cohelm.study.campaign.case import Case
+from cohelm.study.campaign.suites import suite
 
 POSES = 64
 """Poses a step is timed at, in turn."""
@@ -98,19 +99,11 @@ def course(duration: float | None = None) -> Setup:
     )
 
 
-def crowd(robots: int, duration: float | None = None, seed: int = 1) -> Batch:
-    """The same course, driven by many robots that start within 5 cm and 3 degrees of it."""
-    one = course(duration)
-    rng = np.random.default_rng(seed)
-    spread = rng.uniform(-1.0, 1.0, (robots, 3)) * (0.05, 0.05, math.radians(3.0))
-    return Batch(
-        starts=np.array(one.start) + spread,
-        reference=one.reference,
-        outline=one.outline,
-        limits=one.limits,
-        worlds=one.around,
-        duration=duration,
-    )
+def guarded(few: bool) -> tuple[Case, ...]:
+    """Episodes of the suites lab and random, one each or three."""
+    numbers = (1,) if few else (1, 2, 3)
+    suites = [suite(name, 1, None) for name in ("lab", "random")]
+    return tuple(each.case(number) for number in numbers for each in suites)
 
 
 def _sally() -> RobotModel:

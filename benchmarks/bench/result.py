@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from cohelm.study.bench.measure import Rounds
+from .measure import Rounds
 
 CBFPY = ("qpax", "elastiqp")
 """cbfpy by its backend: the default, and the faster extra."""
@@ -24,16 +24,15 @@ class BenchResult:
     """Times of one bench; every number is kept round by round.
 
     step: one control step through `law.step.step`, by number of discs [us]. run: `sim.run.run`
-    with four discs, everything recorded [steps/s]. batch: `sim.batch.run_batch` with four discs
-    and `robots` robots, over all threads [million robot-steps/s]. filters: cbfpy's safety filter
-    by backend and number of discs [us]. ir_sim: ir-sim's `env.step` with four discs [steps/s].
-    absent: why a peer has no number. shaped: share of the timed poses at which our filter acts.
+    with four discs and the paper's law, everything recorded [steps/s]. guarded: episodes of the
+    campaigns with guard and planning, on one core [steps/s]. filters: cbfpy's safety filter by
+    backend and number of discs [us]. ir_sim: ir-sim's `env.step` with four discs [steps/s]. absent:
+    why a peer has no number. shaped: share of the timed poses at which our filter acts.
     """
 
     step: dict[int, Rounds]
     run: Rounds
-    batch: Rounds
-    robots: int
+    guarded: Rounds
     filters: dict[str, dict[int, Rounds]]
     ir_sim: Rounds | None
     absent: dict[str, str]
@@ -45,8 +44,7 @@ class BenchResult:
         return {
             "step_us": _medians(self.step),
             "run_steps_per_s": _rounded(self.run.median),
-            "batch_msteps_per_s": _rounded(self.batch.median),
-            "batch_robots": self.robots,
+            "guarded_steps_per_s": _rounded(self.guarded.median),
             "peers": {
                 **{f"{_KEYS[name]}_step_us": _medians(self.filters.get(name)) for name in CBFPY},
                 "ir_sim_steps_per_s": None if self.ir_sim is None else _rounded(self.ir_sim.median),
@@ -73,9 +71,6 @@ class BenchResult:
         return {
             **against,
             "run_over_ir_sim": None if ir_sim is None else _rounded(self.run.times(ir_sim)),
-            "batch_over_ir_sim": None
-            if ir_sim is None
-            else _rounded(1e6 * self.batch.times(ir_sim)),
         }
 
     def _spread(self) -> dict[str, Any]:
@@ -84,7 +79,7 @@ class BenchResult:
             "rounds": len(self.run.values),
             "step_us": _ranges(self.step),
             "run_steps_per_s": _range(self.run),
-            "batch_msteps_per_s": _range(self.batch),
+            "guarded_steps_per_s": _range(self.guarded),
         }
         for name in CBFPY:
             found[f"{_KEYS[name]}_step_us"] = _ranges(self.filters.get(name))
@@ -106,18 +101,17 @@ class BenchResult:
                 theirs = self.filters.get(name, {}).get(n)
                 cells += ["–", ""] if theirs is None else [_shown(theirs), _times(theirs, ours)]
             steps.add_row(*cells)
-        drives = Table(title=Text(f"Four discs [1000 steps/s], {rounds}"), title_justify="left")
+        drives = Table(title=Text(f"Runs [1000 steps/s], {rounds}"), title_justify="left")
         drives.add_column("what")
         drives.add_column("rate")
         drives.add_column("ratio", justify="right")
-        ir_sim, batch = self.ir_sim, self.batch.scaled(1e6)
-        drives.add_row("ir-sim, one robot", "–" if ir_sim is None else _shown(ir_sim.scaled(1e-3)))
-        for what, rate in (
-            ("cohelm, one robot, all recorded", self.run),
-            (f"cohelm, {self.robots} robots, scored", batch),
-        ):
-            ratio = "" if ir_sim is None else _times(rate, ir_sim)
-            drives.add_row(what, _shown(rate.scaled(1e-3)), ratio)
+        ir_sim = self.ir_sim
+        drives.add_row("ir-sim, 4 discs", "–" if ir_sim is None else _shown(ir_sim.scaled(1e-3)))
+        ratio = "" if ir_sim is None else _times(self.run, ir_sim)
+        drives.add_row("cohelm, 4 discs, paper's law", _shown(self.run.scaled(1e-3)), ratio)
+        drives.add_row(
+            "cohelm, campaigns, guard and planning", _shown(self.guarded.scaled(1e-3)), ""
+        )
         words = [f"{self.machine['cores']} cores of {self.machine['cpu']}"]
         words += [f"{_NAMES[name]}: {why}" for name, why in self.absent.items()]
         return Group(steps, drives, *(Text(word) for word in words))

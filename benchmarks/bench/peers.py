@@ -40,7 +40,8 @@ from typing import Any, Self
 import numpy as np
 
 from cohelm.core.extras import pip_line
-from cohelm.study.bench.measure import median_call_us
+
+from .measure import median_call_us
 
 AHEAD_M = 0.1
 """Distance of cbfpy's guarded point ahead of the axle: there both inputs can move it."""
@@ -48,6 +49,9 @@ AHEAD_M = 0.1
 INSTALL = f"not installed: {pip_line('peers')}"
 
 _NEEDS = {"qpax": ("cbfpy",), "elastiqp": ("cbfpy", "elastiqp"), "ir-sim": ("irsim",)}
+
+_HERE = str(Path(__file__).parents[len(str(__package__).split("."))])
+"""Where Python finds this package, in a checkout and in a wheel."""
 
 # What cbfpy advises for a CPU; and no window for matplotlib.
 _SETTINGS = {
@@ -81,11 +85,11 @@ class Peer:
     def __init__(self, name: str) -> None:
         self.name = name
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "cohelm.study.bench.peers", name],
+            [sys.executable, "-m", f"{__package__}.peers", name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env={**os.environ, **_SETTINGS},
+            env={**os.environ, **_SETTINGS, "PYTHONPATH": _HERE},
             text=True,
         )
 

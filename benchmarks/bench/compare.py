@@ -1,4 +1,4 @@
-"""`cohelm bench`: our step, run and batch, and the peers, in turns within the same rounds."""
+"""`cohelm bench`: our step and runs, and the peers, in turns within the same rounds."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, SAFE, Floats, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.step import step
-from cohelm.sim.batch import Batch, run_batch
 from cohelm.sim.run import run
 from cohelm.sim.setup import Setup
-from cohelm.study.bench.measure import Rounds, machine, median_call_us
-from cohelm.study.bench.peers import INSTALL, Peer, PeerFailed, installed
-from cohelm.study.bench.result import CBFPY, IR_SIM, BenchResult
-from cohelm.study.bench.scene import Field, course, crowd, field
+from cohelm.study.campaign.case import Case, traced
+
+from .measure import Rounds, machine, median_call_us
+from .peers import INSTALL, Peer, PeerFailed, installed
+from .result import CBFPY, IR_SIM, BenchResult
+from .scene import Field, course, field, guarded
 
 QUICK_SIZES = (4, 16, 64, 256)
 FULL_SIZES = (4, 16, 64, 256, 1024)
@@ -35,14 +36,13 @@ def bench(
     *,
     sizes: Sequence[int] | None = None,
     rounds: int | None = None,
-    robots: int | None = None,
     peers: Sequence[str] = (*CBFPY, IR_SIM),
 ) -> BenchResult:
     """Time everything; a minute with `quick`, which takes fewer and shorter rounds.
 
     progress: told what is being done, and the share of all that is done.
-    sizes: numbers of discs of a step. rounds: how often each number is taken. robots: size of
-    the batch. peers: those to ask; the ones that are not installed are left out and named.
+    sizes: numbers of discs of a step. rounds: how often each number is taken. peers: those to
+    ask; the ones that are not installed are left out and named.
     """
     sizes = tuple(sizes or (QUICK_SIZES if quick else FULL_SIZES))
     rounds = rounds or (7 if quick else 11)
@@ -53,19 +53,18 @@ def bench(
         setup = course(10.0 if quick else None)
         trace = run(setup)
         table.prepare(fields, setup, trace)
-        progress("compiling the batch", 0.1)
-        many = crowd(robots or (2048 if quick else 8192), setup.duration)
-        run_batch(many)
+        progress("compiling the pilot", 0.1)
+        cases = guarded(few=quick)
+        _drive(cases)
         progress("waiting for the peers to compile", 0.3)
         table.wait()
         for k in range(rounds):
             progress(f"round {k + 1} of {rounds}", 0.6 + 0.4 * k / rounds)
-            _round(table, fields, setup, len(trace), many, quick)
+            _round(table, fields, setup, len(trace), cases, quick)
     return BenchResult(
         step={n: table.taken(f"step {n}") for n in sizes},
         run=table.taken("run"),
-        batch=table.taken("batch"),
-        robots=len(many.starts),
+        guarded=table.taken("guarded"),
         filters={
             name: {n: table.taken(f"{name} {n}") for n in sizes}
             for name in CBFPY
@@ -136,8 +135,9 @@ class _Table:
 
 
 def _round(
-    table: _Table, fields: dict[int, Field], setup: Setup, steps: int, many: Batch, quick: bool
-) -> None:
+    table: _Table, fields: dict[int, Field], setup: Setup, steps: int, cases: Sequence[Case],
+    quick: bool,
+) -> None:  # fmt: skip
     """Every number once, ours and the peers' next to each other."""
     for n, scene in fields.items():
         table.take(f"step {n}", _step_us(scene, 2000 if quick else 5000))
@@ -149,8 +149,13 @@ def _round(
     table.take("run", steps / (perf_counter() - start))
     table.ask(IR_SIM, IR_SIM, {"run": True}, "steps_per_s")
     start = perf_counter()
-    run_batch(many)
-    table.take("batch", len(many.starts) * steps / (perf_counter() - start) / 1e6)
+    driven = _drive(cases)
+    table.take("guarded", driven / (perf_counter() - start))
+
+
+def _drive(cases: Sequence[Case]) -> int:
+    """Drive episodes with the guard, as a campaign does on one core; how many steps they took."""
+    return sum(len(part) for case in cases for part in traced(case, "guard"))
 
 
 def _step_us(scene: Field, calls: int) -> float:

@@ -1,0 +1,58 @@
+"""What a station is shown of a drive, without asking for it."""
+
+import numpy as np
+
+from cohelm.link.messages import Ask, Health, Line, Mode, Polyline
+from tests.drive.resuming import Drive
+
+POST = "obstacles=[{name: post, center_m: [3.0, 0.1], radius_m: 0.15}]"
+
+
+def seen(station, what):
+    """The newest of its kind that has come to a station, and forget it."""
+    for key, message in list(station.bulk.slots.items()):
+        if isinstance(message, Polyline) and message.what == what:
+            return station.bulk.slots.pop(key).points
+    return None
+
+
+def test_the_detour_that_is_driven_is_shown_and_taken_away_when_it_is_over(tmp_path):
+    """The post stands on the way, and on no map."""
+    shown = []
+
+    def script():
+        anna = drive.station("anna")
+        yield from range(5)
+        anna.ask(Ask.TAKE)
+        yield from range(5)
+        anna.ask(Ask.MODE, int(Mode.AUTOMATIC))
+        for _ in range(1500):
+            line = seen(anna, Line.DETOUR)
+            if line is not None:
+                shown.append(line)
+            if drive.loop.driver.arrived:
+                return
+            yield
+
+    with Drive(tmp_path, changes=[POST]) as drive:
+        drive.run(script())
+    ways = [line for line in shown if len(line)]
+    assert ways
+    assert all(np.hypot(*(line - (3.0, 0.1)).T).min() > 0.15 for line in ways)
+    assert len(shown[-1]) == 0
+
+
+def test_what_the_robot_says_is_wrong_with_it_comes_to_the_station(tmp_path):
+    said = []
+
+    def script():
+        anna = drive.station("anna")
+        yield from range(5)
+        drive.wheels.bumped = True
+        for _ in range(10):
+            said.extend(m for m in anna.bulk.slots.values() if isinstance(m, Health))
+            yield
+
+    with Drive(tmp_path) as drive:
+        drive.run(script())
+    assert said[-1].faults == ("the bumper is pressed",)
