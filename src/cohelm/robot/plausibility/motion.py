@@ -49,6 +49,7 @@ class Tolerance(NamedTuple):
 TOLERANCE = Tolerance()
 _WINDOW = 0.65  # motion is compared over so long [s]
 _FORGET = 0.995  # of what showed a lag, at each scan: half of it after 14 s
+_CHANGES = 0.1  # a change of speed that shows one [m/s]
 _CHANGED = 0.05  # changes of speed, squared and added up, before a lag is judged [m^2/s^2]
 _PROVEN = 0.12  # a way over which odometry and scans have to agree after they did not [m]
 _AGREED = 0.04  # ... within this [m]
@@ -123,10 +124,11 @@ class Motion:
 
     def _compare(self, before: Sight, now: Sight) -> list[Finding]:
         """Scan-to-scan motion against odometry's."""
-        made = match(before, now, self._lidar)
+        t, told = self._t, motion(before, now)
+        changes = abs(float(now.twist[0] - before.twist[0])) >= _CHANGES
+        made = match(before, now, self._lidar, 0.0 if changes else t.surface)
         if made is None:
             return []
-        t, told = self._t, motion(before, now)
         self._add_lag(before, now, made)
         way, turn = math.hypot(*made.off[:2]), abs(float(made.off[2]))
         much = way > t.way + t.share * math.hypot(told[0], told[1])
@@ -144,7 +146,7 @@ class Motion:
         and more while it slows down: by the lag times the change of its speed."""
         self._lag *= _FORGET
         change = float(now.twist[0] - before.twist[0])
-        if abs(change) < 0.1 or made.known[0, 0] < _TOLD or abs(float(now.twist[1])) > 0.5:
+        if abs(change) < _CHANGES or made.known[0, 0] < _TOLD or abs(float(now.twist[1])) > 0.5:
             return
         faster = 0 if change * float(now.twist[0] + before.twist[0]) > 0.0 else 1
         self._lag[faster] += (change * change, change * float(made.off[0]))
