@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Floats
+from cohelm.robot.plausibility.bow import RangeBias
 from cohelm.robot.plausibility.content import CAREFUL, CRAWL
 from cohelm.robot.plausibility.finding import Finding, fault, hold, slow
 from cohelm.robot.plausibility.match import Match, match
@@ -74,6 +75,7 @@ class Motion:
         self.doubted = False
         """Whether scans and odometry have disagreed, and not agreed again over some way since."""
         self._probe: Sight | None = None
+        self._range = RangeBias(lidar)
         self.blinded: NDArray[np.bool_] | None = None
         """Beams of the newest sight that see nothing where much stood a sight before, if any."""
 
@@ -81,6 +83,7 @@ class Motion:
         """As if none had come: what the robot knew of its place is void."""
         self._recent.clear()
         self._leg = self._probe = None
+        self._range.forget()
         self.blinded = None
 
     def take(self, now: Sight) -> list[Finding]:
@@ -96,9 +99,14 @@ class Motion:
         if found:
             self._recent.clear()
             self.doubted, self._probe = True, None
+            self._range.forget()  # it may have begun now
         elif self.doubted:
             found += self._prove(now)
         found += self._long_run(now, clean=not found)
+        self._range.take(now, self.doubted)
+        if self._range.bias:
+            said = f"straight walls look bowed: all ranges seem {self._range.bias:.2f} m too long"
+            found.append(slow(CRAWL, said))
         self._recent.append(now)
         return found
 
