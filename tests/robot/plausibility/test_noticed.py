@@ -223,6 +223,19 @@ def test_odometry_that_measures_the_way_wrongly_is_noticed_within_metres(share):
     assert "scans" in found[0][1].reason
 
 
+def test_a_circle_that_goes_along_with_the_robot_is_not_taken_for_agreement():
+    """As slow as it may be after its scans have changed; the circle's points are so far apart that
+    few fall on half a metre of it."""
+    noise = np.random.default_rng(4)
+    found = watched(
+        lambda t: Twist(0.4 if t < AT else 0.07, 0.0), AT + 7.0,
+        told=ranges(lambda r, _: noise.normal(9.99, 0.02, len(r))),
+    )  # fmt: skip
+    assert found[0][0] <= AT + 1.5 * SCAN
+    assert found[0][1].share == 0.0
+    assert any(one.fault and "disagree" in one.reason for _, one in found)
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_ranges_that_are_all_half_a_metre_too_long_slow_the_robot_to_a_crawl(seed):
     """From the very first scan on, so that nothing ever changes."""

@@ -106,15 +106,15 @@ def bows(sight: Sight, lidar: Lidar) -> list[Bow]:
         if along[-1] < _LONG + 2.0 * _EDGE:
             continue
         inner = run[(along > _EDGE) & (along < along[-1] - _EDGE)]
-        one = _fitted(q[inner], sigma) if len(inner) >= _POINTS else None
+        one = _fitted(q[inner], sigma, lidar.range_min) if len(inner) >= _POINTS else None
         if one is not None:
             found.append(one)
     return found
 
 
-def _fitted(q: Floats, sigma: float) -> Bow | None:
+def _fitted(q: Floats, sigma: float, nearest: float) -> Bow | None:
     """A line and a bias, by least squares; q: points from the LiDAR (n, 2). None: not one wall, or
-    seen from so far that it can not look bowed."""
+    seen from so far that it can not look bowed, or round about the LiDAR: nearer than `nearest`."""
     r = np.hypot(q[:, 0], q[:, 1])
     u = q / r[:, None]
     chord = q[-1] - q[0]
@@ -134,7 +134,7 @@ def _fitted(q: Floats, sigma: float) -> Bow | None:
         d, b = d + further, b + longer
     square = u @ n
     off = (r - b) * square - d
-    if not math.sqrt(float(off @ off) / len(r)) < 1.5 * sigma + _FLAT:
+    if not (math.sqrt(float(off @ off) / len(r)) < 1.5 * sigma + _FLAT and abs(d) > nearest):
         return None
     # a straight wall's unevenness looks like so much bow, spread over all its points
     spread = math.sqrt((sigma**2 + len(r) * _FLAT**2) * float(inverse[2, 2]))

@@ -13,7 +13,7 @@ from cohelm.robot.sensors import Lidar
 
 _WIDTHS = (0.5, 0.3, 0.15, 0.1, 0.08)
 """Residuals beyond this count no more, round after round [m]."""
-_PIECE = 0.5  # [m]
+_PIECE, _FEW = 0.5, 4  # a piece of surface is so long [m], and has so many points
 _LEAST = 30  # points that look square at a direction, before anything is said of it
 
 
@@ -114,8 +114,9 @@ def _residuals(
 
 
 def _pieces(arc: Floats) -> Ints:
-    """Over a piece of half a metre the noise of its points averages out."""
-    return (np.cumsum(arc) / _PIECE).astype(np.int64)
+    """Over a piece of half a metre the noise of its points averages out; far away, where points
+    are farther apart, over _FEW of them."""
+    return (np.cumsum(np.minimum(arc, _PIECE / _FEW)) / _PIECE + 1e-9).astype(np.int64)
 
 
 def _near(count: Floats | Ints, sigma: float) -> Floats:
@@ -151,7 +152,7 @@ def _votes(
     b = np.abs(np.bincount(piece, b)) / count
     length = np.bincount(piece, arc)
     near = _near(count, sigma)
-    enough = count >= 4
+    enough = count >= _FEW
     against = float(length[enough & (b < 2.0 * near) & (a > b + near)].sum())
     for_it = float(length[enough & (a < 2.0 * near) & (b > a + near)].sum())
     return against, for_it

@@ -182,14 +182,16 @@ class Motion:
         if way < _PROVEN:
             return []
         made = match(probe, now, self._lidar)
-        if made is not None and made.known[0, 0] > _TOLD:
-            self.doubted, self._probe = False, None
+        shown = made is not None and made.known[0, 0] > _TOLD
+        if made is not None and shown:
             off = math.hypot(*made.off[:2])
-            if off > _AGREED and made.against > made.for_it:
-                self.doubted = True
+            if off <= _AGREED or made.for_it > made.against:
+                self.doubted = False
+            elif made.against > made.for_it:
+                self._probe = None
                 return [hold(f"scans and odometry still disagree: {off:.2f} m in {way:.2f} m")]
-        elif way > _ENDS:
-            self.doubted, self._probe = False, None
+        if way > _ENDS:  # not to be decided: try anew, unless there is nothing to decide by
+            self.doubted, self._probe = self.doubted and shown, None
         return []
 
     def _long_run(self, now: Sight, clean: bool) -> list[Finding]:
