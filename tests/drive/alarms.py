@@ -2,6 +2,10 @@
 
 Episodes of the campaigns, driven by their own fast simulation; what odometry and LiDAR would have
 read along them, errors and all, is given to the monitor: `python -m tests.drive.alarms random`.
+
+Recorded people leave the recording wherever they are, three or four who walk together at once; in
+the campaign they are gone from one instant to the next. Nobody does that: here they walk out of
+the LiDAR's sight first.
 """
 
 from __future__ import annotations
@@ -13,15 +17,48 @@ from pathlib import Path
 
 import numpy as np
 
-from cohelm.core.types import Pose, Twist
+from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.port import Readings, Scan
 from cohelm.scenario.load import robot
+from cohelm.scenario.worlds.tracks import ELSEWHERE
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from cohelm.sim.odometer import Odometer
 from cohelm.study.campaign.case import traced
 from cohelm.study.campaign.suites import suite
+
+_PACE, _PUSH = 1.3, 1.0  # at which people walk off [m/s, m/s^2]
+
+
+class Leaving:
+    """Lets people walk out of sight whose recording has ended."""
+
+    def __init__(self, sight: float) -> None:
+        self._sight = sight
+        self._before: Floats | None = None
+        self._off: dict[int, Floats] = {}
+
+    def seen(self, discs: Floats, robot: Pose, dt: float) -> Floats:
+        """Discs as the LiDAR sees them, those who leave among them; to be asked at every step."""
+        out = discs.copy()
+        there = np.abs(discs[:, 0]) < 0.5 * ELSEWHERE
+        if self._before is not None:
+            was = np.abs(self._before[:, 0]) < 0.5 * ELSEWHERE
+            for which in np.flatnonzero(was & ~there).tolist():
+                self._off[which] = self._before[which].copy()
+        for which, row in list(self._off.items()):
+            away = row[:2] - (robot.x, robot.y)
+            distance = float(np.hypot(*away))
+            if there[which] or distance > self._sight:
+                del self._off[which]
+                continue
+            push = _PACE * away / max(distance, 1e-6) - row[2:4]
+            row[2:4] += push * min(_PUSH * dt / max(float(np.hypot(*push)), 1e-6), 1.0)
+            row[:2] += dt * row[2:4]
+            out[which] = row
+        self._before = discs
+        return out
 
 
 def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
@@ -33,11 +70,12 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
     odometer = Odometer(model.odometry, number)
     odometry, looked, before, t = odometer.start(0.0), None, "", 0.0
     half, count = 0.5 * model.track_m, 0
-    last = None
+    last, leaving = None, Leaving(lidar.range_max + 1.0)
     for piece in traced(case, "guard"):
         for row, discs in zip(piece.rows, piece.discs, strict=True):
             t = float(row["t"])
             pose = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
+            people = leaving.seen(discs, pose, setup.dt)
             if last is not None:
                 v, omega = float(last["applied_v"]), float(last["applied_omega"])
                 left, right = (v - half * omega) * setup.dt, (v + half * omega) * setup.dt
@@ -46,7 +84,7 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
             if looked is None or t - looked.stamp >= 1.0 / rate - 1e-6:
                 ranges = np.empty(len(lidar.beams))
                 scan(
-                    pose, lidar, np.ascontiguousarray(discs), setup.around.walls, NO_GRID, number,
+                    pose, lidar, np.ascontiguousarray(people), setup.around.walls, NO_GRID, number,
                     count, ranges,
                 )  # fmt: skip
                 looked = Scan(t, count, ranges, 0.0)

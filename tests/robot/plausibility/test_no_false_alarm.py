@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Twist
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import scan
 from tests.robot.plausibility.watched import NOTHING, ROOM, SALLY, person, watched, without_noise
 
 
@@ -51,6 +53,49 @@ def test_no_alarm_when_someone_walks_beside_the_robot_in_a_corridor():
     corridor = np.array([[-50.0, -1.5, 80.0, -1.5], [-50.0, 1.5, 80.0, 1.5]])
     group = [person(1.5, 0.7, 0.5, 0.0), person(1.6, -0.7, 0.5, 0.0), person(2.4, 0.0, 0.5, 0.0)]
     assert watched(ahead, 7.0, walls=corridor, people=group) == []
+
+
+@pytest.mark.parametrize("pace", [1.0, 2.0])
+def test_no_alarm_when_a_group_walks_abreast_behind_a_corner(pace):
+    """Two metres of people in one piece, before nothing else: gone one after the other."""
+    corner = np.array([[2.5, 1.0, 2.5, 5.0], [-1.0, -3.0, -1.0, 3.0], [-1.0, -3.0, 1.0, -3.0]])
+    group = [person(3.2, -1.5 - 0.5 * k - 2.0 * pace, 0.0, pace) for k in range(4)]
+    said = watched(standing, 8.0, walls=corner, people=group)
+    assert said == []
+
+
+@pytest.mark.parametrize("drive", [standing, ahead])
+def test_no_alarm_when_a_sliding_door_opens_into_nothing(drive):
+    """Two leaves, a metre each, half a metre a second each, as people have to be able to get out
+    of their way."""
+    lidar, made = SALLY.lidar.lidar(), {}
+    room = np.array([[6, -2, -3, -2], [-3, -2, -3, 2], [-3, 2, 6, 2], [6, 2, 6, 1], [6, -1, 6, -2]])
+
+    def told(t, readings, robot):
+        shot = readings.scan
+        if shot is None:
+            return None
+        if shot.number not in made:
+            apart = min(max(0.5 * (shot.stamp - 2.0), 0.0), 1.0)
+            leaves = np.array([[6.0, -1.0 - apart, 6.0, -apart], [6.0, apart, 6.0, 1.0 + apart]])
+            seen = np.empty(len(lidar.beams))
+            scan(robot.truth().pose, lidar, np.empty((0, 6)), leaves, NO_GRID, 9, shot.number, seen)
+            made[shot.number] = np.fmin(seen, shot.ranges)
+        return readings._replace(scan=shot._replace(ranges=made[shot.number]))
+
+    assert watched(drive, 6.0, walls=np.asarray(room, dtype=np.float64), told=told) == []
+
+
+@pytest.mark.parametrize("radius", [2.5, 4.0, 8.0])
+def test_no_alarm_in_a_round_room(radius):
+    """Its wall is bowed, but it does not go along with the LiDAR."""
+    angle = np.linspace(0.0, 2.0 * math.pi, 91)
+    ring = np.column_stack((0.3 + radius * np.cos(angle), 0.2 + radius * np.sin(angle)))
+
+    def slowly(t: float) -> Twist:
+        return Twist(0.4 if t < 2.0 * radius - 1.5 else 0.0, 0.0)
+
+    assert watched(slowly, 8.0, walls=np.hstack((ring[:-1], ring[1:]))) == []
 
 
 def test_no_alarm_when_scans_are_lost():

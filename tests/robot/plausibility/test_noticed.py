@@ -1,14 +1,20 @@
 """What can not be is noticed, within the time that docs/plausibility.md says, and said."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
+from cohelm.robot.plausibility.bow import bows
 from cohelm.robot.plausibility.content import CAREFUL, CRAWL
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
+from cohelm.robot.plausibility.sight import sighted
+from cohelm.robot.plausibility.trail import Trail
 from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import scan
 from tests.robot.plausibility.watched import SALLY, watched
 
 AT = 3.0
@@ -215,6 +221,49 @@ def test_odometry_that_measures_the_way_wrongly_is_noticed_within_metres(share):
     found = watched(lambda t: Twist(0.4, 0.0), 9.0, told=told)
     assert found
     assert "scans" in found[0][1].reason
+
+
+def test_a_circle_that_goes_along_with_the_robot_is_not_taken_for_agreement():
+    """As slow as it may be after its scans have changed; the circle's points are so far apart that
+    few fall on half a metre of it."""
+    noise = np.random.default_rng(4)
+    found = watched(
+        lambda t: Twist(0.4 if t < AT else 0.07, 0.0), AT + 7.0,
+        told=ranges(lambda r, _: noise.normal(9.99, 0.02, len(r))),
+    )  # fmt: skip
+    assert found[0][0] <= AT + 1.5 * SCAN
+    assert found[0][1].share == 0.0
+    assert any(one.fault and "disagree" in one.reason for _, one in found)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_ranges_that_are_all_half_a_metre_too_long_slow_the_robot_to_a_crawl(seed):
+    """From the very first scan on, so that nothing ever changes."""
+
+    def told(t, readings, _):
+        longer = np.minimum(readings.scan.ranges + 0.5, SALLY.lidar.range_max_m)
+        return readings._replace(scan=readings.scan._replace(ranges=longer))
+
+    found = watched(ahead, 4.0, told=told, seed=seed)
+    assert found
+    first, _ = found[0]
+    assert first <= 1.5  # after half a metre
+    assert all(one.share <= CRAWL / 0.4 * 1.1 for t, one in found if t > first + 0.5)
+    said = [re.search(r"seem (\d\.\d\d) m too long", one.reason) for _, one in found]
+    assert all(one and abs(float(one[1]) - 0.5) < 0.15 for one in said)
+
+
+def test_a_wall_says_how_much_too_long_all_ranges_are():
+    lidar, trail = SALLY.lidar.lidar(), Trail(5)
+    trail.add(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    walls, nobody = np.array([[-3.0, -1.5, 5.0, -1.5], [5.0, -1.5, 5.0, 2.0]]), np.empty((0, 6))
+    ranges = np.empty(len(lidar.beams))
+    scan(Pose(0.0, 0.0, 0.1), lidar, nobody, walls, NO_GRID, 3, 7, ranges)
+    for bias in (0.0, 0.2, 0.5, 1.0):
+        found = bows(sighted(lidar, ranges + bias, 0.0, 0.0, trail), lidar)
+        best = min(found, key=lambda bow: bow.sigma)
+        assert best.sigma < 0.3
+        assert abs(best.bias - bias) < 0.1
 
 
 def test_it_raises_nothing_whatever_it_reads():

@@ -40,7 +40,7 @@ class Content:
     def __init__(self, lidar: LidarModel) -> None:
         self._lidar = lidar
         self._before: deque[Floats] = deque(maxlen=_KEPT)
-        self._mirrored = 0
+        """The newest last."""
         self._bad: dict[str, int] = {}
 
     def forget(self) -> None:
@@ -63,15 +63,18 @@ class Content:
         if not self._lidar.noise_m > 0.0:
             return []
         real = self._measured(ranges)
-        if real.sum() < _RUN:
+        of = int(real.sum())
+        if of < _RUN:
             return []
-        for age, old in enumerate(reversed(self._before), 1):
-            for shift in _SHIFTS if age == 1 else (0,):
-                same = np.roll(old, shift) == ranges
-                if same.any() and _longest(same & real, real) >= _RUN:
-                    return [fault(self._said(int((same & real).sum()), int(real.sum())))]
-        if len(self._before) and _longest((self._before[-1][::-1] == ranges) & real, real) >= _RUN:
-            return [fault("the scan repeats, mirrored")]
+        if self._before:
+            newest = self._before[-1]
+            turned = [np.roll(newest, shift) for shift in _SHIFTS[1:]]
+            same = (np.stack([*self._before, *turned, newest[::-1]]) == ranges) & real
+            for row in np.flatnonzero(same.sum(axis=1) >= _RUN).tolist():  # else there is no run
+                if _longest(same[row], real) >= _RUN:
+                    if row == len(same) - 1:
+                        return [fault("the scan repeats, mirrored")]
+                    return [fault(self._said(int(same[row].sum()), of))]
         return []
 
     def _said(self, same: int, of: int) -> str:
@@ -86,7 +89,7 @@ class Content:
         real = self._measured(ranges)
         same = np.zeros(len(ranges), dtype=np.bool_)
         same[1:] = (ranges[1:] == ranges[:-1]) & real[1:]
-        if _longest(same, real) >= _RUN:
+        if same.sum() >= _RUN and _longest(same, real) >= _RUN:
             value = float(ranges[np.flatnonzero(same)[0]])
             return [fault(f"many of the scan's beams read the same {value:.2f} m")]
         return []
@@ -137,7 +140,5 @@ def roughness(ranges: Floats) -> float:
 def _longest(same: NDArray[np.bool_], real: NDArray[np.bool_]) -> int:
     """The longest run of beams that are the same; beams that measure nothing do not end it."""
     run = same[real]
-    if len(run) == 0:
-        return 0
-    ends = np.flatnonzero(np.concatenate(([True], ~run, [True])))
-    return int(np.diff(ends).max()) - 1
+    ends = np.concatenate(([-1], np.flatnonzero(~run), [len(run)]))
+    return int((ends[1:] - ends[:-1]).max()) - 1

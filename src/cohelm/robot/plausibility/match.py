@@ -13,7 +13,7 @@ from cohelm.robot.sensors import Lidar
 
 _WIDTHS = (0.5, 0.3, 0.15, 0.1, 0.08)
 """Residuals beyond this count no more, round after round [m]."""
-_PIECE = 0.5  # [m]
+_PIECE, _FEW = 0.5, 4  # a piece of surface is so long [m], and has so many points
 _LEAST = 30  # points that look square at a direction, before anything is said of it
 
 
@@ -31,8 +31,9 @@ class Match(NamedTuple):
     """How much speaks for odometry, and against the correction [m]."""
 
 
-def match(before: Sight, now: Sight, lidar: Lidar) -> Match | None:
-    """None where too little of both is alike, or flat, to say."""
+def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match | None:
+    """None where too little of both is alike, or flat, to say; or where less surface than `least`
+    [m] is anywhere else than odometry foretells it, so that no more speaks against it."""
     sigma = max(lidar.noise, 0.005)
     lines, where = normals(now, lidar, sigma)
     if len(where) < _LEAST or len(before.points) < _LEAST:
@@ -43,6 +44,10 @@ def match(before: Sight, now: Sight, lidar: Lidar) -> Match | None:
     inside = (index >= 0) & (index < len(table))
     table[index[inside]] = np.flatnonzero(inside)
     given = foretold(before, now)
+    if least > 0.0:
+        away = _residuals(lidar, given, now, lines, where, table)
+        if _elsewhere(away, before.arc, sigma) < least:
+            return None
     off = np.zeros(3)
     known = np.zeros((3, 3))
     for width in _WIDTHS:
@@ -92,27 +97,52 @@ def _paired(lidar: Lidar, points: Floats, table: Ints) -> tuple[Ints, Ints]:
     return inside[line >= 0], line[line >= 0]
 
 
+def _residuals(
+    lidar: Lidar, points: Floats, now: Sight, lines: Floats, where: Ints, table: Ints
+) -> Floats:
+    """Of each point from the line it falls on; NaN where there is none, or something before."""
+    beams, r = polar(lidar, points)
+    index = np.rint(beams)
+    inside = (index >= 0) & (index < len(lidar.beams))
+    index = np.where(inside, index, 0).astype(np.int64)
+    line = np.where(inside, table[index], -1)
+    out = np.full(len(points), math.nan)
+    at = np.flatnonzero((line >= 0) & ~(now.ranges[index] < r - 0.2))
+    line = line[at]
+    out[at] = ((now.points[where[line]] - points[at]) * lines[line]).sum(axis=1)
+    return out
+
+
+def _pieces(arc: Floats) -> Ints:
+    """Over a piece of half a metre the noise of its points averages out; far away, where points
+    are farther apart, over _FEW of them."""
+    return (np.cumsum(np.minimum(arc, _PIECE / _FEW)) / _PIECE + 1e-9).astype(np.int64)
+
+
+def _near(count: Floats | Ints, sigma: float) -> Floats:
+    """The mean residual of a piece with so many points is noise, up to so much [m]."""
+    return np.maximum(3.0 * math.sqrt(2.0) * sigma / np.sqrt(count), 0.015)
+
+
+def _elsewhere(residuals: Floats, arc: Floats, sigma: float) -> float:
+    """How much surface is not where it is foretold [m]; half as much doubt as `_votes` needs."""
+    told = ~np.isnan(residuals)
+    piece, arc = _pieces(arc)[told], arc[told]
+    if len(piece) == 0:
+        return 0.0
+    count = np.maximum(np.bincount(piece), 1)
+    off = np.abs(np.bincount(piece, residuals[told])) / count
+    return float(np.bincount(piece, arc)[off > 0.5 * _near(count, sigma)].sum())
+
+
 def _votes(
     lidar: Lidar, given: Floats, off: Floats, now: Sight, lines: Floats, where: Ints,
     table: Ints, arc: Floats, sigma: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Surface that tells the two motions apart, and fits only one of them: piece by piece, since
-    over a piece of half a metre the noise of its points averages out."""
-    piece = (np.cumsum(arc) / _PIECE).astype(np.int64)
-
-    def residuals(points: Floats) -> Floats:
-        """Of each point from the line it falls on; NaN where there is none, or something before."""
-        beams, r = polar(lidar, points)
-        index = np.rint(beams)
-        inside = (index >= 0) & (index < len(lidar.beams))
-        seen = now.ranges[np.where(inside, index, 0).astype(np.int64)]
-        at, line = _paired(lidar, points, table)
-        out = np.full(len(points), math.nan)
-        out[at] = ((now.points[where[line]] - points[at]) * lines[line]).sum(axis=1)
-        out[~inside | (seen < r - 0.2)] = math.nan
-        return out
-
-    a, b = residuals(given), residuals(_moved(given, off))
+    """Surface that tells the two motions apart, and fits only one of them: piece by piece."""
+    piece = _pieces(arc)
+    a = _residuals(lidar, given, now, lines, where, table)
+    b = _residuals(lidar, _moved(given, off), now, lines, where, table)
     told = ~np.isnan(a) & ~np.isnan(b)
     piece, a, b, arc = piece[told], a[told], b[told], arc[told]
     if len(a) == 0:
@@ -121,8 +151,8 @@ def _votes(
     a = np.abs(np.bincount(piece, a)) / count
     b = np.abs(np.bincount(piece, b)) / count
     length = np.bincount(piece, arc)
-    near = np.maximum(3.0 * math.sqrt(2.0) * sigma / np.sqrt(count), 0.015)
-    enough = count >= 4
+    near = _near(count, sigma)
+    enough = count >= _FEW
     against = float(length[enough & (b < 2.0 * near) & (a > b + near)].sum())
     for_it = float(length[enough & (a < 2.0 * near) & (b > a + near)].sum())
     return against, for_it

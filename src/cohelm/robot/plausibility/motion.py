@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Floats
+from cohelm.robot.plausibility.bow import RangeBias
 from cohelm.robot.plausibility.content import CAREFUL, CRAWL
 from cohelm.robot.plausibility.finding import Finding, fault, hold, slow
 from cohelm.robot.plausibility.match import Match, match
@@ -49,6 +50,7 @@ class Tolerance(NamedTuple):
 TOLERANCE = Tolerance()
 _WINDOW = 0.65  # motion is compared over so long [s]
 _FORGET = 0.995  # of what showed a lag, at each scan: half of it after 14 s
+_CHANGES = 0.1  # a change of speed that shows one [m/s]
 _CHANGED = 0.05  # changes of speed, squared and added up, before a lag is judged [m^2/s^2]
 _PROVEN = 0.12  # a way over which odometry and scans have to agree after they did not [m]
 _AGREED = 0.04  # ... within this [m]
@@ -73,6 +75,7 @@ class Motion:
         self.doubted = False
         """Whether scans and odometry have disagreed, and not agreed again over some way since."""
         self._probe: Sight | None = None
+        self._range = RangeBias(lidar)
         self.blinded: NDArray[np.bool_] | None = None
         """Beams of the newest sight that see nothing where much stood a sight before, if any."""
 
@@ -80,6 +83,7 @@ class Motion:
         """As if none had come: what the robot knew of its place is void."""
         self._recent.clear()
         self._leg = self._probe = None
+        self._range.forget()
         self.blinded = None
 
     def take(self, now: Sight) -> list[Finding]:
@@ -95,9 +99,14 @@ class Motion:
         if found:
             self._recent.clear()
             self.doubted, self._probe = True, None
+            self._range.forget()  # it may have begun now
         elif self.doubted:
             found += self._prove(now)
         found += self._long_run(now, clean=not found)
+        self._range.take(now, self.doubted)
+        if self._range.bias:
+            said = f"straight walls look bowed: all ranges seem {self._range.bias:.2f} m too long"
+            found.append(slow(CRAWL, said))
         self._recent.append(now)
         return found
 
@@ -123,10 +132,11 @@ class Motion:
 
     def _compare(self, before: Sight, now: Sight) -> list[Finding]:
         """Scan-to-scan motion against odometry's."""
-        made = match(before, now, self._lidar)
+        t, told = self._t, motion(before, now)
+        changes = abs(float(now.twist[0] - before.twist[0])) >= _CHANGES
+        made = match(before, now, self._lidar, 0.0 if changes else t.surface)
         if made is None:
             return []
-        t, told = self._t, motion(before, now)
         self._add_lag(before, now, made)
         way, turn = math.hypot(*made.off[:2]), abs(float(made.off[2]))
         much = way > t.way + t.share * math.hypot(told[0], told[1])
@@ -144,7 +154,7 @@ class Motion:
         and more while it slows down: by the lag times the change of its speed."""
         self._lag *= _FORGET
         change = float(now.twist[0] - before.twist[0])
-        if abs(change) < 0.1 or made.known[0, 0] < _TOLD or abs(float(now.twist[1])) > 0.5:
+        if abs(change) < _CHANGES or made.known[0, 0] < _TOLD or abs(float(now.twist[1])) > 0.5:
             return
         faster = 0 if change * float(now.twist[0] + before.twist[0]) > 0.0 else 1
         self._lag[faster] += (change * change, change * float(made.off[0]))
@@ -172,14 +182,16 @@ class Motion:
         if way < _PROVEN:
             return []
         made = match(probe, now, self._lidar)
-        if made is not None and made.known[0, 0] > _TOLD:
-            self.doubted, self._probe = False, None
+        shown = made is not None and made.known[0, 0] > _TOLD
+        if made is not None and shown:
             off = math.hypot(*made.off[:2])
-            if off > _AGREED and made.against > made.for_it:
-                self.doubted = True
+            if off <= _AGREED or made.for_it > made.against:
+                self.doubted = False
+            elif made.against > made.for_it:
+                self._probe = None
                 return [hold(f"scans and odometry still disagree: {off:.2f} m in {way:.2f} m")]
-        elif way > _ENDS:
-            self.doubted, self._probe = False, None
+        if way > _ENDS:  # not to be decided: try anew, unless there is nothing to decide by
+            self.doubted, self._probe = self.doubted and shown, None
         return []
 
     def _long_run(self, now: Sight, clean: bool) -> list[Finding]:

@@ -1,0 +1,141 @@
+"""Whether all ranges are too long by the same length: straight walls then look bowed.
+
+A wall at the distance d is seen along a beam u at the range d / (n u), n its normal. With b added
+to each range its points lie at d + b (n u): farthest where the wall is looked at squarely, nearer
+to both sides. Scan-to-scan motion does not show that on the way to a wall, since b drops out of
+what two scans differ by; the shape of every long wall does, at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats
+from cohelm.robot.plausibility.sight import Sight, normals
+from cohelm.robot.sensors import Lidar
+
+_LONG, _POINTS = 0.8, 20  # a wall has so much surface, seen square on [m], and so many points
+_EDGE = 0.2  # and this of it next to edges and corners is left out [m]
+_GAP = 0.3  # points in a row that are farther apart are not on one surface [m]
+_FLAT = 0.01
+"""Walls are straight to so much, and are measured as straight [m]; this does not average out over
+the points of one wall."""
+_STEP, _TURN = 0.15, 0.3  # from so far apart one wall is another witness [m, rad]
+_NEAR = 0.03  # ... and while scans and odometry are doubted [m]
+_LEAST, _KEPT = 3, 10  # places before anything is said, and that are remembered
+_SURE = 4.0  # standard deviations
+_LONGER = 0.12  # less than this is not asked about [m]
+_AGREE = 0.8  # of the places say at least half of it
+
+
+class Bow(NamedTuple):
+    """What one wall says."""
+
+    bias: float
+    """Ranges are too long by so much, if the wall is straight [m]."""
+    sigma: float
+    """Of it, by noise and by how straight walls are [m]."""
+
+
+class _Place(NamedTuple):
+    """What all walls say that are seen from one place."""
+
+    pose: Floats
+    weighted: float
+    """Sum of bias / sigma^2 [1/m]."""
+    weight: float
+    """Sum of 1 / sigma^2 [1/m^2]."""
+
+
+class RangeBias:
+    """Takes sights in order, and looks at those from new places."""
+
+    def __init__(self, lidar: Lidar) -> None:
+        self._lidar = lidar
+        self._places: deque[_Place] = deque(maxlen=_KEPT)
+        self._last: Floats | None = None
+        self.bias = 0.0
+        """Ranges are too long by so much; 0 where nothing says that they are [m]."""
+
+    def forget(self) -> None:
+        """As if none had come."""
+        self._places.clear()
+        self._last = None
+
+    def take(self, sight: Sight, doubted: bool) -> None:
+        """A sight more. doubted: scans and odometry have disagreed: look closely."""
+        if self._last is not None:
+            dx, dy, turn = (sight.pose - self._last).tolist()
+            if math.hypot(dx, dy) < (_NEAR if doubted else _STEP) and abs(turn) < _TURN:
+                return
+        self._last = sight.pose
+        found = bows(sight, self._lidar)
+        if found:
+            weighted = sum(one.bias / one.sigma**2 for one in found)
+            weight = sum(1.0 / one.sigma**2 for one in found)
+            self._places.append(_Place(sight.pose, weighted, weight))
+        self.bias = self._judged()
+
+    def _judged(self) -> float:
+        places = self._places
+        if len(places) < _LEAST:
+            return 0.0
+        weight = sum(place.weight for place in places)
+        bias = sum(place.weighted for place in places) / weight
+        agree = sum(place.weighted > 0.5 * bias * place.weight for place in places)
+        sure = bias * math.sqrt(weight) > _SURE and agree >= _AGREE * len(places)
+        return bias if sure and bias > _LONGER else 0.0
+
+
+def bows(sight: Sight, lidar: Lidar) -> list[Bow]:
+    """Of each wall that shows enough of itself to tell."""
+    sigma = max(lidar.noise, 0.005)
+    _, flat = normals(sight, lidar, sigma)
+    if len(flat) < _POINTS:
+        return []
+    q = sight.points - (lidar.mount.x, lidar.mount.y)
+    apart = np.hypot(*np.diff(q[flat], axis=0).T)
+    new = np.flatnonzero((np.diff(flat) > 1) | (apart > _GAP)) + 1
+    found: list[Bow] = []
+    for run in np.split(flat, new):
+        along = np.cumsum(sight.arc[run])
+        if along[-1] < _LONG + 2.0 * _EDGE:
+            continue
+        inner = run[(along > _EDGE) & (along < along[-1] - _EDGE)]
+        one = _fitted(q[inner], sigma, lidar.range_min) if len(inner) >= _POINTS else None
+        if one is not None:
+            found.append(one)
+    return found
+
+
+def _fitted(q: Floats, sigma: float, nearest: float) -> Bow | None:
+    """A line and a bias, by least squares; q: points from the LiDAR (n, 2). None: not one wall, or
+    seen from so far that it can not look bowed, or round about the LiDAR: nearer than `nearest`."""
+    r = np.hypot(q[:, 0], q[:, 1])
+    u = q / r[:, None]
+    chord = q[-1] - q[0]
+    n = np.array([-chord[1], chord[0]]) / math.hypot(chord[0], chord[1])
+    if float(np.ptp(u @ n)) < 0.05:
+        return None
+    d, b = float((q @ n).mean()), 0.0
+    inverse: Floats = np.eye(3)
+    for _ in range(3):
+        square, aside = u @ n, u @ np.array([-n[1], n[0]])
+        short = r - b
+        off = short * square - d
+        design = np.column_stack((short * aside, -np.ones(len(r)), -square))
+        inverse = np.asarray(np.linalg.inv(design.T @ design + 1e-9 * np.eye(3)), dtype=np.float64)
+        turn, further, longer = (inverse @ (design.T @ -off)).tolist()
+        n = np.array([n[0] - turn * n[1], n[1] + turn * n[0]]) / math.hypot(1.0, turn)
+        d, b = d + further, b + longer
+    square = u @ n
+    off = (r - b) * square - d
+    if not (math.sqrt(float(off @ off) / len(r)) < 1.5 * sigma + _FLAT and abs(d) > nearest):
+        return None
+    # a straight wall's unevenness looks like so much bow, spread over all its points
+    spread = math.sqrt((sigma**2 + len(r) * _FLAT**2) * float(inverse[2, 2]))
+    return Bow(b, spread)
