@@ -184,3 +184,22 @@ def test_a_stop_is_done_before_whatever_came_with_it(session, anna):
     drive(session, 0.04)
     assert session.keeper.gate.reason == "stop by script"
     assert [number for number, _, _ in anna.answers][-2:] == [3, 2]
+
+
+@pytest.mark.parametrize("mode", [Mode.MANUAL, Mode.SHARED])
+def test_after_a_stop_a_stick_that_is_held_does_not_steer_until_it_was_centred(session, anna, mode):
+    lead(session, anna, mode)
+    anna.ask(Ask.STOP)
+    drive(session, BRAKING + 0.5)
+    anna.ask(Ask.RESET)
+    drive(session, 0.1)
+    anna.ask(Ask.MODE, mode)
+    drive(session, 0.5)
+    assert session.loop.person.arming == Arming.WAITING
+    assert session.loop.person.stick == Stick(0.0, 0.0)
+    anna.stick = Stick(0.0, 0.0)
+    drive(session, 0.1)
+    anna.stick = Stick(0.9, 0.0)
+    drive(session, 1.5)
+    assert session.loop.person.arming == Arming.ARMED
+    assert speed(session) > 0.15

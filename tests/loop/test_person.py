@@ -85,3 +85,11 @@ def test_another_drivers_stick_must_be_centred_itself():
     person = after(*[other] * 20, start=ARMED)
     assert (person.arming, person.stick, person.lost) == (Arming.WAITING, CENTRED, "")
     assert after(heard(0.0)._replace(driver=2), start=person).arming == Arming.ARMED
+
+
+def test_while_the_robot_is_stopped_a_stick_counts_only_as_long_as_it_is_centred():
+    held = renewed(ARMED, heard(0.8), M, 0.02, stopped=True)
+    assert held.arming == Arming.WAITING
+    assert after(*[heard(0.8)] * 20, start=held).stick == CENTRED
+    centred = renewed(held, heard(0.0), M, 0.02, stopped=True)
+    assert after(heard(0.8), start=centred).arming == Arming.ARMED

@@ -10,6 +10,7 @@ from tests.station.person import (
     LEFT,
     RIGHT,
     STILL,
+    alarms,
     choose,
     device,
     drive,
@@ -34,6 +35,19 @@ def test_take_over_drive_with_the_keyboard_and_let_go(page: Page) -> None:
     expect(given(page)).to_contain_text(LEFT)
     page.keyboard.up("ArrowLeft")
     expect(given(page)).to_contain_text(STILL)
+    release(page)
+
+
+def test_keys_that_do_not_steer_say_what_to_do_first(page: Page) -> None:
+    page.keyboard.down("ArrowUp")
+    expect(alarms(page)).to_contain_text("does not steer: press Take over first")
+    page.keyboard.up("ArrowUp")
+    expect(alarms(page)).not_to_contain_text("does not steer")
+    take(page)
+    free(page)
+    page.keyboard.down("ArrowUp")
+    expect(alarms(page)).to_contain_text("does not steer: the robot holds; choose Shared or Manual")
+    page.keyboard.up("ArrowUp")
     release(page)
 
 

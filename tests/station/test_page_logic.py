@@ -51,6 +51,19 @@ def test_a_stick_is_believed_only_after_it_was_centred(asked) -> None:
     ) == ["waiting", "waiting", "armed", "armed", "absent", "absent", "armed"]  # fmt: skip
 
 
+def test_who_deflects_a_stick_that_does_not_steer_is_told_what_to_do_first(asked) -> None:
+    assert asked(
+        "input/arm.ts",
+        "m.needed(false, true, 'hold')", "m.needed(true, true, 'hold')",
+        "m.needed(true, false, 'hold')", "m.needed(true, false, 'automatic')",
+        "m.needed(true, false, 'shared')", "m.needed(true, false, 'manual')",
+    ) == [
+        "press Take over first", "press Let it drive first",
+        "the robot holds; choose Shared or Manual",
+        "the controller drives alone; choose Shared or Manual", "", "",
+    ]  # fmt: skip
+
+
 def test_a_pad_is_silent_when_no_value_and_no_timestamp_changes_while_it_is_deflected(
     asked,
 ) -> None:

@@ -258,7 +258,8 @@ class Loop:
         self._scale = allowed(heard, self._scale)
         self._heed_lease(heard)
         self._requests(heard)
-        self.person = renewed(self.person, heard, self.ways.manner, self.ways.period)
+        stopped = latched(self.keeper.gate.mode)
+        self.person = renewed(self.person, heard, self.ways.manner, self.ways.period, stopped)
         self._believe(now, heard)
         self._delay = far(heard, self.person)
 

@@ -42,8 +42,14 @@ class Person(NamedTuple):
     """Why the stick, armed a period ago, is not to be believed any more; else empty."""
 
 
-def renewed(person: Person, heard: Heard, manner: Manner, dt: float) -> Person:
-    """The person a period of `dt` later, with what was heard."""
+def renewed(
+    person: Person, heard: Heard, manner: Manner, dt: float, stopped: bool = False
+) -> Person:
+    """The person a period of `dt` later, with what was heard.
+
+    stopped: the robot stays stopped until somebody resets it; a stick that is held through that
+    must be seen centred again, or the robot would set off with the mode that is chosen next.
+    """
     command, why = _believed(heard, manner)
     if command is None:
         lost = why if person.arming == Arming.ARMED else ""
@@ -51,7 +57,7 @@ def renewed(person: Person, heard: Heard, manner: Manner, dt: float) -> Person:
         return Person(Arming.ABSENT, stick, heard.age, heard.driver, lost)
     stick = command.stick
     same = heard.driver == person.driver  # another hand must be seen centred itself
-    arming = person.arming if same else Arming.WAITING
+    arming = person.arming if same and not stopped else Arming.WAITING
     if arming != Arming.ARMED:
         centred = max(abs(stick.x), abs(stick.psi)) <= manner.centre
         arming = Arming.ARMED if centred else Arming.WAITING

@@ -12,3 +12,12 @@ export function arm(before: Arming, present: boolean, x: number, psi: number): A
   if (before === 'armed') return 'armed'
   return centred ? 'armed' : 'waiting'
 }
+
+/** What a person has to do first for a deflected stick to steer; empty: nothing. */
+export function needed(drives: boolean, stopped: boolean, mode: string): string {
+  if (!drives) return 'press Take over first'
+  if (stopped) return 'press Let it drive first'
+  if (mode === 'hold') return 'the robot holds; choose Shared or Manual'
+  if (mode === 'automatic') return 'the controller drives alone; choose Shared or Manual'
+  return ''
+}

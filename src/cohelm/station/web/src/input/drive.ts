@@ -2,7 +2,7 @@
 import { computed, signal } from '@preact/signals'
 import { heardMs, send } from '../socket'
 import * as s from '../state'
-import { arm, type Arming } from './arm'
+import { arm, needed, type Arming } from './arm'
 import { padStops, readPad, rumble } from './gamepad'
 import { keysHeld, letGoOfKeys, listenToKeys, readKeys, typing } from './keyboard'
 import type { Device, Reading } from './source'
@@ -34,6 +34,13 @@ export const idle = computed(() => {
     case 'waiting': return 'waiting for your stick to be centred'
     default: return 'the robot does not hear it yet'
   }
+})
+
+/** Why a stick that is deflected now comes to nothing, whoever drives; empty: it does not. */
+export const useless = computed(() => {
+  const state = s.state.value
+  if (state === null || !hand.value.present || !deflected(hand.value)) return ''
+  return needed(s.youDrive.value, state.stopped !== '', state.mode)
 })
 
 let n = 0

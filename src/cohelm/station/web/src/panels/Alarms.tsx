@@ -2,7 +2,7 @@
 import type { Alarm } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
-import { idle } from '../input/drive'
+import { idle, useless } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
 
@@ -27,7 +27,8 @@ function ours(): Shown[] {
   } else if (s.link.value !== null && !s.link.value.connected) {
     say('alarm', `No link to the robot${why}. What you see is old. The robot stops by itself.`)
   }
-  if (s.youDrive.value && idle.value !== '') say('warning', `Your stick does not steer: ${idle.value}.`)
+  const idly = useless.value || (s.youDrive.value ? idle.value : '')
+  if (idly !== '') say('warning', `Your stick does not steer: ${idly}.`)
   const where = s.state.value?.localised
   if (where === 'lost') say('alarm', 'The robot does not know where it is.')
   else if (where === 'poor') say('warning', 'The robot is not sure where it is.')
