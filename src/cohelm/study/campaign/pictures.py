@@ -1,4 +1,4 @@
-"""An episode from above, and its gap over time, as one small picture."""
+"""An episode from above, and its clearance and speed over time, as one picture."""
 
 # matplotlib's methods take untyped **kwargs; everything of ours is still checked.
 # pyright: reportUnknownMemberType=false
@@ -7,16 +7,19 @@ from __future__ import annotations
 import io
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, Polygon
 
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
 from cohelm.perceive.frames import placed
 from cohelm.scenario.worlds.tracks import ELSEWHERE
 from cohelm.study.campaign.case import Case
-from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.row import Row, clearance_then
 from cohelm.study.draw import (
     CONE,
     DANGER,
@@ -31,25 +34,67 @@ from cohelm.study.draw import (
 
 _EVERY_S = 2.0  # between outlines of the robot that are drawn
 _TRAIL_S = 4.0  # of a mover's way that is drawn
-_MARGIN = 1.5  # around what was driven [m]
+_MARGIN = 1.0  # around what is shown [m]
+_ROOM = 40.0  # a larger world is not shown whole, but for where the robot was [m]
+_LEAST, _MOST = -0.5, 1.0  # of the clearance that is drawn [m]
 
 
 def picture(case: Case, trace: Trace, row: Row) -> bytes:
-    """The episode as PNG. The outline is red where the gap was smallest."""
+    """The episode as PNG. The outline is red where the clearance was smallest."""
     with styled():
-        figure = Figure(figsize=(5.2, 4.4), layout="constrained")
-        above, below = figure.subplots(2, 1, height_ratios=(4.0, 1.0))
-        _above(above, case, trace, row)
-        _below(below, trace, row)
         out = io.BytesIO()
-        figure.savefig(out, dpi=80, metadata={"Software": None})
+        drawn(case, trace, row).savefig(out, dpi=110, metadata={"Software": None})
     return out.getvalue()
+
+
+def drawn(case: Case, trace: Trace, row: Row) -> Figure:
+    """The episode from above, whole room, and clearance and speed over time, with a legend."""
+    left, right, low, high = _room(case, trace)
+    height = 6.4 * min(max((high - low) / (right - left), 0.35), 1.1)
+    figure = Figure(figsize=(7.0, height + 2.6), layout="constrained")
+    above, below = figure.subplots(2, 1, height_ratios=(height, 1.5))
+    above.set_xlim(left, right)
+    above.set_ylim(low, high)
+    _above(above, case, trace, row)
+    _below(below, trace, row)
+    handles = _legend(case, trace)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9, frameon=False)
+    return figure
+
+
+def _room(case: Case, trace: Trace) -> tuple[float, float, float, float]:
+    """Left, right, lower and upper end of what is shown [m]: walls and obstacles as well as the
+    drive, or the drive alone in a world that is too large for that."""
+    ways = np.column_stack((trace.rows["x"], trace.rows["y"]))
+    discs = trace.discs[0, :, :2] if len(trace.discs) else np.empty((0, 2))
+    discs = discs[np.abs(discs).max(axis=1, initial=0.0) < ELSEWHERE]
+    whole = np.vstack((ways, case.setup.around.walls.reshape(-1, 2), discs))
+    shown = whole if np.ptp(whole, axis=0).max() <= _ROOM else ways
+    (left, low), (right, high) = shown.min(axis=0) - _MARGIN, shown.max(axis=0) + _MARGIN
+    return float(left), float(right), float(low), float(high)
+
+
+def _legend(case: Case, trace: Trace) -> list[Artist]:
+    """What the lines and colours mean, of those that are there."""
+    moving = [_moves(trace.discs[:, i]) for i in range(trace.discs.shape[1])]
+    entries: list[tuple[bool, Artist]] = [
+        (True, Line2D([], [], color=ROBOT, lw=1.8, label="robot: path, outline every 2 s; speed")),
+        (True, Patch(fc="none", ec=DANGER, lw=1.8, label="least clearance while moving")),
+        (True, Patch(fc="none", ec=INK, lw=1.2, label="robot at the end")),
+        (case.goal is not None,
+         Line2D([], [], color=REFERENCE, lw=1.0, ls=(0, (4, 3)), label="reference")),
+        (case.goal is not None, Patch(fc="none", ec=PALE, ls=":", lw=1.2, label="goal")),
+        (len(case.setup.around.walls) > 0, Line2D([], [], color=WALL, lw=1.6, label="wall")),
+        (not all(moving), Patch(fc=CONE, alpha=0.8, label="obstacle at rest")),
+        (any(moving), Patch(fc=MOVER, alpha=0.8, label="moving obstacle, last 4 s")),
+    ]  # fmt: skip
+    return [artist for there, artist in entries if there]
 
 
 def _above(axes: Axes, case: Case, trace: Trace, row: Row) -> None:
     rows, setup = trace.rows, case.setup
-    for x1, y1, x2, y2 in setup.around.walls:
-        axes.plot([x1, x2], [y1, y2], color=WALL, lw=1.6)
+    walls = setup.around.walls.reshape(-1, 2, 2)
+    axes.add_collection(LineCollection(list(walls), colors=WALL, linewidths=1.6))
     worst = int(np.argmin(np.abs(rows["t"] - row.min_clearance_at_s)))
     for i in range(trace.discs.shape[1]):
         _disc(axes, trace.discs[:, i], worst, trace.dt)
@@ -64,16 +109,19 @@ def _above(axes: Axes, case: Case, trace: Trace, row: Row) -> None:
         _outline(axes, setup.outline, rows[k], ROBOT, 0.6)
     _outline(axes, setup.outline, rows[-1], INK, 1.2)
     _outline(axes, setup.outline, rows[worst], DANGER, 1.8)
-    axes.set_xlim(float(rows["x"].min()) - _MARGIN, float(rows["x"].max()) + _MARGIN)
-    axes.set_ylim(float(rows["y"].min()) - _MARGIN, float(rows["y"].max()) + _MARGIN)
     axes.set_aspect("equal")
-    axes.tick_params(labelsize=7)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+
+
+def _moves(places: Floats) -> bool:
+    return float(np.ptp(places[:, :2], axis=0).max()) > 1e-6
 
 
 def _disc(axes: Axes, places: Floats, worst: int, dt: float) -> None:
     """A disc where it was at the worst moment; of one that moves also the way there."""
     now = places[worst]
-    moves = float(np.ptp(places[:, :2], axis=0).max()) > 1e-6
+    moves = _moves(places)
     color = MOVER if moves else CONE
     if moves:
         way = places[max(worst - round(_TRAIL_S / dt), 0) : worst + 1]
@@ -90,14 +138,14 @@ def _outline(axes: Axes, outline: Floats, row: np.void, color: str, width: float
 
 def _below(axes: Axes, trace: Trace, row: Row) -> None:
     rows = trace.rows
-    gap = np.clip(rows["clearance"], -0.5, 1.0)
+    gap, speed = np.clip(rows["clearance"], _LEAST, _MOST), np.abs(rows["applied_v"])
     axes.axhline(0.0, color=DANGER, lw=0.8)
-    axes.plot(rows["t"], gap, color=INK, lw=1.0)
-    axes.plot(
-        rows["t"], np.abs(rows["applied_v"]), color=ROBOT, lw=0.8, alpha=0.7
-    )  # fmt: skip
-    axes.plot([row.min_clearance_at_s], [max(row.min_clearance_m, -0.5)], "o", color=DANGER, ms=4)
-    axes.set_ylim(min(-0.1, float(gap.min()) - 0.05), 1.05)
-    axes.set_xlabel("s", fontsize=7, labelpad=0)
-    axes.set_ylabel("gap [m], speed [m/s]", fontsize=6)
-    axes.tick_params(labelsize=7)
+    axes.plot(rows["t"], gap, color=INK, lw=1.2, label="clearance [m]")
+    axes.plot(rows["t"], speed, color=ROBOT, lw=1.2, label="speed [m/s]")
+    least = float(np.clip(clearance_then(row), _LEAST, _MOST))
+    axes.plot([row.min_clearance_at_s], [least], "o", color=DANGER, ms=5)
+    top = max(_MOST, float(speed.max(initial=0.0)))
+    axes.set_ylim(min(-0.1, float(gap.min(initial=0.0)) - 0.05), 1.05 * top)
+    axes.set_xlabel("time [s]")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=9, frameon=False,
+                borderaxespad=0.1)  # fmt: skip

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
+from cohelm.sim.judge import FAR
+from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.again import drive
-from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.row import Row, clearance_then
 from cohelm.study.campaign.stats import Share, Spread, Summary, summary
-from cohelm.study.campaign.suites import ABOUT, Suite
+from cohelm.study.campaign.suites import Suite
 from cohelm.study.campaign.text import PAGE
 
 PAGE_NAME, SUMMARY = "report.html", "summary.json"
@@ -77,7 +79,7 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("arrived without a moving contact", lambda s: _share(s.success)),
         ("arrived", lambda s: _share(s.arrived)),
         ("with a moving contact", lambda s: _share(s.moving)),
-        ("walked into while standing", lambda s: _share(s.standing)),
+        ("with a standing contact: walked into", lambda s: _share(s.standing)),
         ("smallest clearance while moving [m]", lambda s: _least(s.spreads, "moving_")),
         ("smallest clearance of all [m]", lambda s: _least(s.spreads, "")),
         ("limits exceeded by", lambda s: f"{s.limit_excess:g}"),
@@ -119,7 +121,14 @@ def by_kind(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
             (kind or "not driven", str(s.episodes), arrived, str(s.moving.count),
              str(s.standing.count), gap)
         )  # fmt: skip
-    headings = ("kind", "episodes", "arrived", "moving contacts", "walked into", "least gap [m]")
+    headings = (
+        "kind",
+        "episodes",
+        "arrived",
+        "moving contacts",
+        "standing contacts",
+        "least clearance, moving [m]",
+    )
     return headings, lines
 
 
@@ -165,7 +174,7 @@ def write(found: Outcome, folder: Path, told: Callable[[str, float], None]) -> P
         figures.append(_figure(found.suite, row))
     page = PAGE.format(
         title=escape(f"cohelm campaign: {made_on(found)}, seed {found.suite.seed}"),
-        about=escape(ABOUT[found.suite.name] or "").replace("\n\n", "</p><p>"),
+        about=html(about(found.suite.name)),
         laws=_html(*table(found)),
         kinds=_html(*by_kind(found)),
         first=escape(found.laws[0]),
@@ -190,19 +199,29 @@ def _figure(made: Suite, row: Row) -> str:
 
     again = drive(made.case(row.episode), row)
     png = base64.b64encode(picture(again.case, again.trace, row)).decode()
-    contact = "moving contact, " if row.contacts_moving else ""
-    arrived = (
-        "" if math.isnan(row.tracking_rms) else ("arrived, " if row.arrived else "not arrived, ")
-    )
-    said = (
-        f"{row.law}/{row.episode} ({row.kind}): {contact}{arrived}{row.duration_s:.1f} s, "
-        f"least gap {row.min_clearance_m:.4f} m at {row.min_clearance_at_s:.1f} s"
-        + (f" to {row.nearest}" if row.nearest else "")
-    )
+    said = caption(row)
     return (
         f'<figure><img alt="{escape(said)}" src="data:image/png;base64,{png}">'
         f"<figcaption>{escape(said)}</figcaption></figure>"
     )
+
+
+def caption(row: Row) -> str:
+    """What came of an episode, for who looks at its picture."""
+    contacts = [
+        f"{count} {name} contact{'s' if count > 1 else ''}"
+        for name, count in (("moving", row.contacts_moving), ("standing", row.contacts_standing))
+        if count
+    ]
+    said = [", ".join(contacts) or "no contact"]
+    if not math.isnan(row.tracking_rms):
+        said.append("arrived" if row.arrived else "not arrived")
+    said.append(f"{row.duration_s:.1f} s")
+    least = f"least clearance {'while moving ' if row.min_clearance_moving_m < FAR else ''}"
+    least += f"{clearance_then(row):.4f} m"
+    at = f" at {row.min_clearance_at_s:.1f} s" + (f" ({row.nearest})" if row.nearest else "")
+    kind = f" ({row.kind})" if row.kind else ""
+    return f"{row.law}/{row.episode}{kind}: {', '.join(said)}; {least}{at}"
 
 
 def _html(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cohelm.sim.judge import FAR
+
 
 class Row(NamedTuple):
     """What came of one episode under one law; NaN where there is nothing to measure."""
@@ -29,8 +31,9 @@ class Row(NamedTuple):
     min_clearance_moving_m: float
     """The same while the robot moved."""
     min_clearance_at_s: float
+    """When it was smallest while the robot moved; at all, where nothing was near then."""
     nearest: str
-    """What that was: a disc's name, or "wall"; empty where nothing came near."""
+    """What was near then: a disc's name, or "wall"; empty where nothing came near."""
     limit_excess: float
     """Most by which a limit of speed, yaw rate, wheels or acceleration was exceeded."""
     score: float
@@ -64,6 +67,12 @@ class Row(NamedTuple):
     """And how fast the nearest corner or side of the robot at most."""
     stick: list[float]
     """The deflections that a search has found, fore-aft and left-right in turns, or nothing."""
+
+
+def clearance_then(row: Row) -> float:
+    """The clearance at `min_clearance_at_s` [m]."""
+    moving = row.min_clearance_moving_m
+    return moving if moving < FAR else row.min_clearance_m
 
 
 NOT_DRIVEN = Row(

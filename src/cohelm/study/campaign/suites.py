@@ -14,12 +14,6 @@ from cohelm.study.campaign.plant import on_twin
 
 NAMES = ("lab", "random", "barn", "crowd", "adversary", "hands")
 
-ABOUT = {
-    "lab": lab.__doc__, "random": rooms.__doc__, "barn": barn.__doc__, "crowd": crowd.__doc__,
-    "adversary": adversary.__doc__, "hands": hands.__doc__,
-}  # fmt: skip
-"""What each suite is, in the words of its module."""
-
 _NEEDS_DATA = ("barn", "crowd", "hands")
 _ON_TWIN = ("lab", "random", "adversary")
 _CHUNKS = {"adversary": 10, "random": 5}

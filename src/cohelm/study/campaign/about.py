@@ -1,0 +1,119 @@
+"""What each suite drives, in the words of its report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+
+from cohelm.study.campaign import crowd, rooms
+
+Part = str | tuple[str, ...]
+"""A paragraph, or the items of a list."""
+
+
+def about(suite: str) -> Sequence[Part]:
+    """Paragraphs and lists about a suite, plain text."""
+    return _ABOUT[suite]()
+
+
+def html(parts: Sequence[Part]) -> str:
+    """The same as HTML."""
+    return "\n".join(
+        f"<p>{escape(part)}</p>"
+        if isinstance(part, str)
+        else "<ul>" + "".join(f"<li>{escape(item)}</li>" for item in part) + "</ul>"
+        for part in parts
+    )
+
+
+def _lab() -> Sequence[Part]:
+    return (
+        "The paper's lab, with the robot's real outline and wheels; nobody holds the stick. Both "
+        "doors, the corridor and the pass between the two cones are on the way.",
+        "Episode 0 is the shipped scenario lab-guard. In the others the robot starts up to 0.1 m "
+        "and 0.2 rad off, and the moving obstacle sets off between 0 and 40 s at 0.1 to 0.4 m/s.",
+        "Arrived: within 0.1 m of the end of the reference, within twice its time.",
+    )
+
+
+def _random() -> Sequence[Part]:
+    return (
+        "Rooms with obstacles that rest and people who walk, from one wall to the opposite one:",
+        (
+            "a room of 10 to 13 m by 6 to 8 m with four walls; Sally drives from 1.2 m off the "
+            "west wall to 1.2 m off the east wall, both anywhere across; the reference is a "
+            "straight line at 0.5 m/s that minds nothing;",
+            "6 to 14 round obstacles at rest, radius 0.1 to 0.5 m, 0.9 m clear of start and goal;"
+            f" a way {rooms.WAY:g} m wide leads from start to goal in every room;",
+            "2 to 5 walkers of radius 0.2 to 0.3 m on curves through random points, at a mean "
+            f"speed of 0.2 to 0.8 m/s, never faster than {rooms.FASTEST:g} m/s nor with more than "
+            f"{rooms.AGILITY:g} m/s², at first 2 m from the robot; they walk all the time, through"
+            " resting obstacles too, and mind nobody.",
+        ),
+        "Arrived: within 0.3 m of the goal, within 120 s.",
+    )
+
+
+def _barn() -> Sequence[Part]:
+    return (
+        "The worlds of the BARN challenge, judged by its rules: Jackal with 720 beams over 270 "
+        "degrees, 30 scans a second, 1 cm of noise, and the given reference path. It knows of the"
+        " cylinders by its scans alone. The score is the challenge's since 2026.",
+        "Episode k is world k modulo their number; every further round has another seed of the "
+        "sensor's noise. Not the challenge's own simulation: no Gazebo, no physics, and the pose "
+        "is known exactly. The paper's law has no sensor in it: it is given the cylinders as they"
+        " are.",
+        "Arrived: within 1 m of the goal, within 100 s.",
+    )
+
+
+def _crowd() -> Sequence[Part]:
+    return (
+        "Recorded pedestrians walk where Sally crosses the middle of the scene: 8 m straight on "
+        "at 0.8 m/s, in any direction, at moments spread over the recording. They mind nobody. At"
+        " first nobody is within 1.5 m.",
+        "The recordings give a place every 0.4 s. Between and around the samples people walk on "
+        "smoothing splines, within some 0.2 m of them; before the first and after the last sample"
+        " they walk straight on for 10 s, so that nobody appears beside the robot. Whoever is "
+        f"then faster than {crowd.FASTEST:g} m/s or accelerates by more than {crowd.AGILITY:g} "
+        "m/s² is left out and listed, and so is who was seen only once. Episode k is scene k "
+        "modulo their number.",
+        "Arrived: within 0.3 m of the goal, within 60 s.",
+    )
+
+
+def _adversary() -> Sequence[Part]:
+    return (
+        "The stick is held by somebody who wants a contact, and nobody else steers. Sally or "
+        "Jackal in turns, at rest at the origin of a field of 6 m, with 4 to 9 resting obstacles,"
+        " 2 to 4 walls of 1 to 4 m and 10 stray points, none nearer than 5 cm; in every second "
+        "episode also 1 to 3 walkers, 2 to 5 m away at first, with up to 1 m/s² and 1.3 m/s, half"
+        " of the time straight at the robot.",
+        "For ten seconds the stick is deflected by one of these:",
+        (
+            "ram: at the nearest thing, with fits of bang in between;",
+            "bang: full deflections at random;",
+            "spin: full turns and lunges, starting beside a wall;",
+            "human: a recorded person, signs flipped on one axis or on both (where recordings are"
+            " given);",
+            "search: every 500th episode, CMA-ES over sequences of 20 deflections for the "
+            "smallest clearance; 2000 sequences are driven, and the worst is the episode.",
+        ),
+        "There is no goal, so nobody arrives.",
+    )
+
+
+def _hands() -> Sequence[Part]:
+    return (
+        "Recorded people, whose stick was meant for another room, drive in the paper's lab. Every"
+        " recording is played into the scenario lab-guard: first each from its beginning, then "
+        "from anywhere in it. The controller leads whenever the hand does not.",
+        "Arrived: within 0.1 m of the end of the reference, within three times its time; a hand "
+        "that holds the stick for long may well prevent that.",
+    )
+
+
+_ABOUT: dict[str, Callable[[], Sequence[Part]]] = {
+    "lab": _lab, "random": _random, "barn": _barn, "crowd": _crowd, "adversary": _adversary,
+    "hands": _hands,
+}  # fmt: skip

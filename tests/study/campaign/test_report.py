@@ -1,0 +1,97 @@
+"""The report says what is to be seen: legend, axes, whole rooms, contacts by their kind."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cohelm.core.trace import ROW, Trace
+from cohelm.sim.judge import FAR
+from cohelm.study.campaign.about import about, html
+from cohelm.study.campaign.case import Case, Goal
+from cohelm.study.campaign.pictures import drawn
+from cohelm.study.campaign.report import caption
+from cohelm.study.campaign.row import NOT_DRIVEN
+from cohelm.study.campaign.suites import NAMES
+from tests.record.runs import lab
+
+CAME = NOT_DRIVEN._replace(
+    suite="lab", law="guard", episode=3, kind="mover late", arrived=True, duration_s=31.24,
+    tracking_rms=0.1, min_clearance_m=0.0123, min_clearance_moving_m=0.0123,
+    min_clearance_at_s=3.0, nearest="cone_1",
+)  # fmt: skip
+
+
+def figure(walls=None):
+    setup = lab()
+    if walls is not None:
+        setup = replace(setup, around=setup.around._replace(walls=walls))
+    rows = np.zeros(200, dtype=ROW)
+    rows["t"] = 0.02 * np.arange(200)
+    rows["x"], rows["clearance"] = 0.01 * np.arange(200), 0.5
+    discs = np.zeros((200, 2, 6))
+    discs[:, 0, :2], discs[:, 1, 0] = (2.0, 2.0), np.linspace(0.0, 1.0, 200)
+    case = Case("lab", 3, "", setup, Goal(5.0, 0.0, 0.1))
+    return drawn(case, Trace(rows, np.zeros((200, 2)), discs, ("a", "b"), 0.02), CAME)
+
+
+def test_the_whole_room_is_shown_with_units_at_its_axes_and_a_legend():
+    drawing = figure()
+    above, below = drawing.axes
+    (left, right), (low, high) = above.get_xlim(), above.get_ylim()
+    for x1, y1, x2, y2 in lab().around.walls:
+        assert left < min(x1, x2)
+        assert max(x1, x2) < right
+        assert low < min(y1, y2)
+        assert max(y1, y2) < high
+    assert (above.get_xlabel(), above.get_ylabel()) == ("x [m]", "y [m]")
+    assert below.get_xlabel() == "time [s]"
+    assert [t.get_text() for t in below.get_legend().get_texts()] == [
+        "clearance [m]",
+        "speed [m/s]",
+    ]
+    said = " ".join(text.get_text() for text in drawing.legends[0].get_texts())
+    for word in ("path", "least clearance", "reference", "goal", "wall", "at rest", "moving"):
+        assert word in said
+
+
+def test_of_a_world_that_is_very_large_the_drive_is_shown():
+    above, _ = figure(np.array([[-500.0, 0.0, 500.0, 0.0]])).axes
+    assert above.get_xlim()[1] - above.get_xlim()[0] < 10.0
+
+
+@pytest.mark.parametrize(
+    ("moving", "standing", "said"),
+    [
+        (0, 0, "no contact"),
+        (1, 0, "1 moving contact"),
+        (0, 2, "2 standing contacts"),
+        (2, 1, "2 moving contacts, 1 standing contact"),
+    ],
+)
+def test_a_caption_names_contacts_moving_or_standing(moving, standing, said):
+    row = CAME._replace(contacts_moving=moving, contacts_standing=standing)
+    assert caption(row) == (
+        f"guard/3 (mover late): {said}, arrived, 31.2 s; "
+        "least clearance while moving 0.0123 m at 3.0 s (cone_1)"
+    )
+
+
+def test_the_clearance_in_a_caption_is_that_of_its_moment():
+    walked_into = CAME._replace(contacts_standing=1, min_clearance_m=-0.4, kind="")
+    assert caption(walked_into) == (
+        "guard/3: 1 standing contact, arrived, 31.2 s; "
+        "least clearance while moving 0.0123 m at 3.0 s (cone_1)"
+    )
+    stood = CAME._replace(
+        min_clearance_moving_m=FAR, min_clearance_m=-0.02, tracking_rms=float("nan"), nearest=""
+    )
+    assert caption(stood).endswith(": no contact, 31.2 s; least clearance -0.0200 m at 3.0 s")
+
+
+@pytest.mark.parametrize("suite", NAMES)
+def test_every_suite_is_told_in_sentences_and_not_in_the_words_of_its_code(suite):
+    said = html(about(suite))
+    assert said.startswith("<p>")
+    assert not re.search(r"`|\*|\b[A-Z]{5,}\b|\n- ", said)
