@@ -54,7 +54,6 @@ def test_a_scenario_is_built_in_python():
 
 
 def test_a_record_goes_into_pandas(tmp_path):
-    pytest.importorskip("pandas")
     from cohelm.record.write import Recorder
 
     with Recorder(tmp_path / "run.mcap") as recorder:

@@ -22,3 +22,11 @@ def test_every_link_leads_somewhere(page: Path) -> None:
         file = page.parent / name if name else page
         assert file.exists(), target
         assert not heading or heading in anchors(file), target
+
+
+def test_every_page_is_in_the_navigation_of_the_site_and_in_the_list_of_pages() -> None:
+    site = (ROOT / "zensical.toml").read_text(encoding="utf-8")
+    listed = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    for page in (ROOT / "docs").glob("*.md"):
+        assert f'"{page.name}"' in site, page.name
+        assert f"({page.name})" in listed or page.name in ("README.md", "benchmarks.md"), page.name

@@ -38,7 +38,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm import __version__
-from cohelm.core.period import PERIOD
+from cohelm.core.period import MEANINGS, PERIOD
 from cohelm.core.types import Pose, wrap
 from cohelm.link.told import Shown
 from cohelm.record import shown
@@ -68,8 +68,10 @@ TOPICS = {
 
 
 def _definition() -> str:
-    lines = ["# One period of cohelm's loop; see docs/loop.md."]
-    lines += [f"{PERIOD[name].name} {name.lower()}" for name in PERIOD.names or ()]
+    lines = ["# One period of cohelm's loop; see docs/records.md. Numbers in () are equations."]
+    lines += [
+        f"{PERIOD[name].name} {name.lower()}  # {MEANINGS[name]}" for name in PERIOD.names or ()
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -90,6 +90,10 @@ _COLUMNS = {
     "obstacle_radius": (RADIUS, "[m]"),
     "obstacle_safe": (SAFE, "[m] r_i, safe distance between centres (19)"),
 }
+ARRAYS = {"obstacle_h": "[m^2] h_i of every obstacle"} | {
+    name: meaning for name, (_, meaning) in _COLUMNS.items()
+}
+"""... and of every array, with one number for each obstacle."""
 
 
 def _definition() -> str:
@@ -99,9 +103,8 @@ def _definition() -> str:
         kind = ROW[name].name  # float64, int64 and bool are called the same in ROS
         # constants right before a field show as its names in Foxglove
         lines += [f"{kind} {word}={value}" for word, value in _CONSTANTS.get(name, {}).items()]
-        lines.append(f"{kind} {name.lower()}  # {MEANINGS.get(name, '')}")
-    lines.append("float64[] obstacle_h  # [m^2] h_i of every obstacle")
-    lines += [f"float64[] {name}  # {meaning}" for name, (_, meaning) in _COLUMNS.items()]
+        lines.append(f"{kind} {name.lower()}  # {MEANINGS[name]}")
+    lines += [f"float64[] {name}  # {meaning}" for name, meaning in ARRAYS.items()]
     return "\n".join(lines) + "\n"
 
 

@@ -13,10 +13,12 @@ from yaml.nodes import Node
 from cohelm.core.schema import Schema
 from cohelm.scenario.text import Path, at, dotted, where
 
-_UNITS = {
+UNITS = {
     "m": "m", "s": "s", "mps": "m/s", "mps2": "m/s²", "rad": "rad", "radps": "rad/s",
-    "radps2": "rad/s²",
+    "radps2": "rad/s²", "deg": "degrees", "degps": "degrees/s", "hz": "Hz", "kg": "kg",
+    "per_s": "1/s", "per_rad": "1/rad",
 }  # fmt: skip
+"""What a key is in, by its end; nothing else is in degrees. The longest end counts."""
 _NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?!\d)")
 JsonSchema = dict[str, Any]
 
@@ -48,7 +50,8 @@ def nearest(word: str, known: list[str]) -> str:
 def unit_of(path: Path) -> str:
     """The unit that a key path's last key ends with, or nothing."""
     keys = [part for part in path if isinstance(part, str)]
-    return _UNITS.get(keys[-1].rsplit("_", 1)[-1], "") if keys and "_" in keys[-1] else ""
+    ends = [suffix for suffix in UNITS if keys and keys[-1].endswith(f"_{suffix}")]
+    return UNITS[max(ends, key=len)] if ends else ""
 
 
 def _line(root: Node, loc: Path, said: str) -> str:

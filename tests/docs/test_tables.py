@@ -1,0 +1,72 @@
+"""The tables of the documentation that are made from the code are those of the code."""
+
+import re
+
+import pytest
+
+from cohelm.law.verdict import Verdict
+from cohelm.link.messages import Arming
+from cohelm.pilot import step
+from cohelm.record import drive, status, topics
+from cohelm.robot.gate.modes import Mode
+from tools.tables import DOCS, TABLES, written
+
+RECORDS = (DOCS / "records.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.name)
+def test_no_table_is_out_of_date(page):
+    text = page.read_text(encoding="utf-8")
+    assert text == written(text), "run python tools/tables.py"
+
+
+def test_every_table_stands_on_a_page():
+    pages = "".join(page.read_text(encoding="utf-8") for page in DOCS.glob("*.md"))
+    assert set(re.findall(r"<!-- table: ([\w-]+) -->", pages)) == set(TABLES)
+
+
+def section(title: str) -> str:
+    return re.split(r"^##+ ", RECORDS.split(f" {title}\n", 1)[1], maxsplit=1, flags=re.M)[0]
+
+
+def test_every_topic_is_told_with_its_type_of_a_run_and_of_a_drive():
+    for title, there in {
+        "Of a run": topics.TOPICS | {status.TOPIC: status.TYPE},
+        "Of a drive": drive.TOPICS,
+    }.items():
+        rows = re.findall(r"^\| `(/[\w/]+)` \| `([\w/]+)` \|", section(title), re.M)
+        assert dict(rows) == there
+
+
+def test_every_verdict_is_told_with_its_number():
+    rows = re.findall(r"^\| (\d) \| ([A-Z]+) \|", section("Verdicts"), re.M)
+    assert {name: int(number) for number, name in rows} == Verdict.__members__
+
+
+@pytest.mark.parametrize(
+    ("field", "names"),
+    [
+        ("mode", dict(Mode.__members__)),
+        ("arming", dict(Arming.__members__)),
+        ("doing", {n: getattr(step, n) for n in ("FOLLOWING", "LED", "ESCAPING", "EVADING")}),
+    ],
+)
+def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(field, names):
+    (row,) = re.findall(rf"^\| `{field}` \| (.*) \|$", section("Verdicts"), re.M)
+    assert {n: int(v) for n, v in re.findall(r"([A-Z]+) (\d)", row)} == names
+    (said,) = re.findall(rf"^int64 {field}  # (.*)$", drive.DEFINITION, re.M)
+    assert {n: int(v) for n, v in re.findall(r"([A-Z]+) (\d)", said)} == names
+
+
+def test_every_status_of_the_diagnostics_is_told_with_its_values():
+    from cohelm.link.messages import Alarm, Mode as Chosen, Severity
+    from cohelm.link.told import Told
+    from cohelm.record.shown import said
+
+    alarm = Alarm(1, Severity.WARNING, True, False, "a")
+    told = Told(1, "anna", Chosen.HOLD, "", "", 1.0, "", (alarm,))
+    ((_, message),) = said(told, 0, "map")
+    rows = re.findall(r"^\| `([\w ]+)`.*?\|.*?\| (.*?)\|", section("The diagnostics message"), re.M)
+    assert {name: set(re.findall(r"`(\w+)`", values)) for name, values in rows} == {
+        one.name: {pair.key for pair in one.values} for one in message.status
+    }

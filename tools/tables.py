@@ -1,0 +1,142 @@
+"""Write the tables in docs/ that say what the code says: `python tools/tables.py`.
+
+A table stands between `<!-- table: NAME -->` and `<!-- end -->`; the test of the documentation
+fails where one is not what this would write, so a renamed field needs this script and no editing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+BOUNDS = {"exclusiveMinimum": ">", "minimum": "≥", "maximum": "≤", "exclusiveMaximum": "<"}
+WORDS = {"boolean": "`true` or `false`", "string": "text", "array": "list", "object": "keys"}
+TYPES = {"float64": "float64", "int64": "int64", "bool": "bool"}
+_BLOCK = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+Json = dict[str, Any]
+
+
+def forms(schema: Json, whole: Json) -> list[Json]:
+    """The forms a value may have, none left out but null, references followed."""
+    found = [form for form in schema.get("anyOf", [schema]) if form.get("type") != "null"]
+    return [whole["$defs"][f["$ref"].split("/")[-1]] if "$ref" in f else f for f in found]
+
+
+def allowed(schema: Json, whole: Json) -> str:
+    """What a value may be."""
+    form = forms(schema, whole)[0]
+    if "const" in form:
+        return f"`{form['const']}`"
+    if "enum" in form:
+        return " or ".join(f"`{value}`" for value in form["enum"])
+    if form.get("type") in ("number", "integer"):
+        bounds = (f"{sign} {form[key]:g}" for key, sign in BOUNDS.items() if key in form)
+        return ("whole number, " if form["type"] == "integer" else "") + ", ".join(bounds)
+    return WORDS.get(form.get("type", ""), "")
+
+
+def keys(model: Json, above: str, whole: Json, unit: bool = False) -> Iterator[str]:
+    """One table row for every key of a model and of the models below it."""
+    for name, schema in model["properties"].items():
+        key, default = f"{above}{name}", schema.get("default")
+        plain = default is not None and not isinstance(default, dict | list) and default != ""
+        said = f"`{str(default).lower() if isinstance(default, bool) else default}`"
+        needed = name in model.get("required", [])
+        shown = "**needed**" if needed else said if plain else "–"
+        meaning = " ".join(schema.get("description", "").split())
+        cells = [f"`{key}`", allowed(schema, whole), shown, meaning]
+        if unit:
+            cells[1:2] = [_unit(name) or "–", cells[1] or "any number"]
+        yield f"| {' | '.join(cells)} |"
+        form = forms(schema, whole)[0]
+        items = forms(form["items"], whole)[0] if "items" in form else {}
+        below = form if "properties" in form else items
+        if "properties" in below:
+            prefix = f"{key}.N." if below is items else f"{key}."
+            yield from keys(below, prefix, whole, unit)
+
+
+def robot() -> list[str]:
+    """Every key of a robot's YAML file."""
+    from cohelm.robot.model import RobotModel
+
+    schema = RobotModel.model_json_schema()
+    head = ["| key | unit | allowed | default | meaning |", "|---|---|---|---|---|"]
+    return [*head, *keys(schema, "", schema, unit=True)]
+
+
+def units() -> list[str]:
+    """Suffixes of keys, and what they mean."""
+    from cohelm.scenario.explain import UNITS
+
+    rows = (f"| `_{suffix}` | {unit} |" for suffix, unit in UNITS.items())
+    return ["| a key that ends in | is in |", "|---|---|", *rows]
+
+
+def period() -> list[str]:
+    """Every field of a period."""
+    from cohelm.core.period import MEANINGS, PERIOD
+
+    return _fields(PERIOD, MEANINGS, str.lower)
+
+
+def status() -> list[str]:
+    """Every field of a control step."""
+    from cohelm.core.trace import ROW
+    from cohelm.record.status import ARRAYS, MEANINGS
+
+    rows = [f"| `{name}` | float64[] | {_cell(said)} |" for name, said in ARRAYS.items()]
+    return [*_fields(ROW, MEANINGS, str.lower), *rows]
+
+
+def _fields(
+    kind: np.dtype[Any], meanings: dict[str, str], named: Callable[[str], str]
+) -> list[str]:
+    rows = [
+        f"| `{named(name)}` | {TYPES[kind[name].name]} | {_cell(meanings[name])} |"
+        for name in kind.names or ()
+    ]
+    return ["| field | type | meaning |", "|---|---|---|", *rows]
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _unit(name: str) -> str:
+    from cohelm.scenario.explain import unit_of
+
+    return unit_of((name,))
+
+
+TABLES: dict[str, Callable[[], list[str]]] = {
+    "robot": robot, "units": units, "period": period, "status": status,
+}  # fmt: skip
+
+
+def written(page: str) -> str:
+    """A page with its tables as they should be."""
+
+    def table(found: re.Match[str]) -> str:
+        return f"{found[1]}\n" + "\n".join(TABLES[found[2]]()) + f"\n\n{found[3]}"
+
+    return _BLOCK.sub(table, page)
+
+
+def main() -> None:
+    """Write them all."""
+    for path in sorted(DOCS.glob("*.md")):
+        old = path.read_text(encoding="utf-8")
+        new = written(old)
+        if new != old:
+            path.write_text(new, encoding="utf-8")
+            print(path.name)
+
+
+if __name__ == "__main__":
+    main()
