@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+import cohelm
 from cohelm.law.verdict import Verdict
 from cohelm.link.messages import Arming
 from cohelm.pilot import step
@@ -23,6 +24,17 @@ def test_no_table_is_out_of_date(page):
 def test_every_table_stands_on_a_page():
     pages = "".join(page.read_text(encoding="utf-8") for page in DOCS.glob("*.md"))
     assert set(re.findall(r"<!-- table: ([\w-]+) -->", pages)) == set(TABLES)
+
+
+def test_the_robot_on_the_page_is_one_that_the_filter_takes(tmp_path):
+    (text,) = re.findall(r"```yaml\n(.*?)```", (DOCS / "robot-yaml.md").read_text(), re.DOTALL)
+    (tmp_path / "cart.yaml").write_text(text)
+    robot = cohelm.load_robot(str(tmp_path / "cart.yaml"))
+    assert robot.lidar is not None
+    safe = cohelm.SafetyFilter(robot, 0.02)
+    seen = cohelm.Obstacles(points=[[0.55, 0.0]])
+    still = cohelm.Twist(0.0, 0.0)
+    assert safe(cohelm.Pose(0.0, 0.0, 0.0), still, cohelm.Twist(1.0, 0.0), seen).twist.v < 0.1
 
 
 def section(title: str) -> str:
