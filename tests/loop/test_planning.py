@@ -45,23 +45,24 @@ def test_tasks_and_plans_longer_than_the_line_holds_arrive_whole(planning):
 
 def test_a_planner_stopped_in_the_middle_of_its_answer_is_not_waited_for(planning):
     assert planning.offer(0.0, LONG * b"a")
-    while planning._going:
-        planning._exchange()
-    with planning._line.dup() as line:
+    child = planning._child
+    while child._going:
+        child._exchange()
+    with child._line.dup() as line:
         line.setblocking(True)
-        planning._coming += line.recv(1000)  # a first part of the answer is there, and no more
+        child._coming += line.recv(1000)  # a first part of the answer is there, and no more
         line.setblocking(False)  # the two share this
-    os.kill(planning._process.pid, signal.SIGSTOP)
+    os.kill(planning._child._process.pid, signal.SIGSTOP)
     try:
         for _ in range(20):
             assert planning.plan(0.0) is None
     finally:
-        os.kill(planning._process.pid, signal.SIGCONT)
+        os.kill(planning._child._process.pid, signal.SIGCONT)
     assert planned(planning) == LONG * b"a"
 
 
 def test_a_planner_that_died_leaves_the_loop_without_new_plans(planning):
-    os.kill(planning._process.pid, signal.SIGKILL)
+    os.kill(planning._child._process.pid, signal.SIGKILL)
     end = time.monotonic() + 60.0
     while not planning.broken and time.monotonic() < end:
         planning.offer(0.0, LONG * b"a")
@@ -73,11 +74,11 @@ def test_a_planner_that_died_leaves_the_loop_without_new_plans(planning):
 @contextmanager
 def stopped(planning):
     """The planner stands still."""
-    os.kill(planning._process.pid, signal.SIGSTOP)
+    os.kill(planning._child._process.pid, signal.SIGSTOP)
     try:
         yield
     finally:
-        os.kill(planning._process.pid, signal.SIGCONT)
+        os.kill(planning._child._process.pid, signal.SIGCONT)
 
 
 def asked(planning, begin: float, seconds: float) -> Any:

@@ -6,26 +6,20 @@ loop's process would stop the loop for as long.
 
 from __future__ import annotations
 
-import contextlib
-import os
-import pickle
-import socket
-import struct
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from cohelm.core.types import Floats, Pose
 from cohelm.drive.jobs import InThread
 from cohelm.drive.proposed import NONE, Judge, Judged
-from cohelm.robot.keep.processes import bound, started
+from cohelm.robot.keep.child import Child
 
 WITHIN = 5.0
 """A check that takes longer is given up [s]."""
 _AGAIN = 2.0  # after a process that failed, the next one is started so much later [s]
-_SIZE = struct.Struct("!Q")
 _WARM = np.array([(1.0, 0.0), (2.0, 0.0)])
 
 
@@ -81,7 +75,7 @@ class CheckingElsewhere:
     def __init__(self, judge: Judge) -> None:
         self._judge = judge
         self._jobs = InThread("checking")
-        self._child: _Child | None = _Child(judge)
+        self._child: Child | None = _started(judge)
         self._up = self._busy = self._closed = False
         self._since = 0.0
 
@@ -129,60 +123,16 @@ class CheckingElsewhere:
             if one is not None:
                 one.end()
 
-    def _replace(self, child: _Child) -> None:
+    def _replace(self, child: Child) -> None:
         self._child, self._up, self._busy = None, False, False
 
         def again() -> None:
             child.end()
             time.sleep(_AGAIN)
             if not self._closed:
-                self._child = _Child(self._judge)
+                self._child = _started(self._judge)
 
         self._jobs.do(again)
-
-
-class _Child:
-    """The process, and the line to it: nothing waits for the rest of a message."""
-
-    def __init__(self, judge: Judge) -> None:
-        self._line, theirs = socket.socketpair()
-        self._process = started("cohelm checking", _check, theirs, judge, daemon=True)
-        theirs.close()
-        self._line.setblocking(False)
-        self._going, self._coming = b"", bytearray()
-        self.gone = False
-
-    def say(self, what: object) -> None:
-        """Send as much as can be sent at once; `heard` goes on with it."""
-        self._going += _framed(what)
-        self.heard()
-
-    def heard(self) -> Any:
-        """What it says, when all of it is here; else None."""
-        try:
-            while self._going:
-                self._going = self._going[self._line.send(self._going) :]
-            while part := self._line.recv(1 << 18):
-                self._coming += part
-            self.gone = True
-        except BlockingIOError:
-            pass
-        except OSError:
-            self.gone = True
-        if len(self._coming) < _SIZE.size:
-            return None
-        (size,) = _SIZE.unpack_from(self._coming)
-        if len(self._coming) < _SIZE.size + size:
-            return None
-        said = pickle.loads(self._coming[_SIZE.size :])
-        self._coming.clear()
-        return said
-
-    def end(self) -> None:
-        """Now, whatever it does."""
-        self._line.close()
-        self._process.kill()
-        self._process.join()
 
 
 def safely(judge: Callable[[Floats, Pose], Judged], points: Floats, pose: Pose) -> Judged:
@@ -193,18 +143,21 @@ def safely(judge: Callable[[Floats, Pose], Judged], points: Floats, pose: Pose) 
         return Judged(None, f"it could not be checked: {error}", NONE)
 
 
-def _framed(what: object) -> bytes:
-    data = pickle.dumps(what, pickle.HIGHEST_PROTOCOL)
-    return _SIZE.pack(len(data)) + data
+class _Check:
+    """What the process does with each way."""
+
+    def __init__(self, judge: Judge) -> None:
+        self._judge = judge
+
+    def __call__(self, asked: tuple[Floats, Pose]) -> Judged:
+        return safely(self._judge, *asked)
+
+    def warm(self) -> str:
+        """Compile it."""
+        self((_WARM, Pose(0.0, 0.0, 0.0)))
+        return "up"
 
 
-def _check(line: socket.socket, judge: Judge) -> None:
-    """The other process: below the loop, the keeper and the recorder."""
-    bound()
-    os.nice(5)
-    with line, line.makefile("rb") as tasks, contextlib.suppress(OSError):
-        safely(judge, _WARM, Pose(0.0, 0.0, 0.0))  # compiles
-        line.sendall(_framed("up"))
-        while head := tasks.read(_SIZE.size):
-            points, pose = pickle.loads(tasks.read(*_SIZE.unpack(head)))
-            line.sendall(_framed(safely(judge, points, pose)))
+def _started(judge: Judge) -> Child:
+    check = _Check(judge)
+    return Child("cohelm checking", check, check.warm)

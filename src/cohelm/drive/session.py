@@ -27,7 +27,6 @@ from cohelm.perceive.seen import Perception, rehearse
 from cohelm.perceive.taped import surveyed
 from cohelm.pilot.careful import SLOP, noise, roomier
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.step import GUARD
 from cohelm.record.drive import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
 from cohelm.robot.keep.kept import Keeper, Kept, rules, standing
@@ -294,7 +293,7 @@ def driver_of(plan: Plan, real_time: bool, reference: Reference | None = None) -
     law = scenario.law
     settings = law.settings(
         model.outline, model.bounds(), scenario.reference.speed_mps, plan.period
-    )._replace(filter=GUARD)  # a robot that lives by its sensors keeps clear by what they see
+    )._replace(guarded=True)  # a robot that lives by its sensors keeps clear by what they see
     off, delay = SLOP + noise(model), plan.robot.delay(plan.period)
     settings, manners, care = roomier(settings, law.manners(), law.care(), off, noise(model))
     pilot = Pilot(reference, settings, delay=delay, manners=manners, care=care)

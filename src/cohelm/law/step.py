@@ -8,9 +8,9 @@ from typing import NamedTuple
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Desired, Floats, Pose, Stick, Twist, is_finite
 from cohelm.law.barrier import Avoidance, barrier
-from cohelm.law.blend import authority, blend
+from cohelm.law.blend import Authority, authority, blend
 from cohelm.law.gains import Gains
-from cohelm.law.human import finite, human, intent, limited
+from cohelm.law.human import Intent, finite, human, intent, limited
 from cohelm.law.track import track
 from cohelm.law.verdict import INVALID, UNTOUCHED
 
@@ -51,32 +51,60 @@ class Step(NamedTuple):
     """Row of the obstacle that the filter acted for; -1 for none (or the heading term, E6)."""
 
 
+class Hand(NamedTuple):
+    """What a deflection says, before anybody else is asked."""
+
+    wish: Twist
+    """tau_h (38)."""
+    energy: Intent
+    """V_h (41)(42)."""
+    share: Authority
+    """K_c, what is left to the automatic controller."""
+    sound: bool
+    """Whether the deflection is a number: one that is not is not a centred stick."""
+
+
 @jit_inline
-def control_step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gains: Gains) -> Step:
-    """U = tau + u (49) from pose, reference, stick and obstacles; compiled code calls this one."""
+def hand_of(stick: Stick, gains: Gains) -> Hand:
+    """The person's part, from the stick as it came."""
     hand = limited(stick, gains)
-    tau_c = track(pose, desired, gains)
-    tau_h = human(hand, gains)
     energy = intent(hand, gains)
-    share = authority(energy, gains)
-    tau = blend(tau_c, tau_h, share)
+    return Hand(human(hand, gains), energy, authority(energy, gains), finite(stick))
+
+
+@jit_inline
+def avoidance(pose: Pose, tau: Twist, discs: Floats, gains: Gains) -> Avoidance:
+    """u of (33); nothing with the barrier off."""
     if gains.barrier:
-        avoid = barrier(pose, tau, discs, gains)
-    else:
-        avoid = Avoidance(Twist(0.0, 0.0), 0.0, 0.0, math.inf, UNTOUCHED, -1)
+        return barrier(pose, tau, discs, gains)
+    return Avoidance(Twist(0.0, 0.0), 0.0, 0.0, math.inf, UNTOUCHED, -1)
+
+
+@jit_inline
+def decided(tau_c: Twist, hand: Hand, tau: Twist, avoid: Avoidance) -> Step:
+    """U = tau + u (49), with all it came from; a standing command where any of it is no number."""
     v, omega = tau.v + avoid.input.v, tau.omega + avoid.input.omega
-    sound = is_finite(v) and is_finite(omega) and finite(stick)
+    sound = is_finite(v) and is_finite(omega) and hand.sound
     return Step(
         _or_0(sound, v), _or_0(sound, omega),
         _or_0(sound, tau_c.v), _or_0(sound, tau_c.omega),
-        _or_0(sound, tau_h.v), _or_0(sound, tau_h.omega),
+        _or_0(sound, hand.wish.v), _or_0(sound, hand.wish.omega),
         _or_0(sound, tau.v), _or_0(sound, tau.omega),
         _or_0(sound, avoid.input.v), _or_0(sound, avoid.input.omega),
-        _or_0(sound, share.x), _or_0(sound, share.psi),
-        _or_0(sound, energy.x), _or_0(sound, energy.psi),
+        _or_0(sound, hand.share.x), _or_0(sound, hand.share.psi),
+        _or_0(sound, hand.energy.x), _or_0(sound, hand.energy.psi),
         _or_0(sound, avoid.I), _or_0(sound, avoid.J), _or_0(sound, avoid.h),
         avoid.verdict if sound else INVALID, avoid.culprit if sound else -1,
     )  # fmt: skip
+
+
+@jit_inline
+def control_step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gains: Gains) -> Step:
+    """U = tau + u (49) from pose, reference, stick and obstacles; compiled code calls this one."""
+    hand = hand_of(stick, gains)
+    tau_c = track(pose, desired, gains)
+    tau = blend(tau_c, hand.wish, hand.share)
+    return decided(tau_c, hand, tau, avoidance(pose, tau, discs, gains))
 
 
 @jit_inline

@@ -16,6 +16,7 @@ from cohelm.loop.planning import Planning
 from cohelm.perceive.chart import swept
 from cohelm.perceive.frames import placed
 from cohelm.perceive.seen import Seen
+from cohelm.pilot.foresee import periods
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import entered
 from cohelm.pilot.step import Decision, Settings
@@ -25,6 +26,7 @@ from cohelm.robot.limits import achievable
 
 _COMPILING = 180.0  # the first plan may take this long [s]
 _EVERY = 0.2  # from one snapshot for the planner to the next [s]
+_ROUNDING = 1e-6  # of times that add up, as 0.6 - 0.4 < 0.2 [s]
 _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 8
 """When the wheels do so much else than they were told, for so many periods, they are believed."""
 
@@ -45,7 +47,7 @@ class Driver:
         fast = settings.gains._replace(k_hx=1.0, k_hpsi=1.0)
         self._by_hand = _alone(settings._replace(gains=fast), delay)
         dt = settings.rules.dt
-        self._delay = round(delay / dt)
+        self._delay = periods(delay, dt)[0]
         self._given: deque[Twist] = deque([Twist(0.0, 0.0)] * (self._delay + 1), self._delay + 1)
         self._twist = Twist(0.0, 0.0)
         self._off = 0
@@ -114,7 +116,7 @@ class Driver:
             made = self._planning.plan(now)
             if made is not None:
                 pilot.take(made, pose, self._twist)
-            if now - self._planned >= _EVERY and self._planning.offer(
+            if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
                 now, pilot.task(pose, self._twist, around)
             ):
                 self._planned = now

@@ -32,8 +32,8 @@ def step_of(settings: Settings, line: Floats) -> Flat:
     """The step with what stays the same taken in once."""
     s = settings
     row = np.array(
-        [*s.limits, *s.gains, *s.rules, *s.pace, s.filter, s.spline_speed, s.led_below,
-         s.escape_speed, s.escape_yaw_rate, *s.evasion], dtype=np.float64,
+        [*s.limits, *s.gains, *s.rules, *s.pace, s.guarded, s.spline_speed, s.led_below,
+         s.escape_speed, s.escape_yaw_rate, *s.evasion, s.rest], dtype=np.float64,
     )  # fmt: skip
     outline = np.ascontiguousarray(s.outline, dtype=np.float64)
     line = np.ascontiguousarray(line, dtype=np.float64)
@@ -87,8 +87,8 @@ def _flat(
         r[56], r[57],
     )  # fmt: skip
     s = Settings(
-        outline, limits, gains, rules, pace, int(r[38]), r[39] != 0.0, r[40], r[41], r[42], fastest,
-        evasion,
+        outline, limits, gains, rules, pace, r[38] != 0.0, r[39] != 0.0, r[40], r[41], r[42],
+        fastest, evasion, r[58],
     )  # fmt: skip
     before = State(
         k,

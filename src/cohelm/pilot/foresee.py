@@ -11,15 +11,25 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
 
 
+def periods(delay: float, dt: float) -> tuple[int, float]:
+    """A delay as whole control periods, and what is left over [s]."""
+    whole = math.floor(delay / dt + 1e-6)
+    left = delay - whole * dt
+    return whole, left if left > 1e-6 * dt else 0.0
+
+
 @jit
 def foreseen(
-    pose: Pose, twist: Twist, sent: Floats, k: int, limits: Limits, dt: float
+    pose: Pose, twist: Twist, rest: float, sent: Floats, k: int, limits: Limits, dt: float
 ) -> tuple[Pose, Twist]:
     """Pose and twist when the command decided now takes effect.
 
-    sent: (d, 2), the commands of the last d steps, not in effect yet; that of step k - d lies in
-    row k % d. The robot is taken to do what it can of each, for `dt`.
+    twist: held for the `rest` of a period first. sent: (d, 2), the commands of the last d steps,
+    not in effect yet; that of step k - d lies in row k % d. The robot is taken to do what it can of
+    each, for `dt`.
     """
+    if rest > 0.0:
+        pose = arc(pose, twist, rest)
     d = len(sent)
     for j in range(d):
         slot = (k + j) % d

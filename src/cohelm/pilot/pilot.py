@@ -14,6 +14,7 @@ from cohelm.law.reference import Reference
 from cohelm.perceive.way import Manners
 from cohelm.pilot.course import Course, Route, course, route
 from cohelm.pilot.flat import Flat, step_of
+from cohelm.pilot.foresee import periods
 from cohelm.pilot.plan import Care, Plan, Task, entered, plan
 from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE, START, Decision, Settings, State
 
@@ -53,11 +54,13 @@ class Pilot:
         dt = settings.rules.dt
         if not (math.isfinite(delay) and 0.0 <= delay <= 60.0):
             raise CohelmError(f"the delay must be from 0 to 60 s, got {delay}")
+        whole, rest = periods(delay, dt)
+        settings = settings._replace(rest=rest)
         self.planner = Planner(route(reference), settings, manners or Manners(), care or Care())
         self.settings = settings
         self.state: State = START
         self.course: Course = course(reference, 0, True, settings.pace)
-        self.sent: Floats = np.zeros((round(delay / dt), 2))
+        self.sent: Floats = np.zeros((whole, 2))
         self.doing = FOLLOWING
         self._now = -math.inf
         self._taken = 0.0

@@ -16,7 +16,7 @@ from cohelm.law.guard.step import NOTHING, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
 from cohelm.pilot.careful import SLOP, careful, noise
-from cohelm.pilot.foresee import moved_on, stopping
+from cohelm.pilot.foresee import moved_on, periods, stopping
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable, checked_limits
 from cohelm.robot.model import RobotModel
@@ -103,8 +103,7 @@ class SafetyFilter:
         self.horizon = delay + lag + 0.5 * self.period
         """How far ahead a command is worked out [s]: a drive follows on a straight line through a
         period, at whose beginning the certificate takes the speed to be reached, hence the half."""
-        whole = math.floor(self.horizon / self.period + 1e-9)
-        rest = max(self.horizon - whole * self.period, 0.0)
+        whole, rest = periods(self.horizon, self.period)
         patience = max(round(_OFF_FOR / self.period), 1)
         self._outline = robot.outline
         self._settings = np.array([*self.limits, *self._rules, self.horizon, rest, patience])

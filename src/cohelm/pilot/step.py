@@ -6,26 +6,21 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import Desired, Floats, Pose, Stick, Twist, is_finite
-from cohelm.law.barrier import Avoidance, barrier
-from cohelm.law.blend import authority, blend
+from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
+from cohelm.law.barrier import Avoidance
+from cohelm.law.blend import blend
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Clock, Pace, govern, governed
-from cohelm.law.guard.step import NOTHING, Rules, guard
+from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
-from cohelm.law.human import finite, human, intent, limited
 from cohelm.law.reference import desired
+from cohelm.law.step import avoidance, decided, hand_of
 from cohelm.law.track import track
-from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.perceive.escape import Escape, kind, rest, wish
 from cohelm.pilot.course import Course, nearest_row
 from cohelm.pilot.evasion import NO_EVASION, Evasion, EvasionParams, evade
 from cohelm.pilot.foresee import foreseen, moved_on, stopping
 from cohelm.robot.limits import Limits
-
-GUARD, BARRIER, NONE = range(3)
-"""Filters: the guard, with a reference that waits; the paper's barrier; none. With the last two
-the reference runs on with time, as in the paper (E12)."""
 
 FOLLOWING, LED, ESCAPING, EVADING = range(4)
 """What the robot is doing: following its course, led by the person, getting out of a tight spot,
@@ -43,7 +38,9 @@ class Settings(NamedTuple):
     gains: Gains = Gains()
     rules: Rules = Rules()
     pace: Pace = Pace()
-    filter: int = GUARD
+    guarded: bool = True
+    """The guard filters, and the reference waits; else the paper's law as its gains say, with a
+    reference that runs on with time (E12)."""
     spline_speed: bool = False
     """Feed-forward without the guard (E10): the spline's own speed instead of u_d."""
     led_below: float = 0.5
@@ -56,6 +53,8 @@ class Settings(NamedTuple):
     """What is asked for is slowed down to this, on the same arc [m/s]."""
     evasion: EvasionParams = EvasionParams()
     """How moving obstacles are evaded."""
+    rest: float = 0.0
+    """What the delay from command to wheels is longer than whole control periods [s]."""
 
 
 class State(NamedTuple):
@@ -144,21 +143,19 @@ def pilot_step(
 
     pose, twist: now; around: as of now; all in one frame. stick: deflections in [-1, 1]. line:
     (m, 2), the route. dt: time since the step before [s]. sent: (d, 2), commands under way, d
-    control periods from command to wheels; this one is written into it.
+    whole control periods from command to wheels; this one is written into it.
     """
-    then, before = foreseen(pose, twist, sent, state.k, s.limits, s.rules.dt)
-    delay = len(sent) * s.rules.dt
+    then, before = foreseen(pose, twist, s.rest, sent, state.k, s.limits, s.rules.dt)
+    delay = len(sent) * s.rules.dt + s.rest
     things = moved_on(around, delay, stopping(before, s.limits, s.rules.dt))
 
-    hand = limited(stick, s.gains)
-    energy = intent(hand, s.gains)
-    share = authority(energy, s.gains)
-    led = min(share.x, share.psi) < s.led_below
+    hand = hand_of(stick, s.gains)
+    led = min(hand.share.x, hand.share.psi) < s.led_below
     left = NO_MOVE if led else state.left
     escaping = left.distance != 0.0 or left.turn != 0.0
 
     evasion = NO_EVASION
-    if s.filter == GUARD and s.evasion.horizon > 0.0 and not led:
+    if s.guarded and s.evasion.horizon > 0.0 and not led:
         evasion = evade(
             state.evasion, then, before, things, course, state.clock, s.outline, s.limits, s.gains,
             s.rules, s.pace, _capped(s.evasion, s.fastest),
@@ -170,25 +167,21 @@ def pilot_step(
         tau_c = wish(left, s.escape_speed, s.escape_yaw_rate, s.rules.dt)
     else:
         tau_c = track(then, target, s.gains)
-    tau_h = human(hand, s.gains)
-    tau = _slowed(blend(tau_c, tau_h, share), s.fastest)
-
-    v, omega, verdict, culprit, gap, change = 0.0, 0.0, UNTOUCHED, NOTHING, math.inf, 0.0
-    avoid = Avoidance(Twist(0.0, 0.0), 0.0, 0.0, math.inf, UNTOUCHED, -1)
-    if s.filter == GUARD:
-        asked = tau if finite(stick) else Twist(math.nan, math.nan)  # not a centred stick: brake
+    tau = _slowed(blend(tau_c, hand.wish, hand.share), s.fastest)
+    gap, change = math.inf, 0.0
+    if s.guarded:
+        asked = tau if hand.sound else Twist(math.nan, math.nan)  # not a centred stick: brake
         passed = guard(then, before, asked, things, s.outline, s.limits, s.rules)
-        v, omega = passed.v, passed.omega
-        verdict, culprit, gap, change = passed.verdict, passed.culprit, passed.gap, passed.change
+        gap, change = passed.gap, passed.change
+        u = Twist(passed.v - tau.v, passed.omega - tau.omega)
+        step = decided(
+            tau_c, hand, tau,
+            Avoidance(u, 0.0, 0.0, math.inf, passed.verdict, passed.culprit),
+        )  # fmt: skip
+        v, omega = passed.v, passed.omega  # also when a number was none: it brakes
     else:
-        if s.filter == BARRIER:
-            avoid = barrier(then, tau, things.discs, s.gains)
-        v, omega = tau.v + avoid.input.v, tau.omega + avoid.input.omega
-        verdict, culprit = avoid.verdict, avoid.culprit
-    sound = is_finite(v) and is_finite(omega) and finite(stick)
-    if not sound:
-        verdict, culprit = INVALID, NOTHING
-        v, omega = (v, omega) if s.filter == GUARD else (0.0, 0.0)
+        step = decided(tau_c, hand, tau, avoidance(then, tau, things.discs, s.gains))
+        v, omega = step.v, step.omega
     d = len(sent)
     if d > 0:
         sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
@@ -198,11 +191,10 @@ def pilot_step(
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
     doing = LED if led else (EVADING if evasion.on else (ESCAPING if escaping else FOLLOWING))
     return State(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion), Decision(
-        v, omega,
-        _or_0(tau_c.v), _or_0(tau_c.omega), _or_0(tau_h.v), _or_0(tau_h.omega),
-        _or_0(tau.v), _or_0(tau.omega), _or_0(v - tau.v), _or_0(omega - tau.omega),
-        _or_0(share.x), _or_0(share.psi), _or_0(energy.x), _or_0(energy.psi),
-        _or_0(avoid.I), _or_0(avoid.J), avoid.h, verdict, culprit, gap, change, doing,
+        v, omega, step.automatic_v, step.automatic_omega, step.human_v, step.human_omega,
+        step.shared_v, step.shared_omega, step.avoid_v, step.avoid_omega,
+        step.authority_x, step.authority_psi, step.intent_x, step.intent_psi,
+        step.I, step.J, step.h, step.verdict, step.culprit, gap, change, doing,
         clock.tau, clock.rate, clock.waited,
         target.x, target.y, target.psi, target.u, target.r,
     )  # fmt: skip
@@ -252,16 +244,10 @@ def _reference(
     state: State, pose: Pose, course: Course, led: bool, escaping: bool, s: Settings, dt: float
 ) -> tuple[Clock, Desired]:
     """The clock one step on, and what is desired then."""
-    if s.filter != GUARD:
+    if not s.guarded:
         time = state.time
         return Clock(time, 1.0, 0.0), desired(course.reference, time, s.spline_speed)
     clock = state.clock
     if not escaping:
         clock = govern(clock, pose, course.reference, course.paced, led, s.pace, dt)
     return clock, governed(course.reference, clock, pose, s.pace)
-
-
-@jit_inline
-def _or_0(value: float) -> float:
-    """The value, or 0 where it is not finite."""
-    return value if is_finite(value) else 0.0

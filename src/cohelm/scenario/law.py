@@ -14,7 +14,7 @@ from cohelm.law.guard.step import Rules
 from cohelm.perceive.way import Manners
 from cohelm.pilot.evasion import EvasionParams
 from cohelm.pilot.plan import Care
-from cohelm.pilot.step import BARRIER, GUARD, NONE, Settings
+from cohelm.pilot.step import Settings
 from cohelm.robot.limits import Limits
 
 Gain = Annotated[float, Field(ge=0.0, le=1e4)]
@@ -28,7 +28,6 @@ Angle = Annotated[float, Field(gt=0.0, le=1.5707)]
 _PAPER, _RULES, _PACE, _CARE, _MANNERS = Gains(), Rules(), Pace(), Care(), Manners()
 _EVASION = EvasionParams()
 _HURRY = 1.6  # who gets out of the way may be so much faster than the reference
-_FILTERS = {"guard": GUARD, "barrier": BARRIER, "none": NONE}
 
 
 class Tracking(Schema):
@@ -250,6 +249,6 @@ class Law(Schema):
         """All of it for the pilot of one robot, at a control period dt [s]."""
         return Settings(
             outline, limits, self.gains(u_d), self.guard.rules(dt), self.pace.pace(),
-            _FILTERS[self.filter], False, 0.5, self.plan.escape_mps, self.plan.escape_radps,
+            self.filter == "guard", False, 0.5, self.plan.escape_mps, self.plan.escape_radps,
             evasion=self.evasion.params(u_d)._replace(pass_right=self.plan.pass_right_m),
         )  # fmt: skip

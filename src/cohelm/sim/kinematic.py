@@ -72,16 +72,20 @@ class Kinematic(Paced):
         seed: int = 0,
         pace: Pace | None = None,
         timeout: float = 0.5,
+        step: float = TICK,
     ) -> None:
-        """timeout: without a new command for so long the robot stops by itself [s]."""
+        """timeout: without a new command for so long the robot stops by itself [s]. step: of the
+        simulated world [s]; with the control period the wheels keep one speed through a period, as
+        in the compiled stepper."""
         super().__init__(model, pace)
+        self._step = step
         self._limits = model.bounds()
         self._outline, self._reach = model.outline, model.reach
         self._world = world(([], np.empty((0, 4)))) if around is None else around
         self._discs = np.empty((len(self._world.discs), 6))
         self._grid, self._seed = grid, seed
-        self._timeout = max(round(timeout / TICK), 1)
-        self._delay = round(model.delay_s / TICK)
+        self._timeout = max(round(timeout / self._step), 1)
+        self._delay = round(model.delay_s / self._step)
         self._tick = 0
         self._asked = Twist(0.0, 0.0)
         self._coming: deque[tuple[int, Twist]] = deque()
@@ -90,7 +94,7 @@ class Kinematic(Paced):
         self._motion = Motion(start, Twist(0.0, 0.0), 0.0, 0.0, 0.0, NOWHERE, NOWHERE)
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
-        self._next_odometry = _ticks(model.odometry.rate_hz, 1)
+        self._next_odometry = _ticks(model.odometry.rate_hz, 1, step)
         self._lidar = None if model.lidar is None else model.lidar.lidar()
         self._scan: Scan | None = None
         self._next_scan = 0 if model.lidar else -1
@@ -111,7 +115,7 @@ class Kinematic(Paced):
             acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
         )
         twist = Twist(float(twist.v), float(twist.omega))
-        possible = achievable(twist, Twist(0.0, 0.0), free, TICK)
+        possible = achievable(twist, Twist(0.0, 0.0), free, self._step)
         self._coming.append((self._tick + self._delay, possible))
         self._arrive()
         return possible
@@ -129,9 +133,9 @@ class Kinematic(Paced):
         """How it really is."""
         self._catch_up()
         m = self._motion
-        place(self._discs, self._world, self._tick * TICK)
+        place(self._discs, self._world, self._tick * self._step)
         gap = _clearance(m.pose, self._outline, self._reach, self._discs, self._world.walls)
-        return Truth(self._tick * TICK, m.pose, m.twist, gap, m.least, m.least_moving)
+        return Truth(self._tick * self._step, m.pose, m.twist, gap, m.least, m.least_moving)
 
     def push(self, x: float, y: float, psi: float) -> None:
         """Somebody lifts the robot and puts it down so far off [m, m, rad], in the world frame;
@@ -143,7 +147,7 @@ class Kinematic(Paced):
     def _catch_up(self) -> None:
         """Move the world on to now."""
         self._open()
-        due = math.floor(self._pace.due() / TICK + 1e-6)
+        due = math.floor(self._pace.due() / self._step + 1e-6)
         while self._tick < due:
             events = [due, self._next_odometry, self._told + self._timeout]
             events += [self._next_scan] if self._next_scan >= 0 else []
@@ -154,7 +158,7 @@ class Kinematic(Paced):
         """Move on to a tick, the next at which anything happens, and let it happen."""
         self._motion = _move(
             self._motion, self._tick, tick, self._asked, self._limits, self._outline, self._reach,
-            self._world, self._discs,
+            self._world, self._discs, self._step,
         )  # fmt: skip
         self._tick = tick
         self._arrive()
@@ -172,35 +176,35 @@ class Kinematic(Paced):
 
     def _measure(self, tick: int) -> None:
         m, rate = self._motion, self._model.odometry.rate_hz
-        dt = (tick - round(self._odometry.stamp / TICK)) * TICK
-        self._odometry = self._odometer.reading(tick * TICK, dt, m.left, m.right, m.yaw)
+        dt = (tick - round(self._odometry.stamp / self._step)) * self._step
+        self._odometry = self._odometer.reading(tick * self._step, dt, m.left, m.right, m.yaw)
         self._motion = m._replace(left=0.0, right=0.0, yaw=0.0)
-        self._next_odometry = _after(tick, rate)
+        self._next_odometry = _after(tick, rate, self._step)
 
     def _look(self, tick: int) -> None:
         if self._lidar is None or self._model.lidar is None:
             return
         number = 0 if self._scan is None else self._scan.number + 1
         ranges = np.empty(len(self._lidar.beams))
-        place(self._discs, self._world, tick * TICK)
+        place(self._discs, self._world, tick * self._step)
         scan(
             self._motion.pose, self._lidar, self._discs, self._world.walls, self._grid,
             self._seed, number, ranges,
         )  # fmt: skip
         ranges.flags.writeable = False
-        self._scan = Scan(tick * TICK, number, ranges, 0.0)
-        self._next_scan = _after(tick, self._model.lidar.rate_hz)
+        self._scan = Scan(tick * self._step, number, ranges, 0.0)
+        self._next_scan = _after(tick, self._model.lidar.rate_hz, self._step)
 
 
-def _ticks(rate: float, number: int) -> int:
+def _ticks(rate: float, number: int, step: float) -> int:
     """The tick of reading `number` of a sensor that gives `rate` a second, number 0 at 0."""
-    return math.ceil(number / (rate * TICK) - 1e-6)
+    return math.ceil(number / (rate * step) - 1e-6)
 
 
-def _after(tick: int, rate: float) -> int:
+def _after(tick: int, rate: float, step: float) -> int:
     """The first reading's tick after this one."""
-    number = math.floor(tick * TICK * rate + 1e-6) + 1
-    return max(_ticks(rate, number), tick + 1)
+    number = math.floor(tick * step * rate + 1e-6) + 1
+    return max(_ticks(rate, number, step), tick + 1)
 
 
 @jit
@@ -211,21 +215,21 @@ def _clearance(pose: Pose, outline: Floats, reach: float, discs: Floats, walls: 
 @jit
 def _move(
     motion: Motion, first: int, last: int, asked: Twist, limits: Limits, outline: Floats,
-    reach: float, around: World, discs: Floats,
+    reach: float, around: World, discs: Floats, step: float,
 ) -> Motion:  # fmt: skip
     """From tick to tick under one command; what wheels and gyro went is added up."""
     pose, twist = motion.pose, motion.twist
     left, right, yaw = motion.left, motion.right, motion.yaw
     least, least_moving = motion.least, motion.least_moving
     for k in range(first + 1, last + 1):
-        twist = achievable(asked, twist, limits, TICK)
-        pose = arc(pose, twist, TICK)
+        twist = achievable(asked, twist, limits, step)
+        pose = arc(pose, twist, step)
         turn = 0.5 * limits.track * twist.omega
-        left += (twist.v - turn) * TICK
-        right += (twist.v + turn) * TICK
-        yaw += twist.omega * TICK
+        left += (twist.v - turn) * step
+        right += (twist.v + turn) * step
+        yaw += twist.omega * step
         if k % _LOOKS == 0:
-            place(discs, around, k * TICK)
+            place(discs, around, k * step)
             least = clearance(pose, outline, reach, discs, around.walls, least)
             if abs(twist.v) > _MOVING or abs(twist.omega) > _MOVING:
                 least_moving = clearance(pose, outline, reach, discs, around.walls, least_moving)

@@ -16,26 +16,21 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.trace import ROW
-from cohelm.core.types import SAFE, Desired, Floats, Pose, Twist, X, Y
+from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
-from cohelm.law.human import supplied_energy
-from cohelm.law.track import pose_error
 from cohelm.perceive.movers import Care as Watching
 from cohelm.perceive.seen import Perception
 from cohelm.perceive.way import Manners
 from cohelm.pilot.course import Course, course
-from cohelm.pilot.foresee import moved_on
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
 from cohelm.pilot.plan import Care, Task
 from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_step
-from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
 from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.lidar import scan
-from cohelm.sim.loop import State, at_rest
+from cohelm.sim.wheels import State, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, clearance, place
 
 _NEAR = 8.0  # walls farther than this from the robot are left out of a stretch of steps [m]
@@ -92,9 +87,7 @@ class Now(NamedTuple):
     pilot: PilotState
     person: Person
     told: Surroundings
-    """What it knows by its last scan, world frame; nothing for a robot that does not see."""
-    stamp: float
-    """When that was [s]."""
+    """What it sees now, world frame; nothing for a robot that does not see."""
     led: bool
     arrived: bool
 
@@ -126,7 +119,7 @@ def stretches(
     queue, sent = np.zeros((delay, 2)), np.zeros((delay, 2))
     period = max(round(given.period / dt), 1)
     thinking = min(round(given.thinking / dt), period - 1)
-    now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, 0.0, False, False)
+    now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, False, False)
     current = course(planner.route.reference, 0, True, settings.pace)
     number, since, waiting = 0, 0, None
     walls = near_walls(scene.around.walls, start)
@@ -135,16 +128,18 @@ def stretches(
     while k < steps and not now.arrived:
         if eyes is not None and k == scanning:
             scanning = _next_scan(k, dt, given.rate)
-            now = now._replace(told=look(k, dt, now, scene, given, eyes), stamp=k * dt)
+            now = now._replace(told=look(k, dt, now, scene, given, eyes))
+        elif eyes is not None:
+            now = now._replace(told=told_by(eyes, k * dt, now.robot, None))
         if k % period == 0:
             walls = near_walls(scene.around.walls, now.robot.pose)
-            told = known(k * dt, now.told, now.stamp, walls, scene)
+            told = known(k * dt, now.told, walls, scene)
             task = Task(
                 now.pilot, now.robot.pose, now.robot.applied, told, current, (k - since) * dt,
                 now.led,
             )  # fmt: skip
             waiting = planner(task)
-        if waiting is not None and (k % period == thinking or k == 0):
+        if waiting is not None and k % period == thinking:
             here, applied = now.robot.pose, now.robot.applied
             now = now._replace(pilot=taken(now.pilot, waiting, planner.route, here, applied))
             current = waiting.course
@@ -153,7 +148,7 @@ def stretches(
             waiting = None
         upto = min(_next(k, period, thinking), steps, k + len(out.rows) - written)
         if eyes is not None:
-            upto = min(upto, scanning)
+            upto = k + 1  # what moves is foretold anew in every step, as in the loop
         part = out.part(written, written + upto - k)
         now, done = _advance(
             k, dt, now, current, number, planner.route.line, settings, scene, walls, queue, sent,
@@ -195,12 +190,12 @@ def look(
     ranges = np.empty(len(lidar.beams))
     pose, number = now.robot.pose, _scans(k, dt, given.rate)
     scan(pose, lidar, discs, scene.barred, scene.grid, scene.seed, number, ranges)
-    seen = eyes.take(
-        k * dt,
-        Readings(
-            Odometry(k * dt, pose, now.robot.applied), Scan(k * dt, k, ranges, 0.0), None, None
-        ),
-    )
+    return told_by(eyes, k * dt, now.robot, Scan(k * dt, k, ranges, 0.0))
+
+
+def told_by(eyes: Perception, t: float, robot: State, scan: Scan | None) -> Surroundings:
+    """What the robot sees at time t, with a scan or without a new one."""
+    seen = eyes.take(t, Readings(Odometry(t, robot.pose, robot.applied), scan, None, None))
     return surroundings(seen.mobile, seen.mobile_agility, None, seen.points)
 
 
@@ -215,10 +210,10 @@ def _next_scan(k: int, dt: float, rate: float) -> int:
 
 
 @jit
-def known(t: float, told: Surroundings, stamp: float, walls: Floats, scene: Scene) -> Surroundings:
-    """What the robot knows of its surroundings at time t: what it has seen, or all there is."""
+def known(t: float, told: Surroundings, walls: Floats, scene: Scene) -> Surroundings:
+    """What the robot knows of its surroundings at time t: what it sees, or all there is."""
     if scene.sees:
-        return moved_on(told, t - stamp, 0.0)
+        return told
     discs = np.empty((len(scene.around.discs), 6))
     place(discs, scene.around, t)
     return Surroundings(discs, scene.agility, walls, told.points)
@@ -239,7 +234,7 @@ def _advance(
         pose, before = robot.pose, robot.applied
         there = discs[j]
         place(there, scene.around, k * dt)
-        around = known(k * dt, told, now.stamp, walls, scene)
+        around = known(k * dt, told, walls, scene)
         if scene.operator.active:
             person, stick = operate(
                 person, scene.operator, pose, there, scene.around.noticed, k, dt, scene.seed
@@ -248,40 +243,16 @@ def _advance(
             stick = replayed(scene.hands, k * dt)
         pilot, d = pilot_step(pilot, pose, before, stick, around, course, line, settings, dt, sent)
         led = d.doing == LED
-        arriving = Twist(d.v, d.omega)
-        if len(queue) > 0:
-            slot = k % len(queue)
-            arriving = Twist(queue[slot, 0], queue[slot, 1])
-            queue[slot, 0], queue[slot, 1] = d.v, d.omega
-        applied = achievable(arriving, before, settings.limits, dt)
-        energy = supplied_energy(robot.energy, robot.stick, stick, settings.gains)
-        robot = State(arc(pose, applied, dt), applied, stick, energy)
+        robot, saturated = moved(
+            k, dt, robot, Twist(d.v, d.omega), stick, settings.gains, settings.limits, queue
+        )
         away = math.hypot(pose.x - scene.goal[0], pose.y - scene.goal[1])
         arrived = away < scene.near and pilot.row >= scene.done
-        nearest = math.inf
-        for i in range(len(there)):
-            dx, dy = pose.x - there[i, X], pose.y - there[i, Y]
-            h[j, i] = dx * dx + dy * dy - there[i, SAFE] * there[i, SAFE]
-            nearest = min(nearest, h[j, i])
         row = rows[j]
-        row.t = k * dt
-        row.x, row.y, row.psi = pose.x, pose.y, pose.psi
-        row.x_d, row.y_d, row.psi_d, row.u_d, row.r_d = d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d
-        row.e_p = pose_error(pose, Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d))
-        row.stick_x, row.stick_psi = stick.x, stick.psi
-        row.v, row.omega = d.v, d.omega
-        row.automatic_v, row.automatic_omega = d.automatic_v, d.automatic_omega
-        row.human_v, row.human_omega = d.human_v, d.human_omega
-        row.shared_v, row.shared_omega = d.shared_v, d.shared_omega
-        row.avoid_v, row.avoid_omega = d.avoid_v, d.avoid_omega
-        row.authority_x, row.authority_psi = d.authority_x, d.authority_psi
-        row.intent_x, row.intent_psi = d.intent_x, d.intent_psi
-        row.I, row.J, row.h = d.I, d.J, nearest
-        row.verdict, row.culprit = d.verdict, d.culprit
-        row.applied_v, row.applied_omega = applied.v, applied.omega
-        row.saturated = applied.v != arriving.v or applied.omega != arriving.omega
+        tracked = Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d)
+        note(row, h[j], k * dt, pose, stick, tracked, d, robot, saturated, there)
+        row.h = h[j].min() if len(there) > 0 else math.inf
         row.clearance = clearance(pose, settings.outline, scene.reach, there, walls, NOWHERE)
-        row.energy = energy
         row.gap, row.change = d.gap, d.change
         row.doing, row.course = d.doing, number
         row.tau, row.rate = d.tau, d.rate
@@ -289,4 +260,4 @@ def _advance(
         done = j + 1
         if arrived:
             break
-    return Now(robot, pilot, person, told, now.stamp, led, arrived), done
+    return Now(robot, pilot, person, told, led, arrived), done

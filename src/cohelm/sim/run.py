@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.trace import ROW, Trace
-from cohelm.core.types import SAFE, Desired, Floats, X, Y
+from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.reference import evaluate, tabulate
-from cohelm.law.track import pose_error
+from cohelm.law.step import control_step
 from cohelm.pilot.course import nearly_done, route
 from cohelm.pilot.pilot import Planner
 from cohelm.robot.limits import Limits
 from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replayed
-from cohelm.sim.loop import State, at_rest, turn
 from cohelm.sim.piloted import Piloted, Scene, stretches
 from cohelm.sim.setup import Setup
+from cohelm.sim.wheels import State, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, clearance, place
 
 
@@ -93,30 +93,12 @@ def _advance(
             person, stick = operate(person, operator, pose, now, around.noticed, k, dt, seed)
         else:
             stick = replayed(hands, k * dt)
-        state, s, saturated = turn(k, dt, state, stick, desired, now, gains, limits, queue)
-        for i in range(now.shape[0]):
-            dx, dy = pose.x - now[i, X], pose.y - now[i, Y]
-            h[j, i] = dx * dx + dy * dy - now[i, SAFE] * now[i, SAFE]
+        s = control_step(pose, desired, stick, now, gains)
+        command = Twist(s.v, s.omega)
+        state, saturated = moved(k, dt, state, command, stick, gains, limits, queue)
         row = rows[j]
-        row.t = k * dt
-        row.x, row.y, row.psi = pose.x, pose.y, pose.psi
-        row.x_d, row.y_d, row.psi_d = desired.x, desired.y, desired.psi
-        row.u_d, row.r_d = desired.u, desired.r
-        row.e_p = pose_error(pose, desired)
-        row.stick_x, row.stick_psi = stick.x, stick.psi
-        row.v, row.omega = s.v, s.omega
-        row.automatic_v, row.automatic_omega = s.automatic_v, s.automatic_omega
-        row.human_v, row.human_omega = s.human_v, s.human_omega
-        row.shared_v, row.shared_omega = s.shared_v, s.shared_omega
-        row.avoid_v, row.avoid_omega = s.avoid_v, s.avoid_omega
-        row.authority_x, row.authority_psi = s.authority_x, s.authority_psi
-        row.intent_x, row.intent_psi = s.intent_x, s.intent_psi
-        row.I, row.J, row.h = s.I, s.J, s.h
-        row.verdict, row.culprit = s.verdict, s.culprit
-        row.applied_v, row.applied_omega = state.applied.v, state.applied.omega
-        row.saturated = saturated
+        note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)
         row.clearance = clearance(pose, outline, reach, now, around.walls, NOWHERE)
-        row.energy = state.energy
         row.gap, row.change = math.inf, 0.0
         row.tau, row.rate = k * dt, 1.0
         row.to_go = math.hypot(pose.x - goal[0], pose.y - goal[1])

@@ -22,7 +22,7 @@ from cohelm.pilot.careful import SLOP, noise, roomier
 from cohelm.pilot.course import nearly_done
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import Plan
-from cohelm.pilot.step import BARRIER, NONE, Decision, Settings
+from cohelm.pilot.step import Decision, Settings
 from cohelm.pilot.told import told
 from cohelm.robot.limits import Limits
 from cohelm.sim.hand import IDLE, operate, replayed
@@ -160,7 +160,7 @@ class _Run:
         if k % self.period == 0:
             self.walls = near_walls(self.setup.around.walls, pose)
             self.waiting = self.pilot.plan(pose, twist, seen)
-        if self.waiting is not None and (k % self.period == self.thinking or k == 0):
+        if self.waiting is not None and k % self.period == self.thinking:
             self.pilot.take(self.waiting, pose, twist)
             if self.waiting.new:
                 self.courses = self.courses + 1 if self.waiting.course.row else 0
@@ -189,7 +189,7 @@ def _unguarded(setup: Setup) -> Piloted:
     """The paper's law: no plans, and a reference that runs on with time."""
     settings = Settings(
         setup.outline, setup.limits, setup.gains, Rules(dt=setup.dt),
-        filter=BARRIER if setup.gains.barrier else NONE, spline_speed=setup.spline_speed,
+        guarded=False, spline_speed=setup.spline_speed,
     )  # fmt: skip
     return Piloted(settings, np.zeros(len(setup.around.discs)))
 

@@ -16,7 +16,7 @@ from cohelm.core.types import SAFE, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules, guard
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.careful import SLOP, careful, noise
-from cohelm.pilot.foresee import foreseen, moved_on, stopping
+from cohelm.pilot.foresee import foreseen, moved_on, periods, stopping
 from cohelm.pilot.told import told
 from cohelm.sim.duel import Attack, deflection, note
 from cohelm.sim.setup import Setup
@@ -46,7 +46,8 @@ def duel(setup: Setup, attack: Attack, hunters: Hunters, rules: Rules) -> Trace:
         careful(rules, SLOP + noise(robot.model)),
     )
     delay = lag(given.robot, given.physics, dt)
-    sent = np.zeros((round(delay / dt), 2))
+    whole, rest = periods(delay, dt)
+    sent = np.zeros((whole, 2))
     n, m = setup.steps, len(setup.around.discs)
     rows, h, discs = np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6))
     truth, stick = robot.truth(), Stick(0.0, 0.0)
@@ -56,11 +57,12 @@ def duel(setup: Setup, attack: Attack, hunters: Hunters, rules: Rules) -> Trace:
         wish = Twist(stick.x * limits.speed, stick.psi * limits.yaw_rate)
         seen = perception.take(k * dt, robot.read())
         asked = wish if math.isfinite(seen.scan_stamp) else Twist(0.0, 0.0)
-        then, before = foreseen(seen.odometry, seen.twist, sent, k, limits, dt)
+        then, before = foreseen(seen.odometry, seen.twist, rest, sent, k, limits, dt)
         things = moved_on(told(seen, _HERE), delay, stopping(before, limits, dt))
         passed = guard(then, before, asked, things, setup.outline, limits, rules)
         command = Twist(passed.v, passed.omega)
-        sent[k % len(sent)] = command
+        if whole > 0:
+            sent[k % whole] = command
         robot.send(command)
         robot.wait((k + 1) * dt)
         after = robot.truth()

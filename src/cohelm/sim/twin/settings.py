@@ -87,9 +87,9 @@ class Twinned:
 
 
 def lag(model: RobotModel, physics: TwinModel, dt: float) -> float:
-    """From a command to its effect, as the guard has to foresee it, in whole control steps [s].
+    """From a command to its effect, as the guard has to foresee it [s].
 
     Delay and lag of the drives add up; and speed follows a straight line through a control
     step, at whose beginning the guard takes it to be reached: half a step more.
     """
-    return round((model.delay_s + physics.wheel_lag_s + 0.5 * dt) / dt) * dt
+    return model.delay_s + physics.wheel_lag_s + 0.5 * dt

@@ -24,20 +24,19 @@ import pickle
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cohelm.core.extras import missing
-from cohelm.core.trace import ROW, Trace
-from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
-from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
-from cohelm.sim.world import clearance, place
+from cohelm.core.trace import Trace
+from cohelm.core.types import RADIUS, VX, VY, Floats, Twist, X, Y
+from cohelm.sim.world import place
 from cohelm.study.campaign.case import DT, Case, Law
+from cohelm.study.controlled import Observation, driven
 
 PEERS: tuple[Law, ...] = ("rvo", "vo")
 
@@ -58,9 +57,7 @@ def peer_trace(case: Case, law: Law) -> Trace:
     answer = pickle.load(process.stdout)
     if isinstance(answer, str):
         raise RuntimeError(answer)
-    rows, discs = answer
-    empty = np.full(discs.shape[:2], np.nan)
-    return Trace(rows, empty, discs, case.setup.names, DT)
+    return answer
 
 
 @cache
@@ -87,44 +84,40 @@ def _end(process: subprocess.Popen[bytes]) -> None:
             pipe.close()
 
 
-def _drive(irsim: Any, case: Case, mode: str) -> tuple[NDArray[np.void], Floats]:
-    """Rows and discs of a drive; in ir-sim's process."""
-    setup, goal = case.setup, case.goal
+def _drive(irsim: Any, case: Case, mode: str) -> Trace:
+    """A drive; in ir-sim's process."""
+    goal = case.goal
     assert goal is not None
-    m = len(setup.names)
-    discs, rows = np.empty((setup.steps, m, 6)), np.zeros(setup.steps, dtype=ROW)
-    place(discs[0], setup.around, 0.0)
-    env = _world(irsim, case, discs[0], mode)
-    reach = float(np.hypot(*setup.outline.T).max())
-    pose, applied, command = setup.start, Twist(0.0, 0.0), Twist(0.0, 0.0)
-    for k in range(setup.steps):
-        place(discs[k], setup.around, k * DT)
-        if k % _HOLD == 0:
-            command = _asked(env, pose, applied, discs[k])
-        applied = achievable(command, applied, setup.limits, DT)
-        row = rows[k]
-        row["t"], row["x"], row["y"], row["psi"] = k * DT, *pose
-        row["x_d"], row["y_d"], row["e_p"] = goal.x, goal.y, np.nan
-        row["v"], row["omega"] = command
-        row["applied_v"], row["applied_omega"] = applied
-        row["authority_x"] = row["authority_psi"] = 1.0
-        row["clearance"] = clearance(pose, setup.outline, reach, discs[k], setup.around.walls, 2.0)
-        if np.hypot(pose.x - goal.x, pose.y - goal.y) < goal.near:
-            return rows[: k + 1], discs[: k + 1]
-        pose = arc(pose, applied, DT)
-    return rows, discs
+    setup = replace(case.setup, pilot=None, near=goal.near)
+    return driven(setup, _Law(irsim, case, mode))
 
 
-def _asked(env: Any, pose: Pose, applied: Twist, discs: Floats) -> Twist:
-    """What ir-sim's controller wants with everything where it is now."""
-    for thing, disc in zip(env.obstacle_list, discs, strict=True):
-        if not thing.static:
-            thing.set_state([disc[X], disc[Y], 0.0])
-            thing.set_velocity([disc[VX], disc[VY]])
-    env.robot.set_state([pose.x, pose.y, pose.psi])
-    env.robot.set_velocity([applied.v, applied.omega])
-    v, omega = np.asarray(env.robot.gen_behavior_vel(None), dtype=np.float64).ravel()
-    return Twist(float(v), float(omega))
+class _Law:
+    """ir-sim's controller as a law of somebody else's, each of its commands held for a while."""
+
+    def __init__(self, irsim: Any, case: Case, mode: str) -> None:
+        discs = np.empty((len(case.setup.names), 6))
+        place(discs, case.setup.around, 0.0)
+        self._env = _world(irsim, case, discs, mode)
+        self._command, self._steps = Twist(0.0, 0.0), 0
+
+    def __call__(self, now: Observation) -> Twist:
+        if self._steps % _HOLD == 0:
+            self._command = self._asked(now)
+        self._steps += 1
+        return self._command
+
+    def _asked(self, now: Observation) -> Twist:
+        """What it wants with everything where it is now."""
+        for thing, disc in zip(self._env.obstacle_list, now.obstacles.discs, strict=True):
+            if not thing.static:
+                thing.set_state([disc[X], disc[Y], 0.0])
+                thing.set_velocity([disc[VX], disc[VY]])
+        robot, (x, y, psi) = self._env.robot, now.pose
+        robot.set_state([x, y, psi])
+        robot.set_velocity([*now.twist])
+        v, omega = np.asarray(robot.gen_behavior_vel(None), dtype=np.float64).ravel()
+        return Twist(float(v), float(omega))
 
 
 def _world(irsim: Any, case: Case, discs: Floats, mode: str) -> Any:

@@ -1,0 +1,82 @@
+"""What becomes of a command: delay, wheels, motion, and a row of the trace."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from cohelm.core.jit import jit_inline
+from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
+from cohelm.law.gains import Gains
+from cohelm.law.human import supplied_energy
+from cohelm.law.track import pose_error
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import Limits, achievable
+
+
+class State(NamedTuple):
+    """The simulated robot between two steps."""
+
+    pose: Pose
+    applied: Twist
+    """What the wheels did in the step before."""
+    stick: Stick
+    """Where the stick was in the step before."""
+    energy: float
+    """Passivity integral (40)."""
+
+
+@jit_inline
+def at_rest(pose: Pose) -> State:
+    """Standing at a pose, stick centred."""
+    return State(pose, Twist(0.0, 0.0), Stick(0.0, 0.0), 0.0)
+
+
+@jit_inline
+def moved(
+    k: int, dt: float, state: State, command: Twist, stick: Stick, gains: Gains, limits: Limits,
+    queue: Floats,
+) -> tuple[State, bool]:  # fmt: skip
+    """From k dt to (k + 1) dt, the command held in between; and whether the limits changed it.
+
+    queue: (d, 2), commands still on their way; d = 0 for no delay. It is written to.
+    """
+    arriving = command
+    d = queue.shape[0]
+    if d > 0:
+        slot = k % d
+        arriving = Twist(queue[slot, 0], queue[slot, 1])
+        queue[slot, 0], queue[slot, 1] = command.v, command.omega
+    applied = achievable(arriving, state.applied, limits, dt)
+    saturated = applied.v != arriving.v or applied.omega != arriving.omega
+    energy = supplied_energy(state.energy, state.stick, stick, gains)
+    return State(arc(state.pose, applied, dt), applied, stick, energy), saturated
+
+
+@jit_inline
+def note(
+    row: Any, h: Floats, t: float, pose: Pose, stick: Stick, desired: Desired, s: Any, after: State,
+    saturated: bool, discs: Floats,
+) -> None:  # fmt: skip
+    """One step into its row of the trace, and h_i of every disc. s: what was decided and from what,
+    by the fields of `law.step.Step`."""
+    for i in range(discs.shape[0]):
+        dx, dy = pose.x - discs[i, X], pose.y - discs[i, Y]
+        h[i] = dx * dx + dy * dy - discs[i, SAFE] * discs[i, SAFE]
+    row.t = t
+    row.x, row.y, row.psi = pose.x, pose.y, pose.psi
+    row.x_d, row.y_d, row.psi_d = desired.x, desired.y, desired.psi
+    row.u_d, row.r_d = desired.u, desired.r
+    row.e_p = pose_error(pose, desired)
+    row.stick_x, row.stick_psi = stick.x, stick.psi
+    row.v, row.omega = s.v, s.omega
+    row.automatic_v, row.automatic_omega = s.automatic_v, s.automatic_omega
+    row.human_v, row.human_omega = s.human_v, s.human_omega
+    row.shared_v, row.shared_omega = s.shared_v, s.shared_omega
+    row.avoid_v, row.avoid_omega = s.avoid_v, s.avoid_omega
+    row.authority_x, row.authority_psi = s.authority_x, s.authority_psi
+    row.intent_x, row.intent_psi = s.intent_x, s.intent_psi
+    row.I, row.J, row.h = s.I, s.J, s.h
+    row.verdict, row.culprit = s.verdict, s.culprit
+    row.applied_v, row.applied_omega = after.applied.v, after.applied.omega
+    row.saturated = saturated
+    row.energy = after.energy

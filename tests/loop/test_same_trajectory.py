@@ -1,0 +1,93 @@
+"""The compiled stepper drives as the loop does: what campaigns count is what ships.
+
+The loop runs in simulated time, with gate and monitors, on the kinematic robot; the wheels keep one
+speed through a period, as the stepper has it, and odometry is exact.
+"""
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.law.reference import through
+from cohelm.link.messages import Mode
+from cohelm.loop.driver import Driver
+from cohelm.loop.loop import Loop, Ways
+from cohelm.loop.operator import Nobody
+from cohelm.loop.planning import Here
+from cohelm.perceive.seen import Perception
+from cohelm.pilot.pilot import Pilot
+from cohelm.robot.keep.kept import Kept, rules
+from cohelm.robot.keep.lines import Line
+from cohelm.robot.sensors import OdometryModel
+from cohelm.scenario.load import robot
+from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.run import run
+from cohelm.sim.setup import Setup, with_pilot
+from cohelm.sim.world import Body, world
+
+DT = 0.02
+EXACT = OdometryModel(
+    rate_hz=50.0, distance_error=0.0, slip=0.0, gyro_drift_degps=0.0, gyro_noise_degps=0.0
+)
+ROOM = [[-2, -4, 8, -4], [8, -4, 8, 4], [8, 4, -2, 4], [-2, 4, -2, -4]]
+BODIES = {
+    "a post on the way": [Body((3.0, 0.1, 0.0, 0.0, 0.2, 0.6))],
+    "a narrow pass": [
+        Body((3.0, 0.75, 0.0, 0.0, 0.2, 0.6)), Body((3.0, -0.75, 0.0, 0.0, 0.2, 0.6)),
+    ],
+    "a walker crosses": [Body((3.0, -2.5, 0.0, 0.5, 0.25, 0.6))],
+}  # fmt: skip
+
+
+def made(delay: float, bodies):
+    """The robot, and a run of it."""
+    model = robot("sally").model_copy(update={"odometry": EXACT, "delay_s": delay, "camera": None})
+    setup = Setup(
+        Pose(0.0, 0.0, 0.0), through([[0, 0], [2, 0], [4, 0], [6, 0]], 0.5), model.outline,
+        model.bounds(), around=world((bodies, np.array(ROOM, dtype=float))), dt=DT, seed=3,
+        names=tuple(f"body_{i}" for i in range(len(bodies))), duration=8.0, delay=delay,
+    )  # fmt: skip
+    return model, with_pilot(setup, lidar=model.lidar)
+
+
+def looped(model, setup, steps: int) -> np.ndarray:
+    """Poses at the beginning of each period, and what the gate let through in it, by the loop."""
+    settings, pilot = setup.pilot.settings, setup.pilot
+    plant = Kinematic(model, setup.start, setup.around, seed=setup.seed, step=DT)
+    driver_pilot = Pilot(
+        setup.reference, settings, delay=setup.delay, manners=pilot.manners, care=pilot.care
+    )
+    planning = Here(driver_pilot.planner, pilot.thinking)
+    driver = Driver(driver_pilot, settings, setup.delay, planning)
+    perception = Perception(model, watching=pilot.watching)
+    keeper = Kept(plant, rules(model, DT))
+    loop = Loop(keeper, perception, driver, Nobody(), Line(None), Ways(period=DT), has_map=False)
+    rows = []
+
+    def until(loop: Loop) -> bool:
+        truth = plant.truth()
+        rows.append((*truth.pose, *keeper.gate.out, loop.decision.doing if loop.decision else -1))
+        assert loop.mode == Mode.AUTOMATIC, keeper.gate.reason
+        return len(rows) == steps
+
+    loop.period()  # the gate wants to have heard from the loop before it lets it drive
+    assert loop.choose(Mode.AUTOMATIC) == ""
+    try:
+        loop.run(until)
+    finally:
+        driver.close()
+        keeper.close()
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(
+    ("name", "delay"),
+    [("a walker crosses", 0.04), ("a post on the way", 0.0), ("a narrow pass", 0.04)],
+)
+def test_stepper_and_loop_drive_the_same_way(name, delay):
+    model, setup = made(delay, BODIES[name])
+    rows = run(setup).rows
+    assert rows["x"][-1] > 2.0
+    theirs = looped(model, setup, len(rows))
+    ours = np.column_stack([rows[c] for c in ("x", "y", "psi", "v", "omega")])
+    assert np.abs(theirs[:, :5] - ours).max() < 1e-9
