@@ -8,8 +8,10 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE
+from cohelm.robot.collision_monitor.free_space import VOUCHED
 from cohelm.robot.collision_monitor.monitor import AHEAD, LASTS, MISSED, CollisionMonitor
 from cohelm.robot.collision_monitor.odometry import advanced
+from cohelm.robot.collision_monitor.surroundings import REMEMBERED, Surroundings
 from cohelm.robot.keep.kept import rules
 from cohelm.robot.keep.watch import described, monitors
 from cohelm.robot.monitor import UNRESTRICTED
@@ -73,6 +75,11 @@ def going(twist, ranges, applied=None, poses=True, at=1.0):
     return it
 
 
+def ramped(speed, wanted):
+    """As the gate passes it: no faster than the wheels may change their speed."""
+    return speed + max(-BRAKES * PERIOD, min(BRAKES * PERIOD, wanted - speed))
+
+
 def fits(room, most, reaction, brakes):
     """The largest speed that has come down to a crawl within a room: by steps of 0.1 mm/s."""
     v = np.arange(0.0, most, 1e-4)
@@ -82,7 +89,7 @@ def fits(room, most, reaction, brakes):
 
 def test_in_free_space_everything_passes():
     it = standing(empty())
-    for twist in (Twist(1.0, 0.0), Twist(-1.0, 0.0), Twist(0.2, 2.0), STILL):
+    for twist in (Twist(1.0, 0.0), Twist(-0.7, 0.0), Twist(0.2, 1.5), STILL):
         assert it.restrict(1.0, twist) == UNRESTRICTED
 
 
@@ -96,7 +103,7 @@ def test_towards_a_wall_nothing_passes_that_can_not_stop_before_it(gap):
     assert least - 1e-3 <= share <= most + 1e-3
     slow = it.restrict(1.0, Twist(0.9 * least, 0.0))
     assert slow == UNRESTRICTED
-    assert it.restrict(1.0, Twist(-1.0, 0.0)) == UNRESTRICTED
+    assert it.restrict(1.0, Twist(-0.7, 0.0)) == UNRESTRICTED
 
 
 def test_the_arc_stays():
@@ -194,7 +201,7 @@ def test_beside_a_wall_it_passes_along():
         ranges[beside] = 0.32 / np.abs(np.sin(BEARINGS[beside]))
         it = standing(ranges)
         assert it.restrict(1.0, Twist(1.0, 0.0)) == UNRESTRICTED
-        assert it.restrict(1.0, Twist(-1.0, 0.0)) == UNRESTRICTED
+        assert it.restrict(1.0, Twist(-0.7, 0.0)) == UNRESTRICTED
         towards = it.restrict(1.0, Twist(0.3, side))
         assert towards.share < 1.0
         assert towards.reason.endswith("left" if side > 0.0 else "right")
@@ -332,14 +339,95 @@ def test_what_went_out_of_sight_is_not_turned_or_backed_into():
     assert it.restrict(t, Twist(0.8, 0.0)) == UNRESTRICTED
 
 
+def test_ground_that_nothing_looked_at_is_backed_into_at_a_crawl_and_no_faster():
+    """It was switched on there: its turning circle and 0.2 m are vouched for, and no more."""
+    it = standing(empty())
+    reach = math.hypot(FRONT, 0.29)
+    free = reach + VOUCHED - FRONT  # straight behind; to a cell and its corner
+    back = it.restrict(1.0, Twist(-1.0, 0.0))
+    assert fits(free - 0.1, 1.0, PERIOD, 1.6) <= back.share <= fits(free, 1.0, PERIOD, 1.6)
+    assert back.reason.startswith("collision monitor: slower, ground that nothing looked at 0.")
+    assert back.reason.endswith("m behind")
+    at, speed, passed = 0.0, 0.0, []
+    for k in range(1, 500):
+        t = 1.0 + 0.02 * k
+        at += PERIOD * speed
+        it.observe(t, readings(t, empty(), Pose(at, 0.0, 0.0), Twist(speed, 0.0)),
+                   Twist(speed, 0.0))  # fmt: skip
+        speed = ramped(speed, -it.restrict(t, Twist(-1.0, 0.0)).share)
+        passed.append((at, -speed))
+    assert at < -0.8
+    assert max(v for _, v in passed) > 0.5
+    assert all(v <= CRAWL + 1e-9 for x, v in passed if x < -free)
+    assert all(v >= CRAWL - 1e-9 for x, v in passed if x < -free)
+    assert it.restrict(t, Twist(1.0, 0.0)) == UNRESTRICTED
+
+
+def test_ground_that_was_in_view_is_backed_onto_as_fast_as_one_likes():
+    it = watch()
+    for k in range(200):
+        t = 0.02 * k
+        ahead = Twist(1.0, 0.0)
+        it.restrict(t - PERIOD, ahead)
+        it.observe(t, readings(t, empty(), Pose(1.0 * t, 0.0, 0.0), ahead), ahead)
+    for k in range(200, 300):
+        t = 0.02 * k
+        it.restrict(t - PERIOD, STILL)
+        it.observe(t, readings(t, empty(), Pose(3.98, 0.0, 0.0), STILL), STILL)
+    for twist in (Twist(-1.0, 0.0), Twist(-0.7, 0.7), Twist(0.0, 2.0), Twist(0.3, -1.5)):
+        assert it.restrict(t, twist) == UNRESTRICTED
+
+
+def test_what_stood_behind_a_minute_ago_may_be_gone_or_not_and_is_approached_at_a_crawl():
+    it = watch()
+    at = np.array([-0.5, 0.0])
+    for k in range(200):
+        t = 0.02 * k
+        psi = math.pi - min(1.0 * t, math.pi)
+        x, y = math.cos(psi) * at[0] - SENSOR, -math.sin(psi) * at[0]
+        ranges = empty()
+        ranges[np.abs(BEARINGS - math.atan2(y, x)) < 2.0 * STEP] = math.hypot(x, y)
+        turning = Twist(0.0, -1.0 if psi > 0.0 else 0.0)
+        it.observe(t, readings(t, ranges, Pose(0.0, 0.0, psi), turning), turning)
+    assert "slower, something" in it.restrict(t, Twist(-0.8, 0.0)).reason
+    for later in (t + REMEMBERED + 1.0, t + REMEMBERED + 1.1):
+        it.observe(later, readings(later, empty()), STILL)
+    back = it.restrict(later, Twist(-0.8, 0.0))
+    assert back.reason.startswith("collision monitor: slower, ground that nothing looked at")
+    x, speed, later_x = 0.0, 0.0, []
+    for k in range(1, 300):
+        now = later + 0.02 * k
+        x += PERIOD * speed
+        it.observe(now, readings(now, empty(), Pose(x, 0.0, 0.0), Twist(speed, 0.0)),
+                   Twist(speed, 0.0))  # fmt: skip
+        speed = ramped(speed, -0.5 * it.restrict(now, Twist(-0.5, 0.0)).share)
+        later_x.append((x, -speed))
+    assert all(v <= CRAWL + 1e-9 for x, v in later_x if -0.3 < x < -0.14)
+    assert x < -0.3
+
+
+def test_after_it_was_switched_on_anew_ground_is_unknown_again():
+    it = standing(empty())
+    for k in range(1, 100):
+        t = 1.0 + 0.02 * k
+        it.observe(t, readings(t, empty(), Pose(0.02 * k, 0.0, 0.0)), STILL)
+    assert it.restrict(t, Twist(-1.0, 0.0)) == UNRESTRICTED
+    it.observe(0.5, readings(0.5, empty(), Pose(2.0, 0.0, 0.0)), STILL)
+    assert it.restrict(0.5, Twist(-1.0, 0.0)).share < 1.0
+
+
 def test_it_says_on_which_side_the_thing_is():
     it = standing(empty())
+    nothing, unknown = np.zeros(1), np.full(1, -math.inf)
     for point, said in (
         ((0.46, 0.1), "0.10 m ahead"), ((-0.56, 0.1), "0.20 m behind"),
         ((0.1, 0.39), "0.10 m left"), ((0.1, -0.31), "0.02 m right"),
         ((0.3, 0.2), "0.00 m ahead"), ((0.5, 0.32), "0.14 m ahead"),
     ):  # fmt: skip
-        assert it._where(np.array(point)) == said
+        here = np.array([point])
+        assert it._where(Surroundings(here, *[nothing] * 3), 0) == f"something {said}"
+        there = Surroundings(here, unknown, nothing, nothing)
+        assert it._where(there, 0) == f"ground that nothing looked at {said}"
 
 
 def test_a_robot_that_runs_away_is_a_fault():

@@ -27,6 +27,14 @@ def test_a_lidar_that_does_not_look_behind_keeps_what_it_drives_at():
     assert row.acted > 0
 
 
+@pytest.mark.parametrize("number", [17, 26])
+def test_ground_that_a_lidar_never_saw_is_not_driven_into_at_speed(number):
+    """Hit at 1.0 and 0.9 m/s by a monitor that knows only returns."""
+    row = drive(number, 7002)
+    assert row.hit <= HARD
+    assert row.acted > 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", range(len(KINDS)))
 def test_in_fifty_rooms_it_hits_nothing_at_speed(kind):

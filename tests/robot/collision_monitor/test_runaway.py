@@ -58,3 +58,20 @@ def test_turning_by_either_hand_or_backing_is_driving():
     for k in range(200):
         for twist in (Twist(0.0, 0.3), Twist(-0.2, 0.0)):
             assert not watch.noticed(0.02 * k, twist, 0.3)
+
+
+def test_one_that_had_not_begun_to_move_when_it_was_told_to_stand_has_all_its_time():
+    """Its drives lag: it speeds up yet for a reading, and brakes then."""
+    watch = Runaway(STOPPING)
+    assert not watch.noticed(0.0, DRIVES, 0.0)
+    assert not watch.noticed(0.02, STILL, 0.0)
+    for k in range(2, 25):
+        assert not watch.noticed(0.02 * k, STILL, 0.3)
+
+
+def test_it_is_noticed_after_its_patience_and_not_at_its_end():
+    watch = Runaway(STOPPING)
+    for k in range(9):
+        assert not watch.noticed(0.125 * k, STILL, 0.0)
+    assert not watch.noticed(1.0 + PATIENCE, STILL, 0.3)
+    assert watch.noticed(1.0 + PATIENCE + 0.001, STILL, 0.3)

@@ -81,13 +81,17 @@ def test_the_view_ends_at_its_outer_beams():
         assert len(out_of_sight(beyond, 1.0, HERE, s, 0.46).points) == 1
 
 
-def test_it_is_forgotten_when_it_is_far_or_long_ago():
+def test_it_is_forgotten_when_it_is_far():
     s, near = sensor(270.0), 0.46 + BESIDE
     assert len(out_of_sight(things((-near + 0.01, 0.0)), 1.0, HERE, s, 0.46).points) == 1
     assert len(out_of_sight(things((-near - 0.01, 0.0)), 1.0, HERE, s, 0.46).points) == 0
-    old = things((-1.0, 0.0))
-    assert len(out_of_sight(old, REMEMBERED - 0.1, HERE, s, 0.46).points) == 1
-    assert len(out_of_sight(old, REMEMBERED + 0.1, HERE, s, 0.46).points) == 0
+
+
+def test_after_a_minute_nobody_knows_whether_it_still_stands_there():
+    old, s = things((-1.0, 0.0)), sensor(270.0)
+    assert out_of_sight(old, REMEMBERED - 0.1, HERE, s, 0.46).errors == 0.01
+    assert out_of_sight(old, REMEMBERED, HERE, s, 0.46).errors == -math.inf
+    assert old.errors == 0.01
 
 
 def test_a_sensor_that_looks_all_round_remembers_nothing():
@@ -108,6 +112,9 @@ def test_of_what_is_remembered_one_stands_for_its_neighbours():
 
 
 def test_both_are_joined_in_order():
+    one = things((1.0, 0.0))
+    assert joined(one, NOTHING) is one
+    assert len(joined(NOTHING, one).points) == 1
     both = joined(things((1.0, 0.0), seen=2.0), things((2.0, 0.0), (3.0, 0.0), seen=1.0))
     assert both.points[:, 0].tolist() == [1.0, 2.0, 3.0]
     assert both.seen.tolist() == [2.0, 1.0, 1.0]

@@ -12,8 +12,8 @@ from cohelm.robot.collision_monitor.sweep import (
     contact_times,
     edge_distances,
     fastest,
-    leaving,
     outline,
+    outwards,
 )
 
 BOX = np.array([[0.36, 0.29], [-0.36, 0.29], [-0.36, -0.29], [0.36, -0.29]])
@@ -122,13 +122,21 @@ def test_leaving_is_what_lets_a_point_out():
     points = np.array([[0.35, 0.0], [-0.35, 0.0], [0.34, 0.28], [0.34, -0.28], [0.0, 0.28]])
 
     def out(v, omega):
-        return leaving(points, Twist(v, omega), box).tolist()
+        return (outwards(points, Twist(v, omega), box) > 0.0).tolist()
 
     assert out(-0.5, 0.0) == [True, False, True, True, False]
     assert out(0.5, 0.0) == [False, True, False, False, False]
     assert out(0.0, 1.0)[2:4] == [True, True]  # both leave: one through the front, one the side
     assert out(-0.5, 0.3)[3]
     assert out(-0.5, -0.3)[2]  # out through the front, turned or not
+
+
+def test_what_is_passed_along_comes_neither_out_nor_in():
+    box = SHAPES["box"]
+    points = np.array([[0.1, 0.28], [-0.2, -0.30]])
+    assert outwards(points, Twist(0.7, 0.0), box) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert outwards(points, Twist(0.0, -1.0), box)[0] > 0.0  # its left front goes to the right
+    assert outwards(np.array([[-0.3, 0.28]]), Twist(0.7, -0.5), box)[0] < 0.0  # its tail swings
 
 
 def test_no_point_of_the_outline_is_faster():

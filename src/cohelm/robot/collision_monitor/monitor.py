@@ -2,7 +2,8 @@
 
 It asks three ways how the robot moves, and takes the worst: as the odometry measures its twist, as
 the odometry's poses change, and as it was sent. So a sense that lies about motion is not believed
-alone. What it can not know is what the scan does not show.
+alone. Where nothing has looked it lets the robot crawl. What it can not know is what the scan does
+not show.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
+from cohelm.robot.collision_monitor.free_space import FreeSpace
 from cohelm.robot.collision_monitor.odometry import PoseHistory, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor, returns
 from cohelm.robot.collision_monitor.runaway import Runaway
@@ -21,11 +23,12 @@ from cohelm.robot.collision_monitor.surroundings import (
     BESIDE,
     NOTHING,
     Surroundings,
+    all_round,
     joined,
     of_scan,
     out_of_sight,
 )  # fmt: skip
-from cohelm.robot.collision_monitor.sweep import contact_times, fastest, leaving, outline
+from cohelm.robot.collision_monitor.sweep import contact_times, fastest, outline, outwards
 from cohelm.robot.gate.bounds import Bounds, needed
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import Odometry, Readings, Scan
@@ -42,6 +45,8 @@ LAG = 0.1
 odometry is the mean over a reading and comes late."""
 LASTS = 1.0
 """A reason is told in the same words until it has been away for so long [s]."""
+ALONG = 1e-6
+"""Ground that comes nearer by no more than this is passed along [m]."""
 _NONE = Twist(0.0, 0.0)
 
 
@@ -57,6 +62,18 @@ class Described(NamedTuple):
     """From a command to the wheels [s]."""
     period: float
     """From one command to the next [s]."""
+
+
+class Met(NamedTuple):
+    """When a motion, held, meets what is around, and which of it: first its returns with their
+    errors, then anything with its margin."""
+
+    solid: float
+    """[s], infinite for never."""
+    solid_point: int
+    anything: float
+    """[s], infinite for never."""
+    point: int
 
 
 class Field(NamedTuple):
@@ -82,14 +99,20 @@ class CollisionMonitor:
         stopping = max(known, default=0.0)
         self._runaway = Runaway(described.delay + stopping)
         farthest = (top.v + spin.omega * self._shape.reach) * (stopping + described.delay)
-        self._near = 2.0 * self._shape.reach + max(farthest, BESIDE)
+        around = all_round(sensor)
+        self._near = 2.0 * self._shape.reach + (farthest if around else max(farthest, BESIDE))
         """Returns farther from the sensor than this can not matter [m]."""
+        self._ground = None if around else FreeSpace(sensor, self._shape, farthest)
+        self._unknown = NOTHING
+        """Ground that no beam looks at or has looked at before, in the odometry's frame."""
         self._measured, self._commanded = PoseHistory(), PoseHistory()
         self._sent = -math.inf
         """When a twist was asked about, and so sent, last [s]."""
         self._scan: Scan | None = None
         self._by_odometry = NOTHING
         """Returns of the newest scan, in the frame of the odometry's poses, and remembered ones."""
+        self._all = NOTHING
+        """Both of these."""
         self._by_command = NOTHING
         """Those of the scan in the frame of the poses reckoned from what was sent."""
         self._wrong = ""
@@ -117,21 +140,31 @@ class CollisionMonitor:
         wrong = self._wrong or self._stale(now)
         if wrong:
             return self._told(now, 0.0, "blind", wrong)
-        effect = now + self._robot.delay
-        things = joined(
-            seen_by(self._by_odometry, self._measured.at(effect)),
-            seen_by(self._by_command, self._commanded.at(effect)),
-        )
-        where = self._braking(now, things)
+        things = self._things(now + self._robot.delay, twist)
+        met, sent = self._met(things, twist), self._commanded.twist
+        where = self._braking(now, things, met if sent == twist else self._met(things, sent))
         if where:
-            return self._told(now, 0.0, "stop", f"something {where} on the braking path")
-        field = self._field(things, twist, self._robot.period, 1.0 - RESERVE)
+            return self._told(now, 0.0, "stop", f"{where} on the braking path")
+        field = self._field(met, twist, self._robot.period, 1.0 - RESERVE)
         if field.share >= 1.0:
             return UNRESTRICTED
-        where = self._where(things.points[field.point])
+        where = self._where(things, field.point)
         if field.share > 0.0:
-            return self._told(now, field.share, "slow", f"slower, something {where}")
-        return self._told(now, 0.0, "stop", f"something {where} on the braking path")
+            return self._told(now, field.share, "slow", f"slower, {where}")
+        return self._told(now, 0.0, "stop", f"{where} on the braking path")
+
+    def _things(self, when: float, twist: Twist) -> Surroundings:
+        """What is near enough to matter to a twist, or to the one that was sent last: by odometry
+        and by what was sent, seen from where the robot is then."""
+        robot, reach = self._robot, self._shape.reach
+        within = reach + max(
+            fastest(motion, self._shape) * horizon(robot.period, self._brakes(motion, brakes))
+            for motion, brakes in ((twist, 1.0 - RESERVE), (self._commanded.twist, 1.0))
+        )
+        measured, commanded = self._measured.at(when), self._commanded.at(when)
+        return joined(
+            seen_by(self._all, measured, within), seen_by(self._by_command, commanded, within)
+        )
 
     def _take(self, odometry: Odometry | None) -> str:
         """Remember where the robot says it is; what is wrong with that, or nothing."""
@@ -142,7 +175,14 @@ class CollisionMonitor:
         history = self._measured
         if odometry.stamp < history.stamp:
             history.clear()
-            self._scan, self._by_odometry = None, NOTHING
+            self._scan, self._by_odometry, self._unknown, self._all = (
+                None,
+                NOTHING,
+                NOTHING,
+                NOTHING,
+            )
+            if self._ground is not None:
+                self._ground.forget()
         if odometry.stamp > history.stamp:
             history.add(odometry.stamp, odometry.pose, odometry.twist)
         return ""
@@ -167,13 +207,19 @@ class CollisionMonitor:
             return f"a scan of {len(scan.ranges)} beams, and not {len(sensor.bearings)}"
         if not math.isfinite(scan.stamp + scan.duration):
             return "the scan's time is no number"
-        before = out_of_sight(
-            self._by_odometry, scan.stamp, self._measured.at(scan.stamp), sensor, self._shape.reach
-        )
+        pose = self._measured.at(scan.stamp)
+        before = out_of_sight(self._by_odometry, scan.stamp, pose, sensor, self._shape.reach)
         self._scan = scan
         found = returns(scan.ranges, sensor, self._near)
         self._by_odometry = joined(of_scan(found, scan, self._measured), before)
         self._by_command = of_scan(found, scan, self._commanded)
+        if self._ground is not None:
+            half = 0.5 * scan.duration
+            turned = self._measured.at(scan.stamp + scan.duration).psi - pose.psi
+            middle = self._measured.at(scan.stamp + half)
+            unknown = self._ground.look(scan.ranges, middle, turned, scan.stamp + half)
+            self._unknown = self._unknown if unknown is None else unknown
+        self._all = joined(self._by_odometry, self._unknown)
         return ""
 
     def _stale(self, now: float) -> str:
@@ -191,24 +237,25 @@ class CollisionMonitor:
         """What the odometry's twist says, and what its poses say."""
         return self._measured.twist, self._measured.mean_twist(INCREMENTS)
 
-    def _braking(self, now: float, things: Surroundings) -> str:
+    def _braking(self, now: float, things: Surroundings, met: Met) -> str:
         """Where something is that the robot meets if it brakes one period from now; nothing where
         nothing is. What is no faster than a crawl can not do harm.
 
         things: seen from where the robot is when that takes effect. It moves then as it was sent
-        last; but a measured motion that nothing explains that it was sent goes on until then.
+        last, and meets `met`; but a measured motion that nothing explains that it was sent goes on
+        until then.
         """
         robot, history = self._robot, self._measured
-        field = self._stop(things, self._commanded.twist, robot.period)
+        field = self._stop(met, self._commanded.twist, robot.period)
         if field.share < 1.0:
-            return self._where(things.points[field.point])
-        here = seen_by(self._by_odometry, history.pose)
+            return self._where(things, field.point)
         reaction = max(now - history.stamp, 0.0) + robot.delay + robot.period
         for twist in self._motions():
             if self._unexplained(twist):
-                field = self._stop(here, twist, reaction)
+                here = seen_by(self._all, history.pose, math.inf)
+                field = self._stop(self._met(here, twist), twist, reaction)
                 if field.share < 1.0:
-                    return self._where(here.points[field.point])
+                    return self._where(here, field.point)
         return ""
 
     def _unexplained(self, twist: Twist) -> bool:
@@ -219,48 +266,66 @@ class CollisionMonitor:
             for sent in self._commanded.twists(stamp - LAG, stamp)
         )
 
-    def _stop(self, things: Surroundings, twist: Twist, reaction: float) -> Field:
+    def _stop(self, met: Met, twist: Twist, reaction: float) -> Field:
         """The stop field of a motion that goes on for a reaction time [s]."""
         if fastest(twist, self._shape) <= CRAWL:
             return Field(math.inf, -1)
-        return self._field(things, twist, reaction, 1.0)
+        return self._field(met, twist, reaction, 1.0)
 
-    def _field(self, things: Surroundings, twist: Twist, reaction: float, brakes: float) -> Field:
+    def _field(self, met: Met, twist: Twist, reaction: float, brakes: float) -> Field:
         """How much of a motion is allowed. brakes: share of the deceleration that is counted on.
 
         The stop field is the outline with the error of each return, and nothing may end in it;
         what is in it may be left. In the slow-down field, which has the margin, nothing is faster
         than a crawl.
         """
-        speed = fastest(twist, self._shape)
-        braking = needed(twist, self._robot.bounds) / brakes
-        beyond = self._shape.reach + speed * horizon(reaction, braking)
-        square = things.points[:, 0] ** 2 + things.points[:, 1] ** 2
-        near = np.flatnonzero(square <= (beyond + things.margins) ** 2)
-        if not len(near):
+        if met.anything == math.inf:
             return Field(math.inf, -1)
-        points, errors, margins, _ = (column[near] for column in things)
-        to_slow = contact_times(points, margins, twist, self._shape)
-        met = np.flatnonzero(to_slow < math.inf)
-        if not len(met):
-            return Field(math.inf, -1)
-        to_stop = contact_times(points[met], errors[met], twist, self._shape)
-        to_stop[(to_stop == 0.0) & leaving(points[met], twist, self._shape)] = math.inf
-        first, grazed = int(to_stop.argmin()), int(to_slow.argmin())
-        stop = allowed(float(to_stop[first]), reaction, braking)
-        slow = allowed(float(to_slow[grazed]), reaction, braking, min(CRAWL / speed, 1.0))
-        return Field(stop, int(near[met[first]])) if stop < slow else Field(slow, int(near[grazed]))
+        braking = self._brakes(twist, brakes)
+        crawl = min(CRAWL / fastest(twist, self._shape), 1.0)
+        stop = allowed(met.solid, reaction, braking)
+        slow = allowed(met.anything, reaction, braking, crawl)
+        return Field(stop, met.solid_point) if stop < slow else Field(slow, met.point)
 
-    def _where(self, point: Floats) -> str:
-        """In words: how far from the outline, and on which side."""
-        shape = self._shape
+    def _brakes(self, twist: Twist, brakes: float) -> float:
+        """How long a motion takes to stand, with a share of the deceleration [s]."""
+        return needed(twist, self._robot.bounds) / brakes
+
+    def _met(self, things: Surroundings, twist: Twist) -> Met:
+        """What a motion meets. What is in the outline may be left; unknown ground beside it may be
+        passed along too, as that takes in no more of it."""
+        if twist == _NONE:
+            return Met(math.inf, -1, math.inf, -1)
+        points, errors, margins, _ = things
+        times = contact_times(points, margins, twist, self._shape)
+        met = np.flatnonzero(times < math.inf)
+        if not len(met):
+            return Met(math.inf, -1, math.inf, -1)
+        solid = errors[met] > -math.inf
+        out = np.full(len(met), -math.inf)
+        inside = times[met] == 0.0
+        out[inside] = outwards(points[met[inside]], twist, self._shape)
+        times[met[~solid & (out >= -ALONG)]] = math.inf
+        point = int(times.argmin())
+        hard = met[solid]
+        if not len(hard):
+            return Met(math.inf, -1, float(times[point]), point)
+        to_stop = contact_times(points[hard], errors[hard], twist, self._shape)
+        to_stop[(to_stop == 0.0) & (out[solid] > 0.0)] = math.inf
+        first = int(to_stop.argmin())
+        return Met(float(to_stop[first]), int(hard[first]), float(times[point]), point)
+
+    def _where(self, things: Surroundings, which: int) -> str:
+        """In words: what it is, how far from the outline, and on which side."""
+        shape, point = self._shape, things.points[which]
+        what = "something" if things.errors[which] > -math.inf else "ground that nothing looked at"
         outside = shape.normals @ point - shape.offsets
         along = shape.normals[outside.argmax()]
         if abs(along[0]) >= abs(along[1]):
             side = "ahead" if along[0] > 0.0 else "behind"
         else:
             side = "left" if along[1] > 0.0 else "right"
-        return f"{max(float(outside.max()), 0.0):.2f} m {side}"
+        return f"{what} {max(float(outside.max()), 0.0):.2f} m {side}"
 
     def _told(self, now: float, share: float, kind: str, because: str) -> Restriction:
         """A restriction, in the words in which it began: else every period would be a line."""
@@ -271,6 +336,14 @@ class CollisionMonitor:
         return Restriction(share, words)
 
 
-def seen_by(things: Surroundings, pose: Pose) -> Surroundings:
-    """In the body frame at a pose."""
-    return things._replace(points=seen_from(things.points, pose))
+def seen_by(things: Surroundings, pose: Pose, within: float) -> Surroundings:
+    """In the body frame at a pose, those that are so near to its origin, with their margins [m]."""
+    if not len(things.points):
+        return things
+    points = things.points - (pose.x, pose.y)
+    squares = points * points
+    far = squares[:, 0] + squares[:, 1]
+    near = np.flatnonzero(far <= (within + float(things.margins.max())) ** 2)
+    _, errors, margins, seen = (column[near] for column in things)
+    here = Pose(0.0, 0.0, pose.psi)
+    return Surroundings(seen_from(points[near], here), errors, margins, seen)

@@ -40,16 +40,22 @@ def between(before: Pose, after: Pose, time: float) -> Twist:
 def placed(points: Floats, x: Floats, y: Floats, psi: Floats) -> Floats:
     """Points of the body frame at poses, one each or one for all, in the frame of the poses."""
     c, s = np.cos(psi), np.sin(psi)
-    return np.column_stack(
-        (x + c * points[:, 0] - s * points[:, 1], y + s * points[:, 0] + c * points[:, 1])
-    )
+    there = np.empty_like(points)
+    there[:, 0] = x + c * points[:, 0] - s * points[:, 1]
+    there[:, 1] = y + s * points[:, 0] + c * points[:, 1]
+    return there
+
+
+def placed_at(x: float, y: float, pose: Pose) -> tuple[float, float]:
+    """One point of the body frame at a pose, in the frame of the pose."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    return pose.x + c * x - s * y, pose.y + s * x + c * y
 
 
 def seen_from(points: Floats, pose: Pose) -> Floats:
     """Points of a pose's frame, in the body frame there."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    dx, dy = points[:, 0] - pose.x, points[:, 1] - pose.y
-    return np.column_stack((c * dx + s * dy, c * dy - s * dx))
+    return (points - (pose.x, pose.y)) @ np.array(((c, -s), (s, c)))
 
 
 class PoseHistory:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from cohelm.core.types import Floats, Ints, Pose
 
@@ -69,28 +67,32 @@ def returns(ranges: Floats, sensor: Sensor, within: float) -> Returns:
     )
     errors = np.concatenate((sensor.noise / np.sqrt(counts), np.zeros(2 * len(close))))
     bearings = sensor.mount.psi + sensor.bearings[which]
-    points = np.column_stack(
-        (
-            sensor.mount.x + distances * np.cos(bearings),
-            sensor.mount.y + distances * np.sin(bearings),
-        )
-    )
+    points = np.empty((len(which), 2))
+    points[:, 0] = sensor.mount.x + distances * np.cos(bearings)
+    points[:, 1] = sensor.mount.y + distances * np.sin(bearings)
     margins = SURE * errors + distances * sensor.step
     return Returns(points, errors, margins, which / max(len(ranges) - 1, 1))
 
 
 def averaged(ranges: Floats, hit: Ints, sensor: Sensor) -> tuple[Floats, Floats]:
     """Some ranges, each averaged over the patch of surface around it, and over how many beams."""
-    mean, count = ranges[hit], np.ones(len(hit))
-    dense = np.flatnonzero(mean * sensor.step <= PATCH)  # others have no neighbour in the patch
-    own = mean[dense][:, None]
-    nobody = np.full(NEIGHBOURS, math.inf)
-    padded = np.concatenate((nobody, np.where(np.isfinite(ranges), ranges, math.inf), nobody))
-    around = sliding_window_view(padded, len(_OFFSETS))[hit[dense]]
-    same = (np.abs(around - own) <= SAME * sensor.noise) & (_OFFSETS * sensor.step * own <= PATCH)
-    count[dense] = same.sum(axis=1)
-    mean[dense] = np.where(same, around, 0.0).sum(axis=1) / count[dense]
-    return mean, count
+    own = np.where(np.isfinite(ranges), ranges, _NOWHERE)
+    total, count = own.copy(), np.ones(len(own))
+    least = float(own[hit].min(initial=_NOWHERE))
+    for apart in range(1, NEIGHBOURS + 1):
+        patch = PATCH / (apart * sensor.step)
+        if least > patch or apart >= len(own):
+            break  # none has so many neighbours in its patch
+        before, after = own[:-apart], own[apart:]
+        same = np.abs(after - before) <= SAME * sensor.noise
+        forth, back = same & (before <= patch), same & (after <= patch)
+        np.add(total[:-apart], after, out=total[:-apart], where=forth)
+        np.add(total[apart:], before, out=total[apart:], where=back)
+        count[:-apart] += forth
+        count[apart:] += back
+    count = count[hit]
+    return total[hit] / count, count
 
 
-_OFFSETS = np.abs(np.arange(-NEIGHBOURS, NEIGHBOURS + 1, dtype=np.float64))
+_NOWHERE = 1e6
+"""The range of a beam without a return, where only differences count [m]."""

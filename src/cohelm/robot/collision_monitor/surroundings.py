@@ -13,8 +13,8 @@ from cohelm.robot.collision_monitor.returns import Returns, Sensor
 from cohelm.robot.port import Scan
 
 REMEMBERED = 60.0
-"""What went out of sight is taken to stand there for so long [s]. The filter remembers it without
-an end, so this forbids nothing that the filter allows."""
+"""What went out of sight is taken to stand there for so long [s]; then nobody knows, and there is a
+crawl. The filter remembers it without an end, so this forbids nothing that the filter allows."""
 BESIDE = 3.0
 """And while it is nearer to the outline than this [m]: 3 s of backing at full speed."""
 GRAIN = 0.02
@@ -27,7 +27,8 @@ class Surroundings(NamedTuple):
     points: Floats
     """(n, 2) [m]"""
     errors: Floats
-    """Standard deviation of each, (n,) [m]."""
+    """Standard deviation of each, (n,) [m]; -inf where nobody knows whether there is anything: it
+    stops nothing, but is not driven into faster than at a crawl."""
     margins: Floats
     """By how much the thing may be nearer, (n,) [m]."""
     seen: Floats
@@ -42,28 +43,40 @@ def of_scan(found: Returns, scan: Scan, poses: PoseHistory) -> Surroundings:
     stamps = scan.stamp + scan.duration * found.passed
     if not len(stamps):
         return NOTHING
-    points = placed(found.points, *poses.during(stamps))
+    if scan.duration > 0.0:
+        points = placed(found.points, *poses.during(stamps))
+    else:
+        points = placed(found.points, *np.array(poses.at(scan.stamp)))
     return Surroundings(points, found.errors, found.margins, stamps)
 
 
 def joined(new: Surroundings, old: Surroundings) -> Surroundings:
     """Both."""
+    if not len(old.points):
+        return new
     return Surroundings(*(np.concatenate(both) for both in zip(new, old, strict=True)))
+
+
+def all_round(sensor: Sensor) -> bool:
+    """Whether nothing can go out of its sight but by distance."""
+    return sensor.bearings[-1] - sensor.bearings[0] + 1.5 * sensor.step > 2.0 * math.pi
 
 
 def out_of_sight(
     old: Surroundings, now: float, pose: Pose, sensor: Sensor, reach: float
 ) -> Surroundings:
     """What of it the sensor can not see from a pose, and is still to be reckoned with."""
-    first, last = sensor.bearings[0], sensor.bearings[-1]
-    if last - first + 1.5 * sensor.step > 2.0 * math.pi or not len(old.points):
+    if all_round(sensor) or not len(old.points):
         return NOTHING
+    first, last = sensor.bearings[0], sensor.bearings[-1]
     here = seen_from(old.points, pose)
-    near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
     from_sensor = seen_from(here, sensor.mount)
     bearings = np.arctan2(from_sensor[:, 1], from_sensor[:, 0])
-    hidden = (bearings < first) | (bearings > last)
-    kept = np.flatnonzero(hidden & near & (now - old.seen < REMEMBERED))
+    hidden = np.flatnonzero((bearings < first) | (bearings > last))
+    near = here[hidden, 0] ** 2 + here[hidden, 1] ** 2 < (reach + BESIDE) ** 2
+    kept = hidden[near]
     cells = np.round(old.points[kept] / GRAIN).astype(np.int64)
     _, one = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
-    return Surroundings(*(column[kept[one]] for column in old))
+    left = Surroundings(*(column[kept[one]] for column in old))
+    left.errors[now - left.seen >= REMEMBERED] = -math.inf
+    return left

@@ -24,6 +24,8 @@ a return in the outline can be wrong."""
 class Outline(NamedTuple):
     """A convex outline, counter-clockwise, in the body frame. Edge i goes on from corner i."""
 
+    corners: Floats
+    """(k, 2) [m]"""
     normals: Floats
     """Of each edge, outwards, unit vectors, (k, 2)."""
     offsets: Floats
@@ -36,6 +38,8 @@ class Outline(NamedTuple):
     """By how much its beginning moves along it when all edges go out by 1 m, (k,)."""
     last_grows: Floats
     """And its end, (k,)."""
+    spread: float
+    """By how much a corner moves at most when all edges go out by 1 m."""
     reach: float
     """From the origin to the farthest corner [m]."""
 
@@ -49,9 +53,10 @@ def outline(corners: Floats) -> Outline:
     before = np.roll(normals, 1, axis=0)
     grows = (normals + before) / (1.0 + (normals * before).sum(axis=1))[:, None]  # each corner
     return Outline(
-        normals, (normals * corners).sum(axis=1),
+        corners, normals, (normals * corners).sum(axis=1),
         (tangents * corners).sum(axis=1), (tangents * after).sum(axis=1),
         (tangents * grows).sum(axis=1), (tangents * np.roll(grows, -1, axis=0)).sum(axis=1),
+        float(np.hypot(grows[:, 0], grows[:, 1]).max()),
         float(np.hypot(corners[:, 0], corners[:, 1]).max()),
     )  # fmt: skip
 
@@ -82,13 +87,14 @@ def contact_times(points: Floats, margins: Floats, twist: Twist, shape: Outline)
     return np.where(outside.max(axis=1) <= 0.0, 0.0, times)
 
 
-def leaving(points: Floats, twist: Twist, shape: Outline) -> NDArray[np.bool_]:
-    """Which points, were they in the outline, the motion takes out of it, or less deep, (n,)."""
+def outwards(points: Floats, twist: Twist, shape: Outline) -> Floats:
+    """By how much points come farther out of the outline, or less deep in it, within a stride of
+    the motion, (n,) [m]; below 0 for those that it takes in."""
     outside = edge_distances(points, shape)
     speeds = np.column_stack((twist.omega * points[:, 1] - twist.v, -twist.omega * points[:, 0]))
     stride = STRIDE / fastest(twist, shape)
     after = outside + stride * (speeds @ shape.normals.T)
-    return after.max(axis=1) > outside.max(axis=1)
+    return after.max(axis=1) - outside.max(axis=1)
 
 
 def _straight(outside: Floats, twist: Twist, shape: Outline) -> Floats:
@@ -109,15 +115,20 @@ def _turning(points: Floats, margins: Floats, twist: Twist, shape: Outline) -> F
     """The points run round the centre of the turn, with -omega: where does that circle cross the
     line of an edge, and is that on the edge?"""
     centre = twist.v / twist.omega  # to the left
-    radius = np.sqrt(points[:, 0] ** 2 + (points[:, 1] - centre) ** 2)[:, None]
-    normals, grown = shape.normals, margins[:, None]
+    radii = np.sqrt(points[:, 0] ** 2 + (points[:, 1] - centre) ** 2)
+    times = np.full(len(points), math.inf)
+    ring = np.flatnonzero(_in_ring(radii, margins, centre, shape))
+    if not len(ring):
+        return times
+    points, radius, grown = points[ring], radii[ring, None], margins[ring, None]
+    normals = shape.normals
     away = shape.offsets - centre * normals[:, 1] + grown  # of the edge's line from the centre
     half = np.sqrt(np.maximum((radius - away) * (radius + away), 0.0))
     crosses = radius >= np.abs(away)
     middle = centre * normals[:, 0]  # of the chord, along the edge
     first = shape.first + grown * shape.first_grows - middle
     last = shape.last + grown * shape.last_grows - middle
-    least = np.full(len(points), math.inf)
+    least = np.full(len(ring), math.inf)
     for side in (-1.0, 1.0):
         i, edge = np.nonzero(crosses & (side * half >= first) & (side * half <= last))
         begins = np.arctan2(points[i, 1] - centre, points[i, 0])
@@ -126,4 +137,13 @@ def _turning(points: Floats, margins: Floats, twist: Twist, shape: Outline) -> F
         y = out * normals[edge, 1] + along * normals[edge, 0]
         angle = math.copysign(1.0, twist.omega) * (begins - np.arctan2(y, x))
         np.minimum.at(least, i, np.remainder(angle, 2.0 * math.pi))
-    return least / abs(twist.omega)
+    times[ring] = least / abs(twist.omega)
+    return times
+
+
+def _in_ring(radii: Floats, margins: Floats, centre: float, shape: Outline) -> NDArray[np.bool_]:
+    """Which circles round the centre of a turn, so far to the left, may meet the outline."""
+    away = shape.corners - (0.0, centre)
+    farthest = math.sqrt(float((away * away).sum(axis=1).max()))
+    nearest = float((centre * shape.normals[:, 1] - shape.offsets).max())  # at least
+    return (radii <= farthest + shape.spread * margins) & (radii >= nearest - margins)

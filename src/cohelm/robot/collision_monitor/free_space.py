@@ -1,0 +1,119 @@
+"""Ground that no beam looks at, and that none has looked at before: it may hold anything.
+
+A LiDAR that does not look all round leaves some beside or behind the robot. Cells of a window that
+moves with the sensor remember which ground has been in view, as far as odometry is right.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Floats, Pose
+from cohelm.robot.collision_monitor.odometry import placed_at, seen_from
+from cohelm.robot.collision_monitor.returns import Sensor
+from cohelm.robot.collision_monitor.surroundings import NOTHING, Surroundings
+from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
+
+CELL = 0.05
+"""Of the window [m]."""
+HALF = 44
+"""Cells from the sensor to the window's edge: 2.2 m, so that what `surroundings` forgets as too far
+away is outside, and its ground unknown again."""
+VOUCHED = 0.2
+"""So far beyond its turning circle, ground is taken to be free where the robot is switched on: who
+does that has looked; and from there it can turn and look for itself [m]."""
+CORNER = math.sqrt(0.5) * CELL
+"""From the middle of a cell to its corners, and at most from the sensor to that of its cell [m]."""
+STEADY, TURNED = CELL, 0.05
+"""A sensor that has moved less [m, rad] sees the same ground."""
+
+_X, _Y = np.meshgrid(np.arange(-HALF, HALF + 1), np.arange(-HALF, HALF + 1), indexing="ij")
+_FAR = CELL * np.hypot(_X, _Y)
+_BEARING = np.arctan2(_Y, _X).astype(np.float64)
+_WIDE = np.arcsin(np.minimum(2.0 * CORNER / np.maximum(_FAR, CELL), 1.0))
+"""Half the angle under which a cell may be seen, wherever in the middle one the sensor is."""
+
+
+class FreeSpace:
+    """What one sensor has looked at. All poses are of the odometry's frame."""
+
+    def __init__(self, sensor: Sensor, shape: Outline, within: float) -> None:
+        """within: ground farther than this beyond the turning circle can not matter yet [m]."""
+        self._sensor, self._shape = sensor, shape
+        mount = sensor.mount
+        self._near = math.hypot(mount.x, mount.y) + shape.reach + within > _FAR
+        self._known: NDArray[np.bool_] = np.zeros(_FAR.shape, dtype=np.bool_)
+        self._cell = (0, 0)
+        self._at: Pose | None = None
+        self._vouched = False
+
+    def forget(self) -> None:
+        """All of it: as if it were switched on anew."""
+        self._known[:] = False
+        self._at, self._vouched = None, False
+
+    def look(self, ranges: Floats, pose: Pose, turned: float, seen: float) -> Surroundings | None:
+        """After a scan from a pose: what is unknown within reach, or None where that is as before.
+
+        turned: by how much the robot turned during the scan [rad]. seen: when that was [s].
+        """
+        sensor, mount = self._sensor, self._sensor.mount
+        x, y = placed_at(mount.x, mount.y, pose)
+        psi = pose.psi + mount.psi
+        before = self._at
+        if (
+            before is not None
+            and math.hypot(x - before.x, y - before.y) < STEADY
+            and abs(psi - before.psi) < TURNED
+        ):
+            return None
+        self._at = Pose(x, y, psi)
+        self._move(round(x / CELL), round(y / CELL))
+        first = math.remainder(psi + sensor.bearings[0], 2.0 * math.pi)
+        span = float(sensor.bearings[-1] - sensor.bearings[0])
+        along = _BEARING - first  # from the first beam
+        along[along < 0.0] += 2.0 * math.pi
+        wide = _WIDE + 0.5 * abs(turned)
+        looks = (along >= wide) & (along <= span - wide)
+        beams = np.minimum((along / sensor.step + 0.5).astype(np.intp), len(ranges) - 1)
+        self._known |= looks & (ranges[beams] > _FAR - CELL)
+        if not self._vouched:
+            self._vouch(pose)
+        cells = np.argwhere(~(self._known | looks) & self._near)
+        if not len(cells):
+            return NOTHING
+        points: Floats = CELL * (cells - HALF + np.array(self._cell)).astype(np.float64)
+        outside = edge_distances(seen_from(points, pose), self._shape).max(axis=1)
+        under = outside <= -CORNER  # the robot itself is there
+        self._known[tuple(cells[under].T)] = True
+        unknown: Floats = points[~under]
+        n = len(unknown)
+        return Surroundings(
+            unknown, np.full(n, -math.inf), np.full(n, CORNER), np.full(n, seen)
+        )  # fmt: skip
+
+    def _vouch(self, pose: Pose) -> None:
+        """For the ground about a pose."""
+        self._vouched = True
+        x, y = (CELL * (c + k) for c, k in zip(self._cell, (_X, _Y), strict=True))
+        self._known |= np.hypot(x - pose.x, y - pose.y) < self._shape.reach + VOUCHED
+
+    def _move(self, i: int, j: int) -> None:
+        """The window about a cell: what was in it and still is stays known."""
+        di, dj = i - self._cell[0], j - self._cell[1]
+        self._cell = i, j
+        side = 2 * HALF + 1
+        known = np.zeros_like(self._known)
+        if abs(di) < side and abs(dj) < side:
+            to_i, from_i = _overlap(di, side)
+            to_j, from_j = _overlap(dj, side)
+            known[to_i, to_j] = self._known[from_i, from_j]
+        self._known = known
+
+
+def _overlap(by: int, side: int) -> tuple[slice, slice]:
+    """Where of a row that moved by so many cells is what it had, and where that was."""
+    return slice(max(-by, 0), side - max(by, 0)), slice(max(by, 0), side - max(-by, 0))

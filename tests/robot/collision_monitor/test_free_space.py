@@ -1,0 +1,215 @@
+"""Which ground counts as looked at, held against asking beam by beam."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from cohelm.core.types import Pose
+from cohelm.robot.collision_monitor.free_space import (
+    CELL,
+    CORNER,
+    HALF,
+    STEADY,
+    TURNED,
+    VOUCHED,
+    FreeSpace,
+)
+from cohelm.robot.collision_monitor.returns import Sensor
+from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING
+from cohelm.robot.collision_monitor.sweep import outline
+
+BOX = np.array([[0.36, 0.29], [-0.36, 0.29], [-0.36, -0.29], [0.36, -0.29]])
+SHAPE = outline(BOX)
+WITHIN = 0.6
+BEAMS = 720
+HERE = Pose(0.0, 0.0, 0.0)
+
+
+def sensor(view_deg=270.0, mount=Pose(0.3, 0.0, 0.0)):  # noqa: B008, a value
+    step = math.radians(view_deg) / (BEAMS - 1)
+    bearings = step * (np.arange(BEAMS) - 0.5 * (BEAMS - 1))
+    return Sensor(mount, bearings, step, 0.06, 0.02, 10.0, 0.0, 0.0)
+
+
+def empty():
+    return np.full(BEAMS, math.inf)
+
+
+def of_discs(discs, s, pose):
+    """What it measures among discs (x, y, radius): in closed form."""
+    c, sn = math.cos(pose.psi), math.sin(pose.psi)
+    x, y = pose.x + c * s.mount.x - sn * s.mount.y, pose.y + sn * s.mount.x + c * s.mount.y
+    angles = pose.psi + s.mount.psi + s.bearings
+    ranges = empty()
+    for disc_x, disc_y, radius in discs:
+        along = (disc_x - x) * np.cos(angles) + (disc_y - y) * np.sin(angles)
+        aside = (disc_y - y) * np.cos(angles) - (disc_x - x) * np.sin(angles)
+        hit = (np.abs(aside) < radius) & (along > 0.0)
+        near = along - np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
+        ranges = np.where(hit, np.minimum(ranges, near), ranges)
+    return ranges
+
+
+def polar(point, s, pose):
+    """Bearing and distance of a point from the sensor."""
+    c, sn = math.cos(pose.psi), math.sin(pose.psi)
+    x, y = c * (point[0] - pose.x) + sn * (point[1] - pose.y), \
+        c * (point[1] - pose.y) - sn * (point[0] - pose.x)  # fmt: skip
+    x, y = x - s.mount.x, y - s.mount.y
+    return math.remainder(math.atan2(y, x) - s.mount.psi, 2.0 * math.pi), math.hypot(x, y)
+
+
+def in_view(point, s, pose, ranges, slack):
+    """Whether a beam went there; with slack [m] asked generously, without it strictly."""
+    bearing, far = polar(point, s, pose)
+    spare = math.asin(min(abs(slack) / max(far, 1e-9), 1.0)) * (1 if slack > 0.0 else -1)
+    if not s.bearings[0] - spare <= bearing <= s.bearings[-1] + spare:
+        return False
+    near = np.abs(s.bearings - bearing) <= max(abs(spare), s.step)
+    beams = ranges[near] if near.any() else ranges[[0, -1]]
+    return bool((beams.max() if slack > 0.0 else beams.min()) > far - slack)
+
+
+def unknown_at(points, found):
+    """Which points lie in an unknown cell."""
+    if not len(found):
+        return np.zeros(len(points), dtype=bool)
+    return np.abs(points[:, None] - found[None]).max(axis=2).min(axis=1) <= 0.5 * CELL
+
+
+def test_where_it_is_switched_on_the_ground_about_it_is_vouched_for_and_no_other_behind():
+    found = FreeSpace(sensor(), SHAPE, WITHIN).look(empty(), HERE, 0.0, 3.0)
+    far = np.hypot(*found.points.T)
+    assert far.min() > SHAPE.reach + VOUCHED - CELL
+    assert far.min() < SHAPE.reach + VOUCHED + CELL
+    assert far.max() < 0.3 + 0.3 + SHAPE.reach + WITHIN + CELL
+    assert (found.errors == -math.inf).all()
+    assert (found.margins == CORNER).all()
+    assert (found.seen == 3.0).all()
+    behind = np.array([[-0.9, 0.0], [-0.8, 0.3], [-0.8, -0.3]])
+    assert unknown_at(behind, found.points).all()
+    seen = np.array([[0.9, 0.0], [0.3, 0.9], [-0.2, 0.9], [-0.2, -0.9]])
+    assert not unknown_at(seen, found.points).any()
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(
+        st.tuples(st.floats(-0.5, 0.5), st.floats(-0.4, 0.4), st.floats(-0.8, 0.8)),
+        min_size=2, max_size=8,
+    ),
+    st.lists(
+        st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(0.05, 0.3)), max_size=5
+    ),
+    st.sampled_from([(0.3, 0.0, 0.0), (0.1, -0.1, 0.4), (-0.2, 0.0, math.pi)]),
+)  # fmt: skip
+def test_ground_is_unknown_if_and_only_if_no_beam_went_there(moves, discs, mount):
+    """But for a cell at its borders, where it is unknown."""
+    s = sensor(mount=Pose(*mount))
+    it, pose, before = FreeSpace(s, SHAPE, WITHIN), HERE, []
+    unknown = NOTHING
+    for forward, aside, turn in moves:
+        pose = Pose(pose.x + forward, pose.y + aside, pose.psi + turn)
+        ranges = of_discs(discs, s, pose)
+        found = it.look(ranges, pose, 0.0, 0.0)
+        unknown = unknown if found is None else found
+        if found is not None:
+            before.append((pose, ranges))
+    angles = np.linspace(0.0, 2.0 * math.pi, 40)
+    rings = [SHAPE.reach + 0.05, SHAPE.reach + 0.25, SHAPE.reach + WITHIN - 0.1]
+    around = np.array([(r * math.cos(a), r * math.sin(a)) for r in rings for a in angles])
+    points = around + np.array((pose.x, pose.y))
+    start = before[0][0]
+    for point, is_unknown in zip(points, unknown_at(points, unknown.points), strict=True):
+        vouched = math.hypot(point[0] - start.x, point[1] - start.y)
+        now = in_view(point, s, pose, np.full(BEAMS, math.inf), 2.0 * CELL)
+        generous = [in_view(point, s, *look, 3.0 * CELL) for look in before]
+        reach = [polar(point, s, look[0])[1] for look in before]
+        if is_unknown:
+            strict = [
+                in_view(point, s, *look, -3.0 * CELL) and far < CELL * (HALF - 2)
+                for look, far in zip(before[-1:], reach[-1:], strict=True)
+            ]
+            assert not any(strict)
+            assert vouched > SHAPE.reach + VOUCHED - 2.0 * CELL
+        elif not now and not any(generous):
+            assert vouched < SHAPE.reach + VOUCHED + 2.0 * CELL or any(
+                (np.abs(point - (p.x, p.y)) < SHAPE.reach).all() for p, _ in before
+            )
+
+
+def test_what_a_thing_hid_is_unknown_when_it_goes_out_of_view():
+    """A disc to its left hides its inside; the robot drives on."""
+    s = sensor()
+    it = FreeSpace(s, SHAPE, WITHIN)
+    discs = [(0.5, 0.75, 0.15)]
+    for k in range(13):
+        pose = Pose(0.1 * k, 0.0, 0.0)
+        found = it.look(of_discs(discs, s, pose), pose, 0.0, 0.0)
+    hidden = np.array([[0.5, 0.75], [0.55, 0.8]])
+    seen = np.array([[0.5, 0.45], [0.75, 0.3], [0.1, 0.4], [1.0, -0.5]])
+    assert unknown_at(hidden, found.points).all()
+    assert not unknown_at(seen, found.points).any()
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf, 0.0])
+def test_a_beam_without_a_number_shows_nothing(value):
+    it = FreeSpace(sensor(), SHAPE, WITHIN)
+    it.look(np.full(BEAMS, value), HERE, 0.0, 0.0)
+    turned = it.look(empty(), Pose(0.0, 0.0, math.pi), 0.0, 0.0)
+    assert unknown_at(np.array([[0.9, 0.0], [0.85, 0.3]]), turned.points).all()
+
+
+def test_a_sensor_that_has_not_moved_sees_the_same_and_one_that_has_looks_again():
+    it = FreeSpace(sensor(), SHAPE, WITHIN)
+    assert it.look(empty(), HERE, 0.0, 0.0) is not None
+    assert it.look(empty(), Pose(0.9 * STEADY, 0.0, 0.0), 0.0, 0.1) is None
+    assert it.look(empty(), Pose(0.0, 0.0, 0.9 * TURNED), 0.0, 0.2) is None
+    assert it.look(empty(), Pose(1.1 * STEADY, 0.0, 0.0), 0.0, 0.3) is not None
+    assert it.look(empty(), Pose(1.1 * STEADY, 0.0, -1.1 * TURNED), 0.0, 0.4) is not None
+
+
+def test_a_scan_that_turned_shows_less_at_both_its_ends():
+    def at_the_edges(turned):
+        it = FreeSpace(sensor(), SHAPE, WITHIN)
+        found = it.look(empty(), HERE, turned, 0.0).points
+        return len(found[found[:, 1] > 0.0]), len(found[found[:, 1] < 0.0])
+
+    still, left, right = at_the_edges(0.0), at_the_edges(0.4), at_the_edges(-0.4)
+    assert left == right
+    assert all(more > less for more, less in zip(left, still, strict=True))
+
+
+def test_ground_the_robot_stood_on_is_known():
+    it = FreeSpace(sensor(), SHAPE, WITHIN)
+    nothing = np.full(BEAMS, math.nan)
+    for k in range(20):
+        found = it.look(nothing, Pose(-0.1 * k, 0.0, 0.0), 0.0, 0.0)
+    driven = np.array([[x, y] for x in (-1.5, -1.7, -1.9) for y in (-0.2, 0.0, 0.2)])
+    assert not unknown_at(driven, found.points).any()
+    assert unknown_at(np.array([[-2.45, 0.0], [-2.0, 0.5]]), found.points).all()
+
+
+def test_farther_than_the_window_ground_is_unknown_again():
+    it = FreeSpace(sensor(), SHAPE, WITHIN)
+    edge = CELL * HALF
+    assert math.sqrt(2.0) * edge + 0.3 < SHAPE.reach + BESIDE  # returns are remembered as far
+    it.look(empty(), HERE, 0.0, 0.0)
+    gone = it.look(np.full(BEAMS, math.nan), Pose(edge - 0.3, 0.0, 0.0), 0.0, 0.0)
+    assert not unknown_at(np.array([[edge - 0.9, 0.0]]), gone.points).any()
+    it.look(np.full(BEAMS, math.nan), Pose(3.0 * edge, 0.0, 0.0), 0.0, 0.0)
+    back = it.look(np.full(BEAMS, math.nan), Pose(edge - 0.3, 0.0, 0.0), 0.0, 0.0)
+    assert unknown_at(np.array([[edge - 0.9, 0.0]]), back.points).all()
+
+
+def test_switched_on_anew_it_knows_what_is_vouched_for_there():
+    it = FreeSpace(sensor(), SHAPE, WITHIN)
+    for k in range(10):
+        last = it.look(empty(), Pose(0.1 * k, 0.0, 0.0), 0.0, 0.0)
+    assert len(last.points) == 0
+    it.forget()
+    anew = it.look(empty(), Pose(0.9, 0.0, 0.0), 0.0, 0.0)
+    assert len(anew.points) > 50
+    assert np.hypot(anew.points[:, 0] - 0.9, anew.points[:, 1]).min() > SHAPE.reach + VOUCHED - CELL
