@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.errors import CohelmError
+from cohelm.perceive.surfaces import MOST_CELLS
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
+from cohelm.sim.grid import MOST_WALLS
 from tools.tables import keys
 
 PAGE = (Path(__file__).parents[2] / "docs/scenarios.md").read_text(encoding="utf-8")
@@ -37,6 +39,11 @@ def test_an_error_reads_as_it_is_quoted(change: str, said: str) -> None:
     with pytest.raises(CohelmError) as refused:
         load.scenario("minimal", [change])
     assert str(refused.value) == f"--set {change}: {said}"
+
+
+def test_how_large_a_map_may_be_is_told() -> None:
+    assert f"{MOST_CELLS // 10**6} million cells" in PAGE
+    assert f"{MOST_WALLS:,} borders".replace(",", " ") in PAGE
 
 
 def test_errors_are_quoted() -> None:
