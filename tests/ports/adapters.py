@@ -62,6 +62,7 @@ SHOWN = (
          (Alarm(7, Severity.WARNING, True, False, "the stick is lost"),)),
     Map(1, Pose(-4.0, -3.0, 0.5), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(bytes([0, 100, 255] * 2))),
     Polyline(Line.REFERENCE, np.array([[0.0, 0.0], [1.0, 0.5]], dtype=np.float32)),
+    Polyline(Line.DETOUR, np.array([[0.0, 0.5], [1.0, 0.5]], dtype=np.float32)),
     Polyline(Line.WAYPOINTS, np.array([[1.0, 0.5]], dtype=np.float32)),
     Discs(0, np.array([[2.0, 1.0, 0.25, -0.5, 0.25, 0.75]], dtype=np.float32)),
 )  # fmt: skip
