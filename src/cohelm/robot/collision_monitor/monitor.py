@@ -294,7 +294,7 @@ class CollisionMonitor:
     def _met(self, things: Surroundings, twist: Twist) -> Met:
         """What a motion meets. What is in the outline may be left; unknown ground beside it may be
         passed along too, as that takes in no more of it."""
-        if twist == _NONE:
+        if twist == _NONE or not len(things.points):
             return Met(math.inf, -1, math.inf, -1)
         points, errors, margins, _ = things
         times = contact_times(points, margins, twist, self._shape)
@@ -343,7 +343,7 @@ def seen_by(things: Surroundings, pose: Pose, within: float) -> Surroundings:
     points = things.points - (pose.x, pose.y)
     squares = points * points
     far = squares[:, 0] + squares[:, 1]
-    near = np.flatnonzero(far <= (within + float(things.margins.max())) ** 2)
+    near = np.flatnonzero(far <= (within + things.margins) ** 2)
     _, errors, margins, seen = (column[near] for column in things)
     here = Pose(0.0, 0.0, pose.psi)
     return Surroundings(seen_from(points[near], here), errors, margins, seen)
