@@ -57,8 +57,8 @@ def test_an_edited_formula_runs_at_once_though_its_caller_was_cached(checkout, t
     assert list(cache.rglob("*.nbc"))
     law = checkout / "law" / "track.py"
     text = law.read_text(encoding="utf-8")
-    assert "k_x * x_b" in text
-    law.write_text(text.replace("k_x * x_b", "2 * k_x * x_b"), encoding="utf-8")
+    assert "gains.k_x * x_b" in text
+    law.write_text(text.replace("gains.k_x * x_b", "2 * gains.k_x * x_b"), encoding="utf-8")
     assert answer(checkout, STEP, COHELM_CACHE_DIR=str(cache)) == pytest.approx(0.5 + 1.8)
     assert len(list((cache / "numba" / "law").iterdir())) == 2
 

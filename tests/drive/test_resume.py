@@ -233,6 +233,29 @@ def test_a_mode_asked_for_before_somebody_elses_stop_is_not_done_after_it(drive)
     drive.run(script())
 
 
+def test_who_stops_together_with_the_driver_is_not_overlooked(drive):
+    """Two stops reach the loop in one period; what was asked before both were obeyed is not done,
+    even by one of the two."""
+
+    def script():
+        anna = yield from driving(drive)
+        bert = drive.station("bert")
+        yield from waits(5)
+        anna.ask(Ask.STOP)
+        bert.ask(Ask.STOP)
+        yield from waits(1)
+        anna.ask(Ask.RESET)
+        mode = anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        yield from waits(60)
+        assert bert.answers[1] == (True, "")
+        assert anna.answers[mode] == (
+            False, "the robot was told to stand after you asked: ask again",
+        )  # fmt: skip
+        assert drive.keeper.gate.mode == GateMode.STOPPED
+
+    drive.run(script())
+
+
 def test_a_mode_asked_for_with_the_release_behind_it_is_not_done(drive):
     def script():
         anna = drive.station("anna")
@@ -432,7 +455,7 @@ def some(folder, seed: int, steps: int) -> Drive:
 def test_no_sequence_of_requests_deaths_and_timings_sets_the_robot_off(tmp_path, seed):
     made = some(tmp_path, seed, 1000)
     assert made.rule.given > 20
-    assert made.moved > 150  # else it shows nothing
+    assert made.moved > 100  # else it shows nothing
 
 
 @pytest.mark.slow

@@ -88,10 +88,8 @@ class RobotEnd(Turning):
         """What the driver wants now. Each request is handed out once, a stop before all others."""
         now = self.clock()
         with self._lock:
-            taken, stops = self._pending.take()
+            taken = self._pending.take()
             asked = tuple(a._replace(age=self._oldest(a, now)) for a in taken)
-            for number, request in stops:
-                self.answer(number, request, True)  # whoever takes a stop obeys it at once
             client = self._clients.get(self._held.driver)
             if client is None:
                 return Heard(self._held.driver, self._name(self._held.driver), None, math.nan,
