@@ -44,10 +44,10 @@ def known(
 ) -> Known:
     """From the cells of an occupancy map, (rows, columns), row 0 at the smallest y.
 
-    Surfaces are where occupied cells border on others, put on the line through their neighbours:
-    a wall that is three cells thick because its hits scatter has its line in the middle of the
-    cells near the border. Raises CohelmError where nothing is occupied, nothing free, or more than
-    MOST_BORDER cells are on a border.
+    Surfaces are where occupied cells border on free ones, put on the line through those of their
+    neighbours that face the same way: each side of a wall that can be seen from both is its own
+    surface, with a normal towards where it is seen from. Raises CohelmError where nothing is
+    occupied, nothing free, or more than MOST_BORDER cells are on a border.
     """
     if not occupied.any():
         raise CohelmError("the map has no occupied cell, so nothing to localise by: map it again")
@@ -62,9 +62,12 @@ def known(
             f"the map has {found} cells on the border of what is occupied, and {MOST_BORDER} are "
             "the most to localise by: clear it of noise, or make it coarser"
         )
-    cells = np.asarray(np.argwhere(border)[:, ::-1] + 0.5, dtype=np.float64)
-    points, across = _lined(cells * resolution, max(0.15, 3.0 * resolution))
-    points, across = thinned(points, across, max(0.03, resolution))
+    cells, facing = _faces(occupied, free)
+    if 4 * len(cells) < found:  # what is free was not drawn up to the walls
+        beside = ndimage.binary_dilation(free, iterations=3, mask=~occupied)
+        cells, facing = _faces(occupied, beside)
+    points, across = _lined(cells * resolution, facing, max(0.15, 3.0 * resolution))
+    points, across = _one_each(points, across, max(0.03, resolution))
     points, across = placed(points, origin), turned(across, origin.psi)
     distance = ndimage.distance_transform_edt(~occupied) * resolution
     gap = np.minimum(distance, _FARTHEST).astype(np.float32)
@@ -73,23 +76,41 @@ def known(
     open_ = (free & (gap > _ROOM))[rows, columns]
     own = np.column_stack((columns[open_] + 0.5, rows[open_] + 0.5)) * resolution
     return Known(
-        surfaces(points, across, max(resolution, 0.025), _REACH),
+        surfaces(points, across, max(resolution, 0.025), _REACH, back=True),
         gap, ~(occupied | free), float(resolution), origin, placed(own, origin),
     )  # fmt: skip
 
 
-def _lined(points: Floats, reach: float) -> tuple[Floats, Floats]:
-    """Points put on the line through their neighbours within `reach` [m], and its normal."""
+def _faces(occupied: NDArray[np.bool_], free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Sides of occupied cells that border on free ones: the cell's centre, and the direction to the
+    free one, in cells, (n, 2) each. A wall one cell thick has a side on either hand."""
+    cells: list[Floats] = []
+    facing: list[Floats] = []
+    wide = np.pad(free, 1)
+    for column, row in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        height, width = occupied.shape
+        beside = wide[1 + row : 1 + row + height, 1 + column : 1 + column + width]
+        found = np.argwhere(occupied & beside)[:, ::-1]
+        cells.append(np.asarray(found + 0.5, dtype=np.float64))
+        facing.append(np.tile(np.array([float(column), float(row)]), (len(found), 1)))
+    return np.vstack(cells), np.vstack(facing)
+
+
+def _lined(points: Floats, facing: Floats, reach: float) -> tuple[Floats, Floats]:
+    """Points put on the line through those neighbours within `reach` [m] that do not face the other
+    way, and its normal, to the side that they face."""
     from scipy.spatial import cKDTree
 
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    return _fitted(points, np.vstack((pairs, pairs[:, ::-1])))
+    pairs = pairs[np.einsum("ij,ij->i", facing[pairs[:, 0]], facing[pairs[:, 1]]) > -0.5]
+    return _fitted(points, facing, np.vstack((pairs, pairs[:, ::-1])))
 
 
 @jit
-def _fitted(points: Floats, pairs: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _fitted(points: Floats, facing: Floats, pairs: NDArray[np.int64]) -> tuple[Floats, Floats]:
     n = len(points)
     sums = np.zeros((n, 6))
+    sides = facing.copy()
     for i in range(n):
         sums[i, 0] = 1.0
     for p in range(len(pairs)):
@@ -101,6 +122,7 @@ def _fitted(points: Floats, pairs: NDArray[np.int64]) -> tuple[Floats, Floats]:
         sums[i, 3] += dx * dx
         sums[i, 4] += dx * dy
         sums[i, 5] += dy * dy
+        sides[i] += facing[j]
     out, across = np.empty((n, 2)), np.empty((n, 2))
     m = 0
     for i in range(n):
@@ -112,11 +134,20 @@ def _fitted(points: Floats, pairs: NDArray[np.int64]) -> tuple[Floats, Floats]:
         c = sums[i, 5] - sy * sy / k
         turn = 0.5 * math.atan2(2.0 * b, a - c)
         nx, ny = -math.sin(turn), math.cos(turn)
+        if nx * sides[i, 0] + ny * sides[i, 1] < 0.0:
+            nx, ny = -nx, -ny
         off = (sx * nx + sy * ny) / k
         out[m, 0], out[m, 1] = points[i, 0] + off * nx, points[i, 1] + off * ny
         across[m, 0], across[m, 1] = nx, ny
         m += 1
     return out[:m].copy(), across[:m].copy()
+
+
+def _one_each(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
+    """One point of each square cell for each of the four directions that it may face [m]."""
+    quarter = np.floor(np.arctan2(across[:, 1], across[:, 0]) / (0.5 * math.pi) + 0.5) % 4
+    each = [thinned(points[quarter == q], across[quarter == q], side) for q in range(4)]
+    return np.vstack([p for p, _ in each]), np.vstack([a for _, a in each])
 
 
 @jit

@@ -19,10 +19,11 @@ import numpy as np
 from cohelm.core.types import Floats, Pose, wrap
 from cohelm.perceive.drift import SCALE, inverted, joined, moved, updated
 from cohelm.perceive.frames import between, compose
+from cohelm.perceive.keyframe import Keyframe, agreement, usable
 from cohelm.perceive.known import Judgement, Known, free_at, judge
-from cohelm.perceive.match import Care, align
+from cohelm.perceive.match import Care, align, independent
 from cohelm.perceive.search import Search, candidates, looked, search
-from cohelm.perceive.surfaces import normals
+from cohelm.perceive.surfaces import facing, normals
 from cohelm.perceive.sweep import Sweep
 from cohelm.robot.sensors import Lidar
 
@@ -49,6 +50,26 @@ class Caution(NamedTuple):
     """After as many scans with no other place that fits so well, it was."""
     pause: int = 8
     """Which is asked again after so many scans."""
+    contradicted: float = -1.2
+    """A scan this unlikely after the one before, by the odometry between them: one thing at least
+    is not where it was."""
+    jolts: int = 2
+    """So many such scans in a row, and the robot may have been moved;"""
+    frozen: int = 10
+    """For so many, no newer keyframe is taken, and"""
+    alarmed: int = 30
+    """for so many scans a better place may be that to which."""
+    proven: float = 1.0
+    """A pose that has fitted for this way [m] is not given up for what the map shows wrong, while
+    scans agree with each other,"""
+    unheld: float = 5.0
+    """before it has been so for this way [m]."""
+    rivals: int = 4
+    """Nor for another place, unless that fitted better by `margin` in so many checks in a row,"""
+    rivalled: float = 1.5
+    """over this way [m]."""
+    refused: float = 16.0
+    """A match this unlikely by what was foretold, as squared sigmas, is not believed."""
     good: float = 0.9
     """A new pose is believed only where as many beams agree, of those unblocked,"""
     seen: float = 0.5
@@ -63,6 +84,9 @@ class Caution(NamedTuple):
     """through as many scans: a robot that stands would else be lost for ever."""
     views: int = 4
     """Switched on with no idea where it is, it must hold from so many places some way apart."""
+    whole: float = 0.75
+    """Far from where it was, or with no idea where that was, this share of all beams must agree:
+    people near by hide less than a quarter of what is around,"""
     least: float = -12.0
     """and this log likelihood, which allows for some four things that are not on the map,"""
     sure: float = 0.1
@@ -132,16 +156,26 @@ class Locator:
         self._before: Pose | None = None  # and where it believed to be until then
         self._odd = 0
         self._checking = False  # whether the search only checks a pose that is believed
+        self._left: Pose | None = None  # where it would be by odometry, since it is lost
         self._moved = False  # whether that check has found one that fits as it used to
         self._leading: _Hypothesis | None = None  # the likeliest
         self._led = 0  # scans in which it led well
         self._usual = -math.inf  # log likelihood of scans, as they were before they were odd
         self._likely = 0.0  # log likelihood of the believed pose
+        self._spread = 0.0  # how far those of scans are from what is usual, in the mean
+        self._keyframe: Keyframe | None = None
+        self._there = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
+        self._jolts = self._alarm = 0
+        self._ranges: Floats = np.empty(0)  # of the newest scan
+        self._fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
+        self._rivals = 0
+        self._rival, self._rivalled = Pose(0.0, 0.0, 0.0), 0.0
         pose = self.start or Pose(0.0, 0.0, 0.0)
         lost = self.start is None
         wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
         reason = "looking for the robot on the map" if lost else ""
         self._stretch, self._joint = 0.0, joined(wide, SCALE * SCALE)
+        self._told_joint: Floats = self._joint  # of what errs independently only: what is told
         self.located = Located(pose, wide, 0.0, lost, reason)
 
     def place(self, pose: Pose, sigma: float = 0.3) -> None:
@@ -165,11 +199,15 @@ class Locator:
         step = Pose(longer * step.x, longer * step.y, step.psi)
         self._base = compose(self._base, step)
         self._before = compose(self._before, step) if self._before else None
+        self._left = compose(self._left, step) if self._left else None
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
         every = max(1, -(-len(points) // self.caution.points))
         # contiguous whatever `every` is: other strides are another function to compile
         points = np.ascontiguousarray(points[::every])
-        across = np.ascontiguousarray(across[::every])
+        mount = self.lidar.mount
+        across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
+        self._ranges = sweep.ranges
+        self._compare(odometry, sweep.ranges)
         if self.located.lost:
             self._follow(step, sweep, points, across)
         else:
@@ -197,15 +235,37 @@ class Locator:
                 self._everywhere = self._cold or not self._everywhere
         return self.located
 
+    def _compare(self, odometry: Pose, ranges: Floats) -> None:
+        """Ask whether this scan contradicts the keyframe; take a newer one where it does not."""
+        key, c = self._keyframe, self.caution
+        step = between(key.odometry, odometry) if key else Pose(0.0, 0.0, 0.0)
+        if key is not None:
+            log = agreement(self.lidar, key.ranges, ranges, step)
+            self._jolts = self._jolts + 1 if log < c.contradicted else 0
+            self._alarm = c.alarmed if self._jolts >= c.jolts else max(self._alarm - 1, 0)
+        gone = key is None or math.hypot(step.x, step.y) > 0.3 or abs(step.psi) > 0.3
+        held = 0 < self._jolts < c.frozen
+        if gone and not held and not self.located.lost and usable(self.lidar, ranges):
+            self._keyframe = Keyframe(odometry, ranges)
+            self._there = self.located.pose
+            self._jolts = 0
+
+    @property
+    def _movable(self) -> bool:
+        """Whether the robot may have been moved, or has not yet shown that it knows its place."""
+        return self._alarm > 0 or self._fitting < self.caution.proven
+
     def _track(self, step: Pose, sweep: Sweep, points: Floats, across: Floats) -> None:
         foretold, joint = moved(self.located.pose, self._joint, step)
+        _, told = moved(self.located.pose, self._told_joint, step)
         spread = joint[:3, :3]
         prior = inverted(spread)
         fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
         judged = self._judge(fit.pose, sweep.ranges)
-        c = self.caution
-        likely = judged.log >= c.unlikely
-        if not likely or not self._fair(judged, c.fair):
+        c, way = self.caution, math.hypot(step.x, step.y)
+        movable = self._movable
+        fits = self._fits(judged)
+        if movable and not fits:
             loose = np.diag([4.0, 4.0, 16.0])
             wider = self.care._replace(reach=0.6)
             other = align(self.known.surfaces, points, across, foretold, loose, wider)
@@ -214,29 +274,46 @@ class Locator:
                 # pushed: what the odometry missed says nothing about its scale
                 fit, judged, foretold = other, again, other.pose
                 joint = joined(spread + np.diag([0.3, 0.3, 0.2]) ** 2, float(joint[3, 3]))
-        good = judged.log >= c.unlikely and self._fair(judged, c.fair)
-        self._doubts = 0 if good else self._doubts + 1
+                told = joined(told[:3, :3] + np.diag([0.3, 0.3, 0.2]) ** 2, float(told[3, 3]))
+            fits = self._fits(judged)
+        self._fitting = self._fitting + way if fits else self._fitting
+        self._unheld = 0.0 if fits else self._unheld + way
+        self._doubts = self._doubts + 1 if not fits and (movable or self._unheld > c.unheld) else 0
         if self._doubts >= c.patience:
             self._forget()
             self._everywhere = False
             why = "what the LiDAR sees is not what the map shows here"
-            self._joint = joint
-            self.located = Located(foretold, spread, judged.agree, True, why)
+            self._left = foretold
+            self._joint = self._told_joint = joint
+            self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
             self._seek(points, across, sweep)
             return
         innovation = np.array([
             fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi),
         ])  # fmt: skip
-        self._stretch += float(joint[3, :3] @ np.linalg.solve(joint[:3, :3], innovation))
-        self._stretch = min(max(self._stretch, -0.1), 0.1)
-        self._joint = updated(joint, fit.information)
-        self.located = Located(fit.pose, self._joint[:3, :3].copy(), judged.agree, False, "")
+        own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
+        off = innovation @ own @ np.linalg.solve(np.eye(3) + told[:3, :3] @ own, innovation)
+        if not movable and off > c.refused:
+            self._joint, self._told_joint = joint, told
+            self.located = Located(foretold, told[:3, :3].copy(), judged.agree, False, "")
+        else:
+            self._stretch += float(joint[3, :3] @ np.linalg.solve(joint[:3, :3], innovation))
+            self._stretch = min(max(self._stretch, -0.1), 0.1)
+            self._joint = updated(joint, fit.information)
+            new = min(1.0, max(way / self.care.correlated, 0.02)) if not movable else 1.0
+            self._told_joint = updated(told, new * own)
+            self.located = Located(
+                fit.pose, self._told_joint[:3, :3].copy(), judged.agree, False, ""
+            )
         self._likely = judged.log
-        odd = judged.log < max(c.odd, self._usual - c.drop)
-        if not odd:
-            more = judged.log if self._usual == -math.inf else self._usual
-            self._usual = 0.99 * more + 0.01 * judged.log
+        odd = judged.log < max(c.odd, self._usual - max(c.drop, 3.0 * self._spread))
+        if self._usual == -math.inf:
+            self._usual = judged.log
+        if not odd or not movable:
+            self._spread += 0.01 * (abs(judged.log - self._usual) - self._spread)
+            self._usual += 0.01 * (judged.log - self._usual)
         self._odd = self._odd + 1 if odd else 0
+        self._rivalled += way
         due = self._odd >= c.patience and self._odd % c.pause == c.patience
         if (due or self._told) and not self._searched:
             self._everywhere, self._checking = False, True
@@ -247,6 +324,11 @@ class Locator:
         """Track from here on."""
         self._cold, self._before = False, None
         self._joint = joined(covariance, max(float(self._joint[3, 3]), 1e-6))
+        self._told_joint = self._joint
+        self._keyframe, self._alarm, self._jolts = None, 0, 0
+        self._left = None
+        self._fitting = self._unheld = 0.0
+        self._rivals = 0
         self.located = Located(pose, covariance, share, False, "")
 
     def _follow(self, step: Pose, sweep: Sweep, points: Floats, across: Floats) -> None:
@@ -292,7 +374,9 @@ class Locator:
             near = np.hypot(places[:, 0] - here.x, places[:, 1] - here.y) < self.caution.near
             places = places[near]
         self._search = search(sweep.points, places)
-        self._found = [self._before] if self._before else []
+        # where it is taken to be competes with all others
+        self._found = [] if self._cold else [self.located.pose]
+        self._found += [self._before] if self._before else []
         self._searched = (points, across, sweep.ranges)
         self._base = Pose(0.0, 0.0, 0.0)
         if not self._hypotheses:
@@ -352,7 +436,8 @@ class Locator:
         else:
             wanted = self._wanted(best, lead)
         sigma = math.sqrt(float(np.linalg.eigvalsh(best.covariance[:2, :2])[-1]))
-        glimpsed = self._cold and self._views < c.views
+        far = self._far(best.pose)
+        glimpsed = far and self._views < c.views
         if lead < wanted or glimpsed:
             why = f"{len(kept)} places on the map look alike: drive on a little"
             if self._moved:
@@ -361,8 +446,8 @@ class Locator:
                 why = "one view is not enough to be sure: drive on a little"
         elif (
             not self._fair(best.judged, c.good)
-            or best.judged.agree < c.seen
-            or (best.judged.log < c.least and (self._cold or lead < 3.0 * c.margin))
+            or best.judged.agree < (c.whole if far else c.seen)
+            or (best.judged.log < c.least and (far or lead < 3.0 * c.margin))
             or best.judged.told < 0.5 * len(self.lidar.beams)
         ):
             why = "too much of what the LiDAR sees is not on the map"
@@ -374,18 +459,55 @@ class Locator:
             return
         self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
 
+    def _far(self, pose: Pose) -> bool:
+        """Whether the robot can hardly have been moved there: then nothing else speaks for it."""
+        left, told = self._left, self._before
+        if self._cold:
+            return True
+        near = [p for p in (left, told) if p is not None]
+        reach = self.caution.near + 0.5
+        return bool(near) and all(math.hypot(p.x - pose.x, p.y - pose.y) > reach for p in near)
+
     def _holds(self, best: _Hypothesis | None) -> bool:
         """Whether the believed pose stands up to what a check of it has found; that ends it."""
         c = self.caution
         self._checking = False
         if best is not None and not _same(best.pose, self.located.pose):
-            if best.latest > self._likely + c.margin:
+            better = best.latest > self._likely + c.margin
+            as_before = best.latest > max(self._likely + c.drop, self._usual - c.alike)
+            if self._movable:
+                if self._agrees(best.pose) and (better or as_before):
+                    self._moved = as_before and not better
+                    return False
+            elif better and self._rivals_again(best.pose):
                 return False
-            self._moved = best.latest > max(self._likely + c.drop, self._usual - c.alike)
-            if self._moved:
-                return False
+        else:
+            self._rivals = 0
         self._hypotheses, self._before = [], None
         return True
+
+    def _agrees(self, pose: Pose) -> bool:
+        """Whether the newest scan, had the robot been moved to this pose, agrees with the keyframe,
+        and better than where it takes itself to be."""
+        key = self._keyframe
+        if key is None or not self._alarm:
+            return True
+        here = agreement(
+            self.lidar, key.ranges, self._ranges, between(self._there, self.located.pose)
+        )
+        there = agreement(self.lidar, key.ranges, self._ranges, between(self._there, pose))
+        return there > here
+
+    def _rivals_again(self, pose: Pose) -> bool:
+        """Whether the same other place has been found better often enough, and for long enough."""
+        seen = between(self.located.pose, pose)
+        off = math.hypot(seen.x - self._rival.x, seen.y - self._rival.y)
+        if self._rivals == 0 or off > 0.5:
+            self._rivals, self._rivalled = 0, 0.0
+        self._rival = seen
+        self._rivals += 1
+        c = self.caution
+        return self._rivals >= c.rivals and self._rivalled >= c.rivalled
 
     def _wanted(self, best: _Hypothesis, lead: float) -> float:
         """The lead in log likelihood that makes the best hypothesis believed."""
@@ -411,6 +533,14 @@ class Locator:
 
     def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
         return judge(self.known, self.lidar, pose, ranges, 1)
+
+    def _fits(self, judged: Judgement) -> bool:
+        """Whether a tracked pose may be kept; after a jolt, less is excused than before."""
+        c = self.caution
+        least = c.unlikely
+        if self._alarm > 0 and self._usual > -math.inf:
+            least = max(least, self._usual - max(c.margin, 4.0 * self._spread))
+        return judged.log >= least and self._fair(judged, c.fair)
 
     def _plausible(self, judged: Judgement) -> bool:
         return judged.log >= self.caution.least and self._fair(judged, self.caution.fair)

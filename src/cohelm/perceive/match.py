@@ -30,6 +30,8 @@ class Care(NamedTuple):
     """Neighbouring beams err alike (map, calibration): the share of them that counts as told
     independently."""
     rounds: int = 20
+    correlated: float = 1.0
+    """A map errs alike along so much of a wall, and along so much of the way [m]."""
 
 
 class Fit(NamedTuple):
@@ -50,6 +52,7 @@ def align(
 ) -> Fit:
     """Match points (n, 2) with normals (n, 2), in the body frame, from a first guess.
 
+    Where the surfaces' normals say from where they are seen, those of the points must as well.
     prior: (3, 3) information of the guess. Failure is in the numbers: a small share.
     """
     x, y, psi = start.x, start.y, start.psi
@@ -57,9 +60,19 @@ def align(
     converged = False
     information, slope = np.empty((3, 3)), np.empty(3)
     share, rms = 0.0, math.inf
+    weights = np.full(len(points), care.share)
     for turn in range(care.rounds):
         share, rms = _gather(
-            known, points, across, Pose(x, y, psi), reach, care, information, slope
+            known,
+            points,
+            across,
+            Pose(x, y, psi),
+            reach,
+            care,
+            information,
+            slope,
+            weights,
+            care.sigma,
         )
         ex, ey, epsi = x - start.x, y - start.y, wrap(psi - start.psi)
         full = information + prior
@@ -76,21 +89,27 @@ def align(
             break
         reach = max(care.least, 0.75 * reach) if turn > 0 else reach
     pose = Pose(x, y, psi)
-    share, rms = _gather(known, points, across, pose, care.least, care, information, slope)
+    share, rms = _gather(
+        known, points, across, pose, care.least, care, information, slope, weights, care.sigma
+    )
     return Fit(pose, information, share, rms, converged)
 
 
 @jit
 def _gather(
     known: Surfaces, points: Floats, across: Floats, pose: Pose, reach: float, care: Care,
-    information: Floats, slope: Floats,
+    information: Floats, slope: Floats, weights: Floats, sigma: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Normal equations of one round, written into `information` and `slope`; share and rms."""
+    """Normal equations of one round, written into `information` and `slope`; share and rms.
+
+    weights: (n,) of the points. sigma: standard deviation of a point from its surface [m].
+    """
     information[:, :] = 0.0
     slope[:] = 0.0
     rows, columns = known.nearest.shape
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    weight = care.share / (care.sigma * care.sigma)
+    weight = 1.0 / (sigma * sigma)
+    sided = len(known.back) > 0
     square, count = 0.0, 0
     for k in range(len(points)):
         qx = c * points[k, 0] - s * points[k, 1]
@@ -103,15 +122,25 @@ def _gather(
         if i < 0:
             continue
         nx, ny = known.normals[i, 0], known.normals[i, 1]
+        ax = c * across[k, 0] - s * across[k, 1]
+        ay = s * across[k, 0] + c * across[k, 1]
+        same = ax * nx + ay * ny
+        if sided:
+            if same < -0.85:  # of a wall, the other side is nearer
+                i = known.back[i]
+                if i < 0:
+                    continue
+                nx, ny = known.normals[i, 0], known.normals[i, 1]
+                same = ax * nx + ay * ny
+            if same < 0.85:
+                continue
+        elif abs(same) < 0.85:
+            continue
         dx, dy = px - known.points[i, 0], py - known.points[i, 1]
         if dx * dx + dy * dy > reach * reach:
             continue
-        ax = c * across[k, 0] - s * across[k, 1]
-        ay = s * across[k, 0] + c * across[k, 1]
-        if abs(ax * nx + ay * ny) < 0.85:
-            continue
         e = dx * nx + dy * ny
-        w = weight * min(1.0, care.sigma / max(abs(e), 1e-9))
+        w = weight * weights[k] * min(1.0, sigma / max(abs(e), 1e-9))
         turn = ny * qx - nx * qy
         information[0, 0] += w * nx * nx
         information[0, 1] += w * nx * ny
@@ -130,3 +159,26 @@ def _gather(
     if count == 0:
         return 0.0, math.inf
     return count / len(points), math.sqrt(square / count)
+
+
+@jit
+def independent(
+    known: Surfaces, points: Floats, across: Floats, pose: Pose, care: Care, rms: float
+) -> Floats:
+    """(3, 3) information of a match, as far as what it rests on errs independently.
+
+    A map errs by walls, not by beams: each correlation length of wall tells once, and no better
+    than half a cell, or than the points lie off it.
+    """
+    information, slope = np.empty((3, 3)), np.empty(3)
+    n = len(points)
+    weights = np.empty(n)
+    for k in range(n):
+        d = care.correlated
+        if k > 0:
+            gap = math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+            d = min(gap, d)
+        weights[k] = d / care.correlated
+    sigma = math.sqrt(0.25 * known.resolution * known.resolution + min(rms, 1.0) ** 2)
+    _gather(known, points, across, pose, care.least, care, information, slope, weights, sigma)
+    return information

@@ -24,9 +24,11 @@ MOST_CELLS = 64_000_000
 
 
 class Surfaces(NamedTuple):
-    """points: (n, 2) [m]. normals: (n, 2), unit, of either sign. nearest: (rows, columns), row
-    of the nearest surface to a cell's centre, -1 where none is within reach; rows run along y.
-    resolution: side of a cell [m]. (x, y): outer corner of cell (0, 0) [m]."""
+    """points: (n, 2) [m]. normals: (n, 2), unit, of either sign, or to where they are seen from.
+    nearest: (rows, columns), row of the nearest surface to a cell's centre, -1 where none is
+    within reach; rows run along y. resolution: side of a cell [m]. (x, y): outer corner of cell
+    (0, 0) [m]. back: (n,), row of the nearest surface that faces the other way, as the other
+    side of a wall does, -1 where there is none; empty where normals are of either sign."""
 
     points: Floats
     normals: Floats
@@ -34,6 +36,11 @@ class Surfaces(NamedTuple):
     resolution: float
     x: float
     y: float
+    back: Ints
+
+
+_NO_BACK: Ints = np.empty(0, np.int64)
+_THICK = 0.3  # of a wall whose other side is looked for, at most [m]
 
 
 @jit
@@ -85,6 +92,16 @@ def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
 
 
 @jit
+def facing(points: Floats, across: Floats, x: float, y: float) -> Floats:
+    """The directions across (n, 2), each to the side that a place looks at its point from."""
+    out = across.copy()
+    for i in range(len(points)):
+        if (points[i, 0] - x) * across[i, 0] + (points[i, 1] - y) * across[i, 1] > 0.0:
+            out[i, 0], out[i, 1] = -across[i, 0], -across[i, 1]
+    return out
+
+
+@jit
 def moved(pose: Pose, vectors: Floats, place: bool) -> Floats:
     """Vectors (n, 2) of a body frame in that of its pose; directions if not `place`d."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
@@ -96,13 +113,18 @@ def moved(pose: Pose, vectors: Floats, place: bool) -> Floats:
     return out
 
 
-def surfaces(points: Floats, across: Floats, resolution: float, reach: float) -> Surfaces:
+def surfaces(
+    points: Floats, across: Floats, resolution: float, reach: float, back: bool = False
+) -> Surfaces:
     """Index points with normals; places farther than `reach` from all have no nearest [m].
+
+    back: normals say from where a surface is seen.
 
     Raises CohelmError where that would take more than MOST_CELLS.
     """
     if len(points) == 0:
-        return Surfaces(points, across, np.empty((0, 0), np.int32), resolution, 0.0, 0.0)
+        nothing = np.empty((0, 0), np.int32)
+        return Surfaces(points, across, nothing, resolution, 0.0, 0.0, _NO_BACK)
     low = points.min(axis=0) - reach - resolution
     size = np.ceil((points.max(axis=0) + reach + resolution - low) / resolution)
     if not float(size[0]) * float(size[1]) <= MOST_CELLS:
@@ -113,9 +135,24 @@ def surfaces(points: Floats, across: Floats, resolution: float, reach: float) ->
         )
     size = size.astype(int)
     nearest = np.full((int(size[1]), int(size[0])), -1, np.int32)
-    made = Surfaces(points, across, nearest, resolution, float(low[0]), float(low[1]))
+    other = _backs(points, across) if back else _NO_BACK
+    made = Surfaces(points, across, nearest, resolution, float(low[0]), float(low[1]), other)
     _spread(made, reach)
     return made
+
+
+def _backs(points: Floats, across: Floats) -> Ints:
+    from scipy.spatial import cKDTree
+
+    count = min(24, len(points))
+    nearest = range(1, count + 1)
+    near = cKDTree(points).query(points, list(nearest), distance_upper_bound=_THICK)
+    there = np.isfinite(np.asarray(near[0], dtype=np.float64))
+    rows = np.where(there, np.asarray(near[1], dtype=np.int64), 0)
+    facing = there & (np.einsum("ij,ikj->ik", across, across[rows]) < -0.85)
+    first = facing.argmax(axis=1)
+    found = rows[np.arange(len(points)), first]
+    return np.where(facing.any(axis=1), found, -1).astype(np.int64)
 
 
 @jit

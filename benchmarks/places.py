@@ -1,0 +1,339 @@
+"""Localisation on maps by others and on generated buildings: `python -m benchmarks.places`.
+
+Perception alone, along synthetic drives: scans are cast in the true world, the robot has the map.
+Published maps are read where they are there, beside the checkout; such a map is world and map
+at once, as in a simulator. Buildings are drawn by `tests/perceive/buildings.py`; seeds below 100
+may be tuned on, those from 100 on are for the table in docs/perceive.md.
+
+    python -m benchmarks.places [drives] [kidnaps] [cold] [--quick] [--only NAME] [--seeds 100:105]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from scipy import ndimage  # noqa: E402
+
+from cohelm.core.types import Floats, Pose  # noqa: E402
+from cohelm.perceive.seen import Perception, rehearse  # noqa: E402
+from cohelm.robot.sensors import LidarModel  # noqa: E402
+from cohelm.scenario.load import robot  # noqa: E402
+from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, read_map  # noqa: E402
+from tests.perceive.buildings import (  # noqa: E402
+    NO_DISCS,
+    Artefacts,
+    Place,
+    boxes,
+    building,
+    tour,
+)
+from tests.perceive.drives import DT, LIDAR, along, drive  # noqa: E402
+
+DATA = ROOT.parent / "shared" / "data" / "maps"
+SALLY = robot("sally").model_copy(update={"lidar": LIDAR})
+POOR = LidarModel(
+    beams=180, field_of_view_deg=270.0, range_max_m=12.0, rate_hz=5.0, noise_m=0.05, mount_x_m=0.3
+)
+WRONG = 0.3
+"""Farther off than this a pose is wrong [m]."""
+NO_WALLS: Floats = np.empty((0, 4))
+
+
+class Result(NamedTuple):
+    name: str
+    way: float
+    """[m]"""
+    rms: float
+    at_99: float
+    largest: float
+    lost: float
+    """Shares of the time."""
+    wrong: float
+    """Wrong and sure."""
+    longest: float
+    """Wrong and sure at a stretch [s]."""
+    sigmas: float
+    """Error over told sigma, 95 %."""
+    ms: float
+    """Of a scan, median, and 99 %."""
+    ms_99: float
+    end: float
+    """Error at the end [m]; inf if lost."""
+
+
+def published() -> dict[str, Callable[[], Place]]:
+    """The maps by others that are there."""
+    found: dict[str, Callable[[], Place]] = {}
+    for file in sorted(DATA.glob("*.yaml")):
+        found[file.stem] = lambda file=file: laid(file.stem, read_map(file))
+    listed = DATA / "maps.json"
+    for name, about in json.loads(listed.read_text()).items() if listed.exists() else ():
+        found[name] = lambda name=name, about=about: laid(name, pictured(about))
+    return found
+
+
+def pictured(about: dict[str, Any]) -> OccupancyMap:
+    pixels = np.flipud(np.asarray(Image.open(DATA / about["png"]).convert("L")))
+    cells = np.full(pixels.shape, UNKNOWN, dtype=np.int8)
+    cells[pixels == 0], cells[pixels == 255] = OCCUPIED, FREE
+    return OccupancyMap(cells, about["resolution"], Pose(*about["origin_xy"], 0.0))
+
+
+def laid(name: str, made: OccupancyMap) -> Place:
+    """A published map as a world."""
+    assert made.origin.psi == 0.0
+    every = max(round(0.1 / made.resolution), 1)
+    side = every * made.resolution
+    clear = ndimage.distance_transform_edt(made.cells == FREE) * made.resolution
+    clear = clear[every // 2 :: every, every // 2 :: every]
+    assert abs(side - 0.1) < 1e-9
+    return Place(name, NO_WALLS, made.grid(), made.known(), clear, np.array(made.origin[:2]))
+
+
+def followed(
+    place: Place, way: list[tuple[float, float]], seed: int, *, boxed: int = 0,
+    model: LidarModel = LIDAR, error: float = 0.015, speed: float = 0.5,
+    start: Callable[[Pose], Pose | None] = lambda pose: pose, name: str = "",
+) -> Result:  # fmt: skip
+    poses, twists = along(way, speed)
+    walls = place.walls
+    if boxed:
+        walls = np.vstack((walls, boxes(place, poses, boxed, seed)))
+    perception = Perception(SALLY.model_copy(update={"lidar": model}), place.known, start(poses[0]))
+    off, lost, sigmas, times = [], [], [], []
+    number, trace = None, []
+    for moment in drive(
+        poses, twists, seed, around=NO_DISCS, walls=walls, grid=place.grid, model=model,
+        error=error,
+    ):  # fmt: skip
+        scan = moment.readings.scan
+        begun = time.perf_counter()
+        seen = perception.take(moment.now, moment.readings)
+        took = 1e3 * (time.perf_counter() - begun)
+        if scan is None or scan.number == number:
+            continue
+        number = scan.number
+        times.append(took)
+        e = np.array([seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y])
+        off.append(float(np.hypot(*e)))
+        lost.append(seen.lost)
+        sigmas.append(math.sqrt(max(float(e @ np.linalg.solve(seen.covariance[:2, :2], e)), 0.0)))
+        if TRACE:
+            trace.append((moment.now, *moment.truth, *seen.pose, seen.lost, seen.reason))
+    if TRACE:
+        traces.append((name or place.name, seed, trace))
+    o, away = np.array(off), np.array(lost)
+    sure = o[~away] if (~away).any() else np.array([math.nan])
+    bad = (o > WRONG) & ~away
+    run = longest = 0
+    for b in bad:
+        run = run + 1 if b else 0
+        longest = max(longest, run)
+    return Result(
+        name or place.name, 0.5 * len(poses) * DT, float(np.sqrt((sure**2).mean())),
+        float(np.quantile(sure, 0.99)), float(sure.max()), float(away.mean()), float(bad.mean()),
+        longest / model.rate_hz, float(np.quantile(np.array(sigmas)[~away], 0.95))
+        if (~away).any() else math.nan, float(np.median(times)), float(np.quantile(times, 0.99)),
+        math.inf if lost[-1] else off[-1],
+    )  # fmt: skip
+
+
+TRACE = False
+traces: list[Any] = []
+HEAD = (
+    f"{'':44s} {'way':>5s} {'rms':>6s} {'99 %':>6s} {'max':>7s} {'lost':>6s} {'wrong':>6s} "
+    f"{'longest':>7s} {'e/s 95':>6s} {'ms':>5s} {'99 %':>5s} {'end':>6s}"
+)
+
+
+def told(r: Result) -> str:
+    return (
+        f"{r.name:44s} {r.way:5.0f} {100 * r.rms:6.1f} {100 * r.at_99:6.1f} "
+        f"{100 * r.largest:7.1f} {100 * r.lost:5.1f}% {100 * r.wrong:5.1f}% {r.longest:6.1f}s "
+        f"{r.sigmas:6.1f} {r.ms:5.2f} {r.ms_99:5.1f} {100 * r.end:6.1f}"
+    )
+
+
+VARIANTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "as drawn": ({}, {}),
+    "ten new boxes": ({}, {"boxed": 10}),
+    "30 % missing on the map": ({"missing": 0.3}, {}),
+    "30 % drawn, but gone": ({"gone": 0.3}, {}),
+    "odometry 5 %, 5 cm, 180 beams, 5 Hz": ({}, {"model": POOR, "error": 0.05}),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("tables", nargs="*", default=["drives"])
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--only", default="")
+    parser.add_argument("--variant", default="")
+    parser.add_argument("--seeds", default="100:104", help="of buildings")
+    parser.add_argument("--drives", type=int, default=3, help="on each published map")
+    parser.add_argument("--length", type=float, default=120.0)
+    given = parser.parse_args()
+    first, last = (int(n) for n in given.seeds.split(":"))
+    rehearse(SALLY, mapped=True)
+    if "drives" in given.tables:
+        print(HEAD)
+        all_: list[Result] = []
+        for name, make in published().items():
+            if given.only and given.only not in name:
+                continue
+            place = make()
+            length = given.length if place.clear.size > 20_000 else 20.0
+            for seed in range(given.drives):
+                for variant, (artefacts, how) in VARIANTS.items():
+                    if artefacts or (given.variant and given.variant not in variant):
+                        continue
+                    way = tour(place, seed, length, 0.38 if length > 20.0 else 0.3)
+                    all_.append(
+                        followed(place, way, seed, name=f"{name}, {seed}, {variant}", **how)
+                    )
+                    print(told(all_[-1]), flush=True)
+        for seed in range(first, last):
+            if given.only and given.only not in f"building {seed}":
+                continue
+            for variant, (artefacts, how) in VARIANTS.items():
+                if given.variant and given.variant not in variant:
+                    continue
+                place = building(seed, Artefacts(**artefacts))
+                way = tour(place, seed, given.length)
+                all_.append(followed(place, way, seed, name=f"{place.name}, {variant}", **how))
+                print(told(all_[-1]), flush=True)
+        print(HEAD)
+        for variant in VARIANTS:
+            rows = [r for r in all_ if r.name.endswith(variant)]
+            if rows:
+                print(told(summed(variant, rows)))
+    if "kidnaps" in given.tables:
+        kidnaps(given, first, last)
+    if "cold" in given.tables:
+        cold(given, first, last)
+
+
+def summed(name: str, rows: list[Result]) -> Result:
+    """Of many drives: means of the shares, and the worst of the rest."""
+    a = np.array([r[1:] for r in rows])
+    return Result(
+        f"{len(rows)} x {name}", a[:, 0].sum(), float(np.sqrt(np.nanmean(a[:, 1] ** 2))),
+        float(np.nanmax(a[:, 2])), float(np.nanmax(a[:, 3])), a[:, 4].mean(), a[:, 5].mean(),
+        a[:, 6].max(), float(np.nanmedian(a[:, 7])), float(np.median(a[:, 8])), a[:, 9].max(),
+        a[:, 10].max(),
+    )  # fmt: skip
+
+
+def places_of(given: argparse.Namespace, first: int, last: int) -> list[Place]:
+    found = [make() for name, make in published().items() if given.only in name]
+    found = [p for p in found if p.clear.size > 20_000]
+    return found + [building(s) for s in range(first, last) if given.only in f"building {s}"]
+
+
+def kidnaps(given: argparse.Namespace, first: int, last: int) -> None:
+    """Moved by 2 m within 0.3 s while driving, or told a place 1 m and 20 degrees off."""
+    print(f"{'':44s} {'found':>8s} {'median':>7s} {'99 %':>7s} {'last':>7s} wrong and sure > 1 s")
+    for place in places_of(given, first, last):
+        way = tour(place, 50, 80.0 if given.quick else 160.0)
+        poses, twists = along(way, 0.5)
+        for kind in ("moved 2 m", "told 1 m, 20 deg"):
+            rng = np.random.default_rng(9)
+            times, wrong, count = [], 0, 5 if given.quick else 12
+            for _ in range(count):
+                k = int(rng.integers(0, len(poses) - 600))
+                shift, off = (0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)
+                while kind.startswith("moved"):
+                    turn = rng.uniform(-math.pi, math.pi)
+                    shift = (2.0 * math.cos(turn), 2.0 * math.sin(turn), 0.0)
+                    path = [(p.x + shift[0], p.y + shift[1]) for p in poses[k + 150 : k + 600 : 10]]
+                    if all(_clear(place, *p) > 0.25 for p in path):
+                        break
+                    k = int(rng.integers(0, len(poses) - 600))
+                else:
+                    turn = rng.uniform(-math.pi, math.pi)
+                    off = Pose(
+                        math.cos(turn), math.sin(turn), math.radians(20.0 * rng.choice([-1, 1]))
+                    )
+                perception = Perception(SALLY, place.known, poses[k])
+                pushes = ((3.0, shift),) if kind.startswith("moved") else ()
+                last_bad = run = longest = 0.0
+                said = False
+                for moment in drive(
+                    poses[k : k + 600], twists[k : k + 599], int(rng.integers(1_000_000)),
+                    around=NO_DISCS, walls=place.walls, grid=place.grid, pushes=pushes,
+                ):  # fmt: skip
+                    if moment.now >= 3.0 and kind.startswith("told") and not said:
+                        said = True
+                        t = moment.truth
+                        perception.place(Pose(t.x + off.x, t.y + off.y, t.psi + off.psi))
+                    seen = perception.take(moment.now, moment.readings)
+                    e = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+                    since = moment.now - 3.0
+                    if since < 0.1:
+                        continue
+                    if seen.lost or e > 0.2:
+                        last_bad = since
+                    run = run + DT if not seen.lost and e > WRONG else 0.0
+                    longest = max(longest, run)
+                times.append(last_bad)
+                wrong += longest > 1.0
+            t = np.array(times)
+            print(
+                f"{place.name + ', ' + kind:44s} {(t < 8.5).sum():3d}/{count:3d} "
+                f"{np.median(t):6.2f}s {np.quantile(t, 0.99):6.2f}s {t.max():6.2f}s {wrong}",
+                flush=True,
+            )
+
+
+def _clear(place: Place, x: float, y: float) -> float:
+    j, i = ((np.array([x, y]) - place.low) / 0.1).astype(int)
+    rows, columns = place.clear.shape
+    return float(place.clear[i, j]) if 0 <= i < rows and 0 <= j < columns else 0.0
+
+
+def cold(given: argparse.Namespace, first: int, last: int) -> None:
+    """Switched on with no idea where it is, and driven."""
+    print(f"{'':44s} {'right within 10 s':>18s} {'median':>7s} ever wrong and sure")
+    for place in places_of(given, first, last):
+        way = tour(place, 51, 80.0 if given.quick else 160.0)
+        poses, twists = along(way, 0.5)
+        rng, count = np.random.default_rng(10), 4 if given.quick else 10
+        times, wrong = [], 0
+        for _ in range(count):
+            k = int(rng.integers(0, len(poses) - 750))
+            perception, first_right, bad = Perception(SALLY, place.known), math.inf, False
+            for moment in drive(
+                poses[k : k + 750], twists[k : k + 749], int(rng.integers(1_000_000)),
+                around=NO_DISCS, walls=place.walls, grid=place.grid,
+            ):  # fmt: skip
+                seen = perception.take(moment.now, moment.readings)
+                if seen.lost:
+                    continue
+                e = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+                bad |= e > WRONG
+                if e < 0.2:
+                    first_right = min(first_right, moment.now)
+            times.append(first_right)
+            wrong += bad
+        t = np.array(times)
+        print(
+            f"{place.name:44s} {(t <= 10.0).sum():8d} of {count:3d} {np.median(t):9.2f}s {wrong}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""Whether two scans can have been taken where the odometry says: the map is not asked."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.perceive.frames import between
+from cohelm.perceive.keyframe import agreement, usable
+from cohelm.perceive.locate import Caution
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import scan
+from tests.perceive.drives import CONES, LIDAR, WALLS
+
+NONE = np.empty((0, 6))
+HERE = Pose(4.0, 4.0, 0.0)
+
+
+def seen(pose, number=0, discs=CONES, walls=WALLS, lidar=LIDAR):
+    numbers = lidar.lidar()
+    ranges = np.empty(len(numbers.beams))
+    scan(pose, numbers, discs, walls, NO_GRID, 7, number, ranges)
+    return ranges
+
+
+@pytest.mark.parametrize("step", [Pose(0.0, 0.0, 0.0), Pose(0.3, 0.0, 0.0), Pose(0.2, 0.1, 0.3)])
+def test_scans_from_where_the_odometry_says_do_not_contradict_each_other(step):
+    there = Pose(HERE.x + step.x, HERE.y + step.y, step.psi)
+    log = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), step)
+    assert log > Caution().contradicted
+
+
+def test_odometry_that_is_a_little_wrong_is_no_contradiction():
+    there = Pose(HERE.x + 0.3, HERE.y, 0.0)
+    said = Pose(0.3 * 1.03, 0.01, math.radians(0.3))
+    log = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), said)
+    assert log > Caution().contradicted
+
+
+@pytest.mark.parametrize("by", [(2.0, 0.0), (-2.0, 0.0), (1.2, 0.0), (0.0, -2.0)])
+def test_moved_without_the_wheels_noticing_the_next_scan_contradicts_the_one_before(by):
+    there = Pose(HERE.x + by[0], HERE.y + by[1], 0.0)
+    log = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), Pose(0.0, 0.0, 0.0))
+    assert log < Caution().contradicted
+    true = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), between(HERE, there))
+    assert true > log  # where it was moved to explains it
+
+
+def test_along_a_corridor_without_features_nothing_contradicts():
+    walls = np.array([[-50.0, -1.0, 50.0, -1.0], [-50.0, 1.0, 50.0, 1.0]])
+    at, there = Pose(0.0, 0.0, 0.0), Pose(2.0, 0.0, 0.0)
+    log = agreement(
+        LIDAR.lidar(), seen(at, 0, NONE, walls), seen(there, 1, NONE, walls), Pose(0.0, 0.0, 0.0)
+    )
+    assert log > Caution().contradicted
+
+
+def test_an_empty_scan_contradicts_nothing_and_is_no_keyframe():
+    nothing = np.full(LIDAR.beams, math.nan)
+    assert agreement(LIDAR.lidar(), nothing, seen(HERE), Pose(0.0, 0.0, 0.0)) == 0.0
+    assert not usable(LIDAR.lidar(), nothing)
+    assert usable(LIDAR.lidar(), seen(HERE))
