@@ -315,7 +315,10 @@ class Loop:
         done: dict[int, int] = {}
         for line in self._lines.due(self.keeper.now()):
             self._event(line)
-        for asked in stops_first(heard.asked):
+        asked_now = stops_first(heard.asked)
+        if asked_now and asked_now[0].request.what == Ask.STOP:
+            self._stop(asked_now[0].name)  # once a period, however many say so
+        for asked in asked_now:
             count = done[asked.client] = done.get(asked.client, 0) + 1
             if count > _MOST_REQUESTS and asked.request.what != Ask.STOP:
                 granted, reason = False, "too many requests: wait a moment and ask again"
@@ -327,7 +330,8 @@ class Loop:
         what, value = asked.request.what, asked.request.value
         said = "the loop does not do that"
         if what == Ask.STOP:
-            self._stopped_by(asked)
+            self._end(asked.client)
+            self._stood[asked.client] = asked.request.number
             said = ""
         elif what == Ask.RESET:
             said = self._not_now(asked, driver) or self.problem or self.keeper.reset()
@@ -340,14 +344,12 @@ class Loop:
             self._event(line)
         return not said, said
 
-    def _stopped_by(self, asked: Asked) -> None:
+    def _stop(self, name: str) -> None:
         before = self.keeper.gate
-        self.keeper.stop(f"stop by {asked.name}")
+        self.keeper.stop(f"stop by {name}")
         gate = self.keeper.gate
         if not latched(before.mode) and gate.mode == GateMode.STOPPED:
-            self._latched = (gate.mode, gate.reason)  # his own, not the robot's
-        self._end(asked.client)
-        self._stood[asked.client] = asked.request.number
+            self._latched = (gate.mode, gate.reason)  # this person's, not the robot's
 
     def _mode(self, asked: Asked, driver: int) -> str:
         mode = Mode(asked.request.value)
