@@ -113,6 +113,8 @@ class Kept:
         self._monitors = monitors(robot.model, rules) if watched_by is None else watched_by
         self._restriction = UNRESTRICTED
         """Of the newest readings, whatever is proposed."""
+        self.let_through = 1.0
+        """Share of the last proposal that the monitors let through."""
         self._told = told or _nobody
         self._line: Line | None = None
         self._gate = Gate()
@@ -161,7 +163,7 @@ class Kept:
         restriction = self._heeded(
             [self._restriction, *(monitor.restrict(now, twist) for monitor in self._monitors)]
         )
-        share = restriction.share
+        share = self.let_through = restriction.share
         if share < 1.0:
             proposal = proposal._replace(twist=Twist(share * twist.v, share * twist.omega))
         gate, passed = gates.propose(self._gate, proposal, now, self._rules)

@@ -93,6 +93,9 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("jerk, rms [m/s³]", lambda s: _spread(s.spreads["jerk_rms_mps3"], 1)),
         ("release to recovery [s]", lambda s: _recovery(s)),
         ("share of steps the filter changed", lambda s: _spread(s.spreads["filtered_share"], 2)),
+        ("... the gate changed", lambda s: _spread(s.spreads["gate_share"], 4)),
+        ("... a monitor slowed the robot in", lambda s: _spread(s.spreads["monitor_share"], 4)),
+        ("stops and faults by itself", lambda s: _spread(s.spreads["stops"], 0)),
     ]
     shown = [
         (name, *(cell(s) for s in found.summaries))

@@ -56,6 +56,14 @@ class Row(NamedTuple):
     """Releases after which it never was."""
     filtered_share: float
     """Of all steps, those in which the law's filter changed the command."""
+    gate_share: float
+    """Those in which the gate did; NaN where there is none, as everywhere but on the twin."""
+    monitor_share: float
+    """Those in which the collision or the plausibility monitor slowed or stopped the robot."""
+    stops: int
+    """Stops and faults that the robot latched by itself; each is reset a second later."""
+    stopped_by: str
+    """Why, the first time."""
     contact_seen_s: float
     """Of the first moving contact on the twin's own sensors: for how long what was touched had been
     in the LiDAR's view without a break, at five beams a scan, when it came to it; NaN: none."""
@@ -78,6 +86,6 @@ def clearance_then(row: Row) -> float:
 NOT_DRIVEN = Row(
     "", "", "", 0, "", "", False, math.nan, 0, 0, math.nan, math.nan, math.nan, "", math.nan,
     math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan,
-    math.nan, math.nan, math.nan, math.nan, [],
+    math.nan, math.nan, 0, "", math.nan, math.nan, math.nan, math.nan, [],
 )  # fmt: skip
 """What remains of an episode that could not be driven."""

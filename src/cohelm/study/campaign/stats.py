@@ -67,6 +67,9 @@ SPREADS: dict[str, Callable[[Row], float]] = {
     "jerk_rms_mps3": lambda r: r.jerk_rms_mps3,
     "recovery_s": lambda r: r.recovery_s,
     "filtered_share": lambda r: r.filtered_share,
+    "gate_share": lambda r: r.gate_share,
+    "monitor_share": lambda r: r.monitor_share,
+    "stops": lambda r: r.stops if math.isfinite(r.gate_share) else math.nan,
 }
 """What is told of all episodes together."""
 
