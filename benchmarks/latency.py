@@ -21,7 +21,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from cohelm.core.types import Stick, Twist
-from cohelm.drive.served import Door, serve
+from cohelm.drive.teleop_server import Door, serve
 from cohelm.drive.session import Plan
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.keys import Keys, pair_here

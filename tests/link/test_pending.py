@@ -2,7 +2,7 @@
 
 from hypothesis import given, strategies as st
 
-from cohelm.link.heard import Asked
+from cohelm.link.operator_input import Asked
 from cohelm.link.messages import Ask, Request
 from cohelm.link.pending import MOST_WAITING, MOVES, Pending
 

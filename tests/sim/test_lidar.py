@@ -15,7 +15,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, disc, discs
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, borders, cast, grid
-from cohelm.sim.hand import normal
+from cohelm.sim.operator_model import normal
 from cohelm.sim.lidar import hits, scan
 
 EPS = 1e-9  # rounding may decide a beam that passes an edge by less than this [m]

@@ -10,7 +10,7 @@ from cohelm.core.types import Pose
 from cohelm.law.reference import through
 from cohelm.robot.footprint import disc_clearance
 from cohelm.scenario.load import robot
-from cohelm.sim import piloted
+from cohelm.sim import closed_loop
 from cohelm.sim.run import run
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world

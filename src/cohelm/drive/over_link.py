@@ -10,7 +10,7 @@ import numpy as np
 
 from cohelm import __version__
 from cohelm.drive.pictures import Packed
-from cohelm.link.heard import Asked, Heard
+from cohelm.link.operator_input import Asked, OperatorInput
 from cohelm.link.messages import (
     Ask,
     Checked,
@@ -50,7 +50,7 @@ class OverLink:
 
     # ---- what the loop asks of an operator ----------------------------------------------
 
-    def heard(self) -> Heard:
+    def heard(self) -> OperatorInput:
         """As the link has it; records are no business of the loop's."""
         heard = self._end.heard()
         if not any(asked.request.what == Ask.RECORD for asked in heard.asked):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from cohelm.link.heard import Asked
+from cohelm.link.operator_input import Asked
 from cohelm.link.messages import Ask
 
 MOST_WAITING = 16

@@ -40,7 +40,7 @@ from cohelm.link.pace import Pace
 from cohelm.link.robot_end import STALE, RobotEnd
 from cohelm.link.robot_records import Digests, Wanted, listed, opened
 from cohelm.link.stream import Stream
-from cohelm.link.turning import Turning
+from cohelm.link.io_thread import Turning
 from cohelm.link.wire import Header, encode, from_operator
 
 MOST_STREAMS = 24

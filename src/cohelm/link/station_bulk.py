@@ -31,7 +31,7 @@ from cohelm.link.messages import (
     Polyline,
 )  # fmt: skip
 from cohelm.link.stream import Stream
-from cohelm.link.turning import Turning
+from cohelm.link.io_thread import Turning
 from cohelm.link.wire import LARGEST_BULK, Header, encode, from_robot
 
 _PATIENCE = 10.0  # [s], for a connection

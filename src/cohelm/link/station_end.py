@@ -39,7 +39,7 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )  # fmt: skip
-from cohelm.link.turning import Turning
+from cohelm.link.io_thread import Turning
 from cohelm.link.wire import Header, encode, from_robot
 
 FRESH = 0.1

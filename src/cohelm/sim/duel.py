@@ -20,7 +20,7 @@ from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
-from cohelm.sim.hand import uniform
+from cohelm.sim.operator_model import uniform
 from cohelm.sim.judge import FAR, least_gap
 
 GUARD, PAPER, NO_LAW = range(3)

@@ -25,7 +25,7 @@ from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, Ways
 from cohelm.loop.operator import Scripted
-from cohelm.loop.planning import Here
+from cohelm.loop.planning import InProcessPlanner
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.careful import SLOP, noise, roomier
 from cohelm.pilot.course import nearly_done
@@ -33,9 +33,9 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Decision
 from cohelm.robot.gate.gate import Passed, Proposal
 from cohelm.robot.gate.modes import driving, latched
-from cohelm.robot.keep.kept import Kept, rules
-from cohelm.robot.keep.lines import Line
-from cohelm.sim.hand import IDLE, operate, replayed
+from cohelm.robot.keep.gated_robot import GatedRobot, rules
+from cohelm.robot.keep.record_pipe import Line
+from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.drive import DECIDED, between, held
 from cohelm.sim.twin.robot import Truth, Twin
@@ -46,7 +46,7 @@ _RESET_AFTER = 1.0
 """Somebody who looks on sees to a stop so soon [s]."""
 
 
-class Watched(Kept):
+class Watched(GatedRobot):
     """A keeper in this process that counts what it does."""
 
     def __init__(self, robot: Twin, period: float, acted: Acted) -> None:
@@ -108,7 +108,7 @@ class _Drive:
         self.mode = Mode.SHARED if hands else Mode.AUTOMATIC
         self.loop = Loop(
             self.keeper, Perception(self.twin.model, given.known, setup.start),
-            Driver(self.pilot, settings, delay, Here(self.pilot.planner)),
+            Driver(self.pilot, settings, delay, InProcessPlanner(self.pilot.planner)),
             Scripted(lambda _: self.stick, self.keeper.now), Line(None),
             Ways(period=setup.dt), has_map=True,
         )  # fmt: skip

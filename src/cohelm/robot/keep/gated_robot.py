@@ -12,7 +12,7 @@ from cohelm.robot.gate import gate as gates
 from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
 from cohelm.robot.gate.modes import Mode, driving, latched
-from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
@@ -100,7 +100,7 @@ def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> Rules:
     )  # fmt: skip
 
 
-class Kept:
+class GatedRobot:
     """A robot and its gate in this process. In simulated time its watchdog is as good as one in
     a process of its own; in real time it can not outlive this process."""
 
