@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cohelm.core.types import Stick
-from cohelm.link.operator_input import OperatorInput
 from cohelm.link.messages import Arming, Ask, Mode, Request
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.latency_limit import silent
 from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
 

@@ -117,7 +117,6 @@ def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
     assert driven.robot.heard().command.stick == fuzz.STICK
 
 
-@pytest.mark.slow
 def test_ten_seconds_of_everything_at_once_move_nothing_and_break_nothing():
     assert fuzz.main(10.0, seed=7) == []
 

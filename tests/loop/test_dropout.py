@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from cohelm.core.types import Stick
-from cohelm.link.operator_input import OperatorInput
 from cohelm.link.messages import Command, Device
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, Then, followed
 from cohelm.loop.latency_limit import silent
 from cohelm.loop.stick_arming import Manner, Person, renewed

@@ -6,8 +6,8 @@ import pytest
 
 from cohelm.core.types import Pose, Stick
 from cohelm.law.guard.surroundings import surroundings
-from cohelm.link.operator_input import OperatorInput
 from cohelm.link.messages import Arming, Command, Device
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.driver import Driver
 from cohelm.loop.latency_limit import FREE, LOST, allowed, cap, crawl, far, silent
 from cohelm.loop.stick_arming import Person

@@ -61,7 +61,9 @@ def looped(model, setup, steps: int) -> np.ndarray:
     driver = Driver(driver_pilot, settings, setup.delay, planning)
     perception = Perception(model, watching=pilot.watching)
     keeper = GatedRobot(plant, rules(model, DT))
-    loop = Loop(keeper, perception, driver, NullOperator(), Line(None), Ways(period=DT), has_map=False)
+    loop = Loop(
+        keeper, perception, driver, NullOperator(), Line(None), Ways(period=DT), has_map=False
+    )
     rows = []
 
     def until(loop: Loop) -> bool:

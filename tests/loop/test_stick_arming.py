@@ -5,8 +5,8 @@ import math
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.link.operator_input import OperatorInput
 from cohelm.link.messages import Arming, Command, Device
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.operator import NOBODY
 from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
 

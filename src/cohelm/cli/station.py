@@ -119,8 +119,8 @@ def drive(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.awaited import Awaited
-    from cohelm.drive.robot_process import Beside
     from cohelm.drive.factory import own_robot
+    from cohelm.drive.robot_process import Beside
     from cohelm.drive.teleop_server import Door
     from cohelm.link import keys
     from cohelm.link.local_credentials import lent
@@ -168,8 +168,8 @@ def drive(
 
 
 def _recorded(path: Path) -> Connect:
-    from cohelm.drive.run_playback import film
     from cohelm.drive.replayed import Replaying
+    from cohelm.drive.run_playback import film
 
     shown = film(path / "record.mcap" if path.is_dir() else path)
     return lambda _: Replaying(shown)

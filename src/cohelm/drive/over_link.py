@@ -10,7 +10,6 @@ import numpy as np
 
 from cohelm import __version__
 from cohelm.drive.pictures import Packed
-from cohelm.link.operator_input import Asked, OperatorInput
 from cohelm.link.messages import (
     Ask,
     Checked,
@@ -22,6 +21,7 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )  # fmt: skip
+from cohelm.link.operator_input import Asked, OperatorInput
 from cohelm.link.robot_bulk import Proposed, RobotBulk
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.robot_records import listed

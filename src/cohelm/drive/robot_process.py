@@ -157,8 +157,8 @@ def _drive(
     """The robot's process."""
     let_go = bound()
     from cohelm.drive.operate import Asked, ended, meant
-    from cohelm.drive.teleop_server import serve
     from cohelm.drive.session import Plan
+    from cohelm.drive.teleop_server import serve
     from cohelm.loop.loop import Ways
 
     with ended() as end:

@@ -20,7 +20,7 @@ from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, Ways
 from cohelm.loop.operator import NullOperator, Operator
-from cohelm.loop.planning import RemotePlanner, InProcessPlanner
+from cohelm.loop.planning import InProcessPlanner, RemotePlanner
 from cohelm.loop.timing import Timing
 from cohelm.perceive.known import Known
 from cohelm.perceive.seen import Perception, rehearse
@@ -29,10 +29,10 @@ from cohelm.pilot.careful import SLOP, noise, roomier
 from cohelm.pilot.pilot import Pilot
 from cohelm.record.drive import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
-from cohelm.robot.keep.gated_robot import Keeper, GatedRobot, rules, standing
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.scenario.load import dump
 
 _BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]

@@ -11,8 +11,8 @@ from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.govern import Profile
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference, through
-from cohelm.loop.stick_arming import CENTRED
 from cohelm.loop.planning import Planning
+from cohelm.loop.stick_arming import CENTRED
 from cohelm.perceive.chart import swept
 from cohelm.perceive.frames import placed
 from cohelm.perceive.seen import Seen

@@ -12,8 +12,8 @@ import math
 from enum import Enum
 from typing import NamedTuple
 
-from cohelm.link.operator_input import OperatorInput
 from cohelm.link.messages import Arming, Device
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.stick_arming import Person
 
 BACK_WITHIN = 1.0

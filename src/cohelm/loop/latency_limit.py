@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from cohelm.link.latency_speed_limit import Cap, speed_cap
-from cohelm.link.operator_input import OperatorInput
 from cohelm.link.messages import Arming
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.stick_arming import Person
 from cohelm.pilot.step import Settings
 

@@ -14,8 +14,8 @@ from cohelm.core.period import PERIOD
 from cohelm.core.types import Twist, wrap
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.latency_speed_limit import FREE as NOTICED
-from cohelm.link.operator_input import Asked, OperatorInput, stops_first
 from cohelm.link.messages import Arming, Ask, Discs, Map, Mode, Polyline, Status
+from cohelm.link.operator_input import Asked, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
 from cohelm.link.recorded_status import Shown, Told
 from cohelm.loop.alarms import Alarms
@@ -23,9 +23,9 @@ from cohelm.loop.driver import Driver
 from cohelm.loop.dropout import WAITING, Dropout, Then, followed
 from cohelm.loop.latency_limit import FREE, allowed, cap, crawl, far, silent
 from cohelm.loop.operator import Operator
-from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
 from cohelm.loop.status import Said, culprit, predicted, scan_parts, sigma, status
+from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
 from cohelm.loop.timing import Timing
 from cohelm.perceive.seen import Perception, Seen
 from cohelm.pilot.step import Decision
@@ -106,7 +106,9 @@ class Loop:
         self.decision: Decision | None = None
         self._record = record
         self._has_map = has_map
-        self._senses = SensorWatchdog(keeper.model, patience(keeper.model, ways.period + ways.patience))
+        self._senses = SensorWatchdog(
+            keeper.model, patience(keeper.model, ways.period + ways.patience)
+        )
         self._row = np.zeros((), dtype=PERIOD)
         self._number = 0
         self._due = -math.inf

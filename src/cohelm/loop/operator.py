@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from cohelm.core.types import Stick
-from cohelm.link.operator_input import Asked, OperatorInput
 from cohelm.link.messages import Ask, Command, Device, Discs, Request, ScanPart, Status
+from cohelm.link.operator_input import Asked, OperatorInput
 
 NOBODY = OperatorInput(0, "", None, math.nan, math.nan, ())
 

@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.types import Stick
-from cohelm.link.operator_input import OperatorInput
 from cohelm.link.messages import Arming, Command
+from cohelm.link.operator_input import OperatorInput
 
 CENTRED = Stick(0.0, 0.0)
 

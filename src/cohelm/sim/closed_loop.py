@@ -28,8 +28,8 @@ from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_s
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
-from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.lidar import scan
+from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.wheels import State, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, clearance, place
 

@@ -3,8 +3,8 @@
 `python -m tests.robot.collision_monitor.rooms [--n 1000] [--seed 7000] [--seconds 12]`
 
 Rooms are those of the campaign `random` without the walkers; the robot is Sally in the kinematic
-simulator, in simulated time, behind the real gate (`GatedRobot`). What asks for motion keeps clear of
-nothing, in a different way in every room of four: it heads for the goal, and backs out a little
+simulator, in simulated time, behind the real gate (`GatedRobot`). What asks for motion keeps clear
+of nothing, in a different way in every room of four: it heads for the goal, and backs out a little
 wherever it got stuck; deflects at random; drives full ahead and steers at random; makes for what
 is nearest.
 

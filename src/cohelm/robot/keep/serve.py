@@ -21,9 +21,9 @@ from cohelm.robot.gate.gate import Gate, Rules
 from cohelm.robot.keep.control import Control
 from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.gated_robot import GatedRobot, standing
-from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.keep.priority import urgent, with_its_threads
 from cohelm.robot.keep.processes import bound
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings, Robot
@@ -104,7 +104,9 @@ def _attend(line: Control, kept: GatedRobot, memory: SharedMemory, rules: Rules)
             kept.read()
 
 
-def _answered(kept: GatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None) -> Any:
+def _answered(
+    kept: GatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
+) -> Any:
     if what == "read":
         return memory.put(_news(kept.read(), *with_))
     if what == "propose":

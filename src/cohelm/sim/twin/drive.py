@@ -29,8 +29,8 @@ from cohelm.pilot.plan import Plan
 from cohelm.pilot.step import Decision, Settings
 from cohelm.pilot.told import told
 from cohelm.robot.limits import Limits
-from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.closed_loop import Piloted, near_walls
+from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.robot import Truth, Twin

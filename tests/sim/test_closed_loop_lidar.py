@@ -31,13 +31,13 @@ def crossing(*bodies: Body) -> Setup:
 
 def watched(monkeypatch, setup):
     """A run, and what was known after each scan with its time."""
-    known, look = [], piloted.look
+    known, look = [], closed_loop.look
 
     def remembered(k, dt, *rest):
         known.append((k * dt, look(k, dt, *rest)))
         return known[-1][1]
 
-    monkeypatch.setattr(piloted, "look", remembered)
+    monkeypatch.setattr(closed_loop, "look", remembered)
     return run(setup), known
 
 
