@@ -24,6 +24,8 @@ _GAP = 0.3  # points in a row that are farther apart are not on one surface [m]
 _FLAT = 0.01
 """Walls are straight to so much, and are measured as straight [m]; this does not average out over
 the points of one wall."""
+_TELLS = 0.5
+"""A wall that tells the bias less well is not asked: fitted to so little, it errs upwards [m]."""
 _STEP, _TURN = 0.15, 0.3  # so far apart are the places from which walls are looked at [m, rad]
 _NEAR = 0.03  # ... and while scans and odometry are doubted [m]
 _LEAST, _KEPT = 3, 10  # places before anything is said, and that are remembered
@@ -180,4 +182,6 @@ def _fitted(q: Floats, sigma: float, nearest: float) -> Bow | None:
     # a straight wall's unevenness looks like so much bow, spread over all its points
     spread = math.sqrt((sigma**2 + len(r) * _FLAT**2) * float(inverse[2, 2]))
     middle = q.mean(axis=0).tolist()
+    if spread > _TELLS:
+        return None
     return Bow(b, spread, math.atan2(n[1], n[0]), middle[0], middle[1])
