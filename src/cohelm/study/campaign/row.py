@@ -23,13 +23,17 @@ class Row(NamedTuple):
     duration_s: float
     """Until arrival, or the whole."""
     contacts_moving: int
-    """Contacts in which the robot moved, of its own, at some instant."""
+    """Contacts that began while the robot moved of its own."""
     contacts_standing: int
-    """Contacts in which it stood all the time: it was walked into."""
+    """Contacts that began while it stood: it was walked into."""
+    contacts_departing: int
+    """Those of them in which it then moved deeper into what had walked into it."""
+    untouched_share: float
+    """Of all control steps, those in which nothing was touched."""
     min_clearance_m: float
     """Smallest gap of the real outline, negative in overlap; at most `sim.judge.FAR`."""
     min_clearance_moving_m: float
-    """The same while the robot moved."""
+    """The same while the robot moved, but for what had walked into it while it stood."""
     min_clearance_at_s: float
     """When it was smallest while the robot moved; at all, where nothing was near then."""
     nearest: str
@@ -76,8 +80,8 @@ def clearance_then(row: Row) -> float:
 
 
 NOT_DRIVEN = Row(
-    "", "", "", 0, "", "", False, math.nan, 0, 0, math.nan, math.nan, math.nan, "", math.nan,
-    math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan,
-    math.nan, math.nan, math.nan, math.nan, [],
+    "", "", "", 0, "", "", False, math.nan, 0, 0, 0, math.nan, math.nan, math.nan, math.nan, "",
+    math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0,
+    math.nan, math.nan, math.nan, math.nan, math.nan, [],
 )  # fmt: skip
 """What remains of an episode that could not be driven."""
