@@ -111,6 +111,8 @@ def _row(
         duration_s=duration,
         contacts_moving=seen.moving,
         contacts_standing=seen.standing,
+        contacts_departing=seen.departing,
+        untouched_share=1.0 - seen.touched / max(seen.steps, 1),
         min_clearance_m=seen.gap,
         min_clearance_moving_m=seen.gap_moving,
         min_clearance_at_s=seen.at,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 from cohelm.sim.judge import FAR
 
@@ -23,13 +23,17 @@ class Row(NamedTuple):
     duration_s: float
     """Until arrival, or the whole."""
     contacts_moving: int
-    """Contacts in which the robot moved, of its own, at some instant."""
+    """Contacts that began while the robot moved of its own."""
     contacts_standing: int
-    """Contacts in which it stood all the time: it was walked into."""
+    """Contacts that began while it stood: it was walked into."""
+    contacts_departing: int
+    """Those of them in which it then moved deeper into what had walked into it."""
+    untouched_share: float
+    """Of all control steps, those in which nothing was touched."""
     min_clearance_m: float
     """Smallest gap of the real outline, negative in overlap; at most `sim.judge.FAR`."""
     min_clearance_moving_m: float
-    """The same while the robot moved."""
+    """The same while the robot moved, but for what had walked into it while it stood."""
     min_clearance_at_s: float
     """When it was smallest while the robot moved; at all, where nothing was near then."""
     nearest: str
@@ -83,9 +87,6 @@ def clearance_then(row: Row) -> float:
     return moving if moving < FAR else row.min_clearance_m
 
 
-NOT_DRIVEN = Row(
-    "", "", "", 0, "", "", False, math.nan, 0, 0, math.nan, math.nan, math.nan, "", math.nan,
-    math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan,
-    math.nan, math.nan, 0, "", math.nan, math.nan, math.nan, math.nan, [],
-)  # fmt: skip
+_NOTHING: dict[Any, Any] = {str: "", bool: False, int: 0, float: math.nan, list[float]: []}
+NOT_DRIVEN = Row(**{name: _NOTHING[kind] for name, kind in get_type_hints(Row).items()})
 """What remains of an episode that could not be driven."""
