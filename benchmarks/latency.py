@@ -21,9 +21,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from cohelm.core.types import Stick, Twist
-from cohelm.drive.served import Door, serve
 from cohelm.drive.session import Plan
 from cohelm.drive.simulated import Simulated, simulated
+from cohelm.drive.teleop_server import Door, serve
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.station_end import StationEnd

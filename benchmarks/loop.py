@@ -36,7 +36,7 @@ from cohelm.drive.pictures import Packed
 from cohelm.drive.session import Plan, Session
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
-from cohelm.loop.timing import Kept, Timing
+from cohelm.loop.timing import Punctuality, Timing
 from cohelm.robot.keep.priority import urgent
 from cohelm.robot.keep.processes import children
 from cohelm.robot.port import Frame, Readings
@@ -154,7 +154,7 @@ def measure(rate: float, seconds: float, twin: bool, folder: Path) -> dict[str, 
         shares = {name: (used(pid) - begun[name]) / wall for name, pid in helpers.items()}
         shares["loop"] = (time.process_time() - own) / wall
         ours.send("enough")
-        bare: Kept = ours.recv()
+        bare: Punctuality = ours.recv()
         kept, gate = session.loop.timing.kept(), session.loop.keeper.gate
         return {
             "rate_hz": rate, "seconds": wall, "scheduling": session.scheduling,

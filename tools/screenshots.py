@@ -28,11 +28,11 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from cohelm.drive.film import film  # noqa: E402
 from cohelm.drive.replayed import Replaying  # noqa: E402
-from cohelm.drive.served import Door, serve  # noqa: E402
+from cohelm.drive.run_playback import film  # noqa: E402
 from cohelm.drive.session import Plan  # noqa: E402
 from cohelm.drive.simulated import Simulated, simulated  # noqa: E402
+from cohelm.drive.teleop_server import Door, serve  # noqa: E402
 from cohelm.link import keys  # noqa: E402
 from cohelm.link.keys import Keys  # noqa: E402
 from cohelm.perceive.taped import surveyed  # noqa: E402

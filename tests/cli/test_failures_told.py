@@ -57,6 +57,7 @@ def test_a_record_that_is_not_whole_says_so_in_the_table():
     assert text == "a.mcap (NOT WHOLE, 7 messages dropped)"
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("realtime")
 def test_a_drive_whose_record_fills_the_disk_ends_with_status_1_and_says_why(tmp_path):
     command = (

@@ -12,7 +12,7 @@ from cohelm.link import client, lease, pending, robot_end, station_end, wire
 from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.sticks.feel import CueRules
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN
-from cohelm.loop.person import Manner
+from cohelm.loop.stick_arming import Manner
 
 PAGE = Path(__file__).parents[2] / "docs" / "link.md"
 TEXT = PAGE.read_text(encoding="utf-8")

@@ -72,7 +72,7 @@ def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(fiel
 
 def test_every_status_of_the_diagnostics_is_told_with_its_values():
     from cohelm.link.messages import Alarm, Mode as Chosen, Severity
-    from cohelm.link.told import Told
+    from cohelm.link.recorded_status import Told
     from cohelm.record.shown import said
 
     alarm = Alarm(1, Severity.WARNING, True, False, "a")

@@ -12,7 +12,7 @@ from pathlib import Path
 from cohelm.drive.session import Plan, Session
 from cohelm.link.messages import Mode
 from cohelm.robot.gate.modes import latched
-from cohelm.robot.keep.kept import STANDS_V
+from cohelm.robot.keep.gated_robot import STANDS_V
 from tests.drive.faults import failing
 
 

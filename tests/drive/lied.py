@@ -28,6 +28,9 @@ FORWARD = 0.8
 """When the stick is pushed [s]."""
 HARMFUL = 0.1
 """A contact of a part of the outline that is faster counts [m/s]."""
+FAST = 0.25
+"""Of the outline's fastest part: what is slower may be too slow to tell a lie by its motion, and
+slower than what a lie is answered with [m/s]."""
 _NOT = ("faster than", "the robot does not do more", "collision monitor")
 """Reasons that have nothing to do with a lie."""
 
@@ -47,6 +50,8 @@ class Came(NamedTuple):
     reason: str
     drove: float
     """[m]"""
+    fast: float
+    """For so long it drove faster than FAST while the lie was not noticed [s]."""
 
 
 def room(kind: str, seed: int) -> tuple[Simulated, float]:
@@ -95,14 +100,16 @@ def drive(lie: str, mode: str, kind: str, mapped: bool, seed: int, seconds: floa
         session.run(lambda loop: judge.look(loop, keeper) or keeper.now() > seconds, MODES[mode])
         judge.settle(keeper.gate)
     return Came(
-        lie, mode, kind, mapped, seed, judge.contact, judge.noticed, judge.reason, judge.way
-    )
+        lie, mode, kind, mapped, seed, judge.contact, judge.noticed, judge.reason, judge.way,
+        judge.fast,
+    )  # fmt: skip
 
 
 class _Judge:
     def __init__(self, reach: float, at: float) -> None:
         self._reach, self._at = reach, at
         self.contact, self.noticed, self.reason, self.way = 0.0, math.inf, "", 0.0
+        self.fast = 0.0
         self._before, self._place, self._still = 0.0, None, 0
         self._now = 0.0
 
@@ -134,10 +141,12 @@ class _Judge:
     def look(self, loop, keeper) -> bool:
         """After every period; whether all has happened that will."""
         truth = keeper.truth()
-        self._now = keeper.now()
+        before, self._now = self._now, keeper.now()
         speed = abs(truth.twist.v) + self._reach * abs(truth.twist.omega)
         if truth.clearance < 0.0 or getattr(truth, "touching", False):
             self.contact = max(self.contact, speed, self._before)
+        if self._now > self._at and self.noticed == math.inf and speed > FAST:
+            self.fast += self._now - before
         self._before = speed
         if self._place is not None:
             self.way += math.dist(self._place, truth.pose[:2])

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from cohelm.core.types import Twist
 from cohelm.drive.checking import CheckingHere
-from cohelm.drive.desk import Desk
+from cohelm.drive.operator_requests import Desk
 from cohelm.drive.proposed import NONE, Judged
 from cohelm.drive.session import Plan, Session
 from cohelm.drive.simulated import Simulated, simulated
@@ -21,7 +21,7 @@ from cohelm.link.messages import Ask, Mode
 from cohelm.loop.loop import Ways
 from cohelm.perceive.taped import surveyed
 from cohelm.robot.gate.modes import latched
-from cohelm.robot.keep.lines import line
+from cohelm.robot.keep.record_pipe import line
 from cohelm.robot.port import Health
 from tests.drive.faults import CORRIDOR
 from tests.drive.simulated_link import SimulatedLink, Station

@@ -7,8 +7,8 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.drive.awaited import Awaited
-from cohelm.drive.beside import Beside
-from cohelm.drive.served import Door
+from cohelm.drive.robot_process import Beside
+from cohelm.drive.teleop_server import Door
 from cohelm.link import keys
 from cohelm.link.messages import Ask, Checked, Device
 from cohelm.station.robot_link import Quality

@@ -19,7 +19,7 @@ from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.robot_end import STALE
 from cohelm.link.station_end import StationEnd
 from cohelm.loop.dropout import BACK_WITHIN
-from cohelm.loop.person import Manner
+from cohelm.loop.stick_arming import Manner
 from cohelm.record.drive import periods
 from cohelm.record.messages import messages
 from cohelm.robot.gate.modes import Mode as GateMode

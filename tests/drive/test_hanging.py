@@ -12,8 +12,8 @@ from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.loop import Loop
 from cohelm.loop.planning import ANSWER
-from cohelm.robot.keep.lines import MUTE
 from cohelm.robot.keep.processes import children
+from cohelm.robot.keep.record_pipe import MUTE
 from tests.drive.faults import CORRIDOR
 
 pytestmark = pytest.mark.xdist_group("realtime")

@@ -14,7 +14,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.link.lent import borrowed
+from cohelm.link.local_credentials import borrowed
 from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.station_end import StationEnd
 from cohelm.link.sticks.at_helm import drive as at_helm

@@ -19,6 +19,7 @@ import pytest
 from cohelm.link import keys
 from cohelm.record.messages import messages
 from tests.drive.faults import CORRIDOR, FAULTS, JUMPS, NOTICED
+from tests.few import first
 
 pytestmark = pytest.mark.xdist_group("realtime")
 
@@ -136,11 +137,13 @@ def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
 
 @pytest.mark.parametrize(
     ("number", "reason"),
-    [
-        (signal.SIGINT, "Ctrl-C"),
-        (signal.SIGHUP, "the terminal is gone"),
-        (signal.SIGTERM, "told to terminate"),
-    ],
+    first(
+        [
+            (signal.SIGINT, "Ctrl-C"),
+            (signal.SIGHUP, "the terminal is gone"),
+            (signal.SIGTERM, "told to terminate"),
+        ]
+    ),
 )
 def test_what_ends_all_its_processes_at_once_stops_the_robot_first(drive, number, reason):
     going = drive()

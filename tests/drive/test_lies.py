@@ -19,6 +19,7 @@ SOME = [
     ("0.3 s older than stamped", "manual", 0), ("odometry frozen", "manual", 2),
     ("gyro off by 10 deg/s", "automatic", 1), ("number stays", "manual", 3),
     ("longer by half a metre", "manual", 0), ("all 9.99 m, with noise", "automatic", 11),
+    ("speed half, pose right", "shared", 1),
 ]  # fmt: skip
 
 
@@ -26,8 +27,8 @@ def held(lie: str, mode: str, kind: str, mapped: bool, seed: int) -> None:
     came = drive(lie, mode, kind, mapped, seed)
     assert came.contact <= HARMFUL, came
     promised = LIES[lie]
-    if seed in (1, 2) and came.drove > 0.3:  # in motion, and with a way to go
-        assert came.noticed <= promised.within, came
+    if seed in (1, 2):  # it began while the robot drove
+        assert came.fast <= promised.within, came
     if promised.about and came.noticed < math.inf:
         assert promised.about in came.reason, came
 

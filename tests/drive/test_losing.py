@@ -11,7 +11,7 @@ from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.loop import Ways
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import Mode as GateMode
-from cohelm.robot.keep.kept import standing
+from cohelm.robot.keep.gated_robot import standing
 from tests.drive.faults import FAULTS, HELD_UP, NOTICED, failing
 
 AT = 3.0

@@ -10,7 +10,7 @@ from cohelm.drive.session import Plan, Session
 from cohelm.drive.simulated import simulated
 from cohelm.law import verdict
 from cohelm.link.messages import Localised, Mode
-from cohelm.loop.leash import LOST
+from cohelm.loop.latency_limit import LOST
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.taped import surveyed
 from cohelm.robot.gate.modes import Mode as GateMode

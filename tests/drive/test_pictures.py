@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cohelm.core.types import Pose
 from cohelm.drive.pictures import Pictures
 from cohelm.drive.session import Plan, Session
 from cohelm.drive.simulated import simulated
@@ -14,6 +15,7 @@ from cohelm.link.messages import Mode
 from cohelm.record.drive import IMAGE
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed
+from cohelm.robot.keep.record_pipe import LARGEST
 from cohelm.robot.port import Frame
 from cohelm.robot.sensors import CameraModel
 from tests.drive.faults import CORRIDOR
@@ -63,3 +65,15 @@ def test_a_picture_that_is_not_packed_when_a_newer_one_comes_never_is():
             assert abs(int(np.asarray(image)[0, 0, 0]) - 49) < 3
     finally:
         pictures.close()
+
+
+@pytest.mark.parametrize("size", [(480, 640), (1080, 1920), (2, 9000)])
+def test_no_picture_is_too_large_for_the_record(size):
+    """Leaves and gravel are as hard to pack as noise; a record without them is not whole."""
+    noise = np.random.default_rng(1).integers(0, 256, (*size, 3), dtype=np.uint8)
+    pictures = Pictures(waits=True)
+    pictures.give(Frame(1.0, 1, noise), Pose(0.0, 0.0, 0.0))
+    packed = pictures.take()
+    assert len(packed.data) < LARGEST - 1000
+    with Image.open(io.BytesIO(packed.data)) as seen:
+        assert seen.size[0] >= min(size[1], 480)

@@ -9,8 +9,8 @@ import pytest
 
 from cohelm.drive.recorder import Recording
 from cohelm.record.messages import messages
-from cohelm.robot.keep.kept import Event
-from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.gated_robot import Event
+from cohelm.robot.keep.record_pipe import Line
 from tests.robot.keep.robots import SALLY
 
 

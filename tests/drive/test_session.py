@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.drive.session import Plan, Session, driver_of
 from cohelm.drive.simulated import simulated
-from cohelm.loop.planning import ANSWER, Elsewhere
+from cohelm.loop.planning import ANSWER, RemotePlanner
 
 
 @pytest.mark.parametrize(("kind", "steps"), [("kinematic", 2), ("twin", 4)])
@@ -67,7 +67,7 @@ def test_a_start_waits_for_its_first_plan_and_no_longer_however_late_it_is():
     with Session(Plan(simulated("lab-guard", real_time=False))) as session:
         session.run(lambda loop: loop.timing.kept().periods > 5)
         driver, seen = session.loop.driver, session.loop.seen
-        driver._planning = Elsewhere(_slow)
+        driver._planning = RemotePlanner(_slow)
         begun = time.monotonic()
         driver.rehearse_plan(seen, Clock())
         assert ANSWER < time.monotonic() - begun < 60.0

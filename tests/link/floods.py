@@ -51,7 +51,7 @@ class Seen(NamedTuple):
     stop: tuple[int, int] | None
     """Client and number of the stop it obeys."""
     first: bool
-    """Whether the stop came before all other requests, and there was one of it."""
+    """Whether the stops came before all other requests."""
     driven: bool
     """Whether the driver's command was there and is his."""
     age: float
@@ -76,7 +76,7 @@ def _robot(keys: Keys, stick: Stick, told: Connection) -> None:
             told.send(
                 Seen(
                     now, (stops[0].client, stops[0].request.number) if stops else None,
-                    not stops or (len(stops) == 1 and heard.asked[0] is stops[0]),
+                    heard.asked[: len(stops)] == tuple(stops),
                     command is not None and command.valid and command.stick == stick,
                     heard.age, len(heard.asked),
                 )

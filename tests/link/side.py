@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cohelm.core.types import Stick
-from cohelm.link.heard import Heard
 from cohelm.link.messages import Arming, Ask, Mode, Request
-from cohelm.loop.leash import silent
-from cohelm.loop.person import CENTRED, Manner, Person, renewed
+from cohelm.link.operator_input import OperatorInput
+from cohelm.loop.latency_limit import silent
+from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
 
 DT = 0.02
 
@@ -43,7 +43,7 @@ class Side:
             self.mode = Mode(request.value)
         return True, ""
 
-    def step(self, heard: Heard) -> Used:
+    def step(self, heard: OperatorInput) -> Used:
         self._seen = self._seen or heard.command is not None
         self.person = renewed(self.person, heard, self.manner, DT)
         lost = self.person.lost or (silent(heard, self.manner.stale) if self._seen else "")

@@ -11,7 +11,7 @@ import pytest
 from cohelm.core.types import Pose, Stick
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask, Device, Discs, Mode, ScanPart
-from cohelm.link.robot_end import Heard, RobotEnd
+from cohelm.link.robot_end import OperatorInput, RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import CENTRED, STATUS, until
 
@@ -26,7 +26,7 @@ class Both:
         self.robot, self.stations = robot, stations
         self.stick, self.heard, self.done = CENTRED, robot.heard(), []
 
-    def turn(self) -> Heard:
+    def turn(self) -> OperatorInput:
         self.robot.tell(STATUS)
         for station in self.stations:
             station.steer(self.stick, True, True, Device.SCRIPT)

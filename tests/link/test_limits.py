@@ -116,7 +116,7 @@ def test_requests_beyond_a_rate_are_refused_with_an_answer_and_stops_are_not(rob
         raw.say(command(k, *asked))
     until(lambda: len(answers) >= 88 - MOST_WAITING)
     raw.say(command(12, Request(next(numbers), Ask.STOP, 0, time.monotonic())))
-    until(lambda: robot._pending._stop is not None)
+    until(lambda: robot._pending._stops)
     done = robot.heard().asked
     assert done[0].request.what is Ask.STOP
     assert len(done) <= MOST_WAITING + 1

@@ -2,8 +2,8 @@
 
 from hypothesis import given, strategies as st
 
-from cohelm.link.heard import Asked
 from cohelm.link.messages import Ask, Request
+from cohelm.link.operator_input import Asked
 from cohelm.link.pending import MOST_WAITING, MOVES, Pending
 
 whats = st.sampled_from([Ask.STOP, Ask.RESET, Ask.ACKNOWLEDGE, Ask.MODE, Ask.RECORD])

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from cohelm.core.types import Stick
-from cohelm.link.heard import Heard
 from cohelm.link.messages import Command, Device
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, Then, followed
-from cohelm.loop.leash import silent
-from cohelm.loop.person import Manner, Person, renewed
+from cohelm.loop.latency_limit import silent
+from cohelm.loop.stick_arming import Manner, Person, renewed
 
 DT = 0.02
 SILENCE = 0.26
@@ -25,16 +25,16 @@ DONE = ("disarmed", "other device", "other driver", "released")
 """What somebody does."""
 
 
-def said(what: str, age: float) -> Heard:
+def said(what: str, age: float) -> OperatorInput:
     """What the loop hears in one period; age: how long nothing was heard [s]."""
     driver = {"other driver": 2, "released": 0}.get(what, 1)
     if what in ("silent", "released"):
-        return Heard(driver, "anna", None, age, 0.0, ())
+        return OperatorInput(driver, "anna", None, age, 0.0, ())
     x = 0.8 if what == "deflected" else 0.0
     device = {"gone": Device.NONE, "other device": Device.TOUCH}.get(what, Device.GAMEPAD)
     good = what != "gone"
     command = Command(Stick(x, 0.0), good, good and what != "disarmed", device, 1.0, ())
-    return Heard(driver, "anna", command, 0.02, 0.0, ())
+    return OperatorInput(driver, "anna", command, 0.02, 0.0, ())
 
 
 class Period(NamedTuple):
@@ -154,13 +154,13 @@ def test_what_somebody_does_is_no_dropout(what):
 
 def test_a_driver_without_a_stick_has_none_to_centre():
     dropout, now = Dropout(driver=1), 100.0
-    heard = Heard(1, "anna", None, 0.31, 0.0, ())
+    heard = OperatorInput(1, "anna", None, 0.31, 0.0, ())
     assert followed(dropout, "the driver is lost", heard, Person(), now)[1] is Then.STOP
 
 
 def test_an_age_that_is_not_known_gives_no_more_time():
     dropout = Dropout(driver=1, device=Device.GAMEPAD)
-    heard = Heard(1, "anna", None, math.nan, 0.0, ())
+    heard = OperatorInput(1, "anna", None, math.nan, 0.0, ())
     stood, then = followed(dropout, "the stick is lost", heard, Person(), 100.0)
     assert then is Then.STAND
     assert followed(stood, "", heard, Person(), 101.01)[1] is Then.STOP

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cohelm.loop.planning import ANSWER, Elsewhere
+from cohelm.loop.planning import ANSWER, RemotePlanner
 
 LONG = 2_000_000  # more than a socket holds
 
@@ -18,7 +18,7 @@ def wordy(task: Any) -> Any:
     return task[:LONG]
 
 
-def planned(planning: Elsewhere, now: float = 0.0) -> Any:
+def planned(planning: RemotePlanner, now: float = 0.0) -> Any:
     """The plan, when it comes."""
     end = time.monotonic() + 60.0
     while time.monotonic() < end:
@@ -30,7 +30,7 @@ def planned(planning: Elsewhere, now: float = 0.0) -> Any:
 
 @pytest.fixture
 def planning():
-    made = Elsewhere(wordy)  # type: ignore[arg-type]
+    made = RemotePlanner(wordy)  # type: ignore[arg-type]
     yield made
     made.close()
 

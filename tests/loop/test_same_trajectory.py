@@ -12,12 +12,12 @@ from cohelm.law.reference import through
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, Ways
-from cohelm.loop.operator import Nobody
-from cohelm.loop.planning import Here
+from cohelm.loop.operator import NullOperator
+from cohelm.loop.planning import InProcessPlanner
 from cohelm.perceive.seen import Perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.robot.keep.kept import Kept, rules
-from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.gated_robot import GatedRobot, rules
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.sensors import OdometryModel
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -57,11 +57,13 @@ def looped(model, setup, steps: int) -> np.ndarray:
     driver_pilot = Pilot(
         setup.reference, settings, delay=setup.delay, manners=pilot.manners, care=pilot.care
     )
-    planning = Here(driver_pilot.planner, pilot.thinking)
+    planning = InProcessPlanner(driver_pilot.planner, pilot.thinking)
     driver = Driver(driver_pilot, settings, setup.delay, planning)
     perception = Perception(model, watching=pilot.watching)
-    keeper = Kept(plant, rules(model, DT))
-    loop = Loop(keeper, perception, driver, Nobody(), Line(None), Ways(period=DT), has_map=False)
+    keeper = GatedRobot(plant, rules(model, DT))
+    loop = Loop(
+        keeper, perception, driver, NullOperator(), Line(None), Ways(period=DT), has_map=False
+    )
     rows = []
 
     def until(loop: Loop) -> bool:

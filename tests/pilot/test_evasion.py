@@ -1,6 +1,7 @@
 """The robot steps aside: who comes towards it, crosses or overtakes it is not waited for."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,13 @@ from cohelm.law.reference import through
 from cohelm.pilot.evasion import EvasionParams
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import EVADING, LED
-from tests.pilot.drives import DT, SETTINGS, drive
+from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import achievable
+from cohelm.sim.run import run
+from cohelm.sim.setup import with_pilot
+from cohelm.sim.world import Body, clearance
+from tests.pilot.drives import DT, SALLY, SETTINGS, drive
+from tests.sim.test_closed_loop_lidar import crossing
 
 WAY = [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0)]
 OFF = SETTINGS
@@ -64,6 +71,43 @@ def test_it_comes_back_to_its_path():
     done = drive(WAY, [ENCOUNTERS["head-on"]], seconds=40.0, settings=ON)
     assert abs(done.poses[:, 1]).max() > 0.3  # it went round
     assert abs(done.poses[-1, 1]) < 0.1
+
+
+WALKERS = {
+    "from the right": Body((3.0, -2.5, 0.0, 0.5, 0.25, 0.6)),
+    "from the left": Body((3.0, 2.5, 0.0, -0.5, 0.25, 0.6)),
+    "from the right, slower": Body((3.5, -2.5, 0.0, 0.4, 0.25, 0.6)),
+}
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_walker_seen_by_lidar_is_kept_off(name):
+    """What a LiDAR tells of a velocity is never twice the same: a motion that the filter could only
+    just stop from was begun in front of him, and then could not be gone on with."""
+    setup = with_pilot(crossing(WALKERS[name]), lidar=SALLY.lidar)
+    assert setup.pilot is not None
+    evading = setup.pilot.settings._replace(evasion=EvasionParams(horizon=3.0))
+    rows = run(replace(setup, pilot=replace(setup.pilot, settings=evading))).rows
+    assert rows["arrived"][-1]
+    assert rows["clearance"].min() > 0.05
+
+
+def test_who_turns_towards_the_robot_is_foreseen_to_turn():
+    """A walker on a circle that passes through where the robot stands."""
+    pilot, gaps = Pilot(through([(0.0, 0.0), (0.01, 0.0)], 0.5), ON), []
+    pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
+    for k in range(600):
+        a = 0.35 * k * DT
+        x, y = 1.6 * math.sin(a) - 1.6, 1.6 * math.cos(a)
+        vx, vy = 0.56 * math.cos(a), -0.56 * math.sin(a)
+        seen = surroundings([disc(x, y, 0.25, 0.75, vx, vy)], [0.5])
+        if k % 10 == 0:
+            pilot.take(pilot.plan(pose, twist, seen), pose, twist)
+        d = pilot.step(k * DT, pose, twist, None, seen)
+        gaps.append(clearance(pose, SALLY.outline, 0.5, seen.discs, np.empty((0, 4)), 9.0))
+        twist = achievable(Twist(d.v, d.omega), twist, ON.limits, DT)
+        pose = arc(pose, twist, DT)
+    assert min(gaps) > 0.05
 
 
 def test_a_person_who_leads_is_not_overruled():

@@ -19,12 +19,12 @@ from PIL import Image
 from cohelm.core.period import PERIOD
 from cohelm.core.types import Pose, Twist
 from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
-from cohelm.link.told import Shown, Told
+from cohelm.link.recorded_status import Shown, Told
 from cohelm.record.drive import DriveFile, Photo
 from cohelm.record.replay import Replayed
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot as BaseRobot
-from cohelm.robot.keep.kept import Event
+from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Readings, Robot

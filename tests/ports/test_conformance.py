@@ -13,6 +13,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
 from cohelm.robot.port import Odometry, Robot
+from tests.few import first
 from tests.ports.adapters import ADAPTERS, Adapter
 
 SLACK = 1.0  # a busy machine may be so late [s]
@@ -177,7 +178,7 @@ def test_a_twist_that_is_no_number_stops_it(robot, adapter, broken):
     assert abs(seen[-1].twist.v) <= STILL
 
 
-@pytest.mark.parametrize("asked", [Twist(0.4, 0.0), Twist(-0.3, 0.0), Twist(0.2, 0.5)])
+@pytest.mark.parametrize("asked", first([Twist(0.2, 0.5), Twist(0.4, 0.0), Twist(-0.3, 0.0)]))
 def test_it_moves_as_told(robot, adapter, asked):
     if not adapter.obeys:
         pytest.skip("it moves as it did")

@@ -15,7 +15,7 @@ from cohelm.law.reference import tabulate, through
 from cohelm.record.topics import Scene
 from cohelm.record.write import Recorder
 from cohelm.robot.limits import unlimited
-from cohelm.sim.hand import Operator
+from cohelm.sim.operator_model import Operator
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world

@@ -12,7 +12,7 @@ from cohelm.record.drive import TOPICS, DriveFile, periods
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed, recorded_model
 from cohelm.record.shown import TOPICS as SHOWN_TOPICS, understood
-from cohelm.robot.keep.kept import Event
+from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.port import Odometry
 from cohelm.sim.kinematic import Kinematic
 from tests.ports.adapters import SHOWN, recorded, room, sally

@@ -21,7 +21,7 @@ from tests.record.runs import LAB, OUTLINE, WALLS, lab, recorded
 SETUP = lab(duration=20.0)  # the mover sets out at 15 s
 EVERY = round(1 / (RATE * SETUP.dt))
 
-Heard = dict[str, list[tuple[int, Any]]]
+OperatorInput = dict[str, list[tuple[int, Any]]]
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +35,9 @@ def trace(path: Path) -> Trace:
 
 
 @pytest.fixture(scope="module")
-def heard(path: Path, trace: Trace) -> Heard:
+def heard(path: Path, trace: Trace) -> OperatorInput:
     """Topic -> (log time, message), as mcap-ros2-support reads them."""
-    found: Heard = defaultdict(list)
+    found: OperatorInput = defaultdict(list)
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for _, channel, message, decoded in reader.iter_decoded_messages():
@@ -50,7 +50,7 @@ def seconds(message: Any) -> float:
     return stamp.sec - EPOCH // 10**9 + stamp.nanosec * 1e-9
 
 
-def test_every_topic_decodes_with_its_declared_type(path: Path, heard: Heard) -> None:
+def test_every_topic_decodes_with_its_declared_type(path: Path, heard: OperatorInput) -> None:
     with path.open("rb") as file:
         reader = make_reader(file)
         assert reader.get_header().profile == "ros2"
@@ -65,7 +65,7 @@ def test_every_topic_decodes_with_its_declared_type(path: Path, heard: Heard) ->
     assert set(heard) == set(types)
 
 
-def test_status_has_every_number_of_every_step(heard: Heard, trace: Trace) -> None:
+def test_status_has_every_number_of_every_step(heard: OperatorInput, trace: Trace) -> None:
     messages = [message for _, message in heard["/status"]]
     assert len(messages) == len(trace) == 2001
     for name in ROW.names or ():
@@ -79,7 +79,7 @@ def test_status_has_every_number_of_every_step(heard: Heard, trace: Trace) -> No
         np.testing.assert_array_equal(got, trace.discs[:, :, column])
 
 
-def test_times_are_those_of_the_run(heard: Heard, trace: Trace) -> None:
+def test_times_are_those_of_the_run(heard: OperatorInput, trace: Trace) -> None:
     times = [(log_time - EPOCH) * 1e-9 for log_time, _ in heard["/status"]]
     np.testing.assert_allclose(times, trace.rows["t"], rtol=0, atol=1e-9)
     for topic in ("/odom", "/cmd_vel", "/cmd_vel_asked", "/joy"):
@@ -87,7 +87,7 @@ def test_times_are_those_of_the_run(heard: Heard, trace: Trace) -> None:
         np.testing.assert_allclose(stamps, trace.rows["t"][::EVERY], rtol=0, atol=1e-6)
 
 
-def test_pose_command_and_stick_are_those_of_the_run(heard: Heard, trace: Trace) -> None:
+def test_pose_command_and_stick_are_those_of_the_run(heard: OperatorInput, trace: Trace) -> None:
     rows = trace.rows[::EVERY]
     assert len(rows) == len(heard["/odom"]) == len(heard["/tf"])
     assert abs(rows["stick_psi"]).max() > 0.4  # the person steered
@@ -115,7 +115,7 @@ def test_pose_command_and_stick_are_those_of_the_run(heard: Heard, trace: Trace)
 
 
 def test_obstacles_are_drawn_where_they_are_with_their_safe_distance(
-    heard: Heard, trace: Trace
+    heard: OperatorInput, trace: Trace
 ) -> None:
     drawn = heard["/obstacles"]
     moving = [m for log_time, m in drawn if log_time - EPOCH > 16 * 10**9]
@@ -133,7 +133,7 @@ def test_obstacles_are_drawn_where_they_are_with_their_safe_distance(
     assert all(m.color.a < 0.5 for m in moving[0].markers[1::2])  # one sees through the ring
 
 
-def test_reference_walls_and_outline_are_drawn_once(heard: Heard) -> None:
+def test_reference_walls_and_outline_are_drawn_once(heard: OperatorInput) -> None:
     ((_, reference),), ((_, scene),) = heard["/reference"], heard["/scene"]
     path = np.array([(p.pose.position.x, p.pose.position.y) for p in reference.poses])
     for way_point in LAB[:9]:  # those within the first 20 s

@@ -9,7 +9,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import Proposal, Rules
 from cohelm.robot.gate.modes import Mode
-from cohelm.robot.keep.kept import Kept
+from cohelm.robot.keep.gated_robot import GatedRobot
 from cohelm.robot.monitor import UNRESTRICTED, Restriction, strictest
 from cohelm.scenario import load
 from cohelm.sim.kinematic import Kinematic
@@ -37,7 +37,7 @@ def kept(*monitors):
     alone = load.standing_alone(made, Path())
     robot = Kinematic(alone.robot, Pose(0.0, 0.0, 0.0), alone.around(), seed=0)
     events = []
-    it = Kept(robot, RULES, events.append, monitors)
+    it = GatedRobot(robot, RULES, events.append, monitors)
     it.wait(0.1)
     it.read()
     it.propose(Proposal(0, it.now(), Twist(0.0, 0.0)))

@@ -42,11 +42,36 @@ def test_being_walked_into_while_standing_is_a_standing_contact():
     assert seen.gap_moving == FAR
 
 
-def test_who_moves_while_in_contact_has_a_moving_one_whoever_came():
+@pytest.mark.parametrize(("speed", "departing"), [(-0.1, 0), (0.1, 1)])
+def test_a_contact_that_began_while_it_stood_is_standing_also_if_it_then_moves(speed, departing):
+    """Away from what came is well; into it is departing, once a contact."""
     speeds = np.zeros(100)
-    speeds[95] = -0.1
-    seen = run(speeds, np.linspace(2.0, 0.2, 100))
-    assert (seen.moving, seen.standing) == (1, 0)
+    speeds[95:98] = speed
+    seen = run(speeds, np.minimum(np.linspace(2.0, 0.2, 100), 2.0))
+    assert (seen.moving, seen.standing, seen.departing) == (0, 1, departing)
+    assert seen.gap_moving > 0.0
+    assert 0 < seen.touched < seen.steps == 99
+
+
+def test_who_departs_into_something_else_has_a_moving_contact_as_well():
+    speeds = np.zeros(100)
+    speeds[90:] = -0.5
+    wall = np.array([[-0.35, -1.0, -0.35, 1.0]])
+    seen = run(speeds, np.linspace(2.0, 0.2, 100), walls=wall)
+    assert (seen.moving, seen.standing, seen.departing) == (1, 1, 0)
+
+
+def test_a_second_thing_that_walks_into_the_moving_robot_is_a_moving_contact():
+    n = 60
+    rows, discs = np.zeros(n, dtype=ROW), np.zeros((n, 2, 6))
+    rows["t"] = DT * np.arange(n)
+    rows["applied_v"][30:] = -0.01
+    rows["x"][31:] = -0.01 * DT * np.arange(1, n - 30)
+    discs[:, :] = disc(0.0, 0.0, 0.1)
+    discs[:, 0, 0] = np.maximum(1.0 - 0.05 * np.arange(n), 0.38)
+    discs[:, 1, 1] = 0.9 - 0.012 * np.arange(n)  # there after 42 steps
+    seen = judge(Judged(), rows, discs, SQUARE, NO_WALLS, FREE, DT)
+    assert (seen.moving, seen.standing, seen.departing) == (1, 1, 0)
 
 
 def test_two_visits_are_two_contacts():

@@ -15,8 +15,8 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, disc, discs
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, borders, cast, grid
-from cohelm.sim.hand import normal
 from cohelm.sim.lidar import hits, scan
+from cohelm.sim.operator_model import normal
 
 EPS = 1e-9  # rounding may decide a beam that passes an edge by less than this [m]
 NO_DISCS, NO_WALLS = np.empty((0, 6)), np.empty((0, 4))

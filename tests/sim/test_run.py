@@ -12,7 +12,7 @@ from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.gains import Gains
 from cohelm.law.reference import through
 from cohelm.robot.kinematics import arc
-from cohelm.sim.hand import Operator, replay
+from cohelm.sim.operator_model import Operator, replay
 from cohelm.sim.run import pieces, run
 from cohelm.sim.world import Body, world
 from tests.oracle import lab

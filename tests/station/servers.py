@@ -10,8 +10,8 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.drive.beside import Beside
-from cohelm.drive.served import Door
+from cohelm.drive.robot_process import Beside
+from cohelm.drive.teleop_server import Door
 from cohelm.link import keys
 from cohelm.link.messages import Ask, Device, Mode, Status
 from cohelm.link.station_end import StationEnd

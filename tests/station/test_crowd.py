@@ -19,6 +19,7 @@ from cohelm.station.app import pages
 from cohelm.station.listener import Listener
 from cohelm.station.serve import Server
 from cohelm.station.tls import certificate
+from tests.few import first
 from tests.link.ends import until
 from tests.station.bare import Bare
 from tests.station.person import who
@@ -99,7 +100,7 @@ def crowd(port: int, count: int, says: bytes, lasts: float = 60.0) -> Iterator[l
             sock.close()
 
 
-@pytest.mark.parametrize("how", HOW)
+@pytest.mark.parametrize("how", first(HOW, 2))
 def test_a_page_loads_and_speaks_among_two_hundred_that_sit_there(
     server: Server, browser: Browser, how: str
 ) -> None:

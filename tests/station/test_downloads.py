@@ -218,6 +218,7 @@ def test_a_robot_that_dies_in_the_middle_fails_the_download(
     link.close()
 
 
+@pytest.mark.slow
 def test_a_record_that_changes_or_ends_too_soon_fails_the_download(
     server: Server, tmp_path: Path
 ) -> None:

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from cohelm.station.serve import Server
+from tests.few import first
 from tests.station.person import (
     LEFT,
     RIGHT,
@@ -63,7 +64,7 @@ def test_keys_in_a_field_do_not_steer(page: Page) -> None:
     release(page)
 
 
-@pytest.mark.parametrize("how", ["button", "space", "space on a button"])
+@pytest.mark.parametrize("how", first(["space on a button", "space", "button"]))
 def test_stop_stops_and_only_the_driver_lets_it_drive_again(page: Page, how: str) -> None:
     drive(page)
     page.keyboard.down("ArrowLeft")

@@ -22,7 +22,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from cohelm.loop.dropout import BACK_WITHIN
-from cohelm.loop.person import Manner
+from cohelm.loop.stick_arming import Manner
 from cohelm.robot.gate.modes import Mode as GateMode
 from tests.drive.far import PORT, FarRobot
 from tests.drive.test_far import BRAKING, PERIOD, Row, rows

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.link.lent import borrowed, lent
+from cohelm.link.local_credentials import borrowed, lent
 from cohelm.station.serve import Server
 from tests.station.bare import Bare
 from tests.station.servers import served
@@ -27,7 +27,7 @@ TRIES = """
 import encodings.idna, glob, http.client, json, os, pathlib, socket, sys, time
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.link import lent
+from cohelm.link import local_credentials
 from cohelm.link.keys import pair_here
 from cohelm.link.messages import Ask, Device
 from cohelm.link.station_bulk import StationBulk

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
-from cohelm.drive.film import RunFilm
 from cohelm.drive.replayed import Replaying
+from cohelm.drive.run_playback import RunFilm
 from cohelm.scenario import build, load
 from cohelm.station import app
 from cohelm.station.serve import Server

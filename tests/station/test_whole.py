@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from cohelm.drive.film import film
 from cohelm.drive.replayed import Replaying
+from cohelm.drive.run_playback import film
 from cohelm.record.messages import messages
 from tests.station.person import (
     LEFT,

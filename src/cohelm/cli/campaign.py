@@ -24,8 +24,8 @@ def campaign(
         str,
         typer.Argument(
             metavar="SUITE",
-            help="lab, random, barn, crowd, adversary or hands; or the folder of a campaign, "
-            "to go on with it as it was asked for.",
+            help="lab, random, movers, barn, crowd, adversary or hands; or the folder of a "
+            "campaign, to go on with it as it was asked for.",
         ),
     ],
     law: Annotated[

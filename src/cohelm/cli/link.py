@@ -138,7 +138,7 @@ def stick(
             print(line)
         return
     from cohelm.link import keys
-    from cohelm.link.lent import borrowed
+    from cohelm.link.local_credentials import borrowed
     from cohelm.link.sticks import at_helm
     from cohelm.link.udp import PORT, address
 

@@ -146,7 +146,7 @@ def _served(plan: Plan, where: str, seconds: float | None) -> dict[str, Any]:
     import time
 
     from cohelm.drive.operate import ended
-    from cohelm.drive.served import Door, serve
+    from cohelm.drive.teleop_server import Door, serve
     from cohelm.link import keys
     from cohelm.link.udp import PORT, address
 

@@ -119,11 +119,11 @@ def drive(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.awaited import Awaited
-    from cohelm.drive.beside import Beside
     from cohelm.drive.factory import own_robot
-    from cohelm.drive.served import Door
+    from cohelm.drive.robot_process import Beside
+    from cohelm.drive.teleop_server import Door
     from cohelm.link import keys
-    from cohelm.link.lent import lent
+    from cohelm.link.local_credentials import lent
     from cohelm.scenario import load
     from cohelm.station.app import pages
     from cohelm.station.linked import Linked
@@ -168,8 +168,8 @@ def drive(
 
 
 def _recorded(path: Path) -> Connect:
-    from cohelm.drive.film import film
     from cohelm.drive.replayed import Replaying
+    from cohelm.drive.run_playback import film
 
     shown = film(path / "record.mcap" if path.is_dir() else path)
     return lambda _: Replaying(shown)

@@ -10,8 +10,8 @@ from typing import Any
 from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import Make, own_robot
 from cohelm.drive.operate import End, ended, hands
-from cohelm.drive.served import Door, serve
 from cohelm.drive.session import Plan, Session
+from cohelm.drive.teleop_server import Door, serve
 from cohelm.link import keys
 from cohelm.link.udp import PORT, address
 from cohelm.loop.loop import Loop, Ways

@@ -15,11 +15,11 @@ from cohelm.core.types import Stick
 from cohelm.drive.factory import RobotFactory, own_robot
 from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
-from cohelm.loop.operator import Nobody, Scripted
+from cohelm.loop.operator import NullOperator, Scripted
 from cohelm.robot.model import SHIPPED
 from cohelm.scenario import build
 from cohelm.scenario.hand import StickNone, StickOperator
-from cohelm.sim.hand import replayed
+from cohelm.sim.operator_model import replayed
 
 
 class Asked(NamedTuple):
@@ -78,7 +78,7 @@ class Hands(Scripted):
 
     def heard(self) -> Any:
         """As the script says; nothing where there is no stick."""
-        return super().heard() if self._present else Nobody().heard()
+        return super().heard() if self._present else NullOperator().heard()
 
 
 def hands(made: RobotFactory, mode: str) -> tuple[Mode, Hands]:

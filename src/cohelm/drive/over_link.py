@@ -10,7 +10,6 @@ import numpy as np
 
 from cohelm import __version__
 from cohelm.drive.pictures import Packed
-from cohelm.link.heard import Asked, Heard
 from cohelm.link.messages import (
     Ask,
     Checked,
@@ -22,6 +21,7 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )  # fmt: skip
+from cohelm.link.operator_input import Asked, OperatorInput
 from cohelm.link.robot_bulk import Proposed, RobotBulk
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.robot_records import listed
@@ -50,7 +50,7 @@ class OverLink:
 
     # ---- what the loop asks of an operator ----------------------------------------------
 
-    def heard(self) -> Heard:
+    def heard(self) -> OperatorInput:
         """As the link has it; records are no business of the loop's."""
         heard = self._end.heard()
         if not any(asked.request.what == Ask.RECORD for asked in heard.asked):

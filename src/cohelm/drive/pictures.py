@@ -11,9 +11,12 @@ from typing import NamedTuple
 from PIL import Image
 
 from cohelm.core.types import Pose
+from cohelm.robot.keep.record_pipe import LARGEST
 from cohelm.robot.port import Frame
 
-_QUALITY = 75  # of a JPEG
+_QUALITY, _LEAST = 75, 20  # of a JPEG
+_LARGEST = LARGEST - 1000
+"""A picture that is larger goes into no record: it is packed more tightly, and then smaller [B]."""
 _log = logging.getLogger("cohelm.drive")
 
 
@@ -84,6 +87,13 @@ class Pictures:
 
 
 def _packed(frame: Frame, pose: Pose) -> Packed:
-    file = io.BytesIO()
-    Image.fromarray(frame.pixels).save(file, "JPEG", quality=_QUALITY)
-    return Packed(frame.stamp, frame.number, pose, file.getvalue())
+    image, quality = Image.fromarray(frame.pixels), _QUALITY
+    while True:
+        file = io.BytesIO()
+        image.save(file, "JPEG", quality=quality)
+        if file.tell() <= _LARGEST:
+            return Packed(frame.stamp, frame.number, pose, file.getvalue())
+        if quality > _LEAST:
+            quality = max(quality // 2, _LEAST)
+        else:
+            image, quality = image.reduce(2), _QUALITY

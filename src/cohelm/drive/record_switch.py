@@ -19,7 +19,7 @@ from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
 from cohelm.link.messages import Map, Polyline
 from cohelm.loop.loop import Loop
-from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import dump
 

@@ -22,9 +22,9 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.period import PERIOD
 from cohelm.record.drive import DriveFile
-from cohelm.robot.keep.kept import Event
-from cohelm.robot.keep.lines import ALIVE, LARGEST, line
+from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.keep.processes import left_alone, started
+from cohelm.robot.keep.record_pipe import ALIVE, LARGEST, line
 from cohelm.robot.model import RobotModel
 
 _RESERVE = 1 << 16  # bytes kept for the log

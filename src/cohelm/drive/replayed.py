@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from cohelm.core.types import Stick
-from cohelm.drive.film import Film
+from cohelm.drive.run_playback import Film
 from cohelm.link.messages import Answer, Ask, Checked, Device
 from cohelm.station.robot_link import News, Place, Quality
 

@@ -21,7 +21,7 @@ from cohelm.link.robot_bulk import Proposed
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.robot.gate.gate import STANDING
-from cohelm.robot.keep.kept import standing
+from cohelm.robot.keep.gated_robot import standing
 
 WITHIN = 20.0
 """A way that is not made so long after it was accepted is given up [s]."""

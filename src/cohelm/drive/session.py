@@ -19,8 +19,8 @@ from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, Ways
-from cohelm.loop.operator import Nobody, Operator
-from cohelm.loop.planning import Elsewhere, Here
+from cohelm.loop.operator import NullOperator, Operator
+from cohelm.loop.planning import InProcessPlanner, RemotePlanner
 from cohelm.loop.timing import Timing
 from cohelm.perceive.known import Known
 from cohelm.perceive.seen import Perception, rehearse
@@ -29,10 +29,10 @@ from cohelm.pilot.careful import SLOP, noise, roomier
 from cohelm.pilot.pilot import Pilot
 from cohelm.record.drive import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
-from cohelm.robot.keep.kept import Keeper, Kept, rules, standing
-from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
-from cohelm.robot.keep.process import KeptElsewhere
+from cohelm.robot.keep.process import RemoteGatedRobot
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.scenario.load import dump
 
 _BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
@@ -96,9 +96,9 @@ class Session:
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             ends = (self.recording.loop, self.recording.keeper) if self.recording else (None, None)
             if real_time:
-                self.keeper = KeptElsewhere(robot, gate, ends[1])
+                self.keeper = RemoteGatedRobot(robot, gate, ends[1])
             else:
-                self.keeper = Kept(robot(), gate, Line(ends[1], waits=True))
+                self.keeper = GatedRobot(robot(), gate, Line(ends[1], waits=True))
             if self.recording is not None:
                 if real_time:
                     self.recording.keeper.close()  # the keeper's process has it
@@ -108,7 +108,7 @@ class Session:
             perception = Perception(model, where, robot.start)
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(
-                self.keeper, perception, self.driver, operator or Nobody(),
+                self.keeper, perception, self.driver, operator or NullOperator(),
                 Line(ends[0], waits=not real_time),
                 _ways(plan), has_map=where is not None,
             )  # fmt: skip
@@ -297,5 +297,5 @@ def driver_of(plan: Plan, real_time: bool, reference: Reference | None = None) -
     off, delay = SLOP + noise(model), plan.robot.delay(plan.period)
     settings, manners, care = roomier(settings, law.manners(), law.care(), off, noise(model))
     pilot = Pilot(reference, settings, delay=delay, manners=manners, care=care)
-    planning = Elsewhere(pilot.planner) if real_time else Here(pilot.planner)
+    planning = RemotePlanner(pilot.planner) if real_time else InProcessPlanner(pilot.planner)
     return Driver(pilot, settings, delay, planning)

@@ -7,8 +7,8 @@ import socket
 from collections import deque
 
 from cohelm.link.clock import Path
-from cohelm.link.door import Guest
 from cohelm.link.dtls import Channel
+from cohelm.link.listener import Guest
 from cohelm.link.messages import Answer, Command
 from cohelm.link.rate import TokenBucket
 

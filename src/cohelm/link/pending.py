@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from cohelm.link.heard import Asked
 from cohelm.link.messages import Ask
+from cohelm.link.operator_input import Asked
 
 MOST_WAITING = 16
 """Requests of one client that may wait for the loop; twice what one command carries."""

@@ -23,6 +23,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.link import udp
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Refused, stream_context
+from cohelm.link.io_thread import Turning
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
     Answer,
@@ -40,7 +41,6 @@ from cohelm.link.pace import Pace
 from cohelm.link.robot_end import STALE, RobotEnd
 from cohelm.link.robot_records import Digests, Wanted, listed, opened
 from cohelm.link.stream import Stream
-from cohelm.link.turning import Turning
 from cohelm.link.wire import Header, encode, from_operator
 
 MOST_STREAMS = 24

@@ -21,14 +21,14 @@ from collections.abc import Callable
 from cohelm.link import lease, udp
 from cohelm.link.client import Client, free_number
 from cohelm.link.codec import Malformed
-from cohelm.link.door import Door, Guest
 from cohelm.link.dtls import Refused, context
-from cohelm.link.heard import Asked, Heard
+from cohelm.link.io_thread import Turning
 from cohelm.link.keys import Keys
+from cohelm.link.listener import Door, Guest
 from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
+from cohelm.link.operator_input import Asked, OperatorInput
 from cohelm.link.pending import Pending
 from cohelm.link.rate import Coalesced
-from cohelm.link.turning import Turning
 from cohelm.link.wire import Header, encode, from_operator, may_stop
 
 STALE = 0.25
@@ -84,7 +84,7 @@ class RobotEnd(Turning):
 
     # ---- for the loop ------------------------------------------------------------------
 
-    def heard(self) -> Heard:
+    def heard(self) -> OperatorInput:
         """What the driver wants now. Each request is handed out once, a stop before all others."""
         now = self.clock()
         with self._lock:
@@ -92,13 +92,15 @@ class RobotEnd(Turning):
             asked = tuple(a._replace(age=self._oldest(a, now)) for a in taken)
             client = self._clients.get(self._held.driver)
             if client is None:
-                return Heard(self._held.driver, self._name(self._held.driver), None, math.nan,
-                             math.nan, asked, self._term)  # fmt: skip
+                who = self._held.driver
+                return OperatorInput(
+                    who, self._name(who), None, math.nan, math.nan, asked, self._term
+                )
             age = client.path.oldest(client.stamp, now)
             fresh = client.command is not None and self._fresh(client, client.stamp, now)
             if fresh:
                 client.used_age = age
-            return Heard(
+            return OperatorInput(
                 client.number, client.channel.name, client.command if fresh else None, age,
                 client.path.round_trip, asked, self._term,
             )  # fmt: skip

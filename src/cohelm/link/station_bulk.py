@@ -18,6 +18,7 @@ from collections.abc import Callable
 from cohelm.link import udp
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Refused, stream_context
+from cohelm.link.io_thread import Turning
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
     Checked,
@@ -31,7 +32,6 @@ from cohelm.link.messages import (
     Polyline,
 )  # fmt: skip
 from cohelm.link.stream import Stream
-from cohelm.link.turning import Turning
 from cohelm.link.wire import LARGEST_BULK, Header, encode, from_robot
 
 _PATIENCE = 10.0  # [s], for a connection

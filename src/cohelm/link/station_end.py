@@ -27,6 +27,7 @@ from cohelm.link import udp
 from cohelm.link.clock import Path
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.io_thread import Turning
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
     Answer,
@@ -39,7 +40,6 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )  # fmt: skip
-from cohelm.link.turning import Turning
 from cohelm.link.wire import Header, encode, from_robot
 
 FRESH = 0.1

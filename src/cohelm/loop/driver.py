@@ -11,8 +11,8 @@ from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.govern import Profile
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference, through
-from cohelm.loop.person import CENTRED
 from cohelm.loop.planning import Planning
+from cohelm.loop.stick_arming import CENTRED
 from cohelm.perceive.chart import swept
 from cohelm.perceive.frames import placed
 from cohelm.perceive.seen import Seen
@@ -21,7 +21,7 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.plan import entered
 from cohelm.pilot.step import Decision, Settings
 from cohelm.pilot.told import told
-from cohelm.robot.keep.kept import Keeper
+from cohelm.robot.keep.gated_robot import Keeper
 from cohelm.robot.limits import achievable
 
 _COMPILING = 180.0  # the first plan may take this long [s]

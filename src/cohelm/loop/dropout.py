@@ -12,9 +12,9 @@ import math
 from enum import Enum
 from typing import NamedTuple
 
-from cohelm.link.heard import Heard
 from cohelm.link.messages import Arming, Device
-from cohelm.loop.person import Person
+from cohelm.link.operator_input import OperatorInput
+from cohelm.loop.stick_arming import Person
 
 BACK_WITHIN = 1.0
 """Since the last that was heard before it: a longer dropout is a loss [s]."""
@@ -56,7 +56,7 @@ class Dropout(NamedTuple):
 
 
 def followed(
-    dropout: Dropout, lost: str, heard: Heard, person: Person, now: float
+    dropout: Dropout, lost: str, heard: OperatorInput, person: Person, now: float
 ) -> tuple[Dropout, Then]:
     """The dropout a period later, and what follows.
 
@@ -76,7 +76,7 @@ def followed(
     return dropout._replace(why=lost, since=since), Then.STAND
 
 
-def _known(dropout: Dropout, heard: Heard) -> Dropout:
+def _known(dropout: Dropout, heard: OperatorInput) -> Dropout:
     """Remember whose stick it is, and which."""
     command = heard.command
     if command is not None and command.valid and command.armed:
@@ -85,7 +85,7 @@ def _known(dropout: Dropout, heard: Heard) -> Dropout:
 
 
 def _further(
-    dropout: Dropout, heard: Heard, person: Person, now: float
+    dropout: Dropout, heard: OperatorInput, person: Person, now: float
 ) -> tuple[Dropout, Then]:  # fmt: skip
     command = heard.command
     if heard.driver != dropout.driver:

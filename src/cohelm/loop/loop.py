@@ -13,27 +13,27 @@ from numpy.typing import NDArray
 from cohelm.core.period import PERIOD
 from cohelm.core.types import Twist, wrap
 from cohelm.law.guard.surroundings import Surroundings
-from cohelm.link.cap import FREE as NOTICED
-from cohelm.link.heard import Asked, Heard, stops_first
+from cohelm.link.latency_speed_limit import FREE as NOTICED
 from cohelm.link.messages import Arming, Ask, Discs, Map, Mode, Polyline, Status
+from cohelm.link.operator_input import Asked, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
-from cohelm.link.told import Shown, Told
+from cohelm.link.recorded_status import Shown, Told
 from cohelm.loop.alarms import Alarms
 from cohelm.loop.driver import Driver
 from cohelm.loop.dropout import WAITING, Dropout, Then, followed
-from cohelm.loop.leash import FREE, allowed, cap, crawl, far, silent
+from cohelm.loop.latency_limit import FREE, allowed, cap, crawl, far, silent
 from cohelm.loop.operator import Operator
-from cohelm.loop.person import CENTRED, Manner, Person, renewed
-from cohelm.loop.senses import Senses, patience
-from cohelm.loop.telling import Said, culprit, predicted, scan_parts, sigma, status
+from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
+from cohelm.loop.status import Said, culprit, predicted, scan_parts, sigma, status
+from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
 from cohelm.loop.timing import Timing
 from cohelm.perceive.seen import Perception, Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import Mode as GateMode, driving, latched
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.kept import Event, Keeper
-from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.gated_robot import Event, Keeper
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.port import Readings
 
 _GATE = {
@@ -106,7 +106,9 @@ class Loop:
         self.decision: Decision | None = None
         self._record = record
         self._has_map = has_map
-        self._senses = Senses(keeper.model, patience(keeper.model, ways.period + ways.patience))
+        self._senses = SensorWatchdog(
+            keeper.model, patience(keeper.model, ways.period + ways.patience)
+        )
         self._row = np.zeros((), dtype=PERIOD)
         self._number = 0
         self._due = -math.inf
@@ -263,7 +265,7 @@ class Loop:
         self._believe(now, heard)
         self._delay = far(heard, self.person)
 
-    def _believe(self, now: float, heard: Heard) -> None:
+    def _believe(self, now: float, heard: OperatorInput) -> None:
         """Is the stick in use there, and the driver?"""
         if not driving(self.keeper.gate.mode):
             self._forget_dropout()
@@ -300,7 +302,7 @@ class Loop:
         self._dropout = self._dropout.over
         self.go_on("stick")
 
-    def _heed_lease(self, heard: Heard) -> None:
+    def _heed_lease(self, heard: OperatorInput) -> None:
         """A mode lives no longer than the lease in which it was chosen."""
         before, self.lease = self.lease, (heard.driver, heard.term)
         if before[1] == heard.term or not (self._led and driving(self.keeper.gate.mode)):
@@ -310,12 +312,15 @@ class Loop:
         self._event("the one who chose the mode drives no more: hold")
         self.choose(Mode.HOLD)
 
-    def _requests(self, heard: Heard) -> None:
+    def _requests(self, heard: OperatorInput) -> None:
         """Do or refuse each, and answer."""
         done: dict[int, int] = {}
         for line in self._lines.due(self.keeper.now()):
             self._event(line)
-        for asked in stops_first(heard.asked):
+        asked_now = stops_first(heard.asked)
+        if asked_now and asked_now[0].request.what == Ask.STOP:
+            self._stop(asked_now[0].name)  # once a period, however many say so
+        for asked in asked_now:
             count = done[asked.client] = done.get(asked.client, 0) + 1
             if count > _MOST_REQUESTS and asked.request.what != Ask.STOP:
                 granted, reason = False, "too many requests: wait a moment and ask again"
@@ -327,7 +332,8 @@ class Loop:
         what, value = asked.request.what, asked.request.value
         said = "the loop does not do that"
         if what == Ask.STOP:
-            self._stopped_by(asked)
+            self._end(asked.client)
+            self._stood[asked.client] = asked.request.number
             said = ""
         elif what == Ask.RESET:
             said = self._not_now(asked, driver) or self.problem or self.keeper.reset()
@@ -340,14 +346,12 @@ class Loop:
             self._event(line)
         return not said, said
 
-    def _stopped_by(self, asked: Asked) -> None:
+    def _stop(self, name: str) -> None:
         before = self.keeper.gate
-        self.keeper.stop(f"stop by {asked.name}")
+        self.keeper.stop(f"stop by {name}")
         gate = self.keeper.gate
         if not latched(before.mode) and gate.mode == GateMode.STOPPED:
-            self._latched = (gate.mode, gate.reason)  # his own, not the robot's
-        self._end(asked.client)
-        self._stood[asked.client] = asked.request.number
+            self._latched = (gate.mode, gate.reason)  # this person's, not the robot's
 
     def _mode(self, asked: Asked, driver: int) -> str:
         mode = Mode(asked.request.value)

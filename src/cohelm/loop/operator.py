@@ -7,16 +7,16 @@ from collections.abc import Callable
 from typing import Protocol
 
 from cohelm.core.types import Stick
-from cohelm.link.heard import Asked, Heard
 from cohelm.link.messages import Ask, Command, Device, Discs, Request, ScanPart, Status
+from cohelm.link.operator_input import Asked, OperatorInput
 
-NOBODY = Heard(0, "", None, math.nan, math.nan, ())
+NOBODY = OperatorInput(0, "", None, math.nan, math.nan, ())
 
 
 class Operator(Protocol):
     """`link.robot_end.RobotEnd` is one. Calls return at once."""
 
-    def heard(self) -> Heard:
+    def heard(self) -> OperatorInput:
         """What the person wants now; each request is handed out once."""
         ...
 
@@ -33,10 +33,10 @@ class Operator(Protocol):
         ...
 
 
-class Nobody:
+class NullOperator:
     """No operator at all."""
 
-    def heard(self) -> Heard:
+    def heard(self) -> OperatorInput:
         """Nothing."""
         return NOBODY
 
@@ -50,7 +50,7 @@ class Nobody:
         """Nobody looks."""
 
 
-class Scripted(Nobody):
+class Scripted(NullOperator):
     """A hand that follows a script, in the robot's time."""
 
     def __init__(self, hand: Callable[[float], Stick | None], clock: Callable[[], float]) -> None:
@@ -67,13 +67,13 @@ class Scripted(Nobody):
         number = len(self._asked) + len(self.answers) + 1
         self._asked.append(Asked(1, "script", Request(number, what, value, 0.0)))
 
-    def heard(self) -> Heard:
+    def heard(self) -> OperatorInput:
         """The script's deflection, as fresh as can be."""
         asked, self._asked = tuple(self._asked), []
         stick = self._hand(self._clock())
         known = Stick(0.0, 0.0) if stick is None else stick
         command = Command(known, stick is not None, True, Device.SCRIPT, 1.0, ())
-        return Heard(1, "script", command, 0.0, 0.0, asked)
+        return OperatorInput(1, "script", command, 0.0, 0.0, asked)
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
         """Keep it."""

@@ -44,7 +44,7 @@ class Planning(Protocol):
         ...
 
 
-class Here:
+class InProcessPlanner:
     """Plans at once, and hands the plan out after a set time: the same in every run."""
 
     def __init__(self, planner: Planner, takes: float = 0.04) -> None:
@@ -75,7 +75,7 @@ class Here:
         """Nothing to close."""
 
 
-class Elsewhere:
+class RemotePlanner:
     """Plans in a process of its own.
 
     A plan whose task is older than `ANSWER` is not used: the robot is no longer where it is for.

@@ -11,7 +11,7 @@ _BIN = 2e-5  # of the histograms [s]
 _BINS = 5000  # up to 0.1 s; what is later is counted in the last one
 
 
-class Kept(NamedTuple):
+class Punctuality(NamedTuple):
     """How time was kept. All times in seconds."""
 
     periods: int
@@ -62,11 +62,11 @@ class Timing:
         """The worst lateness of the last one to two seconds."""
         return max(self._recent, self._recent_before)
 
-    def kept(self) -> Kept:
+    def kept(self) -> Punctuality:
         """All so far; NaN where there was no period."""
         n = int(self._late.sum())
         near = float(self._late[: round(2e-3 / _BIN)].sum()) / n if n else math.nan
-        return Kept(
+        return Punctuality(
             n, self.overruns, near,
             _quantile(self._late, 0.5), _quantile(self._late, 0.99), _quantile(self._late, 0.999),
             self._worst_late, _quantile(self._took, 0.5), _quantile(self._took, 0.99),

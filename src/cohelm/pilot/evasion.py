@@ -3,10 +3,11 @@
 The safety filter promises that the robot hits nothing while it moves, and stands where it can not
 promise that; so it can be walked into. Here the command that the filter is given is chosen such
 that this rarely comes to pass. First the course is foretold as it would be driven. Only if somebody
-would be met on it, arcs of two pieces are sampled over forward, backward, turning and waiting (the
-dynamic window approach of Fox, Burgard and Thrun 1997, with time), and each is held against where
-everybody will be, at constant velocity and with growing doubt. The best one whose first step the
-filter certifies is asked for. It is a nominal command as any other: the filter has the last word.
+would come near on it, motions of two pieces are sampled over forward, backward, turning and waiting
+(the dynamic window approach of Fox, Burgard and Thrun 1997, with time). Each is held against where
+everybody will be: with the acceleration that was seen to last, and with doubt that grows. The best
+one whose first step the filter certifies is asked for. It is a nominal command as any other: the
+filter has the last word.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Clock, Pace, govern, governed
@@ -34,27 +35,32 @@ _H = 0.1  # from one look along a foretold motion to the next [s]
 _CELL = 0.06  # of the grid of what stands [m]
 _FARTHEST = 6.0  # what stands farther away than this is not looked at [m]
 _EDGE = 0.08  # between two points of the outline that are held against it [m]
-_TRIES = 6  # so many of the best are tried for one that is certified
+_TRIES = 8  # so many of the best are tried for one that is certified
 _SPEEDS = (1.0, 0.75, 0.5, 0.25, 0.0, -0.5, -1.0)
 _TURNINGS = (0.0, 0.15, -0.15, 0.35, -0.35, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0)
 """Shares of the largest speed and yaw rate that are tried."""
 _NEARLY = 0.4  # what is so much worse than the best is not looked at to its end [m]
-_TURNS = 1.0  # the first piece of an arc [s]
+_TURNS = 1.0  # the first piece of a motion [s]
+_TOUCH = 100.0  # cost of a touch for each second that it comes before the horizon [m/s]
+_WATCHED = 64  # movers are watched at most
+_SLOW = 0.05  # nobody makes way for who is slower; as in `pilot.movers` [m/s]
+_SAME = 0.5  # who is farther from where he should be by now is somebody else [m]
+_LASTS = 0.5  # of a change of velocity, share that is taken from the newest look
 
 
 class EvasionParams(NamedTuple):
     """How moving obstacles are evaded."""
 
     horizon: float = 0.0
-    """How far ahead is looked, say 3; 0: nobody is evaded [s]."""
+    """How far ahead is looked, say 3; 0: nobody is evaded, the robot only stands [s]."""
     period: float = 0.1
     """From one look to the next [s]."""
     speed: float = 0.8
     """Largest speed of an evasion [m/s]."""
     yaw_rate: float = 1.6
     """Largest yaw rate of one [rad/s]."""
-    clearance: float = 0.1
-    """Least clearance to where a moving obstacle may be [m]."""
+    clearance: float = 0.25
+    """Clearance to a moving obstacle below which a motion is the worse the nearer it comes [m]."""
     standing_growth: float = 0.05
     growth_per_speed: float = 0.25
     most_growth: float = 0.3
@@ -62,16 +68,24 @@ class EvasionParams(NamedTuple):
     but by no more than the third [m/s]: who stands, sways; who walks, turns."""
     social_clearance: float = 0.4
     """Clearance below which the course is not simply followed [m]."""
-    comfortable: float = 0.6
-    """Clearance from which more is not better [m]."""
-    clearance_weight: float = 0.8
-    """How far the robot goes out of its way for each metre of that."""
+    risk_weight: float = 3.0
+    """How far the robot goes out of its way for a second right beside somebody [m/s]."""
+    ahead: float = 0.5
+    """Where a mover will be so long afterwards counts as near to him, too [s]."""
+    slack: float = 0.1
+    slack_growth: float = 0.15
+    """A motion is the worse the less the filter has to spare when it looks for a way to stop, below
+    the first, which grows by the second [m, m/s]."""
+    turning: float = 0.8
+    """For so long a mover is taken to go on changing his velocity as he does [s]."""
     hysteresis: float = 0.15
     """How much better than what is being done something else has to be [m]."""
     static_clearance: float = 0.03
     """Clearance to what stands [m]."""
     certified_for: float = 3.0
     """For so long the filter must find a way to stop at every moment of a motion [s]."""
+    certified_growth: float = 0.0
+    """Share of the doubt that is counted in for that."""
     pass_right: float = 0.0
     """How much wider movers are taken to be on the robot's left, so that it passes them on the
     right, as the paper's k_CBF does [m]."""
@@ -88,11 +102,20 @@ class Evasion(NamedTuple):
     """The yaw rate after `turns` [rad/s]."""
     turns: float
     """For how long omega is meant to be asked for [s]."""
+    after: float
+    """The speed after `turns` [m/s]."""
     left: int
     """Steps until the next look."""
 
 
-NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0)
+NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+
+def nobody_watched() -> Floats:
+    """Memory of how movers change their velocities, for `evade`: (64, 7), as many rows of x, y, vx,
+    vy, ax, ay and the mean square of what ax, ay were taken from as there were movers at the last
+    look, then NaN."""
+    return np.full((_WATCHED, 7), math.nan)
 
 
 class Field(NamedTuple):
@@ -109,8 +132,8 @@ class _Case(NamedTuple):
     """All that candidates are held against."""
 
     movers: Floats
-    """(m, 7): x, y, vx, vy, radius, the acceleration that the filter takes it to be capable of, and
-    how fast doubt of where it is grows."""
+    """(m, 9): x, y, vx, vy, radius, the acceleration that the filter takes it to be capable of,
+    how fast doubt of where it is grows, and the acceleration that it has."""
     field: Field
     way: Floats
     """(k, 3): x, y, what is left of the course from there [m]."""
@@ -127,19 +150,24 @@ class _Case(NamedTuple):
 def evade(
     was: Evasion, pose: Pose, twist: Twist, around: Surroundings, course: Course, clock: Clock,
     outline: Floats, limits: Limits, gains: Gains, rules: Rules, pace: Pace, e: EvasionParams,
+    watched: Floats,
 ) -> Evasion:  # fmt: skip
     """What to do about moving obstacles, from now on for `e.period`.
 
-    pose, twist: when the next command takes effect; around: as of then.
+    pose, twist: when the next command takes effect; around: as of then. watched: from
+    `nobody_watched`, written into.
     """
     if was.left > 0:
-        return Evasion(was.on, was.v, was.omega, was.then, was.turns, was.left - 1)
+        return Evasion(was.on, was.v, was.omega, was.then, was.turns, was.after, was.left - 1)
     reach = farthest(outline)
-    movers = _movers(around, pose, reach, e)
-    if len(movers) == 0:
-        return Evasion(False, 0.0, 0.0, 0.0, 0.0, _steps(e, rules) - 1)
-    if _follows(movers, pose, twist, course, clock, outline, reach, limits, gains, pace, e):
-        return Evasion(False, 0.0, 0.0, 0.0, 0.0, _steps(e, rules) - 1)
+    seen = _watched(watched, around, e.period)
+    watched[: len(seen)] = seen
+    watched[len(seen) :] = math.nan
+    movers, who = _movers(around, seen, pose, reach, e)
+    if who == 0 or _follows(
+        movers, who, pose, twist, course, clock, outline, reach, limits, gains, pace, e
+    ):
+        return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, _steps(e, rules) - 1)
     case = _case(movers, around, pose, course, clock, outline, reach, e)
     return _best(was, case, pose, twist, around, limits, rules, e)
 
@@ -151,23 +179,78 @@ def _steps(e: EvasionParams, rules: Rules) -> int:
 
 
 @jit
-def _movers(around: Surroundings, pose: Pose, reach: float, e: EvasionParams) -> Floats:
-    """Those that could matter within the horizon."""
-    found = np.empty((2 * len(around.discs), 7))
+def _watched(seen: Floats, around: Surroundings, period: float) -> Floats:
+    """Those that move, and how they change their velocities, as `nobody_watched` says."""
+    found = np.empty((min(len(around.discs), _WATCHED), 7))
     n = 0
     for i in range(len(around.discs)):
         d = around.discs[i]
+        if n == len(found) or not math.hypot(d[VX], d[VY]) > 0.0:  # nor for NaN
+            continue
+        one = found[n]
+        one[0], one[1], one[2], one[3] = d[X], d[Y], d[VX], d[VY]
+        one[4], one[5], one[6] = 0.0, 0.0, -1.0
+        best, before = _SAME, -1
+        for j in range(len(seen)):
+            far = math.hypot(
+                seen[j, 0] + period * seen[j, 2] - d[X], seen[j, 1] + period * seen[j, 3] - d[Y]
+            )
+            if far < best:
+                best, before = far, j
+        if before >= 0:
+            most = max(around.agility[i], 0.0)
+            ax, ay = (d[VX] - seen[before, 2]) / period, (d[VY] - seen[before, 3]) / period
+            push = math.hypot(ax, ay)
+            share = min(1.0, most / push) if push > 0.0 else 1.0
+            ax, ay = ax * share, ay * share
+            new = 1.0 if seen[before, 6] < 0.0 else _LASTS
+            one[4] = seen[before, 4] + new * (ax - seen[before, 4])
+            one[5] = seen[before, 5] + new * (ay - seen[before, 5])
+            one[6] = max(seen[before, 6], 0.0)
+            one[6] += new * (ax * ax + ay * ay - one[6])
+        n += 1
+    return found[:n]
+
+
+@jit
+def _movers(
+    around: Surroundings, seen: Floats, pose: Pose, reach: float, e: EvasionParams
+) -> tuple[Floats, int]:
+    """Those that could matter within the horizon, and how many of them come first because they
+    move; the others may set off."""
+    found = np.empty((2 * len(around.discs), 9))
+    n = _gathered(found, 0, True, around, seen, pose, reach, e)
+    return found[: _gathered(found, n, False, around, seen, pose, reach, e)], n
+
+
+@jit
+def _gathered(
+    found: Floats, n: int, moving: bool, around: Surroundings, seen: Floats, pose: Pose,
+    reach: float, e: EvasionParams,
+) -> int:  # fmt: skip
+    """Write those that move, or those that do not, from row n on; one past the last row."""
+    k = 0
+    for i in range(len(around.discs)):
+        d = around.discs[i]
         vx, vy = d[VX], d[VY]
+        speed = math.hypot(vx, vy)
+        moves = speed > 0.0
+        k += moves
         if vx == 0.0 and vy == 0.0 and around.agility[i] == 0.0:
             continue
+        if (speed > _SLOW) != moving:
+            continue
         far = math.hypot(d[X] - pose.x, d[Y] - pose.y) - d[RADIUS] - reach
-        if not far < (math.hypot(vx, vy) + e.speed) * e.horizon + e.comfortable:
+        if not far < (speed + e.speed) * e.horizon + e.social_clearance:
             continue
         found[n, 0], found[n, 1], found[n, 2], found[n, 3] = d[X], d[Y], vx, vy
         found[n, 4], found[n, 5] = d[RADIUS], around.agility[i]
-        found[n, 6] = min(
-            e.standing_growth + e.growth_per_speed * math.hypot(vx, vy), e.most_growth
-        )
+        found[n, 6] = min(e.standing_growth + e.growth_per_speed * speed, e.most_growth)
+        found[n, 7], found[n, 8] = 0.0, 0.0
+        if moves and k <= len(seen) and seen[k - 1, 6] > 0.0:  # what does not last was noise
+            ax, ay = seen[k - 1, 4], seen[k - 1, 5]
+            lasts = min((ax * ax + ay * ay) / seen[k - 1, 6], 1.0)
+            found[n, 7], found[n, 8] = lasts * ax, lasts * ay
         n += 1
         if e.pass_right > 0.0 and far < math.inf:
             found[n] = found[n - 1]
@@ -176,24 +259,33 @@ def _movers(around: Surroundings, pose: Pose, reach: float, e: EvasionParams) ->
             found[n, 0] -= share * (d[Y] - pose.y)
             found[n, 1] += share * (d[X] - pose.x)
             n += 1
-    return found[:n]
+    return n
+
+
+@jit_inline
+def _goes(t: float, turning: float) -> float:
+    """By how much of its acceleration a mover is displaced after t [s^2]."""
+    s = min(t, turning)
+    return s * (t - 0.5 * s)
 
 
 @jit
 def _clearance(
     movers: Floats, outline: Floats, reach: float, pose: Pose, t: float, most: float,
-    agile: float = 0.0,
+    turning: float, growth: float, agile: float,
 ) -> float:  # fmt: skip
-    """Least clearance of the outline to where the movers may be after t, at most `most` [m].
+    """Least clearance of the outline to where the movers will be after t, at most `most` [m].
 
-    agile: for so long they may have done anything that they are capable of [s].
+    growth: share of the doubt that they are larger by; agile: for so long they may have done
+    anything that they are capable of [s].
     """
     least = most
     c, s = math.cos(pose.psi), math.sin(pose.psi)
+    goes = _goes(t, turning)
     for i in range(len(movers)):
-        dx = movers[i, 0] + movers[i, 2] * t - pose.x
-        dy = movers[i, 1] + movers[i, 3] * t - pose.y
-        r = movers[i, 4] + 0.5 * movers[i, 5] * agile * agile + movers[i, 6] * t
+        dx = movers[i, 0] + movers[i, 2] * t + movers[i, 7] * goes - pose.x
+        dy = movers[i, 1] + movers[i, 3] * t + movers[i, 8] * goes - pose.y
+        r = movers[i, 4] + 0.5 * movers[i, 5] * agile * agile + growth * movers[i, 6] * t
         far = least + reach + r
         if dx * dx + dy * dy < far * far:
             least = min(least, gap(outline, c * dx + s * dy, -s * dx + c * dy) - r)
@@ -201,19 +293,53 @@ def _clearance(
 
 
 @jit
+def _risk(case: _Case, pose: Pose, t: float, e: EvasionParams) -> tuple[float, float]:
+    """How uneasy it is to be there after t, and the least clearance to where the movers will be.
+
+    Each counts (1 - clearance / d)^2 below d = `e.clearance` and the doubt of where he is by then;
+    of those that stand only the nearest, as they may be many points of one thing.
+    """
+    risk, stands, least = 0.0, 0.0, 9.0
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    goes = _goes(t, e.turning)
+    movers = case.movers
+    for i in range(len(movers)):
+        dx = movers[i, 0] + movers[i, 2] * t + movers[i, 7] * goes - pose.x
+        dy = movers[i, 1] + movers[i, 3] * t + movers[i, 8] * goes - pose.y
+        near = e.clearance + movers[i, 6] * t
+        far = near + case.reach + movers[i, 4]
+        far += e.ahead * math.hypot(movers[i, 2], movers[i, 3])
+        if dx * dx + dy * dy < far * far:
+            g = gap(case.outline, c * dx + s * dy, -s * dx + c * dy) - movers[i, 4]
+            least = min(least, g)
+            if e.ahead > 0.0:  # in front of somebody it is worse than behind him
+                dx += movers[i, 2] * e.ahead
+                dy += movers[i, 3] * e.ahead
+                g = min(g, gap(case.outline, c * dx + s * dy, -s * dx + c * dy) - movers[i, 4])
+            if g < near:
+                share = 1.0 - max(g, 0.0) / near
+                if movers[i, 2] == 0.0 and movers[i, 3] == 0.0:
+                    stands = max(stands, share * share)
+                else:
+                    risk += share * share
+    return risk + stands, least
+
+
+@jit
 def _follows(
-    movers: Floats, pose: Pose, twist: Twist, course: Course, clock: Clock, outline: Floats,
-    reach: float, limits: Limits, gains: Gains, pace: Pace, e: EvasionParams,
+    movers: Floats, who: int, pose: Pose, twist: Twist, course: Course, clock: Clock,
+    outline: Floats, reach: float, limits: Limits, gains: Gains, pace: Pace, e: EvasionParams,
 ) -> bool:  # fmt: skip
-    """Whether following the course as it is meets nobody within the horizon."""
-    t = 0.0
+    """Whether following the course as it is meets nobody who moves within the horizon."""
+    movers, t = movers[:who], 0.0
     while t < e.horizon:
-        if _clearance(movers, outline, reach, pose, t, 9.0) < e.social_clearance:
+        near = _clearance(movers, outline, reach, pose, t, 9.0, e.turning, 1.0, 0.0)
+        if near < e.social_clearance:
             return False
-        if t <= e.certified_for and not _certified(
-            movers, outline, reach, pose, twist, t, limits, e
-        ):
-            return False
+        if t <= e.certified_for:
+            spare = _spare(movers, outline, reach, pose, twist, t, limits, e)
+            if spare <= e.static_clearance:
+                return False
         clock = govern(clock, pose, course.reference, course.paced, False, pace, _H)
         wish = track(pose, governed(course.reference, clock, pose, pace), gains)
         twist = achievable(wish, twist, limits, _H)
@@ -373,60 +499,75 @@ def _blocked(case: _Case, pose: Pose) -> bool:
     return middle < 0.9 * case.inner or _room(case, pose) < case.still
 
 
+class _Way(NamedTuple):
+    """A motion as far as it is foretold."""
+
+    pose: Pose
+    twist: Twist
+    t: float
+    """Since now [s]."""
+    risk: float
+    """So far [m]."""
+    cost: float
+    """Of the whole, once it has ended; before, -1 [m]."""
+
+
 @jit
-def _rolled(
-    case: _Case, pose: Pose, twist: Twist, first: Twist, then: Twist, turns: float,
-    limits: Limits, e: EvasionParams, bound: float,
-) -> float:  # fmt: skip
-    """The cost of asking for one twist for a while and then for another, at least `bound` if
-    it is not the best."""
-    t, near, look = 0.0, e.comfortable, 0.8
-    fee = 0.03 * abs(first.omega) + (0.1 if first.v < 0.0 else 0.0)
-    while t < e.horizon:
-        twist = achievable(first if t < turns else then, twist, limits, _H)
+def _leg(
+    case: _Case, way: _Way, to: Twist, until: float, limits: Limits, e: EvasionParams, bound: float
+) -> _Way:  # fmt: skip
+    """The motion with a twist asked for until then; it ends with a touch, or where it can not go
+    on. What is sure to be no better than `bound` ends too."""
+    pose, twist, t, risk = way.pose, way.twist, way.t, way.risk
+    while t < until - 0.5 * _H:
+        twist = achievable(to, twist, limits, _H)
         here, pose = pose, arc(pose, twist, _H)
         t += _H
         if _blocked(case, pose):  # it stops before, and is stood there when others come
-            return _waiting(case, here, t - _H, e) + 0.5 + fee
-        g = _clearance(case.movers, case.outline, case.reach, pose, t, 2.0)
-        g -= e.clearance
-        if g < 0.0:
-            return 100.0 * (e.horizon - t) + 10.0 * abs(twist.v) + 0.05 * _to_go(case, pose) + fee
-        if t <= e.certified_for and not _certified(
-            case.movers, case.outline, case.reach, pose, twist, t, limits, e
-        ):  # the filter would brake from here on
-            return _waiting(case, pose, t, e) + 0.5 + fee
-        near = min(near, g + e.most_growth * t)
-        if e.clearance_weight * (e.comfortable - near) + fee > bound:
-            return math.inf
-        if t >= look:  # however it goes on, it will not be as good
-            look += 0.7
-            if _to_go(case, pose) - 1.2 * abs(first.v) * (e.horizon - t) + fee > bound:
-                return math.inf
-    return _to_go(case, pose) + e.clearance_weight * (e.comfortable - near) + fee
+            return _Way(here, twist, t, risk, _waiting(case, here, t - _H, risk, e) + 0.5)
+        uneasy, g = _risk(case, pose, t, e)
+        risk += e.risk_weight * _H * uneasy
+        if g <= 0.0:
+            cost = _TOUCH * (e.horizon - t) + 10.0 * abs(twist.v) + risk
+            return _Way(pose, twist, t, risk, cost + 0.05 * _to_go(case, pose))
+        if t <= e.certified_for:
+            spare = _spare(case.movers, case.outline, case.reach, pose, twist, t, limits, e)
+            spare -= e.static_clearance
+            if spare <= 0.0:  # the filter would brake from here on
+                return _Way(pose, twist, t, risk, _waiting(case, pose, t, risk, e) + 0.5)
+            least = e.slack + e.slack_growth * t
+            if spare < least:
+                risk += e.risk_weight * _H * (1.0 - spare / least) * (1.0 - spare / least)
+        if risk > bound:
+            return _Way(pose, twist, t, risk, math.inf)
+    return _Way(pose, twist, t, risk, -1.0)
 
 
 @jit
-def _certified(
+def _spare(
     movers: Floats, outline: Floats, reach: float, pose: Pose, twist: Twist, t: float,
     limits: Limits, e: EvasionParams,
-) -> bool:  # fmt: skip
-    """Whether the filter will find a way to stop there that is clear of the movers."""
+) -> float:  # fmt: skip
+    """What is left between robot and movers when it has stopped from there, whatever they did of
+    what the filter takes them to be capable of [m]."""
     takes = brake_steps(twist, limits, _H) * _H
     there = arc(pose, twist, coasting(twist, limits, _H))
-    return _clearance(movers, outline, reach, there, t + takes, 1.0, takes) > e.static_clearance
+    return _clearance(
+        movers, outline, reach, there, t + takes, 1.0, e.turning, e.certified_growth, takes
+    )
 
 
 @jit
-def _waiting(case: _Case, pose: Pose, since: float, e: EvasionParams) -> float:
+def _waiting(case: _Case, pose: Pose, since: float, risk: float, e: EvasionParams) -> float:
     """The cost of standing from then on."""
     t = since
     while t < e.horizon:
         t += _H
-        g = _clearance(case.movers, case.outline, case.reach, pose, t, 2.0)
-        if g < e.clearance:
-            return 100.0 * (e.horizon - t)
-    return _to_go(case, pose)
+        uneasy, g = _risk(case, pose, t, e)
+        risk += e.risk_weight * _H * uneasy
+        if g <= 0.0:
+            return _TOUCH * (e.horizon - t) + risk
+    return _to_go(case, pose) + risk
 
 
 @jit
@@ -441,33 +582,38 @@ def _to_go(case: _Case, pose: Pose) -> float:
 
 @jit
 def _best(
-    was: Evasion, case: _Case, pose: Pose, twist: Twist, around: Surroundings, limits: Limits,
-    rules: Rules, e: EvasionParams,
+    was: Evasion, case: _Case, pose: Pose, twist: Twist, around: Surroundings,
+    limits: Limits, rules: Rules, e: EvasionParams,
 ) -> Evasion:  # fmt: skip
     speed, turn = min(e.speed, limits.speed), min(e.yaw_rate, limits.yaw_rate)
-    most = len(_SPEEDS) * len(_TURNINGS) * 2 + 1
-    costs, sets = np.empty(most), np.empty((most, 4))
-    n = 0
+    most = len(_SPEEDS) * len(_TURNINGS) * 3 + 1
+    costs, sets = np.empty(most), np.empty((most, 5))
+    start = _Way(pose, twist, 0.0, 0.0, -1.0)
+    n, best = 0, math.inf
     if was.on:
-        _put(sets, n, was.v, was.omega, was.then, max(was.turns - e.period, 0.0))
+        turns = max(was.turns - e.period, 0.0)
+        way = _leg(case, start, Twist(was.v, was.omega), turns, limits, e, best)
+        _put(sets, n, was.v, was.omega, was.after, was.then, turns)
+        costs[n] = _whole(case, way, Twist(was.after, was.then), limits, e, best)
+        costs[n] += _fee(was.v, was.omega) - e.hysteresis
+        best = costs[n]
         n += 1
     for a in _SPEEDS:
         for b in _TURNINGS:
             v, omega = a * speed, b * turn
-            _put(sets, n, v, omega, omega, _TURNS)
-            n += 1
-            if b != 0.0:
-                _put(sets, n, v, omega, 0.0, _TURNS)
+            fee = _fee(v, omega)
+            bound = best + _NEARLY - fee
+            way = _leg(case, start, Twist(v, omega), _TURNS, limits, e, bound)
+            for after in range(3):
+                if (after == 1 and b == 0.0) or (after == 2 and a == 0.0):
+                    continue
+                v2, omega2 = (v if after < 2 else 0.0), (omega if after == 0 else 0.0)
+                _put(sets, n, v, omega, v2, omega2, _TURNS)
+                costs[n] = _whole(case, way, Twist(v2, omega2), limits, e, bound) + fee
+                best = min(best, costs[n])
                 n += 1
-    best = math.inf
-    for i in range(n):
-        v, omega, after, turns = sets[i, 0], sets[i, 1], sets[i, 2], sets[i, 3]
-        costs[i] = _rolled(
-            case, pose, twist, Twist(v, omega), Twist(v, after), turns, limits, e, best + _NEARLY
-        )
-        if i == 0 and was.on:
-            costs[i] -= e.hysteresis
-        best = min(best, costs[i])
+                if way.cost >= 0.0:
+                    break
     first = int(np.argmin(costs[:n]))
     chosen = first
     for _ in range(_TRIES):
@@ -478,15 +624,37 @@ def _best(
             chosen = i
             break
         costs[i] = math.inf
-    now, after, turns = _now(sets[chosen]), sets[chosen, 2], sets[chosen, 3]
-    return Evasion(True, now.v, now.omega, after, turns, _steps(e, rules) - 1)
+    now, row = _now(sets[chosen]), sets[chosen]
+    return Evasion(True, now.v, now.omega, row[3], row[4], row[2], _steps(e, rules) - 1)
+
+
+@jit_inline
+def _fee(v: float, omega: float) -> float:
+    """Turning and backing are only for a reason [m]."""
+    return 0.03 * abs(omega) + (0.1 if v < 0.0 else 0.0)
 
 
 @jit
-def _put(sets: Floats, n: int, v: float, omega: float, then: float, turns: float) -> None:
-    sets[n, 0], sets[n, 1], sets[n, 2], sets[n, 3] = v, omega, then, turns
+def _whole(
+    case: _Case, way: _Way, to: Twist, limits: Limits, e: EvasionParams, bound: float
+) -> float:  # fmt: skip
+    """The cost of a motion that goes on with a twist to the horizon."""
+    if way.cost >= 0.0:
+        return way.cost
+    reaches = 1.2 * abs(to.v) * (e.horizon - way.t)
+    if way.risk + _to_go(case, way.pose) - reaches > bound:
+        return math.inf
+    way = _leg(case, way, to, e.horizon, limits, e, bound)
+    return way.cost if way.cost >= 0.0 else way.risk + _to_go(case, way.pose)
+
+
+@jit
+def _put(
+    sets: Floats, n: int, v: float, omega: float, after: float, then: float, turns: float
+) -> None:
+    sets[n, 0], sets[n, 1], sets[n, 2], sets[n, 3], sets[n, 4] = v, omega, after, then, turns
 
 
 @jit
 def _now(row: Floats) -> Twist:
-    return Twist(row[0], row[1] if row[3] > 0.0 else row[2])
+    return Twist(row[0], row[1]) if row[4] > 0.0 else Twist(row[2], row[3])

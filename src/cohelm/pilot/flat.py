@@ -21,11 +21,12 @@ from cohelm.pilot.step import Decision, Settings, State, pilot_step
 from cohelm.robot.limits import Limits
 
 Flat = Callable[
-    [State, Pose, Twist, Stick, Surroundings, Course, float, Floats, float], tuple[State, Decision]
+    [State, Pose, Twist, Stick, Surroundings, Course, float, Floats, Floats, float],
+    tuple[State, Decision],
 ]
 """`pilot_step` of one robot on one route, from Python."""
 
-_STATE = 17  # of the numbers that come back, so many are the state
+_STATE = 18  # of the numbers that come back, so many are the state
 
 
 def step_of(settings: Settings, line: Floats) -> Flat:
@@ -40,7 +41,7 @@ def step_of(settings: Settings, line: Floats) -> Flat:
 
     def step(
         state: State, pose: Pose, twist: Twist, stick: Stick, around: Surroundings,
-        course: Course, dt: float, sent: Floats, fastest: float,
+        course: Course, dt: float, sent: Floats, watched: Floats, fastest: float,
     ) -> tuple[State, Decision]:  # fmt: skip
         k, time, clock, left, at, held, refused, evasion = state
         reference = course.reference
@@ -51,11 +52,11 @@ def step_of(settings: Settings, line: Floats) -> Flat:
             float(stick[0]), float(stick[1]), *around,
             reference.knots, reference.coeffs, reference.speed, course.poses,
             course.paced.rate, course.row, line, outline, row, float(dt), sent,
-            float(fastest),
+            watched, float(fastest),
         )  # fmt: skip
         after = State(
             n[0], n[1], Clock(n[2], n[3], n[4]), Escape(n[5], n[6], n[7]), n[8], n[9], n[10],
-            Evasion(n[11], n[12], n[13], n[14], n[15], n[16]),
+            Evasion(n[11], n[12], n[13], n[14], n[15], n[16], n[17]),
         )  # fmt: skip
         return after, Decision._make(n[_STATE:])
 
@@ -66,12 +67,13 @@ def step_of(settings: Settings, line: Floats) -> Flat:
 def _flat(
     k: int, time: float, tau: float, rate: float, waited: float, distance: float,
     curvature: float, turn: float, at: int, held: float, refused: int,
-    on: bool, evade_v: float, evade_omega: float, after_it: float, turns: float, wait: int,
+    on: bool, evade_v: float, evade_omega: float, then: float, turns: float, after_it: float,
+    wait: int,
     x: float, y: float, psi: float, v: float,
     omega: float, stick_x: float, stick_psi: float, discs: Floats, agility: Floats,
     segments: Floats, points: Floats, knots: Floats, coeffs: Floats, speed: float, poses: Floats,
     rates: Floats, back: int, line: Floats, outline: Floats, r: Floats, dt: float, sent: Floats,
-    fastest: float,
+    watched: Floats, fastest: float,
 ) -> tuple[Any, ...]:  # fmt: skip
     limits = Limits(r[0], r[1], r[2], r[3], r[4], r[5], r[6])
     gains = Gains(
@@ -84,11 +86,11 @@ def _flat(
     )
     evasion = EvasionParams(
         r[43], r[44], r[45], r[46], r[47], r[48], r[49], r[50], r[51], r[52], r[53], r[54], r[55],
-        r[56], r[57],
+        r[56], r[57], r[58], r[59], r[60], r[61],
     )  # fmt: skip
     s = Settings(
         outline, limits, gains, rules, pace, r[38] != 0.0, r[39] != 0.0, r[40], r[41], r[42],
-        fastest, evasion, r[58],
+        fastest, evasion, r[62],
     )  # fmt: skip
     before = State(
         k,
@@ -98,19 +100,20 @@ def _flat(
         at,
         held,
         refused,
-        Evasion(on, evade_v, evade_omega, after_it, turns, wait),
+        Evasion(on, evade_v, evade_omega, then, turns, after_it, wait),
     )
     reference = Reference(knots, coeffs, speed)
     course = Course(reference, poses, Profile(rates, knots[-1]), back, True)
     after, d = pilot_step(
         before, Pose(x, y, psi), Twist(v, omega), Stick(stick_x, stick_psi),
         Surroundings(discs, agility, segments, points), course, line, s, dt, sent,
+        watched,
     )  # fmt: skip
     return (
         after.k, after.time, after.clock.tau, after.clock.rate, after.clock.waited,
         after.left.distance, after.left.curvature, after.left.turn, after.row, after.held,
         after.refused, after.evasion.on, after.evasion.v, after.evasion.omega, after.evasion.then,
-        after.evasion.turns, after.evasion.left,
+        after.evasion.turns, after.evasion.after, after.evasion.left,
         d.v, d.omega, d.automatic_v, d.automatic_omega, d.human_v, d.human_omega, d.shared_v,
         d.shared_omega, d.avoid_v, d.avoid_omega, d.authority_x, d.authority_psi, d.intent_x,
         d.intent_psi, d.I, d.J, d.h, d.verdict, d.culprit, d.gap, d.change, d.doing, d.tau,

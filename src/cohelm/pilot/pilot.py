@@ -13,6 +13,7 @@ from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.reference import Reference
 from cohelm.perceive.way import Manners
 from cohelm.pilot.course import Course, Route, course, route
+from cohelm.pilot.evasion import nobody_watched
 from cohelm.pilot.flat import Flat, step_of
 from cohelm.pilot.foresee import periods
 from cohelm.pilot.plan import Care, Plan, Task, entered, plan
@@ -61,6 +62,7 @@ class Pilot:
         self.state: State = START
         self.course: Course = course(reference, 0, True, settings.pace)
         self.sent: Floats = np.zeros((whole, 2))
+        self.watched: Floats = nobody_watched()
         self.doing = FOLLOWING
         self._now = -math.inf
         self._taken = 0.0
@@ -89,6 +91,7 @@ class Pilot:
             self.course,
             dt,
             self.sent,
+            self.watched,
             min(fastest, self.settings.fastest),
         )
         self.doing = decision.doing

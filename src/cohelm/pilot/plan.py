@@ -95,6 +95,8 @@ def plan(task: Task, route: Route, settings: Settings, manners: Manners, care: C
     robot first gets out of where it is.
     """
     around, state, now = task.around, task.state, task.course
+    if state.evasion.on and not _once_a_second(task):  # it does not follow the course meanwhile
+        return Plan(now, False, None, False, math.inf)
     there = known(around, task.pose, care.known)
     coming = met(around.discs, task.pose, route.reference.speed, care.known, care.foresight)
     points = np.concatenate((there, coming)) if len(coming) else there

@@ -137,13 +137,14 @@ class Decision(NamedTuple):
 @jit
 def pilot_step(
     state: State, pose: Pose, twist: Twist, stick: Stick, around: Surroundings, course: Course,
-    line: Floats, s: Settings, dt: float, sent: Floats,
+    line: Floats, s: Settings, dt: float, sent: Floats, watched: Floats,
 ) -> tuple[State, Decision]:  # fmt: skip
     """One step: where the robot will be, what it follows, what the person wants, what is let by.
 
     pose, twist: now; around: as of now; all in one frame. stick: deflections in [-1, 1]. line:
     (m, 2), the route. dt: time since the step before [s]. sent: (d, 2), commands under way, d
-    whole control periods from command to wheels; this one is written into it.
+    whole control periods from command to wheels; this one is written into it. watched: from
+    `nobody_watched`, what `evade` remembers of those that move; written into too.
     """
     then, before = foreseen(pose, twist, s.rest, sent, state.k, s.limits, s.rules.dt)
     delay = len(sent) * s.rules.dt + s.rest
@@ -158,7 +159,7 @@ def pilot_step(
     if s.guarded and s.evasion.horizon > 0.0 and not led:
         evasion = evade(
             state.evasion, then, before, things, course, state.clock, s.outline, s.limits, s.gains,
-            s.rules, s.pace, _capped(s.evasion, s.fastest),
+            s.rules, s.pace, _capped(s.evasion, s.fastest), watched,
         )  # fmt: skip
     clock, target = _reference(state, then, course, led or evasion.on, escaping, s, dt)
     if evasion.on:
@@ -214,8 +215,9 @@ def _capped(e: EvasionParams, fastest: float) -> EvasionParams:
     """An evasion is no faster than anything else may be."""
     return EvasionParams(
         e.horizon, e.period, min(e.speed, fastest), e.yaw_rate, e.clearance, e.standing_growth,
-        e.growth_per_speed, e.most_growth, e.social_clearance, e.comfortable, e.clearance_weight,
-        e.hysteresis, e.static_clearance, e.certified_for, e.pass_right,
+        e.growth_per_speed, e.most_growth, e.social_clearance, e.risk_weight, e.ahead, e.slack,
+        e.slack_growth, e.turning,
+        e.hysteresis, e.static_clearance, e.certified_for, e.certified_growth, e.pass_right,
     )  # fmt: skip
 
 

@@ -40,10 +40,10 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm import __version__
 from cohelm.core.period import MEANINGS, PERIOD
 from cohelm.core.types import Pose, wrap
-from cohelm.link.told import Shown
+from cohelm.link.recorded_status import Shown
 from cohelm.record import shown
 from cohelm.record.status import STORE
-from cohelm.robot.keep.kept import Event
+from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan
 

@@ -22,9 +22,9 @@ from cohelm.scenario.hand import StickFile, StickOperator, StickScript
 from cohelm.scenario.load import digest, dump, standing_alone
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.world import Read
+from cohelm.sim.closed_loop import Piloted
 from cohelm.sim.grid import NO_GRID, solid_at
-from cohelm.sim.hand import Operator, Replay, replay
-from cohelm.sim.piloted import Piloted
+from cohelm.sim.operator_model import Operator, Replay, replay
 from cohelm.sim.setup import REACHED, Setup
 from cohelm.sim.twin.settings import Twinned
 from cohelm.sim.world import NOWHERE, Body, clearance

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from cohelm.core.schema import Schema
-from cohelm.sim.hand import Operator
+from cohelm.sim.operator_model import Operator
 
 Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
 FullScale = Annotated[float, Field(gt=0.0, le=1e6)]

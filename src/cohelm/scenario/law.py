@@ -186,7 +186,7 @@ class EvasionModel(Schema):
     yaw_rate_radps: Rate = _EVASION.yaw_rate
     """Largest yaw rate of one."""
     clearance_m: AtLeast0 = _EVASION.clearance
-    """Least clearance to where a moving obstacle may be."""
+    """Clearance to a moving obstacle below which a motion is the worse the nearer it comes."""
     social_clearance_m: AtLeast0 = _EVASION.social_clearance
     """Clearance that is kept where there is room."""
 

@@ -20,8 +20,8 @@ from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
-from cohelm.sim.hand import uniform
 from cohelm.sim.judge import FAR, least_gap
+from cohelm.sim.operator_model import uniform
 
 GUARD, PAPER, NO_LAW = range(3)
 """Whose filter it is: the guard, the paper's barrier, or none but the wheels' limits."""

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import Floats, Pose, Twist, X, Y
+from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
+from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 from cohelm.sim.world import clearance
@@ -24,26 +25,35 @@ LOOKS = 4
 FAR = 2.0
 """Gaps are told up to here [m]; what stays farther away was not near."""
 
-_NONE, _STANDING, _MOVING = range(3)
+_NONE, _STANDING, _DEPARTING, _MOVING = range(4)
+_DEEPER = 1e-9  # of an overlap, by rounding alone [m]
 
 
 class Judged(NamedTuple):
     """What was seen so far.
 
-    A contact lasts while the outline overlaps anything. It is a *moving* one if the robot moved
-    at any instant of it, else a *standing* one: the robot had stopped and was walked into.
+    A contact lasts while the outline overlaps anything. It is a *moving* one if it began, with
+    anything at all, while the robot moved; else a *standing* one: the robot had stopped and was
+    walked into. If the robot moves before that ends, and by its own motion deeper into what it
+    overlaps, it is a *departing* one as well.
     """
 
     gap: float = FAR
     """Smallest gap of the outline to anything, negative in overlap; at most FAR [m]."""
     gap_moving: float = FAR
-    """The same while the robot moved [m]."""
+    """The same while the robot moved, but for what had come into it while it stood [m]."""
     at: float = 0.0
     """When the smallest gap was, a moving robot's before a standing one's [s]."""
     moving: int = 0
     """Moving contacts."""
     standing: int = 0
     """Standing contacts."""
+    departing: int = 0
+    """Those of them in which the robot then moved into what it overlapped."""
+    steps: int = 0
+    """Steps judged."""
+    touched: int = 0
+    """Those of them in which anything was overlapped."""
     excess: float = 0.0
     """Most by which a limit was exceeded, in the limit's own unit."""
     touching: int = _NONE
@@ -111,6 +121,7 @@ def judge(
     gap, gap_moving, at = seen.gap, seen.gap_moving, seen.at
     moving, standing, over, touching = seen.moving, seen.standing, seen.excess, seen.touching
     before, first, reach = seen.before, seen.first, 0.0
+    departing, touched = seen.departing, seen.touched
     for i in range(len(outline)):
         reach = max(reach, math.hypot(outline[i, 0], outline[i, 1]))
     between = np.empty((discs.shape[1], discs.shape[2]))
@@ -123,17 +134,72 @@ def judge(
             Pose(row.x, row.y, row.psi), twist, dt, discs[k], discs[k + 1], between, outline,
             reach, walls, max(gap_moving if moves else gap, 0.0),
         )  # fmt: skip
-        if least < gap_moving and moves:
+        entered = moves and least <= 0.0
+        if entered and _STANDING <= touching <= _DEPARTING:
+            here, end = Pose(row.x, row.y, row.psi), rows[k + 1]
+            there = Pose(end.x, end.y, end.psi)
+            entered = _entered(here, there, twist, dt, discs[k], discs[k + 1], outline, walls)
+            if touching == _STANDING and _deeper(here, twist, dt, discs[k], outline, walls):
+                departing, touching = departing + 1, _DEPARTING
+        own = moves and (entered or least > 0.0)  # not what had come into the standing robot
+        if least < gap_moving and own:
             gap_moving, at = least, row.t
-        elif least < gap and not moves and gap_moving == FAR:
+        elif least < gap and not own and gap_moving == FAR:
             at = row.t
         gap = min(gap, least)
+        touched += least <= 0.0
         if not least <= 0.0:
             touching = _NONE
-        elif moves and touching != _MOVING:
-            standing -= touching == _STANDING
+        elif entered and touching != _MOVING:
             moving, touching = moving + 1, _MOVING
             first = row.t if math.isnan(first) else first
         elif not moves and touching == _NONE:
             standing, touching = standing + 1, _STANDING
-    return Judged(gap, gap_moving, at, moving, standing, over, touching, before, first)
+    steps = seen.steps + len(rows) - 1
+    return Judged(
+        gap, gap_moving, at, moving, standing, departing, steps, touched, over, touching, before,
+        first,
+    )  # fmt: skip
+
+
+@jit
+def _gap_to(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> float:
+    """The outline's gap to disc i, or after the discs to a wall [m]."""
+    n = len(discs)
+    if i < n:
+        return disc_clearance(pose, outline, discs[i, X], discs[i, Y], discs[i, RADIUS])
+    w = walls[i - n]
+    return segment_clearance(pose, outline, w[0], w[1], w[2], w[3])
+
+
+@jit
+def _entered(
+    pose: Pose, after: Pose, twist: Twist, dt: float, now: Floats, then: Floats, outline: Floats,
+    walls: Floats,
+) -> bool:  # fmt: skip
+    """Whether within a step anything comes to overlap that did not at its beginning."""
+    between = now.copy()
+    for i in range(len(now) + len(walls)):
+        if _gap_to(pose, outline, now, walls, i) <= 0.0:
+            continue
+        for part in range(1, LOOKS + 1):
+            share = part / LOOKS
+            if i < len(now):
+                between[i] = now[i] + share * (then[i] - now[i])
+            there = after if part == LOOKS else arc(pose, twist, share * dt)
+            if _gap_to(there, outline, between, walls, i) <= 0.0:
+                return True
+    return False
+
+
+@jit
+def _deeper(
+    pose: Pose, twist: Twist, dt: float, now: Floats, outline: Floats, walls: Floats
+) -> bool:  # fmt: skip
+    """Whether the robot's own motion takes it deeper into anything that it overlaps."""
+    there = arc(pose, twist, dt)
+    for i in range(len(now) + len(walls)):
+        gap = _gap_to(pose, outline, now, walls, i)
+        if gap <= 0.0 and _gap_to(there, outline, now, walls, i) < gap - _DEEPER:
+            return True
+    return False

@@ -15,7 +15,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid, cast
-from cohelm.sim.hand import normal
+from cohelm.sim.operator_model import normal
 
 _AGAINST = 1e-9  # nearer to a wall than this [m], the sensor is on it and its side is undefined
 _CORNER = 1e-12  # walls overlap by this share of their length, so no beam slips through a corner

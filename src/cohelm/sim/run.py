@@ -17,8 +17,8 @@ from cohelm.law.step import control_step
 from cohelm.pilot.course import nearly_done, route
 from cohelm.pilot.pilot import Planner
 from cohelm.robot.limits import Limits
-from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replayed
-from cohelm.sim.piloted import Piloted, Scene, stretches
+from cohelm.sim.closed_loop import Piloted, Scene, stretches
+from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.wheels import State, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, clearance, place

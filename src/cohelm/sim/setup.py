@@ -16,9 +16,9 @@ from cohelm.perceive.movers import Care as Watching
 from cohelm.pilot.step import Settings
 from cohelm.robot.limits import Limits
 from cohelm.robot.sensors import LidarModel
+from cohelm.sim.closed_loop import Piloted
 from cohelm.sim.grid import NO_GRID, Grid
-from cohelm.sim.hand import Operator, Replay, replay
-from cohelm.sim.piloted import Piloted
+from cohelm.sim.operator_model import Operator, Replay, replay
 from cohelm.sim.twin.settings import Twinned
 from cohelm.sim.world import World, world
 

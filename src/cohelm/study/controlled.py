@@ -24,8 +24,8 @@ from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
-from cohelm.sim.hand import IDLE, operate, replayed
 from cohelm.sim.judge import Judged, judge
+from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.run import run as simulated
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import NOWHERE, clearance, place

@@ -3,8 +3,8 @@
 `python -m tests.robot.collision_monitor.rooms [--n 1000] [--seed 7000] [--seconds 12]`
 
 Rooms are those of the campaign `random` without the walkers; the robot is Sally in the kinematic
-simulator, in simulated time, behind the real gate (`Kept`). What asks for motion keeps clear of
-nothing, in a different way in every room of four: it heads for the goal, and backs out a little
+simulator, in simulated time, behind the real gate (`GatedRobot`). What asks for motion keeps clear
+of nothing, in a different way in every room of four: it heads for the goal, and backs out a little
 wherever it got stuck; deflects at random; drives full ahead and steers at random; makes for what
 is nearest.
 
@@ -25,7 +25,7 @@ import numpy as np
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import Mode
-from cohelm.robot.keep.kept import Kept, rules
+from cohelm.robot.keep.gated_robot import GatedRobot, rules
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -117,7 +117,7 @@ def drive(
     model: RobotModel = robot("sally")
     model = looking_round(model) if all_round else model
     simulated = Kinematic(model, drawn.setup.start, around, seed=number)
-    kept = Kept(simulated, rules(model, PERIOD), None, None if watched else ())
+    kept = GatedRobot(simulated, rules(model, PERIOD), None, None if watched else ())
     wants = Wants(kind, drawn, around, seed)
     truth, hit, at, acted, way, before = simulated.truth(), 0.0, math.nan, 0, 0.0, 0.0
     n = round(seconds / PERIOD)

@@ -12,7 +12,7 @@ from cohelm.robot.collision_monitor.free_space import VOUCHED
 from cohelm.robot.collision_monitor.monitor import AHEAD, LASTS, MISSED, CollisionMonitor
 from cohelm.robot.collision_monitor.odometry import advanced
 from cohelm.robot.collision_monitor.surroundings import REMEMBERED, Surroundings
-from cohelm.robot.keep.kept import rules
+from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described, monitors
 from cohelm.robot.monitor import UNRESTRICTED
 from cohelm.robot.port import Odometry, Readings, Scan

@@ -59,6 +59,14 @@ def history():
     return it
 
 
+@pytest.mark.parametrize("way", [0.4, -0.4])
+@pytest.mark.parametrize("turned", [-2.5, -1.2, 1.2, 2.5])
+def test_it_went_forward_or_backward_by_the_heading_half_way(way, turned):
+    before = Pose(1.0, -2.0, 0.3)
+    after = advanced(before, Twist(way, turned), 1.0)
+    assert math.copysign(1.0, between(before, after, 1.0).v) == math.copysign(1.0, way)
+
+
 def test_between_two_readings_the_pose_is_in_between_and_the_heading_does_not_jump():
     it = history()
     assert it.at(1.05) == pytest.approx((0.05, 0.1, math.pi))

@@ -17,7 +17,7 @@ from cohelm.core.types import RADIUS, X, Y
 from cohelm.drive.session import Plan, Session
 from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
-from cohelm.robot.keep.kept import Kept
+from cohelm.robot.keep.gated_robot import GatedRobot
 from cohelm.robot.monitor import UNRESTRICTED
 from cohelm.scenario.worlds.barn import Barn
 from cohelm.study.campaign.barn import read
@@ -97,7 +97,7 @@ def drive(scenario: str | Path, kind: Kind, seed: int, *, watched: bool, limit: 
     """Until it arrives or the time is up: arrived, when [s], least clearance moving [m], counts."""
     with Session(Plan(simulated(scenario, kind, real_time=False, seed=seed))) as session:
         keeper = session.keeper
-        assert isinstance(keeper, Kept)
+        assert isinstance(keeper, GatedRobot)
         counted = [Counted(monitor) for monitor in keeper._monitors]
         keeper._monitors = tuple(counted) if watched else ()
         end = keeper.now() + limit

@@ -12,9 +12,9 @@ from typing import Any
 from cohelm.core.types import Twist
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import Mode
-from cohelm.robot.keep.kept import rules
+from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.priority import urgent
-from cohelm.robot.keep.process import KeptElsewhere
+from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.port import Readings
 from tests.robot.keep.robots import Traced
 
@@ -29,7 +29,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
     wrong: a call in which it freezes, with its request on the way; or `only reads`, or `listens
     no more`, and goes on asking.
     """
-    keeper = KeptElsewhere(make, rules(make.model, PERIOD), record)
+    keeper = RemoteGatedRobot(make, rules(make.model, PERIOD), record)
     urgent()
     said.send(keeper.pid)
     ask, wanted = keeper._ask, False

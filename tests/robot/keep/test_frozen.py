@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from cohelm.robot.keep.lines import LARGEST, line
+from cohelm.robot.keep.record_pipe import LARGEST, line
 from tests.robot.keep.frozen import PERIOD, SPEED, drive
 from tests.robot.keep.robots import SALLY, Traced, Watch
 

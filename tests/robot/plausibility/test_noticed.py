@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
-from cohelm.robot.plausibility.bow import bows
+from cohelm.robot.plausibility.bow import RangeBias, bows
 from cohelm.robot.plausibility.content import CAREFUL, CRAWL
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.plausibility.sight import sighted
@@ -247,7 +247,7 @@ def test_ranges_that_are_all_half_a_metre_too_long_slow_the_robot_to_a_crawl(see
     found = watched(ahead, 4.0, told=told, seed=seed)
     assert found
     first, _ = found[0]
-    assert first <= 1.5  # after half a metre
+    assert first <= 3.75  # after ten places 15 cm apart, at 0.4 m/s
     assert all(one.share <= CRAWL / 0.4 * 1.1 for t, one in found if t > first + 0.5)
     said = [re.search(r"seem (\d\.\d\d) m too long", one.reason) for _, one in found]
     assert all(one and abs(float(one[1]) - 0.5) < 0.15 for one in said)
@@ -264,6 +264,31 @@ def test_a_wall_says_how_much_too_long_all_ranges_are():
         best = min(found, key=lambda bow: bow.sigma)
         assert best.sigma < 0.3
         assert abs(best.bias - bias) < 0.1
+
+
+def test_one_wall_that_is_bowed_says_nothing_about_the_ranges_however_often_it_is_seen():
+    """A bay of 4 m radius, on the way to it and turning before it; two walls are believed."""
+    lidar, nobody = SALLY.lidar.lidar(), np.empty((0, 6))
+    angles = np.linspace(-0.35, 0.35, 30)
+    bay = np.column_stack((4.0 * np.cos(angles), 4.0 * np.sin(angles)))
+    walls = np.column_stack((bay[:-1], bay[1:]))
+    corner = np.array([[-3.0, -1.5, 4.0, -1.5], [4.0, -1.5, 4.0, 2.0]])
+    poses = [Pose(0.15 * k, 0.0, 0.0) for k in range(12)]
+    poses += [Pose(1.65, 0.0, 0.35 * k) for k in (-2, -1, 1, 2)]
+
+    def told(seen, bias):
+        judged, ranges, said = RangeBias(lidar), np.empty(len(lidar.beams)), []
+        for number, pose in enumerate(poses):
+            trail = Trail(5)
+            trail.add(float(number), *pose, 0.0, 0.0)
+            scan(pose, lidar, nobody, seen, NO_GRID, 3, number, ranges)
+            judged.take(sighted(lidar, ranges + bias, float(number), 0.0, trail), doubted=False)
+            said.append(judged.bias)
+        return said
+
+    assert max(told(walls, 0.0)) == 0.0
+    assert max(told(walls, 0.5)) == 0.0
+    assert max(told(corner, 0.5)) == pytest.approx(0.5, abs=0.1)
 
 
 def test_it_raises_nothing_whatever_it_reads():

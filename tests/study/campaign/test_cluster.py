@@ -52,6 +52,7 @@ def _until(ready):
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # Dask's own, of what it found or lost
 def test_a_worker_killed_in_mid_campaign_loses_nothing_and_nothing_is_counted_twice(
     cluster, tmp_path

@@ -7,8 +7,12 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import ROW
+from cohelm.robot.gate.gate import Passed
+from cohelm.robot.port import Health
+from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign import suites
 from cohelm.study.campaign.drive import chunk
+from cohelm.study.campaign.looped import Watched
 from cohelm.study.campaign.runner import Plan
 from cohelm.study.campaign.touch import first_touch
 
@@ -16,6 +20,47 @@ from cohelm.study.campaign.touch import first_touch
 def test_a_room_is_driven_on_sensors_alone():
     (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))
     assert (row.plant, row.fault, row.contacts_moving) == ("twin", "", 0)
+    assert row.arrived
+    assert (row.stops, row.stopped_by) == (0, "")
+    assert row.gate_share < 0.01  # the gate is there, and has little to do
+    assert 0.0 <= row.monitor_share < 1.0
+    (known,) = chunk(suites.suite("random", 1, None), "guard", (6,))
+    assert math.isnan(known.gate_share)
+    assert math.isnan(known.monitor_share)
+
+
+def test_a_fault_of_the_robot_is_reset_as_somebody_would_and_counted(monkeypatch):
+    """A bumper is pressed for a moment: the gate latches, and the drive is gone on with."""
+    read = Twin.read
+
+    def pressed(twin):
+        readings = read(twin)
+        at = twin.now()
+        if 3.0 < at < 3.8:
+            health = readings.health or Health(at, math.nan, ())
+            return readings._replace(health=health._replace(faults=("the bumper is pressed",)))
+        return readings
+
+    monkeypatch.setattr(Twin, "read", pressed)
+    (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))
+    assert (row.fault, row.stops) == ("", 1)
+    assert row.stopped_by == "the robot says: the bumper is pressed"
+    assert row.arrived
+    assert row.duration_s > 5.0
+
+
+def test_a_loop_that_is_not_heard_is_stopped_by_the_watchdog_of_a_campaign_too(monkeypatch):
+    propose = Watched.propose
+
+    def mute(keeper, proposal):
+        if 3.0 < keeper.now() < 3.5:
+            return Passed(keeper.gate.out, "")
+        return propose(keeper, proposal)
+
+    monkeypatch.setattr(Watched, "propose", mute)
+    (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))
+    assert row.stops == 1
+    assert row.stopped_by == "no sound command for more than 100 ms"
     assert row.arrived
 
 

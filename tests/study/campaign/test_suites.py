@@ -10,7 +10,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.footprint import disc_clearance
 from cohelm.scenario.worlds.tracks import Track
 from cohelm.sim.world import place
-from cohelm.study.campaign import crowd, hands, lab, rooms, suites
+from cohelm.study.campaign import crowd, hands, lab, movers, rooms, suites
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 with_data = pytest.mark.skipif(
@@ -76,6 +76,42 @@ def test_nobody_appears_out_of_nothing_within_ten_seconds_of_the_first_sample():
     assert ends[0][0] == pytest.approx(ends[1][0] - crowd._ON * ends[1][1], abs=1e-6)
     assert ends[1][0] == pytest.approx(0.0, abs=0.2)
     assert ends[2][0] == pytest.approx(1.2 * t[-1] + 12.0, abs=0.5)
+
+
+def test_nobody_comes_into_being_within_reach_of_a_crossing():
+    t = 0.4 * np.arange(200)
+    walker = Track("walker", t, np.column_stack((1.0 * t - 40.0, 0.0 * t)))
+    late = 40.0 + 0.4 * np.arange(20)
+    stays = Track("stays", late, np.column_stack((0.01 * late, 0.0 * late)))
+    first = Track("first", t[:20] - 20.0, np.column_stack((0.01 * t[:20], 1.0 + 0.0 * t[:20])))
+    made = crowd.crowd("s", [walker, stays, first])
+    assert [w.name for w in made.walks] == ["walker", "first"]  # he is there before all crossings
+    (said,) = made.left_out
+    assert said.startswith("s, person stays: would come into being ")
+
+
+@pytest.mark.parametrize("number", range(9))
+def test_a_field_of_movers_keeps_its_bounds(number):
+    case = movers.case(5, number)
+    setup = case.setup
+    n = len(setup.names)
+    assert (case.kind, n) == list(movers.DENSITIES.items())[number % 3]
+    discs = np.empty((4550, n, 6))
+    for k in range(len(discs)):
+        place(discs[k], setup.around, 0.02 * k)
+    speed = np.hypot(discs[..., 2], discs[..., 3])
+    push = np.hypot(*np.diff(discs[..., 2:4], axis=0).transpose(2, 0, 1)) / 0.02
+    assert 1.0 < speed.max() <= movers.FASTEST + 1e-9
+    assert push.max() <= movers.AGILITY + 1e-6
+    step = np.hypot(*np.diff(discs[..., :2], axis=0).transpose(2, 0, 1)).max()
+    assert step <= 0.02 * movers.FASTEST + 1e-9  # nobody jumps
+    r = discs[..., 4]
+    assert (0.25 <= r).all()
+    assert (r <= 0.5).all()
+    assert (discs[..., 0] - r).min() >= movers.APRON - 1e-9
+    assert (discs[..., 0] + r).max() <= movers.LENGTH - movers.APRON + 1e-9
+    assert (discs[..., 1] - r).min() >= 0.1 - 1e-9
+    assert (discs[..., 1] + r).max() <= movers.WIDTH - 0.1 + 1e-9
 
 
 def test_who_runs_is_left_out_and_said_so():

@@ -13,7 +13,7 @@ import select
 import socket
 from typing import Any
 
-from cohelm.robot.keep.lines import LARGEST, line
+from cohelm.robot.keep.record_pipe import LARGEST, line
 
 _HANDLES = 1  # open files that travel with a message, at most
 

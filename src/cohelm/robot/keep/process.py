@@ -29,7 +29,7 @@ _WATCHDOGS = 10.0  # ... or within so many times the patience of the watchdog, i
 Make = Callable[[], Robot]
 
 
-class KeptElsewhere:
+class RemoteGatedRobot:
     """A `Keeper` whose robot lives in another process. In real time only."""
 
     def __init__(self, make: Make, rules: Rules, record: socket.socket | None = None) -> None:

@@ -20,10 +20,10 @@ from cohelm.robot.gate import gate as gates
 from cohelm.robot.gate.gate import Gate, Rules
 from cohelm.robot.keep.control import Control
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.kept import Kept, standing
-from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.gated_robot import GatedRobot, standing
 from cohelm.robot.keep.priority import urgent, with_its_threads
 from cohelm.robot.keep.processes import bound
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings, Robot
@@ -55,7 +55,7 @@ def serve(
     """The other process, from its beginning to its end."""
     let_go = bound()  # nothing reaches the wheels before the loop knows of the robot
     try:
-        kept = Kept(make(), rules, Line(record))
+        kept = GatedRobot(make(), rules, Line(record))
         memory = shared(kept.model)
         kept.read()
     except CohelmError as error:
@@ -84,7 +84,7 @@ def serve(
     kept.close()
 
 
-def _attend(line: Control, kept: Kept, memory: SharedMemory, rules: Rules) -> None:
+def _attend(line: Control, kept: GatedRobot, memory: SharedMemory, rules: Rules) -> None:
     """Answer the loop; look after the gate whether or not it says anything."""
     garbage = Sweeper()
     while True:
@@ -104,7 +104,9 @@ def _attend(line: Control, kept: Kept, memory: SharedMemory, rules: Rules) -> No
             kept.read()
 
 
-def _answered(kept: Kept, memory: SharedMemory, what: str, with_: Any, handle: int | None) -> Any:
+def _answered(
+    kept: GatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
+) -> Any:
     if what == "read":
         return memory.put(_news(kept.read(), *with_))
     if what == "propose":
@@ -122,7 +124,7 @@ def _answered(kept: Kept, memory: SharedMemory, what: str, with_: Any, handle: i
     return kept.truth() if what == "truth" else None
 
 
-def _say(line: Control, number: int, answer: Any, kept: Kept) -> None:
+def _say(line: Control, number: int, answer: Any, kept: GatedRobot) -> None:
     """Where there is no room the loop does not listen, and the watchdog deals with it."""
     try:
         line.say((number, answer, kept.gate, kept.now(), time.monotonic()))
@@ -139,7 +141,7 @@ def _news(readings: Readings, scan: int, frame: int) -> Readings:
     return readings
 
 
-def _bring_to_stand(kept: Kept) -> None:
+def _bring_to_stand(kept: GatedRobot) -> None:
     """Brake until the robot stands, then say so."""
     if not kept.gate.reason:
         kept.stop("the loop has ended")

@@ -24,12 +24,17 @@ _GAP = 0.3  # points in a row that are farther apart are not on one surface [m]
 _FLAT = 0.01
 """Walls are straight to so much, and are measured as straight [m]; this does not average out over
 the points of one wall."""
-_STEP, _TURN = 0.15, 0.3  # from so far apart one wall is another witness [m, rad]
+_TELLS = 0.5
+"""A wall that tells the bias less well is not asked: fitted to so little, it errs upwards [m]."""
+_STEP, _TURN = 0.15, 0.3  # so far apart are the places from which walls are looked at [m, rad]
 _NEAR = 0.03  # ... and while scans and odometry are doubted [m]
 _LEAST, _KEPT = 3, 10  # places before anything is said, and that are remembered
+_WALLS = 2  # what one wall shows, all the same from wherever it is seen, may be its own shape
+_SAME_TURN, _SAME_PLACE = 0.5, 1.0
+"""Turned and moved by less, by odometry, it is the same wall: so far may bias mislead [rad, m]."""
 _SURE = 4.0  # standard deviations
 _LONGER = 0.12  # less than this is not asked about [m]
-_AGREE = 0.8  # of the places say at least half of it
+_AGREE = 0.8  # of the places, and of the walls, say at least half of it
 
 
 class Bow(NamedTuple):
@@ -39,16 +44,25 @@ class Bow(NamedTuple):
     """Ranges are too long by so much, if the wall is straight [m]."""
     sigma: float
     """Of it, by noise and by how straight walls are [m]."""
+    normal: float
+    """Direction from the LiDAR square to the wall, in its frame [rad]."""
+    x: float
+    y: float
+    """Middle of what was seen of it, as it was measured, in its frame [m]."""
+
+    @property
+    def weight(self) -> float:
+        """[1/m^2]"""
+        return self.sigma**-2
 
 
-class _Place(NamedTuple):
-    """What all walls say that are seen from one place."""
+class _Wall(NamedTuple):
+    """A wall as it was seen from one place, where odometry has it."""
 
-    pose: Floats
-    weighted: float
-    """Sum of bias / sigma^2 [1/m]."""
-    weight: float
-    """Sum of 1 / sigma^2 [1/m^2]."""
+    normal: float
+    x: float
+    y: float
+    bow: Bow
 
 
 class RangeBias:
@@ -56,7 +70,7 @@ class RangeBias:
 
     def __init__(self, lidar: Lidar) -> None:
         self._lidar = lidar
-        self._places: deque[_Place] = deque(maxlen=_KEPT)
+        self._places: deque[list[_Wall]] = deque(maxlen=_KEPT)
         self._last: Floats | None = None
         self.bias = 0.0
         """Ranges are too long by so much; 0 where nothing says that they are [m]."""
@@ -75,20 +89,49 @@ class RangeBias:
         self._last = sight.pose
         found = bows(sight, self._lidar)
         if found:
-            weighted = sum(one.bias / one.sigma**2 for one in found)
-            weight = sum(1.0 / one.sigma**2 for one in found)
-            self._places.append(_Place(sight.pose, weighted, weight))
+            self._places.append([self._placed(sight.pose, one) for one in found])
         self.bias = self._judged()
+
+    def _placed(self, pose: Floats, bow: Bow) -> _Wall:
+        x, y, psi = pose.tolist()
+        mount, c, s = self._lidar.mount, math.cos(psi), math.sin(psi)
+        ahead, left = mount.x + bow.x, mount.y + bow.y
+        return _Wall(psi + bow.normal, x + c * ahead - s * left, y + s * ahead + c * left, bow)
 
     def _judged(self) -> float:
         places = self._places
         if len(places) < _LEAST:
             return 0.0
-        weight = sum(place.weight for place in places)
-        bias = sum(place.weighted for place in places) / weight
-        agree = sum(place.weighted > 0.5 * bias * place.weight for place in places)
-        sure = bias * math.sqrt(weight) > _SURE and agree >= _AGREE * len(places)
-        return bias if sure and bias > _LONGER else 0.0
+        walls = _sorted_by_wall([one for place in places for one in place])
+        # Seen again from elsewhere a wall is as straight as it was: the best view of it counts.
+        weights = [max(one.bow.weight for one in wall) for wall in walls]
+        weight = sum(weights)
+        told = [_mean(wall) for wall in walls]
+        bias = sum(w * b for w, b in zip(weights, told, strict=True)) / weight
+        agree = sum(_mean(place) > 0.5 * bias for place in places) >= _AGREE * len(places)
+        most = sum(w for w, b in zip(weights, told, strict=True) if b > 0.5 * bias)
+        agree = agree and most >= _AGREE * weight and len(walls) >= _WALLS
+        return bias if agree and bias * math.sqrt(weight) > _SURE and bias > _LONGER else 0.0
+
+
+def _sorted_by_wall(seen: list[_Wall]) -> list[list[_Wall]]:
+    walls: list[list[_Wall]] = []
+    for one in seen:
+        for wall in walls:
+            first = wall[0]
+            turned = math.remainder(one.normal - first.normal, math.tau)
+            apart = math.hypot(one.x - first.x, one.y - first.y)
+            if abs(turned) < _SAME_TURN and apart < _SAME_PLACE:
+                wall.append(one)
+                break
+        else:
+            walls.append([one])
+    return walls
+
+
+def _mean(seen: list[_Wall]) -> float:
+    """[m]"""
+    return sum(one.bow.bias * one.bow.weight for one in seen) / sum(one.bow.weight for one in seen)
 
 
 def bows(sight: Sight, lidar: Lidar) -> list[Bow]:
@@ -138,4 +181,7 @@ def _fitted(q: Floats, sigma: float, nearest: float) -> Bow | None:
         return None
     # a straight wall's unevenness looks like so much bow, spread over all its points
     spread = math.sqrt((sigma**2 + len(r) * _FLAT**2) * float(inverse[2, 2]))
-    return Bow(b, spread)
+    middle = q.mean(axis=0).tolist()
+    if spread > _TELLS:
+        return None
+    return Bow(b, spread, math.atan2(n[1], n[0]), middle[0], middle[1])

@@ -19,11 +19,11 @@ class Tolerance(NamedTuple):
     step: float = 0.03
     """Pose and twist over one reading [m, rad]: a filter's small correction."""
     drift: float = 0.05
-    """Pose and twist over `window` [m, rad]; a twist that is filtered lags by some 0.1 s."""
+    """Pose and twist over each of `windows` [m, rad]; a filtered twist lags by some 0.1 s."""
     share: float = 0.25
     """... and this of the way more: a twist is an average, or an instant."""
-    window: float = 0.5
-    """[s]"""
+    windows: tuple[float, ...] = (0.5, 2.0)
+    """Soon, and for what is slow [s]."""
     lag: float = 0.3
     """Drives may follow a command by so much later than the robot's `delay_s` [s]: on a slope, with
     a load, by a controller of their own."""
@@ -42,10 +42,9 @@ TOLERANCE = Tolerance()
 
 def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
     """Pose against twist: the way between two poses is what the speeds between them add up to."""
-    rows = trail.since(trail.newest - t.window)
+    rows = trail.rows
     if len(rows) < 2:
         return None
-    gone, turned = _gone(rows)
     last, before = rows[-1], rows[-2]
     dt = float(last[0] - before[0])
     steps = (math.hypot(last[1] - before[1], last[2] - before[2]), abs(last[3] - before[3]))
@@ -54,12 +53,15 @@ def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
     for step, a, b, unit in zip(steps, told, told_before, ("m", "rad"), strict=True):
         if step > (1.0 + t.share) * max(a, b) + t.step:
             return fault(f"the odometry jumped by {step:.2f} {unit} against its speed")
-    for what, went, column in (("speed", gone, 4), ("yaw rate", turned, 5)):
-        low, high = _added_up(rows, column)
-        room = t.drift + t.share * max(abs(low), abs(high), abs(went))
-        if not low - room <= went <= high + room:
-            said = f"{went:.2f} against {0.5 * (low + high):.2f} in {t.window} s"
-            return fault(f"the odometry's pose and {what} disagree: {said}")
+    for window in t.windows:
+        since = trail.since(trail.newest - window)
+        gone, turned = _gone(since)
+        for what, went, column in (("speed", gone, 4), ("yaw rate", turned, 5)):
+            low, high = _added_up(since, column)
+            room = t.drift + t.share * max(abs(low), abs(high), abs(went))
+            if not low - room <= went <= high + room:
+                said = f"{went:.2f} against {0.5 * (low + high):.2f} in {window} s"
+                return fault(f"the odometry's pose and {what} disagree: {said}")
     return None
 
 

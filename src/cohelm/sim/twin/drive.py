@@ -1,4 +1,8 @@
-"""A run with the twin as the plant: the pilot in the loop, as fast as it can, fully recorded."""
+"""A run with the twin as the plant and the pilot told where it is, fully recorded.
+
+Episodes of campaigns, which have to find their place, go through the whole loop:
+`study.campaign.looped`.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +29,8 @@ from cohelm.pilot.plan import Plan
 from cohelm.pilot.step import Decision, Settings
 from cohelm.pilot.told import told
 from cohelm.robot.limits import Limits
-from cohelm.sim.hand import IDLE, operate, replayed
-from cohelm.sim.piloted import Piloted, near_walls
+from cohelm.sim.closed_loop import Piloted, near_walls
+from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.robot import Truth, Twin
@@ -94,12 +98,7 @@ class _Run:
         self.pilot = Pilot(
             setup.reference, settings, delay=delay, manners=manners, care=care,
         )  # fmt: skip
-        self.perception = (
-            Perception(self.robot.model, given.known, given.known and setup.start)
-            if seeing
-            else None
-        )
-        self.fastest = math.inf
+        self.perception = Perception(self.robot.model) if seeing else None
         self.agility = given_pilot.agility
         self.period = max(round(given_pilot.period / setup.dt), 1)
         self.thinking = min(round(given_pilot.thinking / setup.dt), self.period - 1)
@@ -123,7 +122,7 @@ class _Run:
         pose, seen, twist = self._seen(k * setup.dt, now, things)
         stick = self._hand(k, now.pose, things)
         self._plan(k, pose, twist, seen)
-        decided = self.pilot.step(k * setup.dt, pose, twist, stick, seen, self.fastest)
+        decided = self.pilot.step(k * setup.dt, pose, twist, stick, seen)
         possible = self.robot.send(Twist(decided.v, decided.omega))
         self.robot.wait((k + 1) * setup.dt)
         self.truth = self.robot.truth()
@@ -133,15 +132,13 @@ class _Run:
         row["saturated"] = possible != Twist(decided.v, decided.omega)
 
     def _seen(self, t: float, now: Truth, things: Floats) -> tuple[Pose, Surroundings, Twist]:
-        """Where the robot takes itself to be, what is around it, in the same frame, its speed."""
+        """Where the robot is, what is around it, in the same frame, and its speed."""
         if self.perception is None:
             around = Surroundings(things, self.agility, self.walls, _NO_POINTS)
             return now.pose, around, now.twist
         known = self.perception.take(t, self.robot.read())
-        if self.given.known is None:  # where it is on the map is known; all else is as it senses
-            return now.pose, told(known, compose(now.pose, inverse(known.odometry))), known.twist
-        self.fastest = 0.0 if known.lost else math.inf
-        return known.pose, told(known, known.map_odom), known.twist
+        # Where it is on the map is known; all else is as it senses.
+        return now.pose, told(known, compose(now.pose, inverse(known.odometry))), known.twist
 
     def _hand(self, k: int, pose: Pose, things: Floats) -> Stick:
         setup = self.setup
@@ -178,7 +175,7 @@ class _Run:
         row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = desired
         row["e_p"] = pose_error(pose, desired)
         row["stick_x"], row["stick_psi"] = stick
-        for name in _DECIDED:
+        for name in DECIDED:
             row[name] = getattr(d, name)
         row["applied_v"], row["applied_omega"] = applied
         row["clearance"], row["energy"] = then.clearance, self.energy
@@ -195,7 +192,7 @@ def _unguarded(setup: Setup) -> Piloted:
 
 
 _NO_POINTS: Floats = np.empty((0, 2))
-_DECIDED = (
+DECIDED = (
     "v", "omega", "automatic_v", "automatic_omega", "human_v", "human_omega", "shared_v",
     "shared_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi", "intent_x",
     "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau", "rate",

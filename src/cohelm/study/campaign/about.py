@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from html import escape
 
-from cohelm.study.campaign import crowd, rooms
+from cohelm.study.campaign import crowd, movers, rooms
 
 Part = str | tuple[str, ...]
 """A paragraph, or the items of a list."""
@@ -54,6 +54,24 @@ def _random() -> Sequence[Part]:
     )
 
 
+def _movers() -> Sequence[Part]:
+    counts = ", ".join(f"{n} ({name})" for name, n in movers.DENSITIES.items())
+    return (
+        "Fields of big, fast discs on key frames, in the manner of DynaBARN:",
+        (
+            f"a hall of {movers.LENGTH:g} by {movers.WIDTH:g} m with four walls; Sally drives from "
+            "0.8 m off the west wall to 0.8 m off the east wall, 1.5 m off the other two at least; "
+            "the reference is a straight line at 0.8 m/s;",
+            f"{counts} discs of radius 0.25 to 0.5 m, the densities in turns;",
+            "each moves straight from key frame to key frame, at least 2 m apart, from rest to "
+            f"rest, on each way at another speed of 0.4 to {movers.FASTEST:g} m/s, and with "
+            f"{movers.AGILITY:g} m/s²; it stays {movers.APRON:g} m off the west and the east wall. "
+            "Discs move all the time, through each other too, and mind nobody.",
+        ),
+        "Arrived: within 0.3 m of the goal, within 90 s.",
+    )
+
+
 def _barn() -> Sequence[Part]:
     return (
         "The worlds of the BARN challenge, judged by its rules: Jackal with 720 beams over 270 "
@@ -76,8 +94,9 @@ def _crowd() -> Sequence[Part]:
         "smoothing splines, within some 0.2 m of them; before the first and after the last sample"
         " they walk straight on for 10 s, so that nobody appears beside the robot. Whoever is "
         f"then faster than {crowd.FASTEST:g} m/s or accelerates by more than {crowd.AGILITY:g} "
-        "m/s² is left out and listed, and so is who was seen only once. Episode k is scene k "
-        "modulo their number.",
+        "m/s² is left out and listed, and so is who was seen only once, and who would even so come "
+        f"into being during a crossing within {crowd.REACH:g} m of the middle of the scene. "
+        "Episode k is scene k modulo their number.",
         "Arrived: within 0.3 m of the goal, within 60 s.",
     )
 
@@ -114,6 +133,6 @@ def _hands() -> Sequence[Part]:
 
 
 _ABOUT: dict[str, Callable[[], Sequence[Part]]] = {
-    "lab": _lab, "random": _random, "barn": _barn, "crowd": _crowd, "adversary": _adversary,
-    "hands": _hands,
+    "lab": _lab, "random": _random, "movers": _movers, "barn": _barn, "crowd": _crowd,
+    "adversary": _adversary, "hands": _hands,
 }  # fmt: skip

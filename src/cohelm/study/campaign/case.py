@@ -18,6 +18,7 @@ from cohelm.sim import duel as duels
 from cohelm.sim.duel import SCRIPT, Attack, Scene, duel
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup, with_pilot
+from cohelm.study.campaign.acted import Acted
 
 Law = Literal["guard", "paper", "none", "rvo", "vo"]
 LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")
@@ -95,13 +96,20 @@ def lively(gains: Gains) -> Gains:
     return gains._replace(k_psi=max(gains.k_psi, 2.0))
 
 
-def traced(case: Case, law: Law) -> Iterator[Trace]:
-    """The drive of a case, piece by piece, to its time limit."""
+def traced(case: Case, law: Law, acted: Acted | None = None) -> Iterator[Trace]:
+    """The drive of a case, piece by piece, to its time limit.
+
+    acted: where what gate and monitors did is counted, where there are any.
+    """
     if case.duel is not None:
         return iter((fought(case, law, case.duel),))
     setup = under(case.setup, law)
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)
+    if setup.twin is not None and setup.twin.known is not None and setup.pilot is not None:
+        from cohelm.study.campaign import looped  # needs MuJoCo, as above
+
+        return looped.pieces(setup, acted or Acted(), _PIECE)
     return pieces(setup, _PIECE)
 
 

@@ -5,7 +5,8 @@ marked them. Between and around the samples people walk as smoothing splines hav
 0.05 on the squared acceleration), which stay within some 0.2 m of the samples; before the first
 and after the last sample they walk straight on for 10 s, so that nobody appears beside the robot.
 Whoever is then faster than FASTEST or accelerates by more than AGILITY is left out and listed,
-and so is who was seen only once.
+and so is who was seen only once, and who would even so come into being during a crossing within
+REACH of the middle of the scene, where the robot may be.
 
 Sally crosses the middle of the scene, 8 m straight on at 0.8 m/s in any direction, at moments
 spread over the recording; at first nobody is within 1.5 m. Arrived is who comes within 0.3 m of
@@ -37,6 +38,8 @@ AGILITY = 1.0
 """Assumed of people [m/s^2]."""
 RADIUS = 0.25
 """Of a person [m]."""
+REACH = 6.5
+"""Nobody comes into being nearer to the middle of the scene [m]."""
 STARTS = 20
 """Different moments in each scene; more episodes are other directions at the same ones."""
 
@@ -83,6 +86,10 @@ def read(folder: Path) -> tuple[Crowd, ...]:
 
 def crowd(name: str, tracks: list[Track]) -> Crowd:
     """A scene from its tracks."""
+    times = np.concatenate([track.times for track in tracks])
+    points = np.concatenate([track.points for track in tracks])
+    at = np.quantile(times, (np.arange(STARTS) + 0.5) / STARTS)
+    x, y = np.median(points, axis=0).tolist()
     walks: list[Walk] = []
     left_out: list[str] = []
     for track in tracks:
@@ -90,18 +97,21 @@ def crowd(name: str, tracks: list[Track]) -> Crowd:
             left_out.append(f"{name}, person {track.name}: seen only once")
             continue
         path = walked(track)
+        begin = float(track.times[0]) - _ON
+        first = evaluate(path.knots, path.coeffs, 1.0)
+        during = ((at < begin) & (begin < at + _LIMIT)).any()
         speed, push = extremes(_middle(path))
         if speed > FASTEST or push > AGILITY:
             why = f"{speed:.1f} m/s" if speed > FASTEST else f"{push:.1f} m/s²"
             left_out.append(f"{name}, person {track.name}: up to {why}")
+        elif during and (near := math.dist((first.x, first.y), (x, y))) < REACH:
+            left_out.append(
+                f"{name}, person {track.name}: would come into being {near:.1f} m from the middle"
+            )
         else:
-            walks.append(Walk(track.name, float(track.times[0]) - _ON - 1.0, path))
+            walks.append(Walk(track.name, begin - 1.0, path))
     if not walks:
         raise CohelmError(f"{name}: nobody in it walks within the assumed bounds; nothing to do")
-    times = np.concatenate([track.times for track in tracks])
-    points = np.concatenate([track.points for track in tracks])
-    at = np.quantile(times, (np.arange(STARTS) + 0.5) / STARTS)
-    x, y = np.median(points, axis=0).tolist()
     return Crowd(name, tuple(walks), (x, y), tuple(at.tolist()), tuple(left_out))
 
 

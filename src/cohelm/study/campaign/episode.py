@@ -15,6 +15,7 @@ from cohelm.robot.limits import Limits
 from cohelm.scenario.worlds.barn import score
 from cohelm.sim.judge import FAR, Judged, judge
 from cohelm.sim.setup import Setup
+from cohelm.study.campaign.acted import Acted
 from cohelm.study.campaign.case import DT, Case, Law, traced
 from cohelm.study.campaign.row import Row
 from cohelm.study.campaign.touch import NOTHING_TOUCHED, Touch, first_touch
@@ -29,7 +30,12 @@ _HELD = 0.05
 
 def driven(case: Case, law: Law) -> Row:
     """The row of a case under a law."""
-    return judged(case, law, traced(case, law), case.setup.limits)
+    acted = Acted()
+    row = judged(case, law, traced(case, law, acted), case.setup.limits)
+    return row._replace(
+        gate_share=acted.share(acted.gate), monitor_share=acted.share(acted.monitors),
+        stops=acted.stops, stopped_by=acted.why,
+    )  # fmt: skip
 
 
 def judged(case: Case, law: Law, pieces: Iterator[Trace], limits: Limits) -> Row:
@@ -105,6 +111,8 @@ def _row(
         duration_s=duration,
         contacts_moving=seen.moving,
         contacts_standing=seen.standing,
+        contacts_departing=seen.departing,
+        untouched_share=1.0 - seen.touched / max(seen.steps, 1),
         min_clearance_m=seen.gap,
         min_clearance_moving_m=seen.gap_moving,
         min_clearance_at_s=seen.at,
@@ -120,6 +128,10 @@ def _row(
         recovery_s=recovery if measured else math.nan,
         unrecovered=unrecovered if measured else 0,
         filtered_share=float((rows["verdict"] != 0).mean()),
+        gate_share=math.nan,
+        monitor_share=math.nan,
+        stops=0,
+        stopped_by="",
         contact_seen_s=touched.seen,
         contact_seen_share=touched.share,
         contact_speed_mps=touched.speed,

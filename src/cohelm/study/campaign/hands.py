@@ -18,7 +18,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.link import stick as sticks
 from cohelm.link.stick import Recording
 from cohelm.scenario import build
-from cohelm.sim.hand import replay
+from cohelm.sim.operator_model import replay
 from cohelm.sim.setup import Setup
 from cohelm.study.campaign.case import Case, sequence
 from cohelm.study.campaign.lab import goal, limited, scenario

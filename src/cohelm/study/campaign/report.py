@@ -80,8 +80,11 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("arrived", lambda s: _share(s.arrived)),
         ("with a moving contact", lambda s: _share(s.moving)),
         ("with a standing contact: walked into", lambda s: _share(s.standing)),
+        ("with a departing contact: moved into who walked into it", lambda s: _share(s.departing)),
+        ("touched, of any kind", lambda s: _share(s.touched)),
+        ("share of steps untouched", lambda s: _number(s.untouched_share, 5)),
         ("smallest clearance while moving [m]", lambda s: _least(s.spreads, "moving_")),
-        ("smallest clearance of all [m]", lambda s: _least(s.spreads, "")),
+        ("closest: smallest clearance of all [m]", lambda s: _least(s.spreads, "")),
         ("limits exceeded by", lambda s: f"{s.limit_excess:g}"),
         ("BARN score (0.5 at most)", lambda s: _number(s.score, 4)),
         ("time to arrive [s]", lambda s: _spread(s.spreads["duration_s"], 1)),
@@ -93,6 +96,9 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("jerk, rms [m/s³]", lambda s: _spread(s.spreads["jerk_rms_mps3"], 1)),
         ("release to recovery [s]", lambda s: _recovery(s)),
         ("share of steps the filter changed", lambda s: _spread(s.spreads["filtered_share"], 2)),
+        ("... the gate changed", lambda s: _spread(s.spreads["gate_share"], 4)),
+        ("... a monitor slowed the robot in", lambda s: _spread(s.spreads["monitor_share"], 4)),
+        ("stops and faults by itself", lambda s: _spread(s.spreads["stops"], 0)),
     ]
     shown = [
         (name, *(cell(s) for s in found.summaries))

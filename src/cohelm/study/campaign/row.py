@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 from cohelm.sim.judge import FAR
 
@@ -23,13 +23,17 @@ class Row(NamedTuple):
     duration_s: float
     """Until arrival, or the whole."""
     contacts_moving: int
-    """Contacts in which the robot moved, of its own, at some instant."""
+    """Contacts that began while the robot moved of its own."""
     contacts_standing: int
-    """Contacts in which it stood all the time: it was walked into."""
+    """Contacts that began while it stood: it was walked into."""
+    contacts_departing: int
+    """Those of them in which it then moved deeper into what had walked into it."""
+    untouched_share: float
+    """Of all control steps, those in which nothing was touched."""
     min_clearance_m: float
     """Smallest gap of the real outline, negative in overlap; at most `sim.judge.FAR`."""
     min_clearance_moving_m: float
-    """The same while the robot moved."""
+    """The same while the robot moved, but for what had walked into it while it stood."""
     min_clearance_at_s: float
     """When it was smallest while the robot moved; at all, where nothing was near then."""
     nearest: str
@@ -56,6 +60,14 @@ class Row(NamedTuple):
     """Releases after which it never was."""
     filtered_share: float
     """Of all steps, those in which the law's filter changed the command."""
+    gate_share: float
+    """Those in which the gate did; NaN where there is none, as everywhere but on the twin."""
+    monitor_share: float
+    """Those in which the collision or the plausibility monitor slowed or stopped the robot."""
+    stops: int
+    """Stops and faults that the robot latched by itself; each is reset a second later."""
+    stopped_by: str
+    """Why, the first time."""
     contact_seen_s: float
     """Of the first moving contact on the twin's own sensors: for how long what was touched had been
     in the LiDAR's view without a break, at five beams a scan, when it came to it; NaN: none."""
@@ -75,9 +87,6 @@ def clearance_then(row: Row) -> float:
     return moving if moving < FAR else row.min_clearance_m
 
 
-NOT_DRIVEN = Row(
-    "", "", "", 0, "", "", False, math.nan, 0, 0, math.nan, math.nan, math.nan, "", math.nan,
-    math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan,
-    math.nan, math.nan, math.nan, math.nan, [],
-)  # fmt: skip
+_NOTHING: dict[Any, Any] = {str: "", bool: False, int: 0, float: math.nan, list[float]: []}
+NOT_DRIVEN = Row(**{name: _NOTHING[kind] for name, kind in get_type_hints(Row).items()})
 """What remains of an episode that could not be driven."""

@@ -67,6 +67,9 @@ SPREADS: dict[str, Callable[[Row], float]] = {
     "jerk_rms_mps3": lambda r: r.jerk_rms_mps3,
     "recovery_s": lambda r: r.recovery_s,
     "filtered_share": lambda r: r.filtered_share,
+    "gate_share": lambda r: r.gate_share,
+    "monitor_share": lambda r: r.monitor_share,
+    "stops": lambda r: r.stops if math.isfinite(r.gate_share) else math.nan,
 }
 """What is told of all episodes together."""
 
@@ -85,6 +88,12 @@ class Summary(NamedTuple):
     """Episodes with a contact in which the robot moved."""
     standing: Share
     """Episodes in which it was walked into."""
+    departing: Share
+    """Episodes in which it moved into what had walked into it."""
+    touched: Share
+    """Episodes with a contact of any kind."""
+    untouched_share: float
+    """Of all steps of all episodes, those without a contact."""
     limit_excess: float
     score: float
     """Mean BARN score; NaN where there is none."""
@@ -105,6 +114,12 @@ class Summary(NamedTuple):
                 "contacts_moving_share": _bounds(self.moving),
                 "contacts_standing": self.standing.count,
                 "contacts_standing_share": _bounds(self.standing),
+                "contacts_departing": self.departing.count,
+                "contacts_departing_share": _bounds(self.departing),
+                "touched": self.touched.count,
+                "touched_share": _bounds(self.touched),
+                "untouched_share": self.untouched_share,
+                "closest_m": self.spreads["min_clearance_m"].least,
                 "min_clearance_m": self.spreads["min_clearance_m"].least,
                 "min_clearance_moving_m": self.spreads["min_clearance_moving_m"].least,
                 "score": self.score,
@@ -118,6 +133,13 @@ class Summary(NamedTuple):
 
 def _bounds(s: Share) -> dict[str, float]:
     return {"share": s.count / s.of if s.of else math.nan, "low": s.low, "high": s.high}
+
+
+def _untouched(rows: Sequence[Row]) -> float:
+    """The share of steps without a contact, over episodes of any length."""
+    told = [row for row in rows if math.isfinite(row.untouched_share + row.duration_s)]
+    whole = sum(row.duration_s for row in told)
+    return sum(row.untouched_share * row.duration_s for row in told) / whole if whole else math.nan
 
 
 def summary(law: str, rows: Sequence[Row], *, goals: bool) -> Summary:
@@ -137,6 +159,9 @@ def summary(law: str, rows: Sequence[Row], *, goals: bool) -> Summary:
         share(sum(row.arrived and row.contacts_moving == 0 for row in sound), n) if goals else None,
         share(sum(row.contacts_moving > 0 for row in sound), n),
         share(sum(row.contacts_standing > 0 for row in sound), n),
+        share(sum(row.contacts_departing > 0 for row in sound), n),
+        share(sum(row.contacts_moving + row.contacts_standing > 0 for row in sound), n),
+        _untouched(sound),
         max((row.limit_excess for row in sound), default=0.0),
         float(np.mean(scores)) if scored else math.nan,
         sum(row.unrecovered for row in sound),

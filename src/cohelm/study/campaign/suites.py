@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign import adversary, barn, crowd, hands, lab, rooms
+from cohelm.study.campaign import adversary, barn, crowd, hands, lab, movers, rooms
 from cohelm.study.campaign.case import LAWS, PLANTS, Case, Law, Plant
 from cohelm.study.campaign.plant import on_twin
 
-NAMES = ("lab", "random", "barn", "crowd", "adversary", "hands")
+NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands")
 
 _NEEDS_DATA = ("barn", "crowd", "hands")
-_ON_TWIN = ("lab", "random", "adversary")
-_CHUNKS = {"adversary": 10, "random": 5}
+_ON_TWIN = ("lab", "random", "movers", "adversary")
+_CHUNKS = {"adversary": 10, "random": 5, "movers": 5}
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,8 @@ class Suite:
             return lab.case(self.given, self.seed, number)
         if self.name == "random":
             return rooms.case(self.seed, number)
+        if self.name == "movers":
+            return movers.case(self.seed, number)
         if self.name == "barn":
             return barn.case(self.given, self.seed, number)
         if self.name == "crowd":
@@ -102,6 +104,8 @@ def _suite(name: str, seed: int, data: Path | None) -> Suite:
         return Suite(name, seed, lab.scenario(), 20)
     if name == "random":
         return Suite(name, seed, None, 1000)
+    if name == "movers":
+        return Suite(name, seed, None, 200 * len(movers.DENSITIES))
     if name == "adversary":
         if data is None:
             notes = ("no recorded hands among the attackers: --data was not given",)

@@ -23,8 +23,9 @@ summary {{ cursor: pointer; color: #555; }}
 <h2>Law by law</h2>
 {laws}
 <p>A contact is an overlap of the robot's real outline with anything, looked for between control
-steps too. It is a <em>moving</em> one if the robot moved of its own at any instant of it; else it
-is a <em>standing</em> one: the robot stood and was walked into. Counts are of episodes, in
+steps too. It is a <em>moving</em> one if it began while the robot moved of its own; else it is a
+<em>standing</em> one: the robot stood and was walked into. If the robot then moved, and deeper into
+what it overlapped, it is a <em>departing</em> one as well. Counts are of episodes, in
 brackets with exact two-sided 95 % bounds (Clopper and Pearson) of the probability behind them.
 Other values are the median over the episodes, in brackets the smallest and the largest. All laws
 drove the same episodes.</p>

@@ -17,7 +17,7 @@ class Asked(NamedTuple):
     """How long ago it was made, at most [s]; NaN: whoever made it is gone."""
 
 
-class Heard(NamedTuple):
+class OperatorInput(NamedTuple):
     """What the link knows of the driver's will, now."""
 
     driver: int

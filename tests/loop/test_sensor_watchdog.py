@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
-from cohelm.loop.senses import Senses, patience
+from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
 from cohelm.robot.port import Odometry, Readings, Scan
 from tests.ports.adapters import sally
 
@@ -22,7 +22,7 @@ def scan(stamp=9.95, number=1, value=3.0, duration=0.0):
 
 
 def senses():
-    return Senses(sally(), patience(sally(), 0.02))
+    return SensorWatchdog(sally(), patience(sally(), 0.02))
 
 
 def readings(o=odometry(), s=scan()):  # noqa: B008
@@ -85,4 +85,4 @@ def test_a_turn_of_the_heading_over_pi_is_no_jump():
 
 def test_a_robot_without_a_lidar_needs_no_scan():
     blind = sally().model_copy(update={"lidar": None})
-    assert Senses(blind, patience(blind, 0.02)).wrong(10.0, readings(s=None)) == ""
+    assert SensorWatchdog(blind, patience(blind, 0.02)).wrong(10.0, readings(s=None)) == ""

@@ -6,7 +6,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.link.keys import home, pair_here
-from cohelm.link.lent import borrowed, lent
+from cohelm.link.local_credentials import borrowed, lent
 
 
 @pytest.fixture(autouse=True)

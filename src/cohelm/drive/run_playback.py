@@ -12,11 +12,11 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose, Stick, Twist
-from cohelm.drive.driven import DriveFilm
+from cohelm.drive.drive_playback import DriveFilm
 from cohelm.drive.walls import drawn
 from cohelm.law import verdict as verdicts
 from cohelm.link import messages as m
-from cohelm.loop.telling import VERDICTS
+from cohelm.loop.status import VERDICTS
 from cohelm.record.messages import messages
 from cohelm.record.read import IncompleteRecord, read
 from cohelm.robot.model import RobotModel

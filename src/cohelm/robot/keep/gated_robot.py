@@ -12,7 +12,7 @@ from cohelm.robot.gate import gate as gates
 from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
 from cohelm.robot.gate.modes import Mode, driving, latched
-from cohelm.robot.keep.lines import Line
+from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
@@ -100,7 +100,7 @@ def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> Rules:
     )  # fmt: skip
 
 
-class Kept:
+class GatedRobot:
     """A robot and its gate in this process. In simulated time its watchdog is as good as one in
     a process of its own; in real time it can not outlive this process."""
 
@@ -113,6 +113,8 @@ class Kept:
         self._monitors = monitors(robot.model, rules) if watched_by is None else watched_by
         self._restriction = UNRESTRICTED
         """Of the newest readings, whatever is proposed."""
+        self.let_through = 1.0
+        """Share of the last proposal that the monitors let through."""
         self._told = told or _nobody
         self._line: Line | None = None
         self._gate = Gate()
@@ -161,7 +163,7 @@ class Kept:
         restriction = self._heeded(
             [self._restriction, *(monitor.restrict(now, twist) for monitor in self._monitors)]
         )
-        share = restriction.share
+        share = self.let_through = restriction.share
         if share < 1.0:
             proposal = proposal._replace(twist=Twist(share * twist.v, share * twist.omega))
         gate, passed = gates.propose(self._gate, proposal, now, self._rules)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from cohelm.link.cap import Cap, speed_cap
-from cohelm.link.heard import Heard
+from cohelm.link.latency_speed_limit import Cap, speed_cap
 from cohelm.link.messages import Arming
-from cohelm.loop.person import Person
+from cohelm.link.operator_input import OperatorInput
+from cohelm.loop.stick_arming import Person
 from cohelm.pilot.step import Settings
 
 FREE = Cap(math.inf, "")
@@ -18,7 +18,7 @@ _FREES = 0.05  # nor is it slowed below this: it can leave what it stands agains
 _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
 
 
-def silent(heard: Heard, stale: float) -> str:
+def silent(heard: OperatorInput, stale: float) -> str:
     """Why the driver counts as lost; empty: not. With any stick, and with none."""
     if heard.driver == 0:
         return "nobody drives any more"
@@ -28,12 +28,12 @@ def silent(heard: Heard, stale: float) -> str:
     return ""
 
 
-def allowed(heard: Heard, scale: float) -> float:
+def allowed(heard: OperatorInput, scale: float) -> float:
     """The share of the usual speed that the driver allows: the newest word counts."""
     return heard.command.speed_scale if heard.command is not None else scale
 
 
-def far(heard: Heard, person: Person) -> float:
+def far(heard: OperatorInput, person: Person) -> float:
     """The delay over which a person steers [s]; NaN: nobody does, or it is not known."""
     return heard.round_trip if person.arming == Arming.ARMED else math.nan
 

@@ -5,17 +5,17 @@ import math
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.link.heard import Heard
 from cohelm.link.messages import Arming, Command, Device
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.operator import NOBODY
-from cohelm.loop.person import CENTRED, Manner, Person, renewed
+from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
 
 M = Manner()
 
 
 def heard(x=0.0, psi=0.0, valid=True, armed=True, age=0.02):
     command = Command(Stick(x, psi), valid, armed, Device.GAMEPAD, 1.0, ())
-    return Heard(1, "anna", command, age, 0.0, ())
+    return OperatorInput(1, "anna", command, age, 0.0, ())
 
 
 def after(*said, start=Person(), dt=0.02):  # noqa: B008
@@ -58,7 +58,7 @@ def test_the_deflection_in_use_moves_no_faster_than_a_hand():
         (heard(armed=False), "the stick was disarmed"),
         (heard(age=0.31), "the newest command is 310 ms old"),
         (heard(age=math.nan), "the newest command is nan ms old"),
-        (Heard(1, "anna", None, 0.4, 0.0, ()), "no command for 400 ms"),
+        (OperatorInput(1, "anna", None, 0.4, 0.0, ()), "no command for 400 ms"),
         (NOBODY, "nobody drives any more"),
     ],
 )

@@ -8,9 +8,9 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.period import PERIOD
 from cohelm.core.types import Stick
-from cohelm.drive.driven import DriveFilm
-from cohelm.drive.film import film
+from cohelm.drive.drive_playback import DriveFilm
 from cohelm.drive.replayed import Replaying
+from cohelm.drive.run_playback import film
 from cohelm.drive.session import Plan, Session
 from cohelm.drive.shown import drawn, way
 from cohelm.drive.simulated import simulated

@@ -10,7 +10,7 @@ from cohelm.core.types import Pose
 from cohelm.law.reference import through
 from cohelm.robot.footprint import disc_clearance
 from cohelm.scenario.load import robot
-from cohelm.sim import piloted
+from cohelm.sim import closed_loop
 from cohelm.sim.run import run
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
@@ -31,13 +31,13 @@ def crossing(*bodies: Body) -> Setup:
 
 def watched(monkeypatch, setup):
     """A run, and what was known after each scan with its time."""
-    known, look = [], piloted.look
+    known, look = [], closed_loop.look
 
     def remembered(k, dt, *rest):
         known.append((k * dt, look(k, dt, *rest)))
         return known[-1][1]
 
-    monkeypatch.setattr(piloted, "look", remembered)
+    monkeypatch.setattr(closed_loop, "look", remembered)
     return run(setup), known
 
 

@@ -22,14 +22,15 @@ from cohelm.perceive.movers import Care as Watching
 from cohelm.perceive.seen import Perception
 from cohelm.perceive.way import Manners
 from cohelm.pilot.course import Course, course
+from cohelm.pilot.evasion import nobody_watched
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
 from cohelm.pilot.plan import Care, Task
 from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_step
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
-from cohelm.sim.hand import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.lidar import scan
+from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.wheels import State, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, clearance, place
 
@@ -116,7 +117,7 @@ def stretches(
         else Perception(given.lidar, watching=given.watching, outline=settings.outline)
     )
     m = len(scene.around.discs)
-    queue, sent = np.zeros((delay, 2)), np.zeros((delay, 2))
+    queue, sent, watched = np.zeros((delay, 2)), np.zeros((delay, 2)), nobody_watched()
     period = max(round(given.period / dt), 1)
     thinking = min(round(given.thinking / dt), period - 1)
     now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, False, False)
@@ -152,7 +153,7 @@ def stretches(
         part = out.part(written, written + upto - k)
         now, done = _advance(
             k, dt, now, current, number, planner.route.line, settings, scene, walls, queue, sent,
-            part.rows, part.h, part.discs,
+            watched, part.rows, part.h, part.discs,
         )  # fmt: skip
         k, written = k + done, written + done
         if written == len(out.rows) or now.arrived or k == steps:
@@ -223,7 +224,7 @@ def known(t: float, told: Surroundings, walls: Floats, scene: Scene) -> Surround
 def _advance(
     first: int, dt: float, now: Now, course: Course, number: int, line: Floats, settings: Settings,
     scene: Scene, walls: Floats, queue: Floats, sent: Floats,
-    rows: NDArray[np.void], h: Floats, discs: Floats,
+    watched: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> tuple[Now, int]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were."""
     robot, pilot, person, told = now.robot, now.pilot, now.person, now.told
@@ -241,7 +242,9 @@ def _advance(
             )
         else:
             stick = replayed(scene.hands, k * dt)
-        pilot, d = pilot_step(pilot, pose, before, stick, around, course, line, settings, dt, sent)
+        pilot, d = pilot_step(
+            pilot, pose, before, stick, around, course, line, settings, dt, sent, watched
+        )
         led = d.doing == LED
         robot, saturated = moved(
             k, dt, robot, Twist(d.v, d.omega), stick, settings.gains, settings.limits, queue

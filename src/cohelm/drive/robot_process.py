@@ -10,7 +10,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.served import Door
+from cohelm.drive.teleop_server import Door
 from cohelm.robot.keep.processes import bound, started
 
 _START = 900.0
@@ -157,8 +157,8 @@ def _drive(
     """The robot's process."""
     let_go = bound()
     from cohelm.drive.operate import Asked, ended, meant
-    from cohelm.drive.served import serve
     from cohelm.drive.session import Plan
+    from cohelm.drive.teleop_server import serve
     from cohelm.loop.loop import Ways
 
     with ended() as end:

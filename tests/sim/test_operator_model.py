@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cohelm.core.types import disc
-from cohelm.sim.hand import IDLE, Operator, normal, replay, replayed
+from cohelm.sim.operator_model import IDLE, Operator, normal, replay, replayed
 from cohelm.sim.run import run
 from cohelm.sim.world import Body, world
 from tests.sim.runs import LAB, NO_WALLS, bodies, lab_run

@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law import verdict as verdicts
-from cohelm.link.cap import Cap
+from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import (
     Alarm,
     Guarding,
@@ -22,7 +22,7 @@ from cohelm.link.messages import (
     Verdict,
 )
 from cohelm.link.wire import MOST_BEAMS
-from cohelm.loop.person import Person
+from cohelm.loop.stick_arming import Person
 from cohelm.perceive.frames import compose
 from cohelm.perceive.seen import Seen
 from cohelm.pilot.step import Decision

@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.types import Stick
-from cohelm.link.heard import Heard
 from cohelm.link.messages import Arming, Command
+from cohelm.link.operator_input import OperatorInput
 
 CENTRED = Stick(0.0, 0.0)
 
@@ -43,7 +43,7 @@ class Person(NamedTuple):
 
 
 def renewed(
-    person: Person, heard: Heard, manner: Manner, dt: float, stopped: bool = False
+    person: Person, heard: OperatorInput, manner: Manner, dt: float, stopped: bool = False
 ) -> Person:
     """The person a period of `dt` later, with what was heard.
 
@@ -67,7 +67,7 @@ def renewed(
     )
 
 
-def _believed(heard: Heard, manner: Manner) -> tuple[Command | None, str]:
+def _believed(heard: OperatorInput, manner: Manner) -> tuple[Command | None, str]:
     """The command, or why there is none to be believed."""
     command = heard.command
     if command is None:

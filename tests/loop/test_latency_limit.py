@@ -6,11 +6,11 @@ import pytest
 
 from cohelm.core.types import Pose, Stick
 from cohelm.law.guard.surroundings import surroundings
-from cohelm.link.heard import Heard
 from cohelm.link.messages import Arming, Command, Device
+from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.driver import Driver
-from cohelm.loop.leash import FREE, LOST, allowed, cap, crawl, far, silent
-from cohelm.loop.person import Person
+from cohelm.loop.latency_limit import FREE, LOST, allowed, cap, crawl, far, silent
+from cohelm.loop.stick_arming import Person
 from tests.pilot.drives import SETTINGS
 
 ARMED = Person(Arming.ARMED)
@@ -18,7 +18,7 @@ ARMED = Person(Arming.ARMED)
 
 def heard(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
     command = Command(Stick(0.0, 0.0), False, False, Device.NONE, scale, ())
-    return Heard(driver, "anna", command if fresh else None, age, round_trip, ())
+    return OperatorInput(driver, "anna", command if fresh else None, age, round_trip, ())
 
 
 @pytest.mark.parametrize(

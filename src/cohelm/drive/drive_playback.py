@@ -16,9 +16,9 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.over_link import hello
 from cohelm.link import messages as m
+from cohelm.link.recorded_status import Told
 from cohelm.link.station_end import WholeScan
-from cohelm.link.told import Told
-from cohelm.loop.telling import POOR, VERDICTS
+from cohelm.loop.status import POOR, VERDICTS
 from cohelm.perceive.frames import compose
 from cohelm.record.drive import IMAGE, periods
 from cohelm.record.messages import messages

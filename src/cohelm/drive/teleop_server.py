@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cohelm.drive.desk import Desk
+from cohelm.drive.operator_requests import Desk
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Plan, Session
 from cohelm.link.keys import Keys

@@ -29,7 +29,7 @@ def patience(model: RobotModel, period: float) -> Patience:
     return Patience(max(3.5 / model.odometry.rate_hz, 0.07) + period, scan + period)
 
 
-class Senses:
+class SensorWatchdog:
     """Remembers just enough of the last readings to see that the next ones fit."""
 
     def __init__(self, model: RobotModel, patience: Patience) -> None:

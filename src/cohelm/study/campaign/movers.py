@@ -1,0 +1,106 @@
+"""`movers`: fields of big, fast discs on key frames, in the manner of DynaBARN.
+
+The generator, which any number of episodes come from:
+- a hall of LENGTH by WIDTH, four walls; Sally, from 0.8 m off the west wall to 0.8 m off the east
+  one, both anywhere across but for 1.5 m at either side, the reference a straight line at 0.8 m/s;
+- nothing that rests, and 4, 8 or 14 discs that move: easy, medium and hard, in turns;
+- discs of radius 0.25 to 0.5 m that move straight from key frame to key frame, at least 2 m apart,
+  on each way at another speed of 0.4 to FASTEST, and with AGILITY from rest to rest. Their outlines
+  stay APRON off the west and the east wall and 0.1 m off the other two. They move all the time,
+  through each other too, and mind nobody;
+- arrived is who comes within 0.3 m of the goal within 90 s.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose
+from cohelm.law.reference import Reference, through
+from cohelm.scenario.load import robot
+from cohelm.sim.setup import Setup, with_pilot
+from cohelm.sim.world import Body, world
+from cohelm.study.campaign.case import DT, PAPER, Case, Goal, lively, sequence
+
+LENGTH, WIDTH = 14.0, 11.0
+DENSITIES = {"easy": 4, "medium": 8, "hard": 14}
+"""Discs in the hall."""
+FASTEST = 2.0
+"""Of a disc [m/s]."""
+AGILITY = 1.0
+"""Of a disc that sets off or stops [m/s^2]."""
+APRON = 1.6
+"""Beside the walls where the robot starts and arrives, kept free of discs [m]."""
+
+_SPEED, _LIMIT, _NEAR = 0.8, 90.0, 0.3
+_OFF, _SIDE = 0.8, 1.5  # of start and goal from the walls [m]
+_APART = 2.0  # of key frames [m]
+_SLOWEST = 0.4  # on a way [m/s]
+_SINCE = 20.0  # they have been moving for up to so long when the robot sets off [s]
+
+
+def case(seed: int, number: int) -> Case:
+    """Field `number` of the campaign with this seed."""
+    rng = sequence(seed, "movers", number)
+    kind = tuple(DENSITIES)[number % len(DENSITIES)]
+    sally = robot("sally")
+    start = np.array([_OFF, rng.uniform(_SIDE, WIDTH - _SIDE)])
+    goal = np.array([LENGTH - _OFF, rng.uniform(_SIDE, WIDTH - _SIDE)])
+    heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
+    discs = [_disc(rng, sally.reach) for _ in range(DENSITIES[kind])]
+    walls = np.array(
+        [[0, 0, LENGTH, 0], [LENGTH, 0, LENGTH, WIDTH], [LENGTH, WIDTH, 0, WIDTH], [0, WIDTH, 0, 0]]
+    )
+    setup = Setup(
+        start=Pose(float(start[0]), float(start[1]), heading),
+        reference=through(np.linspace(start, goal, 13), _SPEED),
+        outline=sally.outline,
+        limits=sally.bounds(),
+        gains=PAPER._replace(u_d=_SPEED),
+        around=world((discs, walls)),
+        names=tuple(f"mover_{i}" for i in range(len(discs))),
+        dt=DT,
+        duration=_LIMIT,
+        seed=number,
+    )  # fmt: skip
+    setup = with_pilot(setup, agility=AGILITY, gains=lively(setup.gains))
+    return Case("movers", number, kind, setup, Goal(float(goal[0]), float(goal[1]), _NEAR))
+
+
+def _disc(rng: np.random.Generator, reach: float) -> Body:
+    """A disc whose way from key frame to key frame lasts longer than the episode."""
+    radius = rng.uniform(0.25, 0.5)
+    low = np.array([APRON, 0.1]) + radius
+    high = np.array([LENGTH, WIDTH]) - low
+    here = rng.uniform(low, high)
+    row = (float(here[0]), float(here[1]), 0.0, 0.0, radius, radius + reach)
+    since = rng.uniform(0.0, _SINCE)
+    knots, coeffs = [0.0], np.empty((0, 8))
+    while knots[-1] < _LIMIT + since + 1.0:
+        there = rng.uniform(low, high)
+        if math.dist(here, there) > _APART:
+            times, pieces = leg(here, there, rng.uniform(_SLOWEST, FASTEST))
+            knots += [knots[-1] + t for t in times]
+            coeffs = np.vstack((coeffs, pieces))
+            here = there
+    return Body(row, Reference(np.array(knots), coeffs, 1.0), -since)
+
+
+def leg(a: Floats, b: Floats, speed: float) -> tuple[list[float], Floats]:
+    """From rest at a to rest at b: when it is as fast as it gets, when it brakes, when it is there
+    [s], and the three pieces, (3, 8)."""
+    length = math.dist(a, b)
+    ux, uy = (b[0] - a[0]) / length, (b[1] - a[1]) / length
+    v = min(speed, math.sqrt(AGILITY * length))
+    ramp, cruise = v / AGILITY, length / v - v / AGILITY
+    pieces = np.zeros((3, 8))
+    for k, (s, u, push) in enumerate(
+        ((0.0, 0.0, AGILITY), (0.5 * v * ramp, v, 0.0), (0.5 * v * ramp + v * cruise, v, -AGILITY))
+    ):
+        pieces[k] = (
+            0.0, 0.5 * push * ux, u * ux, a[0] + s * ux,
+            0.0, 0.5 * push * uy, u * uy, a[1] + s * uy,
+        )  # fmt: skip
+    return [ramp, ramp + cruise, 2.0 * ramp + cruise], pieces
