@@ -146,6 +146,7 @@ def test_no_more_of_a_record_leaves_the_robot_than_was_asked_for(both, tmp_path)
     both.up.send(Fetch("run.mcap", 100_000, 50_000))
     until(lambda: sum(len(p.data) for p in both.got(Piece)) == 50_000, turn=both.turn)
     both.up.send(Fetch("run.mcap", 150_000, 1))  # goes on
+    until(lambda: sum(len(p.data) for p in both.got(Piece)) == 50_001, turn=both.turn)
     both.up.send(Fetch("run.mcap", 600_000, 10))  # begins anew
     until(lambda: sum(len(p.data) for p in both.got(Piece)) == 50_011, turn=both.turn)
     time.sleep(0.2)

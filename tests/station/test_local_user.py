@@ -77,7 +77,7 @@ got["seen"] = b"\\n".join(seen).decode(errors="replace")
 
 os.environ["COHELM_KEYS"] = keys
 try:
-    lent.borrowed()
+    local_credentials.borrowed()
     got["borrowed"] = True
 except (CohelmError, PermissionError) as error:
     got["borrowed"] = False
