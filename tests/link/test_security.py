@@ -41,7 +41,7 @@ def test_an_unpaired_station_is_refused_and_logged_and_driving_goes_on(driven, c
         assert not station.state().connected
         until(lambda: "alert" in station.state().why or "certificate" in station.state().why)
     assert "refused 127.0.0.1: certificate verify failed" in caplog.text
-    assert driven.robot.heard().command.stick == fuzz.STICK
+    assert in_force(driven).stick == fuzz.STICK
     assert list(driven.robot.clients().values()) == ["local"]
 
 
@@ -86,6 +86,13 @@ def test_a_replayed_or_forged_datagram_is_dropped_in_silence():
     assert server.take(client.seal(b"four")[0]) == [b"four"]
 
 
+def in_force(driven):
+    """The driver's command, within a second: a machine that tests share may be held up."""
+    heard = []
+    until(lambda: heard.append(driven.robot.heard().command) or heard[-1], within=1.0)
+    return heard[-1]
+
+
 def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
     """1500 hellos from new ports, and strangers who go all the way, within a few seconds."""
     began, before = time.monotonic(), driven.ages.copy()
@@ -114,7 +121,7 @@ def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
     ages = sorted((driven.ages - before).elements())
     assert len(ages) > 20.0 * (time.monotonic() - began)  # of 50 a second, on a busy machine
     assert ages[int(0.95 * len(ages))] < 200  # attackers and driver share this process
-    assert driven.robot.heard().command.stick == fuzz.STICK
+    assert in_force(driven).stick == fuzz.STICK
 
 
 def test_ten_seconds_of_everything_at_once_move_nothing_and_break_nothing():
