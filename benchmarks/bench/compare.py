@@ -15,6 +15,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.step import step
 from cohelm.sim.run import run
 from cohelm.sim.setup import Setup
+from cohelm.study.campaign.acted import Acted
 from cohelm.study.campaign.case import Case, traced
 
 from .measure import Rounds, machine, median_call_us
@@ -155,7 +156,7 @@ def _round(
 
 def _drive(cases: Sequence[Case]) -> int:
     """Drive episodes with the guard, as a campaign does on one core; how many steps they took."""
-    return sum(len(part) for case in cases for part in traced(case, "guard"))
+    return sum(len(part) for case in cases for part in traced(case, "guard", Acted()))
 
 
 def _step_us(scene: Field, calls: int) -> float:

@@ -163,7 +163,7 @@ def judge(
 
 
 @jit
-def _gap_to(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> float:
+def gap_to(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> float:
     """The outline's gap to disc i, or after the discs to a wall [m]."""
     n = len(discs)
     if i < n:
@@ -180,14 +180,14 @@ def _entered(
     """Whether within a step anything comes to overlap that did not at its beginning."""
     between = now.copy()
     for i in range(len(now) + len(walls)):
-        if _gap_to(pose, outline, now, walls, i) <= 0.0:
+        if gap_to(pose, outline, now, walls, i) <= 0.0:
             continue
         for part in range(1, LOOKS + 1):
             share = part / LOOKS
             if i < len(now):
                 between[i] = now[i] + share * (then[i] - now[i])
             there = after if part == LOOKS else arc(pose, twist, share * dt)
-            if _gap_to(there, outline, between, walls, i) <= 0.0:
+            if gap_to(there, outline, between, walls, i) <= 0.0:
                 return True
     return False
 
@@ -199,7 +199,7 @@ def _deeper(
     """Whether the robot's own motion takes it deeper into anything that it overlaps."""
     there = arc(pose, twist, dt)
     for i in range(len(now) + len(walls)):
-        gap = _gap_to(pose, outline, now, walls, i)
-        if gap <= 0.0 and _gap_to(there, outline, now, walls, i) < gap - _DEEPER:
+        gap = gap_to(pose, outline, now, walls, i)
+        if gap <= 0.0 and gap_to(there, outline, now, walls, i) < gap - _DEEPER:
             return True
     return False

@@ -11,6 +11,7 @@ from cohelm.robot.gate.gate import Passed
 from cohelm.robot.port import Health
 from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign import suites
+from cohelm.study.campaign.again import drive
 from cohelm.study.campaign.drive import chunk
 from cohelm.study.campaign.looped import Watched
 from cohelm.study.campaign.runner import Plan
@@ -24,6 +25,7 @@ def test_a_room_is_driven_on_sensors_alone():
     assert (row.stops, row.stopped_by) == (0, "")
     assert row.gate_share < 0.01  # the gate is there, and has little to do
     assert 0.0 <= row.monitor_share < 1.0
+    assert drive(suites.suite("random", 1, None, "twin").case(6), row).same
     (known,) = chunk(suites.suite("random", 1, None), "guard", (6,))
     assert math.isnan(known.gate_share)
     assert math.isnan(known.monitor_share)

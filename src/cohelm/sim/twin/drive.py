@@ -7,6 +7,7 @@ Episodes of campaigns, which have to find their place, go through the whole loop
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any
 
@@ -51,8 +52,12 @@ def held(limits: Limits, physics: TwinModel) -> Limits:
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     """The run in traces of `length` steps, the last one shorter, in order; it ends on arrival
     where there is a pilot, as the kinematic run does."""
-    run = _Run(setup)
-    k = 0
+    return stepped(_Told(setup), length)
+
+
+def stepped(run: TwinRun, length: int) -> Iterator[Trace]:
+    """The same for any run on the twin."""
+    setup, k = run.setup, 0
     while k < setup.steps and not run.arrived:
         n = min(length, setup.steps - k)
         rows = np.zeros(n, dtype=ROW)
@@ -69,39 +74,36 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
         k += done
 
 
-class _Run:
-    """One run between two steps."""
+class TwinRun(ABC):
+    """One run on the twin between two steps: robot, pilot, person. Who asks what of the robot in a
+    step is for those that drive it to say."""
 
     def __init__(self, setup: Setup) -> None:
         given = setup.twin
         if given is None:
             raise CohelmError("this setup has no twin: set simulation.plant to twin")
         model = given.robot.model_copy(update={"delay_s": given.robot.delay_s + setup.delay})
-        self.setup, self.given = setup, given
+        self.setup = setup
         around = setup.around
         if setup.barred is not None:  # the map's borders come with the map
             around = around._replace(walls=setup.barred)
-        self.walls = setup.around.walls
         self.robot = Twin(
             model, setup.start, around, grid=setup.grid, seed=setup.seed,
             settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
         )  # fmt: skip
         self.guarded = setup.pilot is not None
-        given_pilot = setup.pilot or _unguarded(setup)
-        settings = given_pilot.settings._replace(limits=held(model.bounds(), given.physics))
-        seeing = given_pilot.lidar is not None
-        manners, care = given_pilot.manners, given_pilot.care
+        self.piloted = setup.pilot or _unguarded(setup)
+        self.seeing = self.piloted.lidar is not None
+        settings = self.piloted.settings._replace(limits=held(model.bounds(), given.physics))
+        manners, care = self.piloted.manners, self.piloted.care
         if self.guarded:
-            sees = noise(self.robot.model) if seeing else 0.0
+            sees = noise(self.robot.model) if self.seeing else 0.0
             settings, manners, care = roomier(settings, manners, care, SLOP + sees, sees)
-        delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
+        self.settings = settings
+        self.delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
-            setup.reference, settings, delay=delay, manners=manners, care=care,
+            setup.reference, settings, delay=self.delay, manners=manners, care=care,
         )  # fmt: skip
-        self.perception = Perception(self.robot.model) if seeing else None
-        self.agility = given_pilot.agility
-        self.period = max(round(given_pilot.period / setup.dt), 1)
-        self.thinking = min(round(given_pilot.thinking / setup.dt), self.period - 1)
         self.person, self.stick, self.energy = IDLE, Stick(0.0, 0.0), 0.0
         self.truth: Truth = self.robot.truth()
         end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
@@ -109,27 +111,84 @@ class _Run:
         self.done = nearly_done(self.pilot.planner.route.line, setup.near)
         self.arrived = False
         self.courses = 0
-        self.waiting: Plan | None = None
+        self.last: Decision | None = None
+
+    @abstractmethod
+    def step(self, k: int, row: Any) -> None:
+        """Control step k, from seeing to the next one, written into the row."""
 
     def things(self) -> Floats:
         """All discs as they are."""
         return self.robot.things()
 
+    def hand(self, k: int, things: Floats) -> Stick:
+        """What the person does in step k."""
+        setup = self.setup
+        if not setup.operator.active:
+            return replayed(setup.hands, k * setup.dt)
+        self.person, stick = operate(
+            self.person, setup.operator, self.truth.pose, things, setup.around.noticed, k,
+            setup.dt, setup.seed,
+        )  # fmt: skip
+        return stick
+
+    def moved(self, stick: Stick) -> None:
+        """The step is over."""
+        self.truth = self.robot.truth()
+        self.energy = supplied_energy(self.energy, self.stick, stick, self.setup.gains)
+        self.stick = stick
+
+    def write(self, row: Any, k: int, then: Truth, d: Decision | None) -> None:
+        """What came of step k, from where it then was; d: None where nothing was decided,
+        and what was to be followed is as it was."""
+        setup, pose = self.setup, then.pose
+        applied = between(then, self.truth, setup.dt)
+        away = math.hypot(pose.x - self.goal[0], pose.y - self.goal[1])
+        reached = away < setup.near and (not self.guarded or self.pilot.state.row >= self.done)
+        self.arrived = self.guarded and reached
+        row["t"] = k * setup.dt
+        row["x"], row["y"], row["psi"] = pose
+        row["stick_x"], row["stick_psi"] = self.stick
+        row["authority_x"] = row["authority_psi"] = 1.0
+        row["gap"] = math.inf
+        self.last = last = d or self.last
+        if last is not None:
+            desired = Desired(last.x_d, last.y_d, last.psi_d, last.u_d, last.r_d)
+            row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = desired
+            row["e_p"] = pose_error(pose, desired)
+        if d is not None:
+            for name in _DECIDED:
+                row[name] = getattr(d, name)
+        row["applied_v"], row["applied_omega"] = applied
+        row["clearance"], row["energy"] = then.clearance, self.energy
+        row["course"], row["to_go"], row["arrived"] = self.courses, away, reached
+
+
+class _Told(TwinRun):
+    """The robot is told where it is, and the pilot drives it."""
+
+    def __init__(self, setup: Setup) -> None:
+        super().__init__(setup)
+        self.walls = setup.around.walls
+        self.perception = Perception(self.robot.model) if self.seeing else None
+        self.agility = self.piloted.agility
+        self.period = max(round(self.piloted.period / setup.dt), 1)
+        self.thinking = min(round(self.piloted.thinking / setup.dt), self.period - 1)
+        self.waiting: Plan | None = None
+
     def step(self, k: int, row: Any) -> None:
         """Control step k, from seeing to the next one, written into the row."""
-        setup, now = self.setup, self.truth
+        then = self.truth
         things = self.things()
-        pose, seen, twist = self._seen(k * setup.dt, now, things)
-        stick = self._hand(k, now.pose, things)
+        pose, seen, twist = self._seen(k * self.setup.dt, then, things)
+        stick = self.hand(k, things)
         self._plan(k, pose, twist, seen)
-        decided = self.pilot.step(k * setup.dt, pose, twist, stick, seen)
-        possible = self.robot.send(Twist(decided.v, decided.omega))
-        self.robot.wait((k + 1) * setup.dt)
-        self.truth = self.robot.truth()
-        self.energy = supplied_energy(self.energy, self.stick, stick, setup.gains)
-        self.stick = stick
-        self._write(row, k, now, stick, decided)
-        row["saturated"] = possible != Twist(decided.v, decided.omega)
+        decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, seen)
+        asked = Twist(decided.v, decided.omega)
+        row["saturated"] = self.robot.send(asked) != asked
+        self.robot.wait((k + 1) * self.setup.dt)
+        self.moved(stick)
+        self.write(row, k, then, decided)
 
     def _seen(self, t: float, now: Truth, things: Floats) -> tuple[Pose, Surroundings, Twist]:
         """Where the robot is, what is around it, in the same frame, and its speed."""
@@ -139,16 +198,6 @@ class _Run:
         known = self.perception.take(t, self.robot.read())
         # Where it is on the map is known; all else is as it senses.
         return now.pose, told(known, compose(now.pose, inverse(known.odometry))), known.twist
-
-    def _hand(self, k: int, pose: Pose, things: Floats) -> Stick:
-        setup = self.setup
-        if not setup.operator.active:
-            return replayed(setup.hands, k * setup.dt)
-        self.person, stick = operate(
-            self.person, setup.operator, pose, things, setup.around.noticed, k, setup.dt,
-            setup.seed,
-        )  # fmt: skip
-        return stick
 
     def _plan(self, k: int, pose: Pose, twist: Twist, seen: Surroundings) -> None:
         """A plan is begun now and then, and taken up when it would be ready."""
@@ -163,24 +212,6 @@ class _Run:
                 self.courses = self.courses + 1 if self.waiting.course.row else 0
             self.waiting = None
 
-    def _write(self, row: Any, k: int, then: Truth, stick: Stick, d: Decision) -> None:
-        setup, pose = self.setup, then.pose
-        applied = between(then, self.truth, setup.dt)
-        away = math.hypot(pose.x - self.goal[0], pose.y - self.goal[1])
-        reached = away < setup.near and (not self.guarded or self.pilot.state.row >= self.done)
-        self.arrived = self.guarded and reached
-        desired = Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d)
-        row["t"] = k * setup.dt
-        row["x"], row["y"], row["psi"] = pose
-        row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = desired
-        row["e_p"] = pose_error(pose, desired)
-        row["stick_x"], row["stick_psi"] = stick
-        for name in DECIDED:
-            row[name] = getattr(d, name)
-        row["applied_v"], row["applied_omega"] = applied
-        row["clearance"], row["energy"] = then.clearance, self.energy
-        row["course"], row["to_go"], row["arrived"] = self.courses, away, reached
-
 
 def _unguarded(setup: Setup) -> Piloted:
     """The paper's law: no plans, and a reference that runs on with time."""
@@ -192,7 +223,7 @@ def _unguarded(setup: Setup) -> Piloted:
 
 
 _NO_POINTS: Floats = np.empty((0, 2))
-DECIDED = (
+_DECIDED = (
     "v", "omega", "automatic_v", "automatic_omega", "human_v", "human_omega", "shared_v",
     "shared_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi", "intent_x",
     "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau", "rate",

@@ -20,6 +20,12 @@ class Acted:
     why: str = ""
     """The first of them."""
 
-    def share(self, periods: int) -> float:
-        """Of all periods."""
-        return periods / self.periods if self.periods else math.nan
+    @property
+    def gate_share(self) -> float:
+        """Of all periods; NaN where there was no gate."""
+        return self.gate / self.periods if self.periods else math.nan
+
+    @property
+    def monitor_share(self) -> float:
+        """Of all periods; NaN where there was no monitor."""
+        return self.monitors / self.periods if self.periods else math.nan

@@ -14,6 +14,7 @@ from cohelm.core.trace import Trace
 from cohelm.law.reference import tabulate
 from cohelm.record.topics import Scene
 from cohelm.record.write import Recorder
+from cohelm.study.campaign.acted import Acted
 from cohelm.study.campaign.adversary import scripted
 from cohelm.study.campaign.case import Case, Law, traced
 from cohelm.study.campaign.episode import judged
@@ -66,19 +67,20 @@ def drive(case: Case, row: Row) -> Again:
     law: Law = row.law  # pyright: ignore[reportAssignmentType]
     if row.stick:
         case = scripted(case, row.stick)
+    acted = Acted()
     if is_own(law):
         whole = own_trace(case, law)
     else:
-        whole = peer_trace(case, law) if law in PEERS else joined(case, law)
+        whole = peer_trace(case, law) if law in PEERS else joined(case, law, acted)
     trace = cut(whole, case)
-    found = judged(case, law, iter((trace,)), case.setup.limits)._replace(stick=row.stick)
+    found = judged(case, law, iter((trace,)), case.setup.limits, acted)._replace(stick=row.stick)
     return Again(case, law, trace, found, _equal(found, row))
 
 
-def joined(case: Case, law: Law) -> Trace:
+def joined(case: Case, law: Law, acted: Acted) -> Trace:
     """The whole drive of a case, to its arrival or time limit."""
     done: list[Trace] = []
-    for piece in traced(case, law):
+    for piece in traced(case, law, acted):
         done.append(piece)
         if arrival(piece, case) is not None:
             break

@@ -96,7 +96,7 @@ def lively(gains: Gains) -> Gains:
     return gains._replace(k_psi=max(gains.k_psi, 2.0))
 
 
-def traced(case: Case, law: Law, acted: Acted | None = None) -> Iterator[Trace]:
+def traced(case: Case, law: Law, acted: Acted) -> Iterator[Trace]:
     """The drive of a case, piece by piece, to its time limit.
 
     acted: where what gate and monitors did is counted, where there are any.
@@ -109,7 +109,7 @@ def traced(case: Case, law: Law, acted: Acted | None = None) -> Iterator[Trace]:
     if setup.twin is not None and setup.twin.known is not None and setup.pilot is not None:
         from cohelm.study.campaign import looped  # needs MuJoCo, as above
 
-        return looped.pieces(setup, acted or Acted(), _PIECE)
+        return looped.pieces(setup, acted, _PIECE)
     return pieces(setup, _PIECE)
 
 

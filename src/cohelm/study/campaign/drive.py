@@ -9,6 +9,7 @@ from pathlib import Path
 
 from cohelm.core.errors import CohelmError
 from cohelm.study.campaign import adversary
+from cohelm.study.campaign.acted import Acted
 from cohelm.study.campaign.case import Case, Law
 from cohelm.study.campaign.episode import driven, judged
 from cohelm.study.campaign.own import is_own, own_trace
@@ -44,9 +45,9 @@ def _one(suite: Suite, law: Law, number: int) -> Row:
     try:
         case = suite.case(number)
         if law in PEERS:
-            return judged(case, law, iter((peer_trace(case, law),)), case.setup.limits)
+            return judged(case, law, iter((peer_trace(case, law),)), case.setup.limits, Acted())
         if is_own(law):
-            return judged(case, law, iter((own_trace(case, law),)), case.setup.limits)
+            return judged(case, law, iter((own_trace(case, law),)), case.setup.limits, Acted())
         if is_search(case):
             found = adversary.searched(case, law)
             script = found.case.duel.attack.script if found.case.duel else None

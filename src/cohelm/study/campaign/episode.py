@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.trace import Trace
-from cohelm.core.types import RADIUS, Floats, Pose, X, Y
-from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.core.types import Floats, Pose
 from cohelm.robot.limits import Limits
 from cohelm.scenario.worlds.barn import score
-from cohelm.sim.judge import FAR, Judged, judge
+from cohelm.sim.judge import FAR, Judged, gap_to, judge
 from cohelm.sim.setup import Setup
 from cohelm.study.campaign.acted import Acted
 from cohelm.study.campaign.case import DT, Case, Law, traced
@@ -31,17 +30,14 @@ _HELD = 0.05
 def driven(case: Case, law: Law) -> Row:
     """The row of a case under a law."""
     acted = Acted()
-    row = judged(case, law, traced(case, law, acted), case.setup.limits)
-    return row._replace(
-        gate_share=acted.share(acted.gate), monitor_share=acted.share(acted.monitors),
-        stops=acted.stops, stopped_by=acted.why,
-    )  # fmt: skip
+    return judged(case, law, traced(case, law, acted), case.setup.limits, acted)
 
 
-def judged(case: Case, law: Law, pieces: Iterator[Trace], limits: Limits) -> Row:
+def judged(case: Case, law: Law, pieces: Iterator[Trace], limits: Limits, acted: Acted) -> Row:
     """The row of a drive, from its trace alone; it is followed until it has arrived.
 
-    limits: those that hold for this robot.
+    limits: those that hold for this robot. acted: what gate and monitors did in it, counted while
+    it was driven; nothing where there were none.
     """
     setup = case.setup
     walls = setup.around.walls
@@ -75,7 +71,7 @@ def judged(case: Case, law: Law, pieces: Iterator[Trace], limits: Limits) -> Row
     touched = NOTHING_TOUCHED
     if setup.twin is not None and seen.moving:
         touched = first_touch(setup, setup.twin, rows, np.concatenate(there), seen.first)
-    return _row(case, law, rows, seen, nearest, arrived, touched)
+    return _row(case, law, rows, seen, nearest, arrived, touched, acted)
 
 
 def _nearest(
@@ -84,18 +80,16 @@ def _nearest(
     """What the outline was nearest to at the time of the smallest gap."""
     k = int(np.argmin(np.abs(rows["t"] - seen.at)))
     pose = Pose(float(rows["x"][k]), float(rows["y"][k]), float(rows["psi"][k]))
-    gaps = [
-        disc_clearance(pose, setup.outline, float(d[X]), float(d[Y]), float(d[RADIUS]))
-        for d in discs[k]
-    ]
-    gaps += [segment_clearance(pose, setup.outline, *wall) for wall in setup.around.walls.tolist()]
+    walls = setup.around.walls
+    things = range(discs.shape[1] + len(walls))
+    gaps = [gap_to(pose, setup.outline, discs[k], walls, i) for i in things]
     best = int(np.argmin(gaps)) if gaps else 0
     return "" if seen.gap >= FAR else names[best] if best < len(names) else "wall"
 
 
 def _row(
     case: Case, law: Law, rows: NDArray[np.void], seen: Judged, nearest: str, arrived: bool,
-    touched: Touch,
+    touched: Touch, acted: Acted,
 ) -> Row:  # fmt: skip
     duration = float(rows["t"][-1])
     recovery, unrecovered = _recovery(rows)
@@ -128,10 +122,10 @@ def _row(
         recovery_s=recovery if measured else math.nan,
         unrecovered=unrecovered if measured else 0,
         filtered_share=float((rows["verdict"] != 0).mean()),
-        gate_share=math.nan,
-        monitor_share=math.nan,
-        stops=0,
-        stopped_by="",
+        gate_share=acted.gate_share,
+        monitor_share=acted.monitor_share,
+        stops=acted.stops,
+        stopped_by=acted.why,
         contact_seen_s=touched.seen,
         contact_seen_share=touched.share,
         contact_speed_mps=touched.speed,
