@@ -28,7 +28,13 @@ from cohelm.robot.collision_monitor.surroundings import (
     of_scan,
     out_of_sight,
 )  # fmt: skip
-from cohelm.robot.collision_monitor.sweep import contact_times, fastest, outline, outwards
+from cohelm.robot.collision_monitor.sweep import (
+    contact_times,
+    edge_distances,
+    fastest,
+    outline,
+    outwards,
+)  # fmt: skip
 from cohelm.robot.gate.bounds import Bounds, needed
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import Odometry, Readings, Scan
@@ -46,7 +52,7 @@ odometry is the mean over a reading and comes late."""
 LASTS = 1.0
 """A reason is told in the same words until it has been away for so long [s]."""
 ALONG = 1e-6
-"""Ground that comes nearer by no more than this is passed along [m]."""
+"""What comes nearer by no more than this is passed along [m]."""
 _NONE = Twist(0.0, 0.0)
 
 
@@ -207,17 +213,18 @@ class CollisionMonitor:
             return f"a scan of {len(scan.ranges)} beams, and not {len(sensor.bearings)}"
         if not math.isfinite(scan.stamp + scan.duration):
             return "the scan's time is no number"
-        pose = self._measured.at(scan.stamp)
-        before = out_of_sight(self._by_odometry, scan.stamp, pose, sensor, self._shape.reach)
+        first, last = (self._measured.at(scan.stamp + t) for t in (0.0, scan.duration))
+        before = out_of_sight(
+            self._by_odometry, scan.stamp, first, last, sensor, self._shape.reach
+        )  # fmt: skip
         self._scan = scan
         found = returns(scan.ranges, sensor, self._near)
         self._by_odometry = joined(of_scan(found, scan, self._measured), before)
         self._by_command = of_scan(found, scan, self._commanded)
         if self._ground is not None:
-            half = 0.5 * scan.duration
-            turned = self._measured.at(scan.stamp + scan.duration).psi - pose.psi
-            middle = self._measured.at(scan.stamp + half)
-            unknown = self._ground.look(scan.ranges, middle, turned, scan.stamp + half)
+            when = scan.stamp + 0.5 * scan.duration
+            turned = last.psi - first.psi
+            unknown = self._ground.look(scan.ranges, self._measured.at(when), turned, when)
             self._unknown = self._unknown if unknown is None else unknown
         self._all = joined(self._by_odometry, self._unknown)
         return ""
@@ -292,8 +299,9 @@ class CollisionMonitor:
         return needed(twist, self._robot.bounds) / brakes
 
     def _met(self, things: Surroundings, twist: Twist) -> Met:
-        """What a motion meets. What is in the outline may be left; unknown ground beside it may be
-        passed along too, as that takes in no more of it."""
+        """What a motion meets. What is in the outline may be left. What is beside it, but may be
+        nearer by its error, may be passed along too, and so may unknown ground, as that takes in
+        no more of it."""
         if twist == _NONE or not len(things.points):
             return Met(math.inf, -1, math.inf, -1)
         points, errors, margins, _ = things
@@ -311,7 +319,9 @@ class CollisionMonitor:
         if not len(hard):
             return Met(math.inf, -1, float(times[point]), point)
         to_stop = contact_times(points[hard], errors[hard], twist, self._shape)
-        to_stop[(to_stop == 0.0) & (out[solid] > 0.0)] = math.inf
+        beside = edge_distances(points[hard], self._shape).max(axis=1) > 0.0
+        free = np.where(beside, out[solid] >= -ALONG, out[solid] > 0.0)
+        to_stop[(to_stop == 0.0) & free] = math.inf
         first = int(to_stop.argmin())
         return Met(float(to_stop[first]), int(hard[first]), float(times[point]), point)
 
