@@ -76,7 +76,8 @@ def out_of_sight(
     middle = 0.5 * (sensor.bearings[0] + sensor.bearings[-1])
     half = 0.5 * (sensor.bearings[-1] - sensor.bearings[0] + sensor.step)
     begin, end = (_bearings(old.points, pose, sensor, middle) for pose in (first, last))
-    hidden = np.flatnonzero(np.where(begin < 0.0, begin < -half, np.abs(end) > half))
+    right = begin < 0.0
+    hidden = np.flatnonzero((right & (begin < -half)) | (~right & (np.abs(end) > half)))
     here = seen_from(old.points[hidden], last)
     near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
     kept = hidden[near]
