@@ -458,6 +458,14 @@ def test_after_it_was_switched_on_anew_ground_is_unknown_again():
     assert it.restrict(0.5, Twist(-1.0, 0.0)).share < 1.0
 
 
+def test_a_lidar_that_looks_all_round_leaves_no_ground_unknown():
+    it = watch(field_of_view_deg=360.0, mount_x_m=0.0)
+    for t in (1.0, 0.5):  # its clock goes back, too
+        it.observe(t, readings(t, empty()), STILL)
+        for twist in (Twist(-1.0, 0.0), Twist(0.0, 2.0)):
+            assert it.restrict(t, twist) == UNRESTRICTED
+
+
 def test_it_says_on_which_side_the_thing_is():
     it = standing(empty())
     nothing, unknown = np.zeros(1), np.full(1, -math.inf)
