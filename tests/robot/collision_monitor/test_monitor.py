@@ -106,6 +106,14 @@ def test_towards_a_wall_nothing_passes_that_can_not_stop_before_it(gap):
     assert it.restrict(1.0, Twist(-0.7, 0.0)) == UNRESTRICTED
 
 
+@pytest.mark.parametrize(("gap", "slower"), [(0.32, True), (0.345, False)])
+def test_a_post_before_a_front_corner_is_looked_for_as_far_as_it_has_to_slow_down(gap, slower):
+    """From 1 m/s it takes a period and 0.31 m, with what the field does not count on."""
+    x, y, ranges = FRONT + gap - SENSOR, 0.28, empty()
+    ranges[np.abs(BEARINGS - math.atan2(y, x)) < STEP] = math.hypot(x, y)
+    assert (standing(ranges).restrict(1.0, Twist(1.0, 0.0)).share < 1.0) == slower
+
+
 def test_the_arc_stays():
     twist = Twist(0.8, 0.5)
     restriction = standing(wall(0.05)).restrict(1.0, twist)
@@ -156,9 +164,63 @@ def test_poses_that_move_are_believed_though_the_twist_says_it_stands():
     assert it.restrict(0.18, Twist(0.001, 0.0)).share == 0.0
 
 
-def test_a_twist_that_moves_is_believed_though_the_poses_stand():
-    it = going(Twist(0.5, 0.0), wall(0.08), applied=STILL, poses=False)
-    assert it.restrict(1.0, Twist(0.001, 0.0)).share == 0.0
+def rolling(ranges, poses=True, twists=True):
+    """At 0.5 m/s, by one sense or both, though it was sent nothing for a second; it is 1.0 s."""
+    it = watch()
+    for k in range(51):
+        t = 0.02 * k
+        pose = Pose(0.5 * (t - 1.0) if poses else 0.0, 0.0, 0.0)
+        twist = Twist(0.5 if twists else 0.0, 0.0)
+        it.restrict(t - PERIOD, STILL)
+        it.observe(t, readings(t, ranges if k == 50 else empty(), pose, twist), STILL)
+    return it
+
+
+@pytest.mark.parametrize("senses", [(True, True), (True, False), (False, True)])
+def test_motion_that_nobody_sent_is_braked_for_by_whichever_sense_shows_it(senses):
+    """Odometry's age, delay and a period of it, and 62.5 mm."""
+    needs = 0.5 * (DELAY + PERIOD) + 0.5**2 / (2.0 * BRAKES) - CRAWL**2 / (2.0 * BRAKES)
+    margin, ask = 0.006, Twist(0.001, 0.0)
+    assert rolling(wall(needs - 0.002), *senses).restrict(1.0, ask).share == 0.0
+    assert rolling(wall(needs + margin), *senses).restrict(1.0, ask) == UNRESTRICTED
+    assert rolling(wall(needs + margin), *senses).restrict(1.03, ask).share == 0.0
+
+
+@pytest.mark.parametrize("sent", [Twist(0.5, 0.0), Twist(-0.5, 0.0), Twist(0.0, 1.0)])
+def test_the_opposite_of_what_was_sent_is_not_explained_by_it(sent):
+    it = watch()
+    for k in range(51):
+        t = 0.02 * k
+        it.restrict(t - PERIOD, sent)
+        it.observe(t, readings(t, empty()), sent)
+    assert not it._unexplained(sent)
+    assert it._unexplained(Twist(-sent.v, -sent.omega))
+
+
+def test_a_robot_is_where_what_it_was_sent_took_it_a_delay_later():
+    it = watch()
+    it.observe(0.0, readings(0.0, empty()), STILL)
+    for k in range(10):
+        it.restrict(0.02 * k, Twist(0.5, 0.0))
+        it.observe(0.02 * (k + 1), readings(0.02 * (k + 1), empty()), Twist(0.5, 0.0))
+    start = it._commanded.at(0.0)
+    for when, way in ((DELAY, 0.0), (0.1 + DELAY, 0.05), (0.2 + DELAY, 0.1)):
+        assert it._commanded.at(when).x - start.x == pytest.approx(way)
+    for k in range(11, 20):  # nothing is proposed: the watchdog brakes
+        it.observe(0.02 * k, readings(0.02 * k, empty()), STILL)
+    assert it._commanded.at(1.0).x - start.x == pytest.approx(0.1)
+    assert it._commanded.stamp == pytest.approx(0.36 + DELAY)
+
+
+def test_the_ground_about_a_robot_that_stands_is_the_same_whichever_way_it_looks():
+    def unknown(psi):
+        it = watch(sweep_s=0.075)
+        for k in range(5):
+            t = 0.1 * k
+            it.observe(t, readings(t, empty(), Pose(2.0, 1.0, psi), duration=0.075), STILL)
+        return len(it._unknown.points)
+
+    assert unknown(2.0) == pytest.approx(unknown(0.0), rel=0.05)
 
 
 def test_what_was_sent_is_believed_though_the_odometry_is_frozen():
@@ -379,6 +441,8 @@ def test_what_went_out_of_sight_is_not_turned_or_backed_into():
     assert back.reason.endswith("behind")
     assert back.share * 0.8 == pytest.approx(fits(0.14, 0.8, PERIOD, 1.6), abs=0.02)
     assert it.restrict(t, Twist(0.8, 0.0)) == UNRESTRICTED
+    it.observe(0.5, readings(0.5, empty()), STILL)  # its clock goes back: that was another time
+    assert "ground that nothing looked at" in it.restrict(0.5, Twist(-0.8, 0.0)).reason
 
 
 def test_ground_that_nothing_looked_at_is_backed_into_at_a_crawl_and_no_faster():

@@ -82,6 +82,9 @@ class Met(NamedTuple):
     point: int
 
 
+NEVER = Met(math.inf, -1, math.inf, -1)
+
+
 class Field(NamedTuple):
     """A motion, and what is in its way."""
 
@@ -89,6 +92,9 @@ class Field(NamedTuple):
     """Of the motion, so much is allowed; may be above 1."""
     point: int
     """Which of the points allows the least; -1: none."""
+
+
+FREE = Field(math.inf, -1)
 
 
 class CollisionMonitor:
@@ -181,12 +187,8 @@ class CollisionMonitor:
         history = self._measured
         if odometry.stamp < history.stamp:
             history.clear()
-            self._scan, self._by_odometry, self._unknown, self._all = (
-                None,
-                NOTHING,
-                NOTHING,
-                NOTHING,
-            )
+            self._scan = None
+            self._by_odometry = self._unknown = self._all = NOTHING
             if self._ground is not None:
                 self._ground.forget()
         if odometry.stamp > history.stamp:
@@ -276,7 +278,7 @@ class CollisionMonitor:
     def _stop(self, met: Met, twist: Twist, reaction: float) -> Field:
         """The stop field of a motion that goes on for a reaction time [s]."""
         if fastest(twist, self._shape) <= CRAWL:
-            return Field(math.inf, -1)
+            return FREE
         return self._field(met, twist, reaction, 1.0)
 
     def _field(self, met: Met, twist: Twist, reaction: float, brakes: float) -> Field:
@@ -286,8 +288,6 @@ class CollisionMonitor:
         what is in it may be left. In the slow-down field, which has the margin, nothing is faster
         than a crawl.
         """
-        if met.anything == math.inf:
-            return Field(math.inf, -1)
         braking = self._brakes(twist, brakes)
         crawl = min(CRAWL / fastest(twist, self._shape), 1.0)
         stop = allowed(met.solid, reaction, braking)
@@ -303,12 +303,10 @@ class CollisionMonitor:
         nearer by its error, may be passed along too, and so may unknown ground, as that takes in
         no more of it."""
         if twist == _NONE or not len(things.points):
-            return Met(math.inf, -1, math.inf, -1)
+            return NEVER
         points, errors, margins, _ = things
         times = contact_times(points, margins, twist, self._shape)
         met = np.flatnonzero(times < math.inf)
-        if not len(met):
-            return Met(math.inf, -1, math.inf, -1)
         solid = errors[met] > -math.inf
         out = np.full(len(met), -math.inf)
         inside = times[met] == 0.0
@@ -317,7 +315,7 @@ class CollisionMonitor:
         point = int(times.argmin())
         hard = met[solid]
         if not len(hard):
-            return Met(math.inf, -1, float(times[point]), point)
+            return NEVER._replace(anything=float(times[point]), point=point)
         to_stop = contact_times(points[hard], errors[hard], twist, self._shape)
         beside = edge_distances(points[hard], self._shape).max(axis=1) > 0.0
         free = np.where(beside, out[solid] >= -ALONG, out[solid] > 0.0)
@@ -340,7 +338,7 @@ class CollisionMonitor:
     def _told(self, now: float, share: float, kind: str, because: str) -> Restriction:
         """A restriction, in the words in which it began: else every period would be a line."""
         words, last = self._words.get(kind, ("", -math.inf))
-        if not now - last <= LASTS:
+        if not 0.0 <= now - last <= LASTS:
             words = f"collision monitor: {because}"
         self._words[kind] = words, now
         return Restriction(share, words)
