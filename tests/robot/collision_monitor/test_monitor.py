@@ -114,6 +114,12 @@ def test_a_post_before_a_front_corner_is_looked_for_as_far_as_it_has_to_slow_dow
     assert (standing(ranges).restrict(1.0, Twist(1.0, 0.0)).share < 1.0) == slower
 
 
+def test_a_post_before_a_front_corner_is_looked_for_as_far_as_what_was_sent_brakes():
+    x, y, ranges = FRONT + 0.25 - SENSOR, 0.28, empty()
+    ranges[np.abs(BEARINGS - math.atan2(y, x)) < STEP] = math.hypot(x, y)
+    assert going(Twist(1.0, 0.0), ranges).restrict(1.0, Twist(0.001, 0.0)).share == 0.0
+
+
 def test_the_arc_stays():
     twist = Twist(0.8, 0.5)
     restriction = standing(wall(0.05)).restrict(1.0, twist)
@@ -445,6 +451,32 @@ def test_what_went_out_of_sight_is_not_turned_or_backed_into():
     assert "ground that nothing looked at" in it.restrict(0.5, Twist(-0.8, 0.0)).reason
 
 
+def test_what_was_seen_afar_and_went_out_of_sight_is_still_a_thing_when_it_is_backed_at():
+    """It stood 2.3 m before the LiDAR; then the robot turned, and backed at it."""
+    it = watch()
+    for k in range(200):
+        t = 0.02 * k
+        psi = math.pi - min(1.0 * t, math.pi)
+        x, y = -2.6 * math.cos(psi) - SENSOR, 2.6 * math.sin(psi)
+        ranges = empty()
+        ranges[np.abs(BEARINGS - math.atan2(y, x)) < 3.0 * STEP] = math.hypot(x, y)
+        it.observe(t, readings(t, ranges, Pose(0.0, 0.0, psi)), STILL)
+    for k in range(150):
+        t = 4.0 + 0.02 * k
+        it.observe(t, readings(t, empty(), Pose(-min(0.02 * k, 2.22), 0.0, 0.0)), STILL)
+    back = it.restrict(t, Twist(-1.0, 0.0))
+    assert "something 0.02 m behind" in back.reason
+
+
+def test_ground_is_looked_at_from_where_the_robot_was_half_way_through_the_scan():
+    it, ahead = watch(), Twist(1.0, 0.0)
+    for k in range(20):
+        t = 0.02 * k
+        it.observe(t, Readings(Odometry(t, Pose(t, 0.0, 0.0), ahead), None, None, None), ahead)
+    it.observe(t, readings(t, empty(), Pose(t, 0.0, 0.0), ahead, duration=0.2), ahead)
+    assert it._ground._at.x == pytest.approx(t + 0.1 + SENSOR)
+
+
 def test_ground_that_nothing_looked_at_is_backed_into_at_a_crawl_and_no_faster():
     """It was switched on there: its turning circle and 0.2 m are vouched for, and no more."""
     it = standing(empty())
@@ -558,6 +590,22 @@ def test_a_robot_that_runs_away_is_a_fault():
     )
     full = 1.0 / BRAKES  # from full speed
     assert DELAY + full + 0.25 < t < DELAY + full + 0.35
+
+
+def test_a_robot_that_takes_longer_to_stop_turning_has_that_time():
+    """As fast as its wheels turn it, and with no more than 2 rad/s^2 to stop that."""
+    sally = model()
+    limits = {"yaw_rate_radps": None, "yaw_acceleration_radps2": 2.0}
+    slow = sally.model_copy(update={"limits": sally.limits.model_copy(update=limits)})
+    it = CollisionMonitor(described(slow, rules(slow, PERIOD)))
+    spin = 2.0 * sally.limits.wheel_speed_mps / sally.track_m
+    for k in range(1000):
+        t = 0.02 * k
+        sent = Twist(0.0, 0.5) if k < 10 else STILL
+        found = it.observe(t, readings(t, empty(), Pose(0.0, 0.0, 0.5 * t)), sent)
+        if found.fault:
+            break
+    assert DELAY + spin / 2.0 + 0.25 < t - 0.2 < DELAY + spin / 2.0 + 0.35
 
 
 def test_motion_in_the_poses_alone_is_running_away_too():

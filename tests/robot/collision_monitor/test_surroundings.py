@@ -14,6 +14,7 @@ from cohelm.robot.collision_monitor.surroundings import (
     NOTHING,
     REMEMBERED,
     Surroundings,
+    all_round,
     joined,
     of_scan,
     out_of_sight,
@@ -112,16 +113,17 @@ def test_each_end_of_the_view_is_where_the_robot_was_at_its_beam(turn):
     assert remembered(math.pi - 0.05) == remembered(-math.pi + 0.05) == 1
 
 
-def test_it_is_forgotten_when_it_is_far():
+@pytest.mark.parametrize("bearing", [math.pi, 2.8, -2.6])
+def test_it_is_forgotten_when_it_is_far(bearing):
     s, near = sensor(270.0), 0.46 + BESIDE
-    assert len(out_of_sight(things((-near + 0.01, 0.0)), 1.0, HERE, HERE, s, 0.46).points) == 1
-    assert len(out_of_sight(things((-near - 0.01, 0.0)), 1.0, HERE, HERE, s, 0.46).points) == 0
+    assert len(out_of_sight(at(bearing, near - 0.01), 1.0, HERE, HERE, s, 0.46).points) == 1
+    assert len(out_of_sight(at(bearing, near + 0.01), 1.0, HERE, HERE, s, 0.46).points) == 0
 
 
 def test_after_a_minute_nobody_knows_whether_it_still_stands_there():
-    old, s = things((-1.0, 0.0)), sensor(270.0)
-    assert out_of_sight(old, REMEMBERED - 0.1, HERE, HERE, s, 0.46).errors == 0.01
-    assert out_of_sight(old, REMEMBERED, HERE, HERE, s, 0.46).errors == -math.inf
+    old, s = things((-1.0, 0.0), seen=5.0), sensor(270.0)
+    assert out_of_sight(old, 5.0 + REMEMBERED - 0.1, HERE, HERE, s, 0.46).errors == 0.01
+    assert out_of_sight(old, 5.0 + REMEMBERED, HERE, HERE, s, 0.46).errors == -math.inf
     assert old.errors == 0.01
 
 
@@ -130,6 +132,13 @@ def test_a_sensor_that_looks_all_round_remembers_nothing():
     assert out_of_sight(old, 1.0, HERE, HERE, sensor(360.0), 0.46) is NOTHING
     assert len(out_of_sight(old, 1.0, HERE, HERE, sensor(358.0), 0.46).points) >= 1
     assert out_of_sight(NOTHING, 1.0, HERE, HERE, sensor(270.0), 0.46) is NOTHING
+
+
+@pytest.mark.parametrize(("gap", "round_"), [(1.0, True), (1.4, True), (1.6, False), (2.4, False)])
+def test_who_leaves_less_than_a_beam_and_a_half_out_looks_all_round(gap, round_):
+    step = 2.0 * math.pi / (719 + gap)
+    s = sensor(360.0)._replace(bearings=step * np.arange(720), step=step)
+    assert all_round(s) == round_
 
 
 def test_of_what_is_remembered_one_stands_for_its_neighbours():

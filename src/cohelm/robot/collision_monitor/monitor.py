@@ -136,8 +136,6 @@ class CollisionMonitor:
         """Take in odometry and scan; a fault where the robot moves and nobody wants it to."""
         self._reckon(now, applied)
         self._wrong = self._take(readings.odometry) or self._look(readings.scan)
-        if not len(self._measured):
-            return UNRESTRICTED
         speed = max(fastest(twist, self._shape) for twist in self._motions())
         if self._runaway.noticed(now, applied, speed):
             moves = f"the robot moves at {speed:.2f} m/s although it is told to stand"

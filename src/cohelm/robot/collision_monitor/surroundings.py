@@ -43,10 +43,7 @@ def of_scan(found: Returns, scan: Scan, poses: PoseHistory) -> Surroundings:
     stamps = scan.stamp + scan.duration * found.passed
     if not len(stamps):
         return NOTHING
-    if scan.duration > 0.0:
-        points = placed(found.points, *poses.during(stamps))
-    else:
-        points = placed(found.points, *np.array(poses.at(scan.stamp)))
+    points = placed(found.points, *poses.during(stamps))
     return Surroundings(points, found.errors, found.margins, stamps)
 
 
@@ -81,8 +78,7 @@ def out_of_sight(
     here = seen_from(old.points[hidden], last)
     near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
     kept = hidden[near]
-    cells = np.round(old.points[kept] / GRAIN).astype(np.int64)
-    _, one = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
+    _, one = np.unique(np.round(old.points[kept] / GRAIN), axis=0, return_index=True)
     left = Surroundings(*(column[kept[one]] for column in old))
     left.errors[now - left.seen >= REMEMBERED] = -math.inf
     return left
