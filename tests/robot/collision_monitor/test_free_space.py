@@ -199,6 +199,16 @@ def test_what_is_short_hides_the_ground_behind_its_own_beam():
     assert not unknown_at(np.array(seen), round_.points).any()
 
 
+def test_ground_is_looked_at_as_far_as_the_return_and_where_it_stands():
+    it = FreeSpace(sensor(), SHAPE, WITHIN)
+    it.look(np.full(BEAMS, 0.6), HERE, 0.0, 0.0)
+    round_ = it.look(np.full(BEAMS, math.nan), Pose(0.0, 0.0, math.pi), 0.0, 0.0)
+    seen = [from_sensor(far, b) for far in (0.56, 0.6) for b in (-15.0, 0.0, 15.0)]
+    hidden = [from_sensor(0.7, b) for b in (-15.0, 0.0, 15.0)]
+    assert not unknown_at(np.array(seen), round_.points).any()
+    assert unknown_at(np.array(hidden), round_.points).all()
+
+
 @pytest.mark.parametrize("turned", [0.0, 0.4, -0.4])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_view_ends_at_its_outer_beams_less_half_of_what_the_scan_turned(turned, side):

@@ -9,8 +9,14 @@ import pytest
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE
 from cohelm.robot.collision_monitor.free_space import VOUCHED
-from cohelm.robot.collision_monitor.monitor import AHEAD, LASTS, MISSED, CollisionMonitor
-from cohelm.robot.collision_monitor.odometry import advanced
+from cohelm.robot.collision_monitor.monitor import (
+    AHEAD,
+    LASTS,
+    MISSED,
+    CollisionMonitor,
+    seen_by,
+)  # fmt: skip
+from cohelm.robot.collision_monitor.odometry import advanced, seen_from
 from cohelm.robot.collision_monitor.surroundings import REMEMBERED, Surroundings
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described, monitors
@@ -209,6 +215,11 @@ def test_a_robot_is_where_what_it_was_sent_took_it_a_delay_later():
     for k in range(10):
         it.restrict(0.02 * k, Twist(0.5, 0.0))
         it.observe(0.02 * (k + 1), readings(0.02 * (k + 1), empty()), Twist(0.5, 0.0))
+    late = watch()
+    late.observe(0.0, readings(0.0, empty()), STILL)
+    late.restrict(0.01, Twist(0.5, 0.0))
+    late.observe(0.02, readings(0.02, empty()), Twist(0.5, 0.0))
+    assert late._commanded.stamp == pytest.approx(0.01 + DELAY)
     start = it._commanded.at(0.0)
     for when, way in ((DELAY, 0.0), (0.1 + DELAY, 0.05), (0.2 + DELAY, 0.1)):
         assert it._commanded.at(when).x - start.x == pytest.approx(way)
@@ -340,6 +351,7 @@ def test_a_scan_that_does_not_come_stops_it():
     assert it.restrict(1.0 + patience - 1e-6, Twist(0.3, 0.0)) == UNRESTRICTED
     late = it.restrict(1.0 + patience + 0.0006, Twist(0.3, 0.0))
     assert late == (0.0, "collision monitor: no scan for 301 ms", False)
+    assert standing(empty()).restrict(3.0, Twist(0.3, 0.0)).reason.endswith("no scan for 2000 ms")
 
 
 def test_a_slow_sweep_and_a_late_reading_are_no_loss():
@@ -646,6 +658,41 @@ def test_the_same_reading_twice_is_nothing_new():
     it.observe(1.02, once, STILL)
     assert it.restrict(1.02, Twist(1.0, 0.0)) == found
     assert len(it._measured) == 6
+    told = len(it._commanded)
+    it.observe(1.02, once, STILL)
+    assert len(it._commanded) == told
+
+
+def test_nothing_near_enough_is_left_out():
+    random = np.random.default_rng(3)
+    points = random.uniform(-1.0, 1.0, (200, 2))
+    margins = random.uniform(0.0, 0.2, 200)
+    things = Surroundings(points, np.zeros(200), margins, np.arange(200.0))
+    pose = Pose(0.3, -0.2, 2.0)
+    found = seen_by(things, pose, 0.5)
+    near = np.hypot(*(points - (0.3, -0.2)).T) <= 0.5 + margins
+    assert found.seen.tolist() == np.flatnonzero(near).tolist()
+    assert found.points == pytest.approx(seen_from(points[near], pose))
+
+
+def test_what_left_the_view_while_the_scan_turned_is_remembered():
+    """It turns to the right; the scan's last beam, on the left, does not reach what stood there."""
+    it, turning = watch(), Twist(0.0, -1.0)
+
+    def odometry(t):
+        return Odometry(t, Pose(0.0, 0.0, -1.0 * t), turning)
+
+    for k in range(60):
+        t = 0.02 * k
+        it.observe(t, Readings(odometry(t), None, None, None), turning)
+    ranges = empty()
+    ranges[np.abs(BEARINGS - (BEARINGS[-1] - 0.1)) < STEP] = 0.5
+    it.observe(t, Readings(odometry(t), Scan(0.0, 0, ranges, 0.0), None, None), turning)
+    assert len(it._by_odometry.points) > 0
+    it.observe(t, Readings(odometry(t), Scan(0.1, 1, empty(), 0.2), None, None), turning)
+    assert len(it._by_odometry.points) > 0
+    it.observe(t, Readings(odometry(t), Scan(0.1, 2, empty(), 0.05), None, None), turning)
+    assert len(it._by_odometry.points) == 0
 
 
 def test_what_was_sent_a_moment_ago_explains_motion_and_what_was_sent_long_ago_does_not():

@@ -220,5 +220,6 @@ def test_straight_on_it_meets_what_steps_find_and_passes_the_rest(name, v):
 
 
 def test_a_point_on_the_line_is_in_it():
-    for v in (0.5, -0.5):
-        assert contact_times(np.array([[0.36, 0.0]]), NO, Twist(v, 0.0), SHAPES["box"])[0] == 0.0
+    points = np.array([[0.36, 0.1], [0.36, 0.0], [-0.2, 0.29]])
+    for twist in (Twist(0.5, 0.0), Twist(-0.5, 0.0), Twist(0.3, 1.0), Twist(-0.3, -1.0)):
+        assert contact_times(points, np.zeros(3), twist, SHAPES["box"]).tolist() == [0.0] * 3

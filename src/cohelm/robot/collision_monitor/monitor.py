@@ -344,8 +344,6 @@ class CollisionMonitor:
 
 def seen_by(things: Surroundings, pose: Pose, within: float) -> Surroundings:
     """In the body frame at a pose, those that are so near to its origin, with their margins [m]."""
-    if not len(things.points):
-        return things
     points = things.points - (pose.x, pose.y)
     squares = points * points
     far = squares[:, 0] + squares[:, 1]
