@@ -199,6 +199,20 @@ def test_what_is_short_hides_the_ground_behind_its_own_beam():
     assert not unknown_at(np.array(seen), round_.points).any()
 
 
+@pytest.mark.parametrize(("beam", "side"), [(0, -1.0), (13, 1.0)])
+def test_an_outermost_beam_that_is_short_hides_the_ground_behind_it_too(beam, side):
+    def unknown(ranges):
+        it = FreeSpace(sensor(beams=14), SHAPE, WITHIN)
+        it.look(ranges, HERE, 0.0, 0.0)
+        aside = it.look(np.full(14, math.nan), Pose(0.0, 0.0, -0.9 * side), 0.0, 0.0)
+        return unknown_at(np.array([from_sensor(1.1, 128.5 * side)]), aside.points)
+
+    short = np.full(14, math.inf)
+    short[beam] = 0.3
+    assert not unknown(np.full(14, math.inf)).any()
+    assert unknown(short).all()
+
+
 def test_ground_is_looked_at_as_far_as_the_return_and_where_it_stands():
     it = FreeSpace(sensor(), SHAPE, WITHIN)
     it.look(np.full(BEAMS, 0.6), HERE, 0.0, 0.0)

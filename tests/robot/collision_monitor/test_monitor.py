@@ -648,6 +648,23 @@ def test_what_has_no_limits_is_watched_all_the_same():
     assert it.restrict(1.0, Twist(1.0, 0.0)) == UNRESTRICTED  # it stands at once, when told to
     share = it.restrict(1.0, Twist(10.0, 0.0)).share
     assert share == pytest.approx(0.1 / (10.0 * PERIOD), rel=0.05)
+    it.observe(1.02, readings(1.02, empty()), Twist(0.2, 0.0))
+    for k in range(52, 200):  # it is told to stand, and does not
+        t = 0.02 * k
+        if it.observe(t, readings(t, empty(), HERE, Twist(0.2, 0.0)), STILL).fault:
+            break
+    assert t - 1.04 == pytest.approx(DELAY + 0.25, abs=0.03)
+
+
+def test_what_a_lidar_in_front_sees_behind_a_slow_robot_counts():
+    slow = {"speed_mps": 0.2, "yaw_rate_radps": 0.2}
+    made = model(field_of_view_deg=360.0)
+    made = made.model_copy(update={"limits": made.limits.model_copy(update=slow)})
+    it = CollisionMonitor(described(made, rules(made, PERIOD)))
+    ranges = empty()
+    ranges[[0, -1]] = SENSOR + FRONT + 0.005
+    it.observe(1.0, readings(1.0, ranges), STILL)
+    assert it.restrict(1.0, Twist(-0.2, 0.0)).share < 1.0
 
 
 def test_the_same_reading_twice_is_nothing_new():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.collision_monitor.odometry import placed_at, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor
-from cohelm.robot.collision_monitor.surroundings import NOTHING, Surroundings
+from cohelm.robot.collision_monitor.surroundings import Surroundings
 from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
 
 CELL = 0.05
@@ -83,8 +83,6 @@ class FreeSpace:
         if not self._vouched:
             self._vouch(pose)
         cells = np.argwhere(~(self._known | looks) & self._near)
-        if not len(cells):
-            return NOTHING
         points: Floats = CELL * (cells - HALF + np.array(self._cell)).astype(np.float64)
         outside = edge_distances(seen_from(points, pose), self._shape).max(axis=1)
         under = outside <= -CORNER  # the robot itself is there
