@@ -37,7 +37,7 @@ def test_walkers_keep_to_their_speed_and_acceleration_to_the_last_digit():
     for case in cases:
         assert case.duel is not None
         moving = np.flatnonzero(case.duel.scene.agility)
-        discs = fought(case, "guard", case.duel).discs[:, moving]
+        discs = fought(case, "guard").discs[:, moving]
         speed = np.hypot(discs[:, :, 2], discs[:, :, 3])
         push = np.hypot(*np.diff(discs[:, :, 2:4], axis=0).transpose(2, 0, 1)) / 0.02
         assert moving.size

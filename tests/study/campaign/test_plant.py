@@ -70,8 +70,12 @@ def test_the_attackers_walkers_are_after_the_robot_on_the_twin_too():
     made = suites.suite("adversary", 1, None, "twin")
     (row,), (again,) = chunk(made, "guard", (2,)), chunk(made, "guard", (2,))
     assert repr(row) == repr(again)
-    assert (row.plant, row.fault) == ("twin", "")
+    assert (row.plant, row.fault, row.contacts_moving, row.stops) == ("twin", "", 0, 0)
+    assert row.human_share > 0.5  # the stick is armed, and drives ...
+    assert row.path_length_m > 0.1
+    assert 0.0 <= row.gate_share < 0.01  # ... behind the gate
     case = suites.suite("adversary", 1, None, "twin").case(2)
+    assert drive(case, row).same
     kinematic = suites.suite("adversary", 1, None).case(2)
     assert case.duel is not None
     assert case.duel.scene.discs.tolist() == kinematic.duel.scene.discs.tolist()

@@ -34,6 +34,7 @@ from cohelm.sim.closed_loop import Piloted, near_walls
 from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
+from cohelm.sim.twin.movers import Hunters
 from cohelm.sim.twin.robot import Truth, Twin
 from cohelm.sim.twin.settings import TwinModel, lag
 
@@ -78,7 +79,8 @@ class TwinRun(ABC):
     """One run on the twin between two steps: robot, pilot, person. Who asks what of the robot in a
     step is for those that drive it to say."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, hunters: Hunters | None = None) -> None:
+        """hunters: those of the moving discs that are after the robot."""
         given = setup.twin
         if given is None:
             raise CohelmError("this setup has no twin: set simulation.plant to twin")
@@ -90,6 +92,7 @@ class TwinRun(ABC):
         self.robot = Twin(
             model, setup.start, around, grid=setup.grid, seed=setup.seed,
             settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
+            hunters=hunters,
         )  # fmt: skip
         self.guarded = setup.pilot is not None
         self.piloted = setup.pilot or _unguarded(setup)

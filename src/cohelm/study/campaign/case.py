@@ -102,7 +102,7 @@ def traced(case: Case, law: Law, acted: Acted) -> Iterator[Trace]:
     acted: where what gate and monitors did is counted, where there are any.
     """
     if case.duel is not None:
-        return iter((fought(case, law, case.duel),))
+        return _fought_on_twin(case, acted) if case.setup.twin else iter((fought(case, law),))
     setup = under(case.setup, law)
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)
@@ -113,16 +113,22 @@ def traced(case: Case, law: Law, acted: Acted) -> Iterator[Trace]:
     return pieces(setup, _PIECE)
 
 
-def fought(case: Case, law: Law, chosen: Duel) -> Trace:
-    """The trace of a duel."""
-    if case.setup.twin is not None:
-        from cohelm.sim.twin import duel as on_twin  # needs MuJoCo, which is an extra
-        from cohelm.sim.twin.movers import Hunters
+def _fought_on_twin(case: Case, acted: Acted) -> Iterator[Trace]:
+    from cohelm.sim.twin.movers import Hunters  # needs MuJoCo, which is an extra
+    from cohelm.study.campaign import looped
 
-        agility = np.zeros(len(case.setup.around.discs))
-        agility[: len(chosen.scene.agility)] = chosen.scene.agility
-        hunters = Hunters(agility, chosen.scene.walk, chosen.attack.seed)
-        return on_twin.duel(case.setup, chosen.attack, hunters, _RULES)
+    assert case.duel is not None
+    scene, attack = case.duel.scene, case.duel.attack
+    agility = np.zeros(len(case.setup.around.discs))
+    agility[: len(scene.agility)] = scene.agility
+    hunters = Hunters(agility, scene.walk, attack.seed)
+    return looped.fought(case.setup, attack, hunters, acted, _PIECE)
+
+
+def fought(case: Case, law: Law) -> Trace:
+    """The trace of a duel on exact arcs."""
+    assert case.duel is not None
+    chosen = case.duel
     n, m = case.setup.steps, len(chosen.scene.discs) + len(chosen.scene.points)
     rows, h, discs = np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6))
     _duel(case, law, chosen, rows, h, discs)

@@ -17,7 +17,10 @@ from cohelm.study.campaign.row import NOT_DRIVEN, Row
 from cohelm.study.campaign.rvo import PEERS, peer_trace
 from cohelm.study.campaign.suites import Suite
 
-_ROOMS = ("core", "robot", "law", "perceive", "pilot", "sim", "scenario", "study/campaign")
+_ROOMS = (
+    "core", "robot", "law", "perceive", "pilot", "link", "loop", "sim", "scenario",
+    "study/campaign",
+)  # fmt: skip
 
 
 @cache

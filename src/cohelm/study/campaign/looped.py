@@ -4,7 +4,7 @@ What a robot is driven with is all here, in simulated time: `Loop` with its watc
 the stick that has to be armed, plans that take their time, the gate, the collision monitor and the
 plausibility monitor. What a person would do about a stop is done: reset it a second later, and
 choose the mode again. How often that was, and how often gate and monitors changed a command, is
-counted.
+counted. An attacker drives by the same loop in manual; attacker and walkers know everything.
 """
 
 from __future__ import annotations
@@ -17,18 +17,22 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.link.messages import Mode
+from cohelm.core.types import Floats, Stick
+from cohelm.link.messages import Arming, Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, Ways
 from cohelm.loop.operator import Scripted
 from cohelm.loop.planning import InProcessPlanner
+from cohelm.loop.stick_arming import CENTRED
 from cohelm.perceive.seen import Perception
 from cohelm.robot.gate.gate import Passed, Proposal
 from cohelm.robot.gate.modes import driving, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, rules
 from cohelm.robot.keep.record_pipe import Line
+from cohelm.sim.duel import Attack, deflection
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.drive import TwinRun, stepped
+from cohelm.sim.twin.movers import Hunters
 from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign.acted import Acted
 
@@ -58,24 +62,32 @@ def pieces(setup: Setup, acted: Acted, length: int) -> Iterator[Trace]:
     return stepped(_Looped(setup, acted), length)
 
 
+def fought(
+    setup: Setup, attack: Attack, hunters: Hunters, acted: Acted, length: int
+) -> Iterator[Trace]:
+    """The same with the stick in an attacker's hand; whom it drives among are after the robot."""
+    return stepped(_Attacked(setup, acted, attack, hunters), length)
+
+
 class _Looped(TwinRun):
     """The loop drives the robot, behind its gate."""
 
-    def __init__(self, setup: Setup, acted: Acted) -> None:
-        super().__init__(setup)
-        if setup.twin is None or setup.twin.known is None or not (self.guarded and self.seeing):
-            raise CohelmError("the loop needs a twin with a LiDAR, a map and a pilot")
+    def __init__(self, setup: Setup, acted: Acted, hunters: Hunters | None = None) -> None:
+        super().__init__(setup, hunters)
+        if setup.twin is None or not (self.guarded and self.seeing):
+            raise CohelmError("the loop needs a twin with a LiDAR and a pilot")
         self.acted = acted
         self.keeper = Watched(self.robot, setup.dt, acted)
         hands = setup.operator.active or bool(np.any(setup.hands.x) or np.any(setup.hands.psi))
         self.mode = Mode.SHARED if hands else Mode.AUTOMATIC
         self.now = self.stick
         """The deflection of this step."""
+        known = setup.twin.known
         self.loop = Loop(
-            self.keeper, Perception(self.robot.model, setup.twin.known, setup.start),
+            self.keeper, Perception(self.robot.model, known, setup.start),
             Driver(self.pilot, self.settings, self.delay, InProcessPlanner(self.pilot.planner)),
             Scripted(lambda _: self.now, self.keeper.now), Line(None),
-            Ways(period=setup.dt), has_map=True,
+            Ways(period=setup.dt), has_map=known is not None,
         )  # fmt: skip
         self.course = self.pilot.course
         self.latched_at = math.nan
@@ -109,3 +121,19 @@ class _Looped(TwinRun):
         self.latched_at = math.nan
         if not driving(self.keeper.gate.mode) and self.loop.seen is not None:
             self.loop.choose(self.mode)
+
+
+class _Attacked(_Looped):
+    """The attacker drives alone, in manual. He centres the stick whenever it has to be armed."""
+
+    def __init__(self, setup: Setup, acted: Acted, attack: Attack, hunters: Hunters) -> None:
+        super().__init__(setup, acted, hunters)
+        self.mode, self.attack, self.held = Mode.MANUAL, attack, self.stick
+
+    def hand(self, k: int, things: Floats) -> Stick:
+        """What the attacker does in step k."""
+        setup = self.setup
+        self.held = deflection(
+            self.attack, self.held, k, setup.dt, self.truth.pose, things, setup.around.walls
+        )
+        return self.held if self.loop.person.arming == Arming.ARMED else CENTRED

@@ -21,7 +21,7 @@ from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.twin.settings import TwinModel, Twinned
 from cohelm.sim.world import Body, World, world
-from cohelm.study.campaign.case import Case, Plant, lively
+from cohelm.study.campaign.case import PAPER, Case, Plant, lively
 
 POST = 0.015
 """Radius of what is a point without size in the kinematic adversary [m]."""
@@ -65,7 +65,10 @@ def on_twin(case: Case, plant: Plant) -> Case:
     if case.duel is not None:
         field = _field(case)
         names = tuple(f"thing_{i}" for i in range(len(field.discs)))
-        setup = replace(setup, around=field, names=names, twin=Twinned(model, physics))
+        full = PAPER._replace(u_d=setup.limits.speed)
+        setup = with_pilot(replace(setup, around=field, names=names), lidar=model.lidar, gains=full)
+        # There is no way to follow and so no end of it: a stick at its stop asks for all there is.
+        setup = replace(setup, near=0.0, twin=Twinned(model, physics))
         return replace(case, plant=plant, setup=setup)
     if setup.pilot is None:
         setup = with_pilot(setup, lidar=model.lidar, gains=lively(setup.gains))
