@@ -12,7 +12,7 @@ from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import Pose, Twist
 from cohelm.law.verdict import Verdict
 from cohelm.pilot import safety_filter
-from cohelm.pilot.careful import SLOP
+from cohelm.pilot.margin_inflation import SLOP
 from cohelm.pilot.safety_filter import LimitingObstacle, SafetyFilter
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits

@@ -12,7 +12,7 @@ from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.plan import Care
+from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
@@ -47,7 +47,7 @@ def drive(
     speed=0.5,
     settings=SETTINGS,
     agility=0.5,
-    care: Care | None = None,
+    care: ReplanParams | None = None,
 ) -> Drive:
     """Until arrival or for `seconds`. discs: rows of `disc`, those with a velocity drift."""
     pilot = Pilot(through(waypoints, speed), settings, delay=delay, care=care)

@@ -1,4 +1,4 @@
-"""A recorded drive as what the robot told its stations meanwhile."""
+"""Plays a recorded drive back as what the robot reported to its stations."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.over_link import hello
 from cohelm.link import messages as m
 from cohelm.link.recorded_status import Told
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import POOR, VERDICTS
-from cohelm.perceive.frames import compose
 from cohelm.record.drive import IMAGE, periods
 from cohelm.record.messages import messages
 from cohelm.record.replay import recorded_model

@@ -1,4 +1,4 @@
-"""A recorded run as what the robot would have told meanwhile."""
+"""Plays a recorded run back as what the robot would have reported."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law import verdict as verdicts
 from cohelm.link.latency_speed_limit import Cap
@@ -23,8 +24,7 @@ from cohelm.link.messages import (
 )
 from cohelm.link.wire import MOST_BEAMS
 from cohelm.loop.stick_arming import Person
-from cohelm.perceive.frames import compose
-from cohelm.perceive.seen import Seen
+from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Scan

@@ -10,16 +10,16 @@ from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance
 from cohelm.law.blend import blend
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, Pace, govern, governed
+from cohelm.law.govern import Clock, PaceParams, govern, governed
 from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
 from cohelm.law.step import avoidance, decided, hand_of
 from cohelm.law.track import track
-from cohelm.perceive.escape import Escape, kind, rest, wish
-from cohelm.pilot.course import Course, nearest_row
-from cohelm.pilot.evasion import NO_EVASION, Evasion, EvasionParams, evade
-from cohelm.pilot.foresee import foreseen, moved_on, stopping
+from cohelm.pilot.delay_compensation import foreseen, moved_on, stopping
+from cohelm.plan.course import Course, nearest_row
+from cohelm.plan.evasion import NO_EVASION, Evasion, EvasionParams, evade
+from cohelm.plan.recovery import Escape, kind, rest, wish
 from cohelm.robot.limits import Limits
 
 FOLLOWING, LED, ESCAPING, EVADING = range(4)
@@ -37,7 +37,7 @@ class Settings(NamedTuple):
     limits: Limits
     gains: Gains = Gains()
     rules: Rules = Rules()
-    pace: Pace = Pace()
+    pace: PaceParams = PaceParams()
     guarded: bool = True
     """The guard filters, and the reference waits; else the paper's law as its gains say, with a
     reference that runs on with time (E12)."""
@@ -73,7 +73,7 @@ class State(NamedTuple):
     held: float
     """How long such a move has been held up [s]."""
     refused: int
-    """Kinds of moves, see `perceive.escape`, that were held up since the robot last got on."""
+    """Kinds of moves, see `plan.recovery`, that were held up since the robot last got on."""
     evasion: Evasion = NO_EVASION
 
 

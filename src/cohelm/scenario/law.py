@@ -9,12 +9,12 @@ from pydantic import Field, model_validator
 from cohelm.core.schema import Schema, refuse
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Pace
+from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
-from cohelm.perceive.way import Manners
-from cohelm.pilot.evasion import EvasionParams
-from cohelm.pilot.plan import Care
+from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
+from cohelm.plan.evasion import EvasionParams
+from cohelm.plan.path_planner import PathParams
 from cohelm.robot.limits import Limits
 
 Gain = Annotated[float, Field(ge=0.0, le=1e4)]
@@ -25,7 +25,13 @@ Acceleration = Annotated[float, Field(gt=0.0, le=1e3)]
 Rate = Annotated[float, Field(gt=0.0, le=1e3)]
 Angle = Annotated[float, Field(gt=0.0, le=1.5707)]
 
-_PAPER, _RULES, _PACE, _CARE, _MANNERS = Gains(), Rules(), Pace(), Care(), Manners()
+_PAPER, _RULES, _PACE, _CARE, _MANNERS = (
+    Gains(),
+    Rules(),
+    PaceParams(),
+    ReplanParams(),
+    PathParams(),
+)
 _EVASION = EvasionParams()
 _HURRY = 1.6  # who gets out of the way may be so much faster than the reference
 
@@ -131,9 +137,9 @@ class PaceModel(Schema):
             refuse(("lag_m", f"must be larger than slack_m, which is {self.slack_m:g}"))
         return self
 
-    def pace(self) -> Pace:
+    def pace(self) -> PaceParams:
         """The same as numbers."""
-        return Pace(
+        return PaceParams(
             self.lateral_mps2, self.yaw_rate_radps, self.deceleration_mps2, self.tight_m,
             self.open_m, self.creep_mps, self.slack_m, self.lag_m, self.turn_rad, self.guide_m,
             self.search_m, self.rise_per_s, self.fall_per_s,
@@ -162,7 +168,7 @@ class PlanModel(Schema):
     escape_radps: Rate = 1.0
     """Yaw rate of them."""
 
-    def care(self, margin: float) -> Care:
+    def care(self, margin: float) -> ReplanParams:
         """When plans are made, as numbers. margin: the guard's [m]."""
         accept = margin + 0.03 if self.accept_m is None else self.accept_m
         return _CARE._replace(
@@ -170,7 +176,7 @@ class PlanModel(Schema):
             foresight=_CARE.foresight._replace(right=self.pass_right_m),
         )  # fmt: skip
 
-    def manners(self, margin: float) -> Manners:
+    def manners(self, margin: float) -> PathParams:
         """What makes a way good, as numbers."""
         gap = margin + 0.01 if self.gap_m is None else self.gap_m
         return _MANNERS._replace(gap=gap, room=self.room_m)
@@ -227,11 +233,11 @@ class Law(Schema):
             refuse(("plan.gap_m", f"must not be less than guard.margin_m, which is {margin:g}"))
         return self
 
-    def care(self) -> Care:
+    def care(self) -> ReplanParams:
         """When plans are made."""
         return self.plan.care(self.guard.margin_m)
 
-    def manners(self) -> Manners:
+    def manners(self) -> PathParams:
         """What makes a way good."""
         return self.plan.manners(self.guard.margin_m)
 

@@ -14,8 +14,8 @@ from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.reference import evaluate, tabulate
 from cohelm.law.step import control_step
-from cohelm.pilot.course import nearly_done, route
 from cohelm.pilot.pilot import Planner
+from cohelm.plan.course import nearly_done, route
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import Piloted, Scene, stretches
 from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed

@@ -1,7 +1,7 @@
 """A run with the twin as the plant and the pilot told where it is, fully recorded.
 
 Episodes of campaigns, which have to find their place, go through the whole loop:
-`study.campaign.looped`.
+`study.campaign.loop_run`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import compose, inverse
 from cohelm.core.trace import ROW, Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
@@ -21,20 +22,19 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.human import supplied_energy
 from cohelm.law.reference import evaluate
 from cohelm.law.track import pose_error
-from cohelm.perceive.frames import compose, inverse
-from cohelm.perceive.seen import Perception
-from cohelm.pilot.careful import SLOP, noise, roomier
-from cohelm.pilot.course import nearly_done
+from cohelm.perceive.pipeline import Perception
+from cohelm.pilot.margin_inflation import SLOP, inflated, noise
+from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.plan import Plan
+from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import Decision, Settings
-from cohelm.pilot.told import told
+from cohelm.plan.course import nearly_done
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import Piloted, near_walls
 from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
-from cohelm.sim.twin.movers import Hunters
+from cohelm.sim.twin.movers import Pursuers
 from cohelm.sim.twin.robot import Truth, Twin
 from cohelm.sim.twin.settings import TwinModel, lag
 
@@ -79,7 +79,7 @@ class TwinRun(ABC):
     """One run on the twin between two steps: robot, pilot, person. Who asks what of the robot in a
     step is for those that drive it to say."""
 
-    def __init__(self, setup: Setup, hunters: Hunters | None = None) -> None:
+    def __init__(self, setup: Setup, hunters: Pursuers | None = None) -> None:
         """hunters: those of the moving discs that are after the robot."""
         given = setup.twin
         if given is None:
@@ -101,7 +101,7 @@ class TwinRun(ABC):
         manners, care = self.piloted.manners, self.piloted.care
         if self.guarded:
             sees = noise(self.robot.model) if self.seeing else 0.0
-            settings, manners, care = roomier(settings, manners, care, SLOP + sees, sees)
+            settings, manners, care = inflated(settings, manners, care, SLOP + sees, sees)
         self.settings = settings
         self.delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
@@ -200,7 +200,11 @@ class _Told(TwinRun):
             return now.pose, around, now.twist
         known = self.perception.take(t, self.robot.read())
         # Where it is on the map is known; all else is as it senses.
-        return now.pose, told(known, compose(now.pose, inverse(known.odometry))), known.twist
+        return (
+            now.pose,
+            obstacles_from_perception(known, compose(now.pose, inverse(known.odometry))),
+            known.twist,
+        )
 
     def _plan(self, k: int, pose: Pose, twist: Twist, seen: Surroundings) -> None:
         """A plan is begun now and then, and taken up when it would be ready."""

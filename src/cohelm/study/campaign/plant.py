@@ -15,13 +15,13 @@ from dataclasses import replace
 import numpy as np
 
 from cohelm.core.types import RADIUS, VX, VY, X, Y, disc
-from cohelm.perceive.taped import surveyed
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.twin.settings import TwinModel, Twinned
 from cohelm.sim.world import Body, World, world
-from cohelm.study.campaign.case import PAPER, Case, Plant, lively
+from cohelm.study.campaign.episode import PAPER, Episode, Plant, lively
 
 POST = 0.015
 """Radius of what is a point without size in the kinematic adversary [m]."""
@@ -57,7 +57,7 @@ def looking_round(model: RobotModel) -> RobotModel:
     return model.model_copy(update={"lidar": model.lidar.model_copy(update=round_)})
 
 
-def on_twin(case: Case, plant: Plant) -> Case:
+def on_twin(case: Episode, plant: Plant) -> Episode:
     """The same episode on the twin."""
     model = carried(case.robot, plant)
     assert model.lidar is not None
@@ -74,7 +74,7 @@ def on_twin(case: Case, plant: Plant) -> Case:
         setup = with_pilot(setup, lidar=model.lidar, gains=lively(setup.gains))
     assert setup.pilot is not None
     seeing = replace(setup.pilot, lidar=model.lidar.lidar(), rate=model.lidar.rate_hz)
-    known = surveyed(setup.around.walls, setup.start, _resting(setup))
+    known = map_from_geometry(setup.around.walls, setup.start, _resting(setup))
     setup = replace(setup, pilot=seeing, twin=Twinned(model, physics, known))
     return replace(case, plant=plant, setup=setup)
 
@@ -86,7 +86,7 @@ def _resting(setup: Setup) -> np.ndarray:
     return discs[still][:, [X, Y, RADIUS]]
 
 
-def _field(case: Case) -> World:
+def _field(case: Episode) -> World:
     """What there is to hit; points are thin posts, which a LiDAR can see."""
     assert case.duel is not None
     scene = case.duel.scene
