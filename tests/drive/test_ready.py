@@ -16,7 +16,7 @@ from cohelm.drive.session import SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception, rehearse
-from cohelm.pilot.replanning import SessionConfig as Planned
+from cohelm.pilot.replanning import Plan as Planned
 from cohelm.robot.port import Odometry, Readings, Scan
 
 

@@ -9,7 +9,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, wrap
 from cohelm.perceive.localize import global_search as search, localization_map as known_
 from cohelm.perceive.localize.localization_map import known
-from cohelm.perceive.match.scan_matching import scan_matching as match
+from cohelm.perceive.match import scan_matching as match
 from cohelm.perceive.pipeline import Perception, rehearse, seen_from
 from cohelm.perceive.scan import deskew as sweep
 from cohelm.perceive.track import tracker as movers
