@@ -20,8 +20,8 @@ def test_the_guard_has_room_for_the_lidars_noise_and_foresees_the_whole_lag(kind
     room = 2.0 * (0.008 + 0.02)
     law = plan.robot.scenario.law
     rules = driver.pilot.settings.rules
-    assert rules.clear == pytest.approx(law.guard.clear_m + room)
-    assert rules.margin == pytest.approx(law.guard.margin_m + room)
+    assert rules.hard_margin == pytest.approx(law.guard.hard_margin_m + room)
+    assert rules.soft_margin == pytest.approx(law.guard.soft_margin_m + room)
     assert driver.pilot.planner.manners.gap == pytest.approx(law.manners().gap + room)
     assert driver.pilot.planner.care.accept == pytest.approx(law.care().accept + room)
     assert driver.pilot.planner.care.slack == pytest.approx(law.care().slack + 0.04)

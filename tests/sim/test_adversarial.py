@@ -15,7 +15,7 @@ SEED = 5
 def test_no_attack_touches_anything_while_the_robot_moves(number):
     row = run_episode(adversary.case(SEED, number), "guard")
     assert row.contacts_moving == 0
-    assert row.min_clearance_moving_m >= Rules().clear / 2
+    assert row.min_clearance_moving_m >= Rules().hard_margin / 2
     assert row.limit_excess == 0.0
 
 
@@ -58,4 +58,4 @@ def test_a_search_finds_the_same_every_time_and_worse_than_chance():
     still = adversary.scripted(case, [0.0] * 40)
     assert still.duel is not None
     assert first.gap < least_gap(still, "guard", still.duel)
-    assert first.gap >= Rules().clear / 2
+    assert first.gap >= Rules().hard_margin / 2

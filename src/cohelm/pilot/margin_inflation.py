@@ -26,7 +26,9 @@ def noise(model: RobotModel) -> float:
 def inflated_rules(rules: Rules, off: float) -> Rules:
     """Rules with room for what places are off by more: half of `clear` holds it [m]."""
     more = 2.0 * off
-    return rules._replace(clear=rules.clear + more, margin=rules.margin + more)
+    return rules._replace(
+        hard_margin=rules.hard_margin + more, soft_margin=rules.soft_margin + more
+    )
 
 
 def inflated(

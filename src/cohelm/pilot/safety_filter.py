@@ -68,8 +68,9 @@ class SafetyFilter:
 
     def __init__(
         self, robot: RobotModel, period: float, *, delay: float | None = None, lag: float = 0.0,
-        position_error: float | None = None, hard_margin: float = _RULES.clear,
-        soft_margin: float = _RULES.margin, deceleration_fraction: float = _RULES.caution,
+        position_error: float | None = None, hard_margin: float = _RULES.hard_margin,
+        soft_margin: float = _RULES.soft_margin,
+        deceleration_fraction: float = _RULES.deceleration_fraction,
         steer_weight: float = _RULES.steer_weight, limits: Limits | None = None,
     ) -> None:  # fmt: skip
         """Checks everything, and compiles: seconds the first time ever, else tenths.
@@ -95,7 +96,7 @@ class SafetyFilter:
         rules = checked_rules(
             Rules(self.period, soft_margin, hard_margin, deceleration_fraction, steer_weight)
         )
-        if rules.margin < rules.clear:
+        if rules.soft_margin < rules.hard_margin:
             raise CohelmError(
                 f"soft_margin must be at least hard_margin, {hard_margin:g} m, got {soft_margin:g}"
             )

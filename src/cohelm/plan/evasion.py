@@ -620,7 +620,7 @@ def _best(
         i = int(np.argmin(costs[:n]))
         command = achievable(_now(sets[i]), twist, limits, rules.dt)
         m = manoeuvre(pose, command, limits, rules.dt, case.reach)
-        if in_the_way(m, case.outline, case.reach, around, rules.clear) == CLEAR:
+        if in_the_way(m, case.outline, case.reach, around, rules.hard_margin) == CLEAR:
             chosen = i
             break
         costs[i] = math.inf

@@ -143,10 +143,10 @@ def _piloted(
     ]
     return Piloted(
         settings=_settings(alone, robot, limits),
-        agility=law.guard.agility_mps2 * np.array(moving, dtype=np.float64),
+        agility=law.guard.obstacle_acceleration_mps2 * np.array(moving, dtype=np.float64),
         lidar=None if lidar is None else lidar.lidar(),
         rate=10.0 if lidar is None else lidar.rate_hz,
-        watching=TrackerParams(agility=law.guard.agility_mps2),
+        watching=TrackerParams(agility=law.guard.obstacle_acceleration_mps2),
         manners=law.manners(),
         care=law.care(),
         period=law.plan.period_s,
