@@ -22,7 +22,7 @@ def test_a_robot_of_ones_own_arrives_and_is_recorded(tmp_path):
     assert summary["kind"] == "own"
     record = cohelm.read_record(tmp_path / "drive.mcap")
     assert record.table["x"][-1] > 7.8
-    assert record.table["v_given"].max() > 0.4
+    assert record.table["applied_v"].max() > 0.4
 
 
 def test_it_drives_as_the_simulated_robot_of_the_same_site_does():

@@ -90,7 +90,7 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
                 )  # fmt: skip
                 looked = Scan(t, count, ranges, 0.0)
                 count += 1
-            told = Twist(float(row["v"]), float(row["omega"]))
+            told = Twist(float(row["safe_v"]), float(row["safe_omega"]))
             readings = Readings(odometry, looked, None, None)
             got = monitor.observe(t, readings, told)
             if not got.fault and got.share == 1.0:

@@ -75,8 +75,8 @@ def rows(record: Path) -> list[Row]:
     found = [(stamp * 1e-9, m) for _, stamp, m in messages(record, ("/period",))]
     table = periods([m for _, m in found])
     return [
-        Row(stamp, GateMode(int(p["mode"])), float(p["stick_x"]), float(p["v_measured"]),
-            float(p["v_given"]))
+        Row(stamp, GateMode(int(p["mode"])), float(p["stick_x"]), float(p["measured_v"]),
+            float(p["applied_v"]))
         for (stamp, _), p in zip(found, table, strict=True)
     ]  # fmt: skip
 

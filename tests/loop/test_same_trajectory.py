@@ -91,5 +91,5 @@ def test_stepper_and_loop_drive_the_same_way(name, delay):
     rows = run(setup).rows
     assert rows["x"][-1] > 2.0
     theirs = looped(model, setup, len(rows))
-    ours = np.column_stack([rows[c] for c in ("x", "y", "psi", "v", "omega")])
+    ours = np.column_stack([rows[c] for c in ("x", "y", "psi", "safe_v", "safe_omega")])
     assert np.abs(theirs[:, :5] - ours).max() < 1e-9

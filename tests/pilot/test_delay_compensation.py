@@ -38,5 +38,5 @@ def test_the_pilot_looks_at_where_the_robot_will_be_then(delay):
     pilot = Pilot(through([[0.0, 0.0], [5.0, 0.0]], 0.5), SETTINGS, delay=delay)
     pilot.sent[:] = 0.5, 0.0
     d = pilot.step(0.0, Pose(0.0, 0.0, 0.0), Twist(0.5, 0.0), Stick(0.0, 0.0), NOTHING_NEAR)
-    there = d.x_d - (d.automatic_v - d.u_d) / SETTINGS.gains.k_x  # what (16) tracks from
+    there = d.x_d - (d.tracking_v - d.u_d) / SETTINGS.gains.k_x  # what (16) tracks from
     assert there == pytest.approx(0.5 * delay, abs=1e-6)

@@ -105,7 +105,7 @@ def test_who_turns_towards_the_robot_is_foreseen_to_turn():
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         d = pilot.step(k * DT, pose, twist, None, seen)
         gaps.append(clearance(pose, SALLY.outline, 0.5, seen.discs, np.empty((0, 4)), 9.0))
-        twist = achievable(Twist(d.v, d.omega), twist, ON.limits, DT)
+        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
         pose = arc(pose, twist, DT)
     assert min(gaps) > 0.05
 
@@ -121,7 +121,7 @@ def test_a_person_who_leads_is_not_overruled():
     assert led
     assert EVADING not in {d.doing for d in done.decisions[50:]}
     for d in led[50:]:
-        assert d.shared_v == pytest.approx(d.human_v, abs=0.1)
+        assert d.nominal_v == pytest.approx(d.operator_v, abs=0.1)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300, -1e300])
@@ -133,5 +133,12 @@ def test_what_is_asked_for_is_finite_whatever_is_told(bad, column):
     around = surroundings(rows, np.array([0.5, 0.5]))
     for k in range(12):
         d = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), None, around)
-        asked = (d.v, d.omega, d.shared_v, d.shared_omega, d.automatic_v, d.automatic_omega)
+        asked = (
+            d.safe_v,
+            d.safe_omega,
+            d.nominal_v,
+            d.nominal_omega,
+            d.tracking_v,
+            d.tracking_omega,
+        )
         assert np.isfinite(asked).all()

@@ -423,7 +423,7 @@ class Loop:
 
     def _propose(self, readings: Readings, decision: Decision | None) -> Passed:
         """To the gate; but with readings that are wrong nothing, and the watchdog counts."""
-        asked = Twist(decision.v, decision.omega) if decision is not None else STANDING
+        asked = Twist(decision.safe_v, decision.safe_omega) if decision is not None else STANDING
         self._asked = asked
         gate = self.keeper.gate
         if self.problem or readings.odometry is None:
@@ -491,7 +491,7 @@ class Loop:
             d.doing if d else -1, d.authority_x if d else nan, d.authority_psi if d else nan,
             d.x_d if d else nan, d.y_d if d else nan, d.psi_d if d else nan, self._e_p(),
             d.tau if d else nan, d.rate if d else nan,
-            d.shared_v if d else 0.0, d.shared_omega if d else 0.0, *self._asked, *passed.out,
+            d.nominal_v if d else 0.0, d.nominal_omega if d else 0.0, *self._asked, *passed.out,
             d.verdict if d else 0, d.culprit if d else -1, d.gap if d else nan,
             now - odometry.stamp if odometry else nan,
             now - scan.stamp - scan.duration if scan else nan,

@@ -69,7 +69,7 @@ def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
     """The message; lease, answers and the link's part of the timing are filled in by the link."""
     d, seen = said.decision, said.seen
     nan = math.nan
-    asked = Twist(d.shared_v, d.shared_omega) if d else Twist(0.0, 0.0)
+    asked = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
     return Status(
         lease=_NOBODY,
         mode=said.mode,

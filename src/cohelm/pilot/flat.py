@@ -114,8 +114,8 @@ def _flat(
         after.left.distance, after.left.curvature, after.left.turn, after.row, after.held,
         after.refused, after.evasion.on, after.evasion.v, after.evasion.omega, after.evasion.then,
         after.evasion.turns, after.evasion.after, after.evasion.left,
-        d.v, d.omega, d.automatic_v, d.automatic_omega, d.human_v, d.human_omega, d.shared_v,
-        d.shared_omega, d.avoid_v, d.avoid_omega, d.authority_x, d.authority_psi, d.intent_x,
-        d.intent_psi, d.I, d.J, d.h, d.verdict, d.culprit, d.gap, d.change, d.doing, d.tau,
-        d.rate, d.waited, d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d,
+        d.safe_v, d.safe_omega, d.tracking_v, d.tracking_omega, d.operator_v, d.operator_omega,
+        d.nominal_v, d.nominal_omega, d.avoid_v, d.avoid_omega, d.authority_x, d.authority_psi,
+        d.intent_x, d.intent_psi, d.I, d.J, d.h, d.verdict, d.culprit, d.gap, d.change, d.doing,
+        d.tau, d.rate, d.waited, d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d,
     )  # fmt: skip

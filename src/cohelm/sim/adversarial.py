@@ -207,9 +207,9 @@ def note(
     row.x, row.y, row.psi = pose.x, pose.y, pose.psi
     row.x_d, row.y_d, row.psi_d = pose.x, pose.y, pose.psi
     row.stick_x, row.stick_psi = stick.x, stick.psi
-    row.v, row.omega = command.v, command.omega
-    row.human_v, row.human_omega = wish.v, wish.omega
-    row.shared_v, row.shared_omega = wish.v, wish.omega
+    row.safe_v, row.safe_omega = command.v, command.omega
+    row.operator_v, row.operator_omega = wish.v, wish.omega
+    row.nominal_v, row.nominal_omega = wish.v, wish.omega
     row.avoid_v, row.avoid_omega = command.v - wish.v, command.omega - wish.omega
     row.verdict, row.culprit = verdict, culprit
     row.applied_v, row.applied_omega = twist.v, twist.omega

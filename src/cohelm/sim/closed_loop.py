@@ -247,7 +247,14 @@ def _advance(
         )
         led = d.doing == LED
         robot, saturated = moved(
-            k, dt, robot, Twist(d.v, d.omega), stick, settings.gains, settings.limits, queue
+            k,
+            dt,
+            robot,
+            Twist(d.safe_v, d.safe_omega),
+            stick,
+            settings.gains,
+            settings.limits,
+            queue,
         )
         away = math.hypot(pose.x - scene.goal[0], pose.y - scene.goal[1])
         arrived = away < scene.near and pilot.row >= scene.done

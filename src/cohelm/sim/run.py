@@ -94,7 +94,7 @@ def _advance(
         else:
             stick = replayed(hands, k * dt)
         s = control_step(pose, desired, stick, now, gains)
-        command = Twist(s.v, s.omega)
+        command = Twist(s.safe_v, s.safe_omega)
         state, saturated = moved(k, dt, state, command, stick, gains, limits, queue)
         row = rows[j]
         note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)

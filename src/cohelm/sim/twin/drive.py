@@ -187,7 +187,7 @@ class _Told(TwinRun):
         stick = self.hand(k, things)
         self._plan(k, pose, twist, seen)
         decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, seen)
-        asked = Twist(decided.v, decided.omega)
+        asked = Twist(decided.safe_v, decided.safe_omega)
         row["saturated"] = self.robot.send(asked) != asked
         self.robot.wait((k + 1) * self.setup.dt)
         self.moved(stick)
@@ -231,9 +231,10 @@ def _unguarded(setup: Setup) -> Piloted:
 
 _NO_POINTS: Floats = np.empty((0, 2))
 _DECIDED = (
-    "v", "omega", "automatic_v", "automatic_omega", "human_v", "human_omega", "shared_v",
-    "shared_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi", "intent_x",
-    "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau", "rate",
+    "safe_v", "safe_omega", "tracking_v", "tracking_omega", "operator_v", "operator_omega",
+    "nominal_v", "nominal_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi",
+    "intent_x", "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau",
+    "rate",
 )  # fmt: skip
 """Fields of a row that a decision has by the same name."""
 

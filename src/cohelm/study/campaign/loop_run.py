@@ -105,7 +105,7 @@ class _Looped(TwinRun):
             self.courses = self.courses + 1 if self.course.row else 0
         decided = self.loop.decision
         if decided is not None:
-            row["saturated"] = self.keeper.gate.out != (decided.v, decided.omega)
+            row["saturated"] = self.keeper.gate.out != (decided.safe_v, decided.safe_omega)
         self.write(row, k, then, decided)
 
     def _seen_to(self, now: float) -> None:

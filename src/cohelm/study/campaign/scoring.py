@@ -146,8 +146,8 @@ def _disagreement(rows: NDArray[np.void]) -> float:
     held = (np.abs(rows["stick_x"]) > _HELD) | (np.abs(rows["stick_psi"]) > _HELD)
     if not held.any():
         return math.nan
-    dv = (rows["human_v"] - rows["applied_v"])[held]
-    domega = (rows["human_omega"] - rows["applied_omega"])[held]
+    dv = (rows["operator_v"] - rows["applied_v"])[held]
+    domega = (rows["operator_omega"] - rows["applied_omega"])[held]
     return float(np.hypot(dv, STEERING * domega).mean())
 
 
