@@ -63,7 +63,10 @@ class Leaving:
 
 
 def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
-    """Counts what was done in one episode, once for each spell; how long it was [s]."""
+    """Counts what was done in one episode, once for each spell, and for how long in all [s].
+
+    Returns how long the episode was [s].
+    """
     case = made.case(number)
     setup, model = case.setup, robot(case.robot)
     lidar, rate = model.lidar.lidar(), model.lidar.rate_hz
@@ -97,6 +100,8 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
                 got = monitor.restrict(t, told)
             what = "fault" if got.fault else "hold" if got.share == 0.0 else "slow"
             now = f"{what}: {got.reason}" if got.reason else ""
+            if now:
+                said[f"{what}_s"] += setup.dt
             if now and now.split(":")[0] != before.split(":")[0]:
                 said[what] += 1
                 if shown:
