@@ -25,8 +25,8 @@ from cohelm.scenario.worlds.tracks import ELSEWHERE
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from cohelm.sim.odometer import Odometer
-from cohelm.study.campaign.acted import Acted
-from cohelm.study.campaign.case import traced
+from cohelm.study.campaign.episode import traced
+from cohelm.study.campaign.interventions import Interventions
 from cohelm.study.campaign.suites import suite
 
 _PACE, _PUSH = 1.3, 1.0  # at which people walk off [m/s, m/s^2]
@@ -75,7 +75,7 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
     odometry, looked, before, t = odometer.start(0.0), None, "", 0.0
     half, count = 0.5 * model.track_m, 0
     last, leaving = None, Leaving(lidar.range_max + 1.0)
-    for piece in traced(case, "guard", Acted()):
+    for piece in traced(case, "guard", Interventions()):
         for row, discs in zip(piece.rows, piece.discs, strict=True):
             t = float(row["t"])
             pose = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
@@ -93,7 +93,7 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
                 )  # fmt: skip
                 looked = Scan(t, count, ranges, 0.0)
                 count += 1
-            told = Twist(float(row["v"]), float(row["omega"]))
+            told = Twist(float(row["safe_v"]), float(row["safe_omega"]))
             readings = Readings(odometry, looked, None, None)
             got = monitor.observe(t, readings, told)
             if not got.fault and got.share == 1.0:
