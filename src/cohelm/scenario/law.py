@@ -12,7 +12,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.govern import Pace
 from cohelm.law.guard.step import Rules
 from cohelm.perceive.way import Manners
-from cohelm.pilot.evasion import EvasionParams
+from cohelm.pilot.evasion import HURRY, EvasionParams
 from cohelm.pilot.plan import Care
 from cohelm.pilot.step import Settings
 from cohelm.robot.limits import Limits
@@ -27,7 +27,6 @@ Angle = Annotated[float, Field(gt=0.0, le=1.5707)]
 
 _PAPER, _RULES, _PACE, _CARE, _MANNERS = Gains(), Rules(), Pace(), Care(), Manners()
 _EVASION = EvasionParams()
-_HURRY = 1.6  # who gets out of the way may be so much faster than the reference
 
 
 class Tracking(Schema):
@@ -180,7 +179,7 @@ class EvasionModel(Schema):
     """Making way for who moves; with the guard only, and never while a person leads."""
 
     horizon_s: Annotated[float, Field(ge=0.0, le=10.0)] = _EVASION.horizon
-    """How far ahead is looked, say 3; 0: nobody is evaded, the robot only stands."""
+    """How far ahead is looked; 0: nobody is evaded, the robot only stands."""
     speed_mps: Rate | None = None
     """Largest speed of an evasion; by default 1.6 times that of the reference."""
     yaw_rate_radps: Rate = _EVASION.yaw_rate
@@ -194,7 +193,7 @@ class EvasionModel(Schema):
         """The same as numbers. u_d: speed of the reference [m/s]."""
         return _EVASION._replace(
             horizon=self.horizon_s, yaw_rate=self.yaw_rate_radps, clearance=self.clearance_m,
-            speed=_HURRY * u_d if self.speed_mps is None else self.speed_mps,
+            speed=HURRY * u_d if self.speed_mps is None else self.speed_mps,
             social_clearance=max(self.social_clearance_m, self.clearance_m),
         )  # fmt: skip
 
