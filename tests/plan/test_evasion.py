@@ -1,7 +1,6 @@
 """The robot steps aside: who comes towards it, crosses or overtakes it is not waited for."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,8 +20,8 @@ from tests.pilot.drives import DT, SALLY, SETTINGS, drive
 from tests.sim.test_closed_loop_lidar import crossing
 
 WAY = [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0)]
-OFF = SETTINGS
-ON = SETTINGS._replace(evasion=EvasionParams(horizon=3.0))
+ON = SETTINGS
+OFF = SETTINGS._replace(evasion=EvasionParams(horizon=0.0))
 
 
 def coming(x, y, vx, vy, radius=0.25):
@@ -85,9 +84,7 @@ def test_a_walker_seen_by_lidar_is_kept_off(name):
     """What a LiDAR tells of a velocity is never twice the same: a motion that the filter could only
     just stop from was begun in front of him, and then could not be gone on with."""
     setup = with_pilot(crossing(WALKERS[name]), lidar=SALLY.lidar)
-    assert setup.pilot is not None
-    evading = setup.pilot.settings._replace(evasion=EvasionParams(horizon=3.0))
-    rows = run(replace(setup, pilot=replace(setup.pilot, settings=evading))).rows
+    rows = run(setup).rows
     assert rows["arrived"][-1]
     assert rows["clearance"].min() > 0.05
 

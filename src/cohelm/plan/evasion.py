@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
+from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, Twist, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Clock, PaceParams, govern, governed
 from cohelm.law.guard.bounds import brake_steps, coasting
@@ -45,14 +45,19 @@ _TOUCH = 100.0  # cost of a touch for each second that it comes before the horiz
 _WATCHED = 64  # movers are watched at most
 _SLOW = 0.05  # nobody makes way for who is slower; as in `plan.prediction` [m/s]
 _SAME = 0.5  # who is farther from where he should be by now is somebody else [m]
+_STRIDE = 0.5  # with which is foretold about where a motion leads [s]
+_ABOUT = 0.25  # by so much less it may then cost [m]
 _LASTS = 0.5  # of a change of velocity, share that is taken from the newest look
+
+HURRY = 1.6
+"""Who gets out of somebody's way may be so much faster than the reference."""
 
 
 class EvasionParams(NamedTuple):
     """How moving obstacles are evaded."""
 
-    horizon: float = 0.0
-    """How far ahead is looked, say 3; 0: nobody is evaded, the robot only stands [s]."""
+    horizon: float = 3.0
+    """How far ahead is looked; 0: nobody is evaded, the robot only stands [s]."""
     period: float = 0.1
     """From one look to the next [s]."""
     speed: float = 0.8
@@ -514,10 +519,10 @@ class _Way(NamedTuple):
 
 @jit
 def _leg(
-    case: _Case, way: _Way, to: Twist, until: float, limits: Limits, e: EvasionParams, bound: float
+    case: _Case, way: _Way, to: Twist, until: float, limits: Limits, e: EvasionParams, most: float
 ) -> _Way:  # fmt: skip
     """The motion with a twist asked for until then; it ends with a touch, or where it can not go
-    on. What is sure to be no better than `bound` ends too."""
+    on. What risks more than `most` ends too."""
     pose, twist, t, risk = way.pose, way.twist, way.t, way.risk
     while t < until - 0.5 * _H:
         twist = achievable(to, twist, limits, _H)
@@ -528,7 +533,7 @@ def _leg(
         uneasy, g = _risk(case, pose, t, e)
         risk += e.risk_weight * _H * uneasy
         if g <= 0.0:
-            cost = _TOUCH * (e.horizon - t) + 10.0 * abs(twist.v) + risk
+            cost = _TOUCH * (e.horizon - t + 2.0 * _H) + 10.0 * abs(twist.v) + risk
             return _Way(pose, twist, t, risk, cost + 0.05 * _to_go(case, pose))
         if t <= e.certified_for:
             spare = _spare(case.movers, case.outline, case.reach, pose, twist, t, limits, e)
@@ -538,7 +543,7 @@ def _leg(
             least = e.slack + e.slack_growth * t
             if spare < least:
                 risk += e.risk_weight * _H * (1.0 - spare / least) * (1.0 - spare / least)
-        if risk > bound:
+        if risk > most:
             return _Way(pose, twist, t, risk, math.inf)
     return _Way(pose, twist, t, risk, -1.0)
 
@@ -566,7 +571,7 @@ def _waiting(case: _Case, pose: Pose, since: float, risk: float, e: EvasionParam
         uneasy, g = _risk(case, pose, t, e)
         risk += e.risk_weight * _H * uneasy
         if g <= 0.0:
-            return _TOUCH * (e.horizon - t) + risk
+            return _TOUCH * (e.horizon - t + 2.0 * _H) + risk
     return _to_go(case, pose) + risk
 
 
@@ -585,47 +590,118 @@ def _best(
     was: Evasion, case: _Case, pose: Pose, twist: Twist, around: Surroundings,
     limits: Limits, rules: Rules, e: EvasionParams,
 ) -> Evasion:  # fmt: skip
-    speed, turn = min(e.speed, limits.speed), min(e.yaw_rate, limits.yaw_rate)
-    most = len(_SPEEDS) * len(_TURNINGS) * 3 + 1
-    costs, sets = np.empty(most), np.empty((most, 5))
+    """The cheapest motion that the filter lets begin.
+
+    Those that promise most are looked at first; what can not come near the best so far is not
+    looked at at all.
+    """
+    motions, firsts = _motions(was, limits, e)
+    fees = _fees(motions, was.on, e)
+    floors = _floors(case, pose, twist, motions, firsts, was.on, limits, e) + fees
+    costs = np.full(len(motions), math.inf)
     start = _Way(pose, twist, 0.0, 0.0, -1.0)
-    n, best = 0, math.inf
+    ways, known, best = [start] * len(motions), np.zeros(len(motions), dtype=np.bool_), math.inf
+    order: Ints = np.argsort(floors)
+    for j in range(len(order)):
+        i = int(order[j])
+        most, k, m = best + _NEARLY - floors[i], int(firsts[i]), motions[i]
+        if most < 0.0:
+            break
+        if not known[k]:
+            ways[k] = _leg(case, start, Twist(m[0], m[1]), m[4], limits, e, most)
+            known[k] = True
+        costs[i] = _whole(case, ways[k], Twist(m[2], m[3]), limits, e, most) + fees[i]
+        best = min(best, costs[i])
+    chosen = _certified(costs, motions, pose, twist, case, around, limits, rules)
+    now, row = _now(motions[chosen]), motions[chosen]
+    return Evasion(True, now.v, now.omega, row[3], row[4], row[2], _steps(e, rules) - 1)
+
+
+@jit
+def _motions(was: Evasion, limits: Limits, e: EvasionParams) -> tuple[Floats, Ints]:
+    """(n, 5): v and omega of the first piece and of the second, and when that begins [s]; what is
+    being done already comes first. And for each the first motion that begins with the same piece.
+    """
+    speed, turn = min(e.speed, limits.speed), min(e.yaw_rate, limits.yaw_rate)
+    motions = np.empty((len(_SPEEDS) * len(_TURNINGS) * 3 + 1, 5))
+    firsts = np.zeros(len(motions), dtype=np.int64)
+    n = 0
     if was.on:
         turns = max(was.turns - e.period, 0.0)
-        way = _leg(case, start, Twist(was.v, was.omega), turns, limits, e, best)
-        _put(sets, n, was.v, was.omega, was.after, was.then, turns)
-        costs[n] = _whole(case, way, Twist(was.after, was.then), limits, e, best)
-        costs[n] += _fee(was.v, was.omega) - e.hysteresis
-        best = costs[n]
-        n += 1
+        _put(motions, n, was.v, was.omega, was.after, was.then, turns)
+        n = 1
     for a in _SPEEDS:
         for b in _TURNINGS:
-            v, omega = a * speed, b * turn
-            fee = _fee(v, omega)
-            bound = best + _NEARLY - fee
-            way = _leg(case, start, Twist(v, omega), _TURNS, limits, e, bound)
-            for after in range(3):
+            v, omega, first = a * speed, b * turn, n
+            for after in range(3):  # goes on, goes straight on, stops
                 if (after == 1 and b == 0.0) or (after == 2 and a == 0.0):
                     continue
                 v2, omega2 = (v if after < 2 else 0.0), (omega if after == 0 else 0.0)
-                _put(sets, n, v, omega, v2, omega2, _TURNS)
-                costs[n] = _whole(case, way, Twist(v2, omega2), limits, e, bound) + fee
-                best = min(best, costs[n])
+                _put(motions, n, v, omega, v2, omega2, _TURNS)
+                firsts[n] = first
                 n += 1
-                if way.cost >= 0.0:
-                    break
-    first = int(np.argmin(costs[:n]))
-    chosen = first
+    return motions[:n], firsts[:n]
+
+
+@jit
+def _fees(motions: Floats, keeps: bool, e: EvasionParams) -> Floats:
+    """What each motion costs beside where it leads and what it risks [m]."""
+    fees = np.empty(len(motions))
+    for i in range(len(motions)):
+        fees[i] = _fee(motions[i, 0], motions[i, 1])
+    if keeps:
+        fees[0] -= e.hysteresis
+    return fees
+
+
+@jit
+def _floors(
+    case: _Case, pose: Pose, twist: Twist, motions: Floats, firsts: Ints, keeps: bool,
+    limits: Limits, e: EvasionParams,
+) -> Floats:  # fmt: skip
+    """What each motion costs at least, if nothing is in its way [m]; that of what is being done is
+    -inf, for it is looked at first."""
+    floors, there = np.empty(len(motions)), (pose, twist)
+    for i in range(len(motions)):
+        m = motions[i]
+        if firsts[i] == i:
+            there = _freely(pose, twist, Twist(m[0], m[1]), m[4], limits)
+        end = _freely(there[0], there[1], Twist(m[2], m[3]), e.horizon - m[4], limits)[0]
+        floors[i] = _to_go(case, end) - _ABOUT
+    if keeps:
+        floors[0] = -math.inf
+    return floors
+
+
+@jit
+def _freely(
+    pose: Pose, twist: Twist, to: Twist, lasts: float, limits: Limits
+) -> tuple[Pose, Twist]:
+    """About where a twist that is asked for leads."""
+    while lasts > 1e-6:
+        step = min(lasts, _STRIDE)
+        twist = achievable(to, twist, limits, step)
+        pose = arc(pose, twist, step)
+        lasts -= step
+    return pose, twist
+
+
+@jit
+def _certified(
+    costs: Floats, motions: Floats, pose: Pose, twist: Twist, case: _Case, around: Surroundings,
+    limits: Limits, rules: Rules,
+) -> int:  # fmt: skip
+    """The cheapest motion of the best few whose first step the filter lets pass; where there is
+    none, the cheapest of all. Overwrites the costs."""
+    first = int(np.argmin(costs))
     for _ in range(_TRIES):
-        i = int(np.argmin(costs[:n]))
-        command = achievable(_now(sets[i]), twist, limits, rules.dt)
+        i = int(np.argmin(costs))
+        command = achievable(_now(motions[i]), twist, limits, rules.dt)
         m = manoeuvre(pose, command, limits, rules.dt, case.reach)
         if in_the_way(m, case.outline, case.reach, around, rules.hard_margin) == CLEAR:
-            chosen = i
-            break
+            return i
         costs[i] = math.inf
-    now, row = _now(sets[chosen]), sets[chosen]
-    return Evasion(True, now.v, now.omega, row[3], row[4], row[2], _steps(e, rules) - 1)
+    return first
 
 
 @jit_inline
@@ -636,23 +712,23 @@ def _fee(v: float, omega: float) -> float:
 
 @jit
 def _whole(
-    case: _Case, way: _Way, to: Twist, limits: Limits, e: EvasionParams, bound: float
+    case: _Case, way: _Way, to: Twist, limits: Limits, e: EvasionParams, most: float
 ) -> float:  # fmt: skip
     """The cost of a motion that goes on with a twist to the horizon."""
     if way.cost >= 0.0:
         return way.cost
-    reaches = 1.2 * abs(to.v) * (e.horizon - way.t)
-    if way.risk + _to_go(case, way.pose) - reaches > bound:
+    if way.risk > most:
         return math.inf
-    way = _leg(case, way, to, e.horizon, limits, e, bound)
+    way = _leg(case, way, to, e.horizon, limits, e, most)
     return way.cost if way.cost >= 0.0 else way.risk + _to_go(case, way.pose)
 
 
 @jit
 def _put(
-    sets: Floats, n: int, v: float, omega: float, after: float, then: float, turns: float
+    motions: Floats, n: int, v: float, omega: float, after: float, then: float, turns: float
 ) -> None:
-    sets[n, 0], sets[n, 1], sets[n, 2], sets[n, 3], sets[n, 4] = v, omega, after, then, turns
+    motions[n, 0], motions[n, 1] = v, omega
+    motions[n, 2], motions[n, 3], motions[n, 4] = after, then, turns
 
 
 @jit

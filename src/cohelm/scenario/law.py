@@ -13,7 +13,7 @@ from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
 from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
-from cohelm.plan.evasion import EvasionParams
+from cohelm.plan.evasion import HURRY, EvasionParams
 from cohelm.plan.path_planner import PathParams
 from cohelm.robot.limits import Limits
 
@@ -33,7 +33,6 @@ _PAPER, _RULES, _PACE, _CARE, _MANNERS = (
     PathParams(),
 )
 _EVASION = EvasionParams()
-_HURRY = 1.6  # who gets out of the way may be so much faster than the reference
 
 
 class Tracking(Schema):
@@ -214,7 +213,7 @@ class EvasionModel(Schema):
     """Making way for who moves; with the guard only, and never while a person leads."""
 
     horizon_s: Annotated[float, Field(ge=0.0, le=10.0)] = _EVASION.horizon
-    """How far ahead is looked, say 3; 0: nobody is evaded, the robot only stands."""
+    """How far ahead is looked; 0: nobody is evaded, the robot only stands."""
     speed_mps: Rate | None = None
     """Largest speed of an evasion; by default 1.6 times that of the reference."""
     yaw_rate_radps: Rate = _EVASION.yaw_rate
@@ -228,7 +227,7 @@ class EvasionModel(Schema):
         """The same as numbers. u_d: speed of the reference [m/s]."""
         return _EVASION._replace(
             horizon=self.horizon_s, yaw_rate=self.yaw_rate_radps, clearance=self.clearance_m,
-            speed=_HURRY * u_d if self.speed_mps is None else self.speed_mps,
+            speed=HURRY * u_d if self.speed_mps is None else self.speed_mps,
             social_clearance=max(self.social_clearance_m, self.clearance_m),
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference
 from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.step import Settings
+from cohelm.plan.evasion import HURRY, EvasionParams
 from cohelm.robot.limits import Limits
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.closed_loop import Piloted
@@ -86,9 +87,11 @@ def with_pilot(
     """
     moving = np.hypot(setup.around.discs[:, VX], setup.around.discs[:, VY]) > 0.0
     moving |= np.diff(setup.around.path_first) > 0
+    gains = gains or setup.gains
     settings = Settings(
-        setup.outline, setup.limits, gains or setup.gains, Rules(dt=setup.dt), pace or PaceParams()
-    )
+        setup.outline, setup.limits, gains, Rules(dt=setup.dt), pace or PaceParams(),
+        evasion=EvasionParams(speed=HURRY * gains.u_d),
+    )  # fmt: skip
     made = Piloted(
         settings, agility * moving.astype(np.float64), None if lidar is None else lidar.lidar()
     )
