@@ -171,8 +171,8 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         row["e_p"] = pose_error(pose, wanted)
         row["stick_x"], row["stick_psi"] = stick
         row["operator_v"], row["operator_omega"] = hand
-        for name in ("", "automatic_", "shared_"):
-            row[f"{name}v"], row[f"{name}omega"] = command
+        for name in ("safe", "tracking", "nominal"):
+            row[f"{name}_v"], row[f"{name}_omega"] = command
         row["authority_x"] = row["authority_psi"] = row["rate"] = 1.0
         row["h"] = h[k].min(initial=math.inf)
         row["verdict"], row["culprit"] = UNTOUCHED if sound else INVALID, -1
