@@ -692,6 +692,21 @@ def test_nothing_near_enough_is_left_out():
     assert found.points == pytest.approx(seen_from(points[near], pose))
 
 
+def test_what_left_the_view_after_the_scan_began_is_in_its_view():
+    """It turns to the left, and its first beam, on the right, saw that nothing stands there now."""
+    it, turning = watch(), Twist(0.0, 1.0)
+    for k in range(60):
+        t = 0.02 * k
+        odometry = Odometry(t, Pose(0.0, 0.0, t), turning)
+        it.observe(t, Readings(odometry, None, None, None), turning)
+    ranges = empty()
+    ranges[np.abs(BEARINGS - (BEARINGS[0] + 0.3)) < STEP] = 0.5
+    it.observe(t, Readings(odometry, Scan(0.0, 0, ranges, 0.0), None, None), turning)
+    assert len(it._by_odometry.points) > 0
+    it.observe(t, Readings(odometry, Scan(0.1, 1, empty(), 0.9), None, None), turning)
+    assert len(it._by_odometry.points) == 0
+
+
 def test_what_left_the_view_while_the_scan_turned_is_remembered():
     """It turns to the right; the scan's last beam, on the left, does not reach what stood there."""
     it, turning = watch(), Twist(0.0, -1.0)
