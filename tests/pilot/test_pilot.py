@@ -120,3 +120,13 @@ def test_who_comes_head_on_is_passed_on_the_right_where_that_is_asked_for():
 
     assert beside(0.0) > 0.3  # the shorter way
     assert beside(0.5) < -0.3
+
+
+def test_flush_along_a_wall_and_nose_first_in_a_corner_it_gets_away():
+    """3 cm beside the wall, which is all the guard shapes for, no corner of it may come nearer:
+    only a gentle arc backwards, shaped to what is certified, leads off."""
+    walls = [(-1, -4, 14, -4), (-1, -4, -1, 3)]
+    way = [(-0.68, -3.35), (0.5, -2.6), (3.0, -2.0)]
+    done = drive(way, walls=walls, start=(-0.68, -3.35, -math.pi / 2), seconds=40.0)
+    assert done.arrived
+    assert done.gaps.min() > 0.0075
