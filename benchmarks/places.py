@@ -28,7 +28,7 @@ sys.path.insert(0, str(ROOT))
 from scipy import ndimage  # noqa: E402
 
 from cohelm.core.types import Floats, Pose  # noqa: E402
-from cohelm.perceive.seen import Perception, rehearse  # noqa: E402
+from cohelm.perceive.pipeline import Perception, rehearse  # noqa: E402
 from cohelm.robot.sensors import LidarModel  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, read_map  # noqa: E402

@@ -17,7 +17,7 @@ from shapely import Polygon, box, contains_xy, unary_union
 from shapely.affinity import rotate
 
 from cohelm.core.types import Pose
-from cohelm.perceive.known import Known, known
+from cohelm.perceive.localize.localization_map import LocalizationMap, known
 from cohelm.sim.grid import NO_GRID, Grid
 
 NO_DISCS = np.empty((0, 6))
@@ -30,7 +30,7 @@ class Place(NamedTuple):
     name: str
     walls: np.ndarray
     grid: Grid
-    known: Known
+    known: LocalizationMap
     clear: np.ndarray
     low: np.ndarray
 

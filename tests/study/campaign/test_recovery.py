@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.trace import ROW
-from cohelm.study.campaign.episode import recovery
+from cohelm.study.campaign.scoring import recovery
 
 
 def drive(*, led, off):
