@@ -62,7 +62,7 @@ def test_a_stick_that_is_not_a_number_stops_the_robot():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.3, 0.0)
     d = pilot.step(0.0, pose, twist, Stick(math.nan, 0.0), NOTHING_NEAR)
-    assert d.safe_verdict == INVALID
+    assert d.verdict == INVALID
     assert 0.0 <= d.safe_v < 0.3
     assert all(math.isfinite(value) for value in d._replace(h=0.0, gap=0.0))
 
@@ -70,10 +70,10 @@ def test_a_stick_that_is_not_a_number_stops_the_robot():
 def test_a_pose_that_is_not_a_number_stops_it_and_leaves_no_trace():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     d = pilot.step(0.0, Pose(math.nan, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
-    assert d.safe_verdict == INVALID
+    assert d.verdict == INVALID
     assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
     d = pilot.step(DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
-    assert d.safe_verdict != INVALID
+    assert d.verdict != INVALID
     assert d.safe_v > 0.0
 
 

@@ -151,7 +151,7 @@ def test_who_slows_down_is_foreseen_to_stop_and_not_to_come_back():
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         d = pilot.step(k * DT, pose, twist, None, seen)
-        twist = achievable(Twist(d.v, d.omega), twist, ON.limits, DT)
+        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
         pose = arc(pose, twist, DT)
         went = max(went, math.hypot(pose.x, pose.y))
         x, v = x + v * DT, max(v - 0.7 * DT, 0.0)
