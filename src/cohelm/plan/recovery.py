@@ -172,7 +172,7 @@ def _along(
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """The gaps of the outline along an arc, and how far it has driven there, signed [m]."""
     step = _LOOK / (1.0 + abs(curvature) * reach)
-    ways: Floats = np.arange(1, math.ceil(far / step) + 1) * (sign * step)
+    ways = np.arange(1, math.ceil(far / step) + 1, dtype=np.float64) * (sign * step)
     poses = np.array([arc(pose, Twist(float(d), float(d) * curvature), 1.0) for d in ways])
     return swept(points, outline, poses), ways
 
