@@ -171,7 +171,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         row["e_p"] = pose_error(pose, wanted)
         row["stick_x"], row["stick_psi"] = stick
         row["operator_v"], row["operator_omega"] = hand
-        for name in ("", "automatic_", "shared_"):
+        for name in ("safe_", "tracking_", "nominal_"):
             row[f"{name}v"], row[f"{name}omega"] = command
         row["authority_x"] = row["authority_psi"] = row["rate"] = 1.0
         row["h"] = h[k].min(initial=math.inf)
