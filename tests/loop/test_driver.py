@@ -21,6 +21,6 @@ def test_by_hand_with_the_stick_centred_it_makes_way_for_nobody(gently):
         seen = surroundings([walker], [1.0])
         driver.moved(Twist(0.0, 0.0))
         d = driver.by_hand(k * DT, Pose(0.0, 0.0, math.pi / 2), Stick(0.0, 0.0), seen, gently)
-        assert (d.v, d.omega) == (0.0, 0.0)
+        assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
         assert d.doing != EVADING
-        driver.given(Twist(d.v, d.omega))
+        driver.given(Twist(d.safe_v, d.safe_omega))

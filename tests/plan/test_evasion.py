@@ -139,3 +139,20 @@ def test_what_is_asked_for_is_finite_whatever_is_told(bad, column):
             d.tracking_omega,
         )
         assert np.isfinite(asked).all()
+
+
+def test_who_slows_down_is_foreseen_to_stop_and_not_to_come_back():
+    """He walks away ahead of the robot, and stops: what would come back had to be fled from."""
+    pilot = Pilot(through([(0.0, 0.0), (0.01, 0.0)], 0.5), ON)
+    pose, twist, went = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0
+    x, v = 1.1, 0.7
+    for k in range(150):
+        seen = surroundings([disc(x, 0.0, 0.25, 0.75, v, 0.0)], [1.0])
+        if k % 10 == 0:
+            pilot.take(pilot.plan(pose, twist, seen), pose, twist)
+        d = pilot.step(k * DT, pose, twist, None, seen)
+        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
+        pose = arc(pose, twist, DT)
+        went = max(went, math.hypot(pose.x, pose.y))
+        x, v = x + v * DT, max(v - 0.7 * DT, 0.0)
+    assert went < 0.05

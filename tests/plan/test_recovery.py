@@ -11,6 +11,7 @@ from shapely.affinity import rotate, translate
 from cohelm.core.types import Pose, Twist, wrap
 from cohelm.plan.recovery import FORWARDS, LEFT, RIGHT, Choices, Escape, escape, kind, rest, wish
 from cohelm.robot.kinematics import arc
+from cohelm.scenario.load import robot as load_robot
 from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, room, wall
 
 AT = Pose(0.0, 0.0, 0.0)
@@ -85,6 +86,23 @@ def test_a_robot_nearer_than_the_gap_already_may_still_leave():
     assert move is not None
     _, least = drive(AT, move, JACKAL, points)
     assert least > 0.0
+
+
+@pytest.mark.parametrize("outline", [JACKAL, load_robot("sally").outline])
+def test_flush_along_a_wall_a_gentle_arc_leads_off(outline):
+    """Neither on the spot nor sharply can it turn away: a corner would come nearer."""
+    side, front = -outline[:, 1].min(), outline[:, 0].max()
+    points = np.vstack((wall(-3.0, -side - 0.03, front + 0.2, -side - 0.03),
+                        wall(front + 0.2, -side - 0.03, front + 0.2, 2.0)))  # fmt: skip
+    pose = AT
+    for _ in range(4):  # a little back, a little aside, and again
+        move = escape(pose, 2.0, points, outline)
+        assert move is not None
+        pose, least = drive(pose, move, outline, points)
+        assert least > 0.015
+        if move.turn:
+            break
+    assert wrap(pose.psi - 2.0) == pytest.approx(0.0, abs=0.05)
 
 
 @settings(max_examples=60, deadline=None)

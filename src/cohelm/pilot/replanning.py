@@ -239,7 +239,10 @@ def _way_out(
     if over or (abs(off) <= care.turned and not held):
         return None
     refused = task.state.refused
-    choices = _CHOICES._replace(gaps=(*(g for g in _CHOICES.gaps if g > manners.gap), manners.gap))
+    choices = _CHOICES._replace(
+        gaps=(*(g for g in _CHOICES.gaps if g > manners.gap), manners.gap),
+        least=min(1.2 * settings.rules.hard_margin, settings.rules.soft_margin),
+    )
     move = escape(pose, to.psi, points, settings.outline, choices, refused)
     if move is None and refused:
         move = escape(pose, to.psi, points, settings.outline, choices)

@@ -172,7 +172,8 @@ def pilot_step(
     gap, change = math.inf, 0.0
     if s.guarded:
         asked = tau if hand.sound else Twist(math.nan, math.nan)  # not a centred stick: brake
-        passed = guard(then, before, asked, things, s.outline, s.limits, s.rules)
+        rules = _nearer(s.rules) if escaping else s.rules
+        passed = guard(then, before, asked, things, s.outline, s.limits, rules)
         gap, change = passed.gap, passed.change
         u = Twist(passed.v - tau.v, passed.omega - tau.omega)
         step = decided(
@@ -198,6 +199,16 @@ def pilot_step(
         step.I, step.J, step.h, step.verdict, step.culprit, gap, change, doing,
         clock.tau, clock.rate, clock.waited,
         target.x, target.y, target.psi, target.u, target.r,
+    )  # fmt: skip
+
+
+@jit_inline
+def _nearer(rules: Rules) -> Rules:
+    """Moves out of tight spots are shaped to keep no more than is certified: along a wall nothing
+    else would let a corner turn."""
+    return Rules(
+        rules.dt, rules.hard_margin, rules.hard_margin, rules.deceleration_fraction,
+        rules.steer_weight,
     )  # fmt: skip
 
 

@@ -238,9 +238,12 @@ def _gathered(
     for i in range(len(around.discs)):
         d = around.discs[i]
         vx, vy = d[VX], d[VY]
-        speed = math.hypot(vx, vy)
-        moves = speed > 0.0
-        k += moves
+        speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
+        if speed > 0.0:
+            if k < len(seen) and seen[k, 6] > 0.0:  # what does not last was noise
+                lasts = min((seen[k, 4] ** 2 + seen[k, 5] ** 2) / seen[k, 6], 1.0)
+                ax, ay = lasts * seen[k, 4], lasts * seen[k, 5]
+            k += 1
         if vx == 0.0 and vy == 0.0 and around.agility[i] == 0.0:
             continue
         if (speed > _SLOW) != moving:
@@ -248,14 +251,13 @@ def _gathered(
         far = math.hypot(d[X] - pose.x, d[Y] - pose.y) - d[RADIUS] - reach
         if not far < (speed + e.speed) * e.horizon + e.social_clearance:
             continue
+        if speed > 0.0:  # who slows down, stops; he does not go back
+            back = min(ax * vx + ay * vy + speed * speed / e.turning, 0.0) / (speed * speed)
+            ax, ay = ax - back * vx, ay - back * vy
         found[n, 0], found[n, 1], found[n, 2], found[n, 3] = d[X], d[Y], vx, vy
         found[n, 4], found[n, 5] = d[RADIUS], around.agility[i]
         found[n, 6] = min(e.standing_growth + e.growth_per_speed * speed, e.most_growth)
-        found[n, 7], found[n, 8] = 0.0, 0.0
-        if moves and k <= len(seen) and seen[k - 1, 6] > 0.0:  # what does not last was noise
-            ax, ay = seen[k - 1, 4], seen[k - 1, 5]
-            lasts = min((ax * ax + ay * ay) / seen[k - 1, 6], 1.0)
-            found[n, 7], found[n, 8] = lasts * ax, lasts * ay
+        found[n, 7], found[n, 8] = ax, ay
         n += 1
         if e.pass_right > 0.0 and far < math.inf:
             found[n] = found[n - 1]
@@ -600,7 +602,8 @@ def _best(
     floors = _floors(case, pose, twist, motions, firsts, was.on, limits, e) + fees
     costs = np.full(len(motions), math.inf)
     start = _Way(pose, twist, 0.0, 0.0, -1.0)
-    ways, known, best = [start] * len(motions), np.zeros(len(motions), dtype=np.bool_), math.inf
+    ways: list[_Way] = [start] * len(motions)
+    known, best = np.zeros(len(motions), dtype=np.bool_), math.inf
     order: Ints = np.argsort(floors)
     for j in range(len(order)):
         i = int(order[j])

@@ -14,6 +14,7 @@ from cohelm.robot.kinematics import arc
 
 _LOOK = 0.02  # how far apart poses are looked at, of the outline's farthest corner [m]
 _NEAR_ENOUGH = 0.01  # to the end of a move [m, rad]
+_GAIN = 0.01  # in gap that a move away is worth making for [m]
 
 
 class Escape(NamedTuple):
@@ -55,6 +56,10 @@ class Choices(NamedTuple):
     """Farthest move forwards [m]."""
     curvatures: tuple[float, ...] = (0.0, 1.5, -1.5, 4.0, -4.0)
     """Of the arcs [1/m]."""
+    gentle: tuple[float, ...] = (0.08, -0.08, 0.12, -0.12, 0.16, -0.16, 0.3, -0.3, 1.0, -1.0)
+    """Of arcs that lead away from what the robot stands along [1/m]."""
+    least: float = 0.018
+    """Least gap on those, a little more than the guard's hard margin [m]."""
 
 
 _CHOICES = Choices()
@@ -64,13 +69,18 @@ def escape(
     pose: Pose, heading: float, points: Floats, outline: Floats, choices: Choices = _CHOICES,
     refused: int = 0,
 ) -> Escape | None:  # fmt: skip
-    """The shortest move after which the robot can look into `heading`; None if none is clear.
+    """The shortest move after which the robot can look into `heading`; where there is none, one
+    after which it has more room, if there is any; None if nothing is clear.
 
     With the largest gap for which there is one: a turn on the spot, the short way round, else
     the long way; or an arc backwards or forwards, followed by such a turn. pose: world frame.
     heading: world frame [rad]. points: (p, 2) [m]. outline: (k, 2), convex, counter-clockwise.
     Where the robot is nearer to something than the gap already, it comes no nearer. refused: kinds
     of moves that are not to be begun with.
+
+    Who stands along a wall with no more than the gap can not turn away from it, on the spot or
+    sharply, without a corner coming nearer: then a gentle arc leads off, on which it may come as
+    near as `choices.least`.
     """
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
     far = choices.back + choices.forward + 2.0 * reach
@@ -81,7 +91,26 @@ def escape(
         found = _shortest(pose, heading, near, outline, reach, gap, min(gap, now), choices, refused)
         if found is not None:
             return found
-    return None
+    return _away(pose, near, outline, reach, choices, refused)
+
+
+def _away(
+    pose: Pose, points: Floats, outline: Floats, reach: float, choices: Choices, refused: int
+) -> Escape | None:
+    """The gentle arc that ends with the largest gap; None if none of them gains any."""
+    now = float(swept(points, outline, np.array([pose]))[0])
+    most, best = now + _GAIN, None
+    for sign, far in ((-1.0, choices.back), (1.0, 2.0 * choices.forward)):
+        if kind(Escape(sign, 0.0, 0.0)) & refused:
+            continue
+        for curvature in choices.gentle:
+            gaps, ways = _along(pose, sign, curvature, far, points, outline, reach)
+            tight = gaps < min(choices.least, now)
+            end = int(np.argmax(tight)) if tight.any() else len(gaps)
+            k = int(np.argmax(gaps[:end])) if end else 0
+            if end and gaps[k] > most:
+                most, best = float(gaps[k]), Escape(float(ways[k]), curvature, 0.0)
+    return best
 
 
 def _shortest(
@@ -131,12 +160,21 @@ def _clear_distance(
     reach: float, gap: float,
 ) -> float:  # fmt: skip
     """How far along an arc the outline stays clear [m]."""
+    gaps, ways = _along(pose, sign, curvature, far, points, outline, reach)
+    tight = gaps < gap
+    first = int(np.argmax(tight)) if tight.any() else len(gaps)
+    return float(abs(ways[0])) * first
+
+
+def _along(
+    pose: Pose, sign: float, curvature: float, far: float, points: Floats, outline: Floats,
+    reach: float,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """The gaps of the outline along an arc, and how far it has driven there, signed [m]."""
     step = _LOOK / (1.0 + abs(curvature) * reach)
-    ways = sign * np.arange(1, math.ceil(far / step) + 1) * step
+    ways = np.arange(1, math.ceil(far / step) + 1, dtype=np.float64) * (sign * step)
     poses = np.array([arc(pose, Twist(float(d), float(d) * curvature), 1.0) for d in ways])
-    tight = swept(points, outline, poses) < gap
-    first = int(np.argmax(tight)) if tight.any() else len(ways)
-    return first * step
+    return swept(points, outline, poses), ways
 
 
 @jit

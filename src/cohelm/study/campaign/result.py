@@ -57,7 +57,7 @@ class EpisodeResult(NamedTuple):
     recovery_s: float
     """Mean time from a release of the stick until E_P is below 0.03 again."""
     unrecovered: int
-    """Releases after which it never was."""
+    """Releases after which it never was, though nobody led again and the robot did not arrive."""
     filtered_share: float
     """Of all steps, those in which the law's filter changed the command."""
     gate_share: float

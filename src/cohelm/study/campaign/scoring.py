@@ -18,7 +18,7 @@ from cohelm.study.campaign.contact_analysis import NOTHING_TOUCHED, Touch, first
 from cohelm.study.campaign.episode import DT, Episode, Law, traced
 from cohelm.study.campaign.interventions import Interventions
 from cohelm.study.campaign.result import EpisodeResult
-from cohelm.study.metrics import BACK_ON_PATH, LEADS_BELOW, settling, spans
+from cohelm.study.metrics import BACK_ON_PATH, LEADS_BELOW, spans
 
 STEERING = 0.5
 """Weight of yaw rate beside speed in `EpisodeResult.disagreement_mps` [m]."""
@@ -94,7 +94,7 @@ def _row(
     touched: Touch, acted: Interventions,
 ) -> EpisodeResult:  # fmt: skip
     duration = float(rows["t"][-1])
-    recovery, unrecovered = _recovery(rows)
+    back, unrecovered = recovery(rows, arrived)
     measured = case.duel is None
     return EpisodeResult(
         suite=case.suite,
@@ -121,7 +121,7 @@ def _row(
         human_share=1.0 - 0.5 * float(rows["authority_x"].mean() + rows["authority_psi"].mean()),
         disagreement_mps=_disagreement(rows),
         jerk_rms_mps3=_jerk(rows["applied_v"]),
-        recovery_s=recovery if measured else math.nan,
+        recovery_s=back if measured else math.nan,
         unrecovered=unrecovered if measured else 0,
         filtered_share=float((rows["verdict"] != 0).mean()),
         gate_share=acted.gate_share,
@@ -156,10 +156,18 @@ def _jerk(speed: Floats) -> float:
     return float(np.sqrt(np.mean(change**2))) if change.size else 0.0
 
 
-def _recovery(rows: NDArray[np.void]) -> tuple[float, int]:
-    """Mean time to recover after the person let go, and how often that never happened."""
+def recovery(rows: NDArray[np.void], arrived: bool) -> tuple[float, int]:
+    """Mean time to recover after the person let go, and how often that never happened.
+
+    A release counts as neither where the person leads again, or the robot arrives, before.
+    """
     leads = np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW
-    whole = Trace(rows, np.empty((len(rows), 0)), np.empty((len(rows), 0, 6)), (), DT)
-    times = [settling(whole, b, BACK_ON_PATH) for _, b in spans(leads) if b < len(rows)]
-    found = [t for t in times if t < math.inf]
-    return (float(np.mean(found)) if found else math.nan), len(times) - len(found)
+    led, found, never = spans(leads), list[float](), 0
+    begins = [begin for begin, _ in led[1:]] + [len(rows)]
+    for (_, released), until in zip(led, begins, strict=False):  # one more where nobody leads
+        back = np.flatnonzero(rows["e_p"][released:until] < BACK_ON_PATH)
+        if len(back):
+            found.append(float(back[0]) * DT)
+        elif released < until == len(rows) and not arrived:
+            never += 1
+    return (float(np.mean(found)) if found else math.nan), never
