@@ -21,7 +21,7 @@ from cohelm.perceive.drift import UNKNOWN, Wheels, inverted, joined, moved, upda
 from cohelm.perceive.frames import between, compose
 from cohelm.perceive.keyframe import Keyframe, agreement, usable
 from cohelm.perceive.known import Judgement, Known, free_at, judge
-from cohelm.perceive.match import Care, align, independent
+from cohelm.perceive.match import Care, Fit, align, independent
 from cohelm.perceive.search import Search, candidates, looked, search
 from cohelm.perceive.surfaces import facing, normals
 from cohelm.perceive.sweep import Sweep
@@ -91,6 +91,8 @@ class Caution(NamedTuple):
     """and this log likelihood, which allows for some four things that are not on the map,"""
     sure: float = 0.1
     """Nor is a pose believed less certain than this standard deviation [m]."""
+    drawn: float = 0.5
+    """How far a map's surfaces lie from the middle of its cells is learnt over this way [m]."""
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40
@@ -298,6 +300,7 @@ class Locator:
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, False, "")
         else:
             self._wheels = self._wheels.learnt(joint, innovation)
+            self._drawn(fit, way)
             self._joint = updated(joint, fit.information)
             new = min(1.0, max(way / self.care.correlated, 0.02)) if not movable else 1.0
             self._told_joint = updated(told, new * own)
@@ -318,6 +321,14 @@ class Locator:
             self._everywhere, self._checking = False, True
             self._seek(points, across, sweep)
             self._told = self._told and self._searched is None
+
+    def _drawn(self, fit: Fit, way: float) -> None:
+        """Learn how the map was drawn: a wall's surface is the middle of the cells that hits fell
+        into, or the edge of cells that were filled. Walls on either side show it, for what moves
+        the robot from one moves it to the other."""
+        most = self.known.resolution
+        new = self.care.offset + min(way / self.caution.drawn, 0.1) * fit.before
+        self.care = self.care._replace(offset=min(max(new, -most), most))
 
     def _believe(self, pose: Pose, covariance: Floats, share: float) -> None:
         """Track from here on."""
