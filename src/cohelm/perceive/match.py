@@ -40,7 +40,7 @@ class Fit(NamedTuple):
     """pose: where the sweep fits best. information: (3, 3) of the match alone, without the
     prior, in x, y, psi. share: of the points that lie within `least` of a surface of the same
     direction. rms: of their distances [m]. converged: whether the last round changed nothing.
-    before: how far they lie before their surfaces, in the mean, beyond what was taken for it [m]."""
+    before: how far they lie before their surfaces, in the mean, beyond `Care.offset` [m]."""
 
     pose: Pose
     information: Floats
