@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.types import wrap
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Kind, simulated
 from cohelm.law.verdict import UNTOUCHED
 from cohelm.link.messages import Mode
@@ -64,7 +64,7 @@ def drive(
     blind = made.model.model_copy(update={"camera": None})  # nobody looks, and pictures take long
     blind = looking_round(blind) if all_round else blind
     made = replace(made, scenario=made.scenario.model_copy(update={"robot": blind}))
-    with Session(Plan(made)) as session:
+    with Session(SessionConfig(made)) as session:
         keeper, loop = session.loop.keeper, session.loop
 
         def until(_: object) -> bool:

@@ -21,7 +21,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from cohelm.core.types import Stick, Twist
-from cohelm.drive.session import Plan
+from cohelm.drive.session import SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.drive.teleop_server import Door, serve
 from cohelm.link.keys import Keys, pair_here
@@ -58,7 +58,7 @@ class _Noting:
 def drive(line: Connection, made: Timed, rate: float, keys: Keys) -> None:
     """The robot's process."""
     serve(
-        Plan(made, rate), Door(keys, "127.0.0.1", 0), lambda address: line.send(address),
+        SessionConfig(made, rate), Door(keys, "127.0.0.1", 0), lambda address: line.send(address),
         lambda: "measured" if line.poll() else "",
     )  # fmt: skip
 

@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 
 from cohelm.drive.pictures import Packed
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.timing import Punctuality, Timing
@@ -141,7 +141,7 @@ def measure(rate: float, seconds: float, twin: bool, folder: Path) -> dict[str, 
         nonlocal seen
         seen += 1
 
-    with Session(Plan(robot, rate, folder / f"loop-{rate:g}.mcap")) as session:
+    with Session(SessionConfig(robot, rate, folder / f"loop-{rate:g}.mcap")) as session:
         session.shown = shown
         helpers = children(os.getpid())
         begun, clock = {n: used(p) for n, p in helpers.items()}, time.monotonic()

@@ -21,13 +21,13 @@ from rich.table import Table
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # the drives are the tests' own
 
+from cohelm.core.frames import between, compose, inverse  # noqa: E402
 from cohelm.core.types import Floats, Pose, Twist, disc, wrap  # noqa: E402
-from cohelm.perceive.frames import between, compose, inverse  # noqa: E402
-from cohelm.perceive.known import Known, free_at, gap_at, known  # noqa: E402
-from cohelm.perceive.raster import raster  # noqa: E402
-from cohelm.perceive.seen import Perception, Seen, rehearse  # noqa: E402
-from cohelm.perceive.survey import Survey, Surveyed, glimpses  # noqa: E402
-from cohelm.perceive.trail import pose_at  # noqa: E402
+from cohelm.perceive.localize.localization_map import LocalizationMap, free_at, gap_at, known  # noqa: E402
+from cohelm.perceive.map.mapper import Survey, Surveyed, glimpses  # noqa: E402
+from cohelm.perceive.map.raster import raster  # noqa: E402
+from cohelm.perceive.pipeline import Perception, Seen, rehearse  # noqa: E402
+from cohelm.perceive.scan.odometry_buffer import pose_at  # noqa: E402
 from cohelm.robot.kinematics import arc  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.worlds.carmen import read_log, read_relations  # noqa: E402
@@ -81,10 +81,10 @@ def main() -> None:
         console.print(table)
 
 
-def surveyed() -> tuple[Known, list[Row]]:
+def surveyed() -> tuple[LocalizationMap, list[Row]]:
     """The lab mapped by driving through it, and the errors. The map lies in the true frame."""
     rows: list[Row] = []
-    made: Known | None = None
+    made: LocalizationMap | None = None
     for seed in range(1 if QUICK else 4):
         odometry, scans, true = [], {}, {}
         for moment in drive(*along(TOUR + HOME), seed):
@@ -125,7 +125,7 @@ def fitted(found: Surveyed, truth: list[Pose]) -> tuple[Floats, Floats, Pose]:
     return off, heading, frame
 
 
-def localised(maps: dict[str, Known]) -> Iterator[Row]:
+def localised(maps: dict[str, LocalizationMap]) -> Iterator[Row]:
     path = along(TOUR)
     for name, on in maps.items():
         for seed in range(10, 11 if QUICK else 14):
@@ -150,7 +150,7 @@ def localised(maps: dict[str, Known]) -> Iterator[Row]:
             )  # fmt: skip
 
 
-def pushed(on: Known, count: int) -> Iterator[Row]:
+def pushed(on: LocalizationMap, count: int) -> Iterator[Row]:
     """Dragged 1-2 m aside within a second, the wheels noticing nothing, then turned slowly."""
     poses, twists = along(TOUR)
     rng = np.random.default_rng(5)
@@ -196,7 +196,7 @@ def pushed(on: Known, count: int) -> Iterator[Row]:
     )  # fmt: skip
 
 
-def cold(on: Known, count: int) -> Iterator[Row]:
+def cold(on: LocalizationMap, count: int) -> Iterator[Row]:
     """Switched on anywhere in the lab, with up to two people about who are on no map."""
     poses, twists = along(TOUR)
     for kind in ("standing, turned anyhow", "driving the tour"):

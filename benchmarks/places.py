@@ -27,10 +27,10 @@ sys.path.insert(0, str(ROOT))
 
 from scipy import ndimage  # noqa: E402
 
+from cohelm.core.frames import between  # noqa: E402
 from cohelm.core.types import Floats, Pose  # noqa: E402
-from cohelm.perceive.frames import between  # noqa: E402
-from cohelm.perceive.seen import Perception, rehearse  # noqa: E402
-from cohelm.perceive.survey import Survey  # noqa: E402
+from cohelm.perceive.map.mapper import Survey  # noqa: E402
+from cohelm.perceive.pipeline import Perception, rehearse  # noqa: E402
 from cohelm.robot.sensors import LidarModel  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, read_map  # noqa: E402

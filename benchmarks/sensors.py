@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the drives are t
 
 from benchmarks.lab import drive
 from benchmarks.perceive import localised, pushed, surveyed
-from cohelm.perceive.known import known
+from cohelm.perceive.localize.localization_map import known
 from tests.perceive.drives import lab_map
 
 

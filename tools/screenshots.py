@@ -30,12 +30,12 @@ sys.path.insert(0, str(ROOT))
 
 from cohelm.drive.replayed import Replaying  # noqa: E402
 from cohelm.drive.run_playback import film  # noqa: E402
-from cohelm.drive.session import Plan  # noqa: E402
+from cohelm.drive.session import SessionConfig  # noqa: E402
 from cohelm.drive.simulated import Simulated, simulated  # noqa: E402
 from cohelm.drive.teleop_server import Door, serve  # noqa: E402
 from cohelm.link import keys  # noqa: E402
 from cohelm.link.keys import Keys  # noqa: E402
-from cohelm.perceive.taped import surveyed  # noqa: E402
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry  # noqa: E402
 from cohelm.robot.port import Readings  # noqa: E402
 from cohelm.station.linked import Linked  # noqa: E402
 from tests.station.conftest import CHROMIUM, FLAGS  # noqa: E402
@@ -304,9 +304,9 @@ def _driven(line: Connection, own: Keys, when: str) -> None:
     walls = made.scenario.walls_m
     scenario = made.scenario.model_copy(update={"walls_m": [*walls, *ROOM]})
     robot = Lifted(scenario, made.kind, made.real_time, made.seed, when)
-    known = surveyed(np.array(walls), made.start)
+    known = map_from_geometry(np.array(walls), made.start)
     serve(
-        Plan(robot, known=known, patience=PATIENCE), Door(own, "127.0.0.1"), line.send,
+        SessionConfig(robot, known=known, patience=PATIENCE), Door(own, "127.0.0.1"), line.send,
         lambda: "enough" if line.poll() else "",
     )  # fmt: skip
 

@@ -15,8 +15,8 @@ from cohelm.law.gains import Gains
 from cohelm.law.step import step
 from cohelm.sim.run import run
 from cohelm.sim.setup import Setup
-from cohelm.study.campaign.acted import Acted
-from cohelm.study.campaign.case import Case, traced
+from cohelm.study.campaign.episode import Episode, traced
+from cohelm.study.campaign.interventions import Interventions
 
 from .measure import Rounds, machine, median_call_us
 from .peers import INSTALL, Peer, PeerFailed, installed
@@ -136,7 +136,7 @@ class _Table:
 
 
 def _round(
-    table: _Table, fields: dict[int, Field], setup: Setup, steps: int, cases: Sequence[Case],
+    table: _Table, fields: dict[int, Field], setup: Setup, steps: int, cases: Sequence[Episode],
     quick: bool,
 ) -> None:  # fmt: skip
     """Every number once, ours and the peers' next to each other."""
@@ -154,9 +154,9 @@ def _round(
     table.take("guarded", driven / (perf_counter() - start))
 
 
-def _drive(cases: Sequence[Case]) -> int:
+def _drive(cases: Sequence[Episode]) -> int:
     """Drive episodes with the guard, as a campaign does on one core; how many steps they took."""
-    return sum(len(part) for case in cases for part in traced(case, "guard", Acted()))
+    return sum(len(part) for case in cases for part in traced(case, "guard", Interventions()))
 
 
 def _step_us(scene: Field, calls: int) -> float:

@@ -16,7 +16,7 @@ from cohelm.robot.limits import unlimited
 from cohelm.robot.model import RobotModel, shipped_path
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.case import Case
+from cohelm.study.campaign.episode import Episode
 from cohelm.study.campaign.suites import suite
 
 POSES = 64
@@ -80,7 +80,7 @@ def field(n: int, seed: int = 1) -> Field:
         discs=rows,
         poses=tuple(poses),
         desired=tuple(desired),
-        wishes=np.array([[s.shared_v, s.shared_omega] for s in done]),
+        wishes=np.array([[s.nominal_v, s.nominal_omega] for s in done]),
         shaped=float(np.mean([s.I > s.J for s in done])),
     )
 
@@ -99,7 +99,7 @@ def course(duration: float | None = None) -> Setup:
     )
 
 
-def guarded(few: bool) -> tuple[Case, ...]:
+def guarded(few: bool) -> tuple[Episode, ...]:
     """Episodes of the suites lab and random, one each or three."""
     numbers = (1,) if few else (1, 2, 3)
     suites = [suite(name, 1, None) for name in ("lab", "random")]

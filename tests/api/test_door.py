@@ -66,7 +66,7 @@ def test_a_record_of_a_drive_is_read_into_columns(drive):
     assert record.kind == "drive"
     assert len(record.table["t"]) == 50
     assert np.allclose(np.diff(record.table["t"]), 0.02)
-    assert set(record.table["v_given"]) == {0.3}
+    assert set(record.table["applied_v"]) == {0.3}
     assert record.events[-1][1] == "loop: the end"
     stamps = [t for t, _ in record.scans]
     assert np.allclose(np.diff(stamps), 0.1)

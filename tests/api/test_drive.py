@@ -7,7 +7,7 @@ import pytest
 
 import cohelm
 from cohelm.drive.factory import own_robot
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from tests.api import carts
@@ -22,14 +22,14 @@ def test_a_robot_of_ones_own_arrives_and_is_recorded(tmp_path):
     assert summary["kind"] == "own"
     record = cohelm.read_record(tmp_path / "drive.mcap")
     assert record.table["x"][-1] > 7.8
-    assert record.table["v_given"].max() > 0.4
+    assert record.table["applied_v"].max() > 0.4
 
 
 def test_it_drives_as_the_simulated_robot_of_the_same_site_does():
     """Simulation is one adapter among equals: the same readings, the same trajectory."""
     tracks = []
     for factory in (own_robot(carts.Simulated, SITE), simulated(SITE, real_time=False, seed=0)):
-        with Session(Plan(factory)) as session:
+        with Session(SessionConfig(factory)) as session:
             track = []
 
             def until(loop, track=track):

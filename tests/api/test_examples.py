@@ -9,7 +9,7 @@ import pytest
 
 import cohelm
 from cohelm.drive.factory import own_robot
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
 
 ROOT = Path(__file__).parents[2]
@@ -79,7 +79,7 @@ def test_somebody_elses_robot_drives_the_lab(monkeypatch):
 
     made = own_robot(Cart, "lab-guard", "sally")
     simulated = type(made)(made.scenario, Simulated, real_time=False)
-    with Session(Plan(simulated)) as session:
+    with Session(SessionConfig(simulated)) as session:
         session.run(lambda loop: loop.keeper.now() > 12.0, Mode.AUTOMATIC)
         assert session.keeper.gate.reason == ""
         assert session.loop.seen.pose.y > 0.0

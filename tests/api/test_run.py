@@ -28,7 +28,17 @@ def test_the_papers_law_as_ones_own_drives_as_the_papers_law():
     ours = cohelm.run("lab-shared", law, changes=changes).trace.rows
     theirs = cohelm.run("lab-shared", changes=changes).trace.rows
     assert np.abs(theirs["stick_x"]).max() > 0.3
-    for name in ("x", "y", "psi", "v", "omega", "applied_v", "applied_omega", "clearance", "e_p"):
+    for name in (
+        "x",
+        "y",
+        "psi",
+        "safe_v",
+        "safe_omega",
+        "applied_v",
+        "applied_omega",
+        "clearance",
+        "e_p",
+    ):
         assert np.allclose(ours[name][: len(theirs)], theirs[name][: len(ours)], atol=1e-9), name
 
 

@@ -12,7 +12,7 @@ from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import Pose, Twist
 from cohelm.law.verdict import Verdict
 from cohelm.pilot import safety_filter
-from cohelm.pilot.careful import SLOP
+from cohelm.pilot.margin_inflation import SLOP
 from cohelm.pilot.safety_filter import LimitingObstacle, SafetyFilter
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
@@ -172,9 +172,9 @@ def test_no_call_with_what_is_no_pose_twist_or_obstacles_goes_unsaid(given, said
         ({"delay": math.nan}, "delay must be from 0 to 2"),
         ({"lag": 3.0}, "lag must be from 0 to 1"),
         ({"position_error": -1.0}, "position_error must be from 0 to 1"),
-        ({"hard_margin": 0.0}, "rules.clear must be greater than 0"),
+        ({"hard_margin": 0.0}, "rules.hard_margin must be greater than 0"),
         ({"hard_margin": 0.1}, "soft_margin must be at least hard_margin"),
-        ({"deceleration_fraction": 0.0}, "rules.caution must be a share"),
+        ({"deceleration_fraction": 0.0}, "rules.deceleration_fraction must be a share"),
         ({"steer_weight": math.nan}, "rules.steer_weight must be greater than 0"),
         ({"limits": Limits(1.0, math.nan, 1.0, 1.0, 1.0, 1.0, 0.5)}, "limits.acceleration must"),
         ({"limits": Limits(*[math.inf] * 6, 0.5)}, "how hard the robot brakes"),

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.perceive.seen import Perception
+from cohelm.perceive.pipeline import Perception
 from cohelm.record.drive import DriveFile
 from cohelm.scenario import load
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, read_map
@@ -68,8 +68,8 @@ def test_the_robot_finds_its_way_on_the_map_it_made(folder):
     truth = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
     path = along(TOUR[:6])
     perception = Perception(SALLY, made.known(), None)
+    from cohelm.core.frames import between, compose
     from cohelm.core.types import Pose
-    from cohelm.perceive.frames import between, compose
 
     # the map's origin is the body at its first scan; the true pose there is the path's first
     perception.place(Pose(0.0, 0.0, 0.0), 0.05)

@@ -12,7 +12,7 @@ from cohelm.link import client, lease, pending, robot_end, station_end, wire
 from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.sticks.feel import CueRules
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN
-from cohelm.loop.stick_arming import Manner
+from cohelm.loop.stick_arming import ArmingParams
 
 PAGE = Path(__file__).parents[2] / "docs" / "link.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -55,7 +55,7 @@ def test_every_request_is_on_the_page(ask):
 def test_the_numbers_are_those_of_the_code():
     for said, value in {
         "an age of | 250 ms": robot_end.STALE,
-        "commands for | 300 ms": Manner().stale,
+        "commands for | 300 ms": ArmingParams().stale,
         "`steer` for 100 ms": station_end.FRESH,
         "longer ago than | 1 s": robot_end.REQUEST_LIFE,
         "without asking | 2 s": robot_end.SILENT,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.perceive.surfaces import MOST_CELLS
+from cohelm.perceive.match.surfaces import MOST_CELLS
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
 from cohelm.sim.grid import MOST_WALLS

@@ -25,8 +25,8 @@ from cohelm.scenario.worlds.tracks import ELSEWHERE
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from cohelm.sim.odometer import Odometer
-from cohelm.study.campaign.acted import Acted
-from cohelm.study.campaign.case import traced
+from cohelm.study.campaign.episode import traced
+from cohelm.study.campaign.interventions import Interventions
 from cohelm.study.campaign.suites import suite
 
 _PACE, _PUSH = 1.3, 1.0  # at which people walk off [m/s, m/s^2]
@@ -63,7 +63,10 @@ class Leaving:
 
 
 def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
-    """Counts what was done in one episode, once for each spell; how long it was [s]."""
+    """Counts what was done in one episode, once for each spell, and for how long in all [s].
+
+    Returns how long the episode was [s].
+    """
     case = made.case(number)
     setup, model = case.setup, robot(case.robot)
     lidar, rate = model.lidar.lidar(), model.lidar.rate_hz
@@ -72,7 +75,7 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
     odometry, looked, before, t = odometer.start(0.0), None, "", 0.0
     half, count = 0.5 * model.track_m, 0
     last, leaving = None, Leaving(lidar.range_max + 1.0)
-    for piece in traced(case, "guard", Acted()):
+    for piece in traced(case, "guard", Interventions()):
         for row, discs in zip(piece.rows, piece.discs, strict=True):
             t = float(row["t"])
             pose = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
@@ -90,13 +93,15 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
                 )  # fmt: skip
                 looked = Scan(t, count, ranges, 0.0)
                 count += 1
-            told = Twist(float(row["v"]), float(row["omega"]))
+            told = Twist(float(row["safe_v"]), float(row["safe_omega"]))
             readings = Readings(odometry, looked, None, None)
             got = monitor.observe(t, readings, told)
             if not got.fault and got.share == 1.0:
                 got = monitor.restrict(t, told)
             what = "fault" if got.fault else "hold" if got.share == 0.0 else "slow"
             now = f"{what}: {got.reason}" if got.reason else ""
+            if now:
+                said[f"{what}_s"] += setup.dt
             if now and now.split(":")[0] != before.split(":")[0]:
                 said[what] += 1
                 if shown:

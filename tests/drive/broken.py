@@ -9,7 +9,7 @@ import math
 import sys
 from pathlib import Path
 
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.gated_robot import STANDS_V
@@ -19,7 +19,7 @@ from tests.drive.faults import failing
 def main() -> None:
     fault, when, record = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
     robot = failing(fault, math.inf, real_time=True, when=when)
-    with Session(Plan(robot, record=record)) as session:
+    with Session(SessionConfig(robot, record=record)) as session:
         keeper = session.loop.keeper
         session.run(lambda _: latched(keeper.gate.mode), Mode.AUTOMATIC)
         latched_at = keeper.now()

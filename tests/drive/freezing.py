@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.loop import laps
 from cohelm.core.types import Twist
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.planning import ANSWER
@@ -108,7 +108,7 @@ class State(NamedTuple):
 def _drive(line: Connection, made: Traced, record: Path) -> None:
     """The loop's process: tells its state, and drives anew when it is told to."""
     os.setpgid(0, 0)
-    with Session(Plan(made, record=record)) as session:
+    with Session(SessionConfig(made, record=record)) as session:
         line.send(children(os.getpid()))
         last: State | None = None
         wanted = True

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.types import Stick
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.operator import Scripted
@@ -91,7 +91,7 @@ def drive(lie: str, mode: str, kind: str, mapped: bool, seed: int, seconds: floa
     operator = Scripted(stick, lambda: box[0].loop.keeper.now() if box else 0.0)
     if mode == "automatic":
         operator = Scripted(lambda _: None, lambda: 0.0)
-    plan = Plan(lying(made, lie, at), localise=mapped)
+    plan = SessionConfig(lying(made, lie, at), localise=mapped)
     with Session(plan, operator) as session:
         box.append(session)
         keeper, judge = session.keeper, _Judge(made.model.reach, at)

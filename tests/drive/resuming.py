@@ -15,11 +15,11 @@ from cohelm.core.types import Twist
 from cohelm.drive.checking import CheckingHere
 from cohelm.drive.operator_requests import Desk
 from cohelm.drive.proposed import NONE, Judged
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Ask, Mode
-from cohelm.loop.loop import Ways
-from cohelm.perceive.taped import surveyed
+from cohelm.loop.loop import LoopParams
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.record_pipe import line
 from cohelm.robot.port import Health
@@ -196,7 +196,7 @@ class Drive:
     """Robot, loop, desk and link; `run` turns them and holds the rule after each period."""
 
     def __init__(
-        self, folder: Path, ways: Ways | None = None, changes: list[str] | None = None
+        self, folder: Path, ways: LoopParams | None = None, changes: list[str] | None = None
     ) -> None:
         made = simulated(CORRIDOR, real_time=False, seed=2, changes=changes)
         robot = made.model
@@ -204,9 +204,11 @@ class Drive:
         coarse = robot.model_copy(update={"lidar": few, "camera": None})
         scenario = made.scenario.model_copy(update={"robot": coarse})
         made = Watched(scenario, made.kind, False, made.seed)
-        known = surveyed(scenario.walls(), made.start)
+        known = map_from_geometry(scenario.walls(), made.start)
         self.link = SimulatedLink(coarse, folder)
-        self.session = Session(Plan(made, known=known, ways=ways or Ways()), self.link)
+        self.session = Session(
+            SessionConfig(made, known=known, ways=ways or LoopParams()), self.link
+        )
         self.keeper, self.loop = self.session.loop.keeper, self.session.loop
         self.link.clock = self.keeper.now
         self.wheels: Wheels = self.keeper._robot

@@ -3,7 +3,7 @@
 import math
 
 from cohelm.core.types import Stick
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.operator import Scripted
@@ -20,7 +20,7 @@ def test_nobody_backs_it_into_what_it_has_never_seen_and_the_screen_says_so():
         return Stick(-1.0, 0.0) if t < 4.0 or t > 10.0 else Stick(0.9, 0.0)
 
     operator = Scripted(stick, lambda: box[0].loop.keeper.now() if box else 0.0)
-    with Session(Plan(made), operator) as session:
+    with Session(SessionConfig(made), operator) as session:
         box.append(session)
 
         def drive(until: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Arming, Ask, Command, Device, Mode
 from cohelm.loop.dropout import CENTRED_WITHIN, WAITING
 from cohelm.loop.operator import Scripted
@@ -45,7 +45,7 @@ def anna():
 
 @pytest.fixture
 def session(anna):
-    with Session(Plan(failing("nothing", 1e9)), anna) as session:
+    with Session(SessionConfig(failing("nothing", 1e9)), anna) as session:
         yield session
 
 

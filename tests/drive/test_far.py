@@ -19,7 +19,7 @@ from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.robot_end import STALE
 from cohelm.link.station_end import StationEnd
 from cohelm.loop.dropout import BACK_WITHIN
-from cohelm.loop.stick_arming import Manner
+from cohelm.loop.stick_arming import ArmingParams
 from cohelm.record.drive import periods
 from cohelm.record.messages import messages
 from cohelm.robot.gate.modes import Mode as GateMode
@@ -75,8 +75,8 @@ def rows(record: Path) -> list[Row]:
     found = [(stamp * 1e-9, m) for _, stamp, m in messages(record, ("/period",))]
     table = periods([m for _, m in found])
     return [
-        Row(stamp, GateMode(int(p["mode"])), float(p["stick_x"]), float(p["v_measured"]),
-            float(p["v_given"]))
+        Row(stamp, GateMode(int(p["mode"])), float(p["stick_x"]), float(p["measured_v"]),
+            float(p["applied_v"]))
         for (stamp, _), p in zip(found, table, strict=True)
     ]  # fmt: skip
 
@@ -143,7 +143,7 @@ def test_nothing_old_is_driven_the_robot_stops_in_the_dark_and_goes_on_without_r
     assert len(ages) > 100
     assert max(ages) <= STALE + 0.05  # by a clock both share; the robot can not know better
     latched = next(r.at for r in all_ if r.at > dark and r.mode == GateMode.STOPPED)
-    noticed = Manner().stale + ON_THE_WAY + PERIOD + 0.1
+    noticed = ArmingParams().stale + ON_THE_WAY + PERIOD + 0.1
     # it brakes at once, and latches when nobody has come back within a second
     standing = next(r.at for r in all_ if r.at > dark and abs(r.v) < 0.02)
     assert standing - dark < noticed + BRAKING + PERIOD + 0.1

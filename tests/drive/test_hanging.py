@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.loop import Loop
@@ -49,7 +49,9 @@ def drive(session: Session, seconds: float, mode: Mode = Mode.HOLD, until=lambda
 
 
 def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(tmp_path):
-    plan = Plan(simulated(CORRIDOR, seed=2), record=tmp_path / "drive.mcap", patience=PATIENT)
+    plan = SessionConfig(
+        simulated(CORRIDOR, seed=2), record=tmp_path / "drive.mcap", patience=PATIENT
+    )
     with Session(plan) as session:
         loop, helpers = session.loop, children(os.getpid())
         planner, recorder = helpers["cohelm planner"], helpers["cohelm recorder"]
@@ -76,7 +78,7 @@ def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(
 
 
 def test_who_follows_no_route_waits_for_no_plan():
-    with Session(Plan(simulated(CORRIDOR, seed=2), patience=PATIENT)) as session:
+    with Session(SessionConfig(simulated(CORRIDOR, seed=2), patience=PATIENT)) as session:
         loop, planner = session.loop, children(os.getpid())["cohelm planner"]
         drive(session, 1.0, Mode.AUTOMATIC)
         with stopped(planner):

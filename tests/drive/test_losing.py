@@ -5,10 +5,10 @@ from itertools import pairwise
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Arming, Ask, Mode
 from cohelm.loop.dropout import BACK_WITHIN
-from cohelm.loop.loop import Ways
+from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.keep.gated_robot import standing
@@ -31,7 +31,7 @@ def drive(session: Session, seconds: float, mode: Mode = Mode.HOLD) -> None:
 @pytest.mark.parametrize("fault", list(FAULTS))
 def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
     record = tmp_path / "drive.mcap" if fault == "scans stop" else None  # a process more
-    with Session(Plan(failing(fault, AT), record=record)) as session:
+    with Session(SessionConfig(failing(fault, AT), record=record)) as session:
         drive(session, AT - session.loop.keeper.now() - 0.02, Mode.AUTOMATIC)
         assert speed(session) > 0.4
         drive(session, 0.02 + NOTICED.get(fault, 0.04) + 0.02)
@@ -50,7 +50,7 @@ def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
 
 
 def test_a_loop_that_is_held_up_while_it_reads_takes_nothing_to_be_from_the_future():
-    with Session(Plan(failing(HELD_UP, AT))) as session:
+    with Session(SessionConfig(failing(HELD_UP, AT))) as session:
         drive(session, AT + 0.2, Mode.AUTOMATIC)
         assert session.loop.problem == ""
         assert "future" not in session.keeper.gate.reason
@@ -58,7 +58,7 @@ def test_a_loop_that_is_held_up_while_it_reads_takes_nothing_to_be_from_the_futu
 
 def test_after_a_fault_has_gone_only_a_reset_and_a_choice_drive_again():
     operator = Scripted(lambda _: None, lambda: 0.0)
-    with Session(Plan(failing("scans stop", AT)), operator) as session:
+    with Session(SessionConfig(failing("scans stop", AT)), operator) as session:
         drive(session, 4.5, Mode.AUTOMATIC)
         robot = session.keeper._robot
         operator.ask(Ask.RESET)
@@ -91,7 +91,7 @@ def hand(steer_from: float, gone_from: float, back_at: float = 1e9):
     return stick
 
 
-def shared(session_plan: Plan, script) -> tuple[Session, Scripted]:
+def shared(session_plan: SessionConfig, script) -> tuple[Session, Scripted]:
     box: list[Session] = []
     operator = Scripted(script, lambda: box[0].loop.keeper.now() if box else 0.0)
     session = Session(session_plan, operator)
@@ -100,7 +100,7 @@ def shared(session_plan: Plan, script) -> tuple[Session, Scripted]:
 
 
 def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
-    session, operator = shared(Plan(failing("", AT)), hand(2.0, 3.0))
+    session, operator = shared(SessionConfig(failing("", AT)), hand(2.0, 3.0))
     with session:
         drive(session, 3.0 - session.loop.keeper.now() - 0.02, Mode.SHARED)
         assert session.loop.person.arming == Arming.ARMED
@@ -118,8 +118,8 @@ def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
 
 
 def test_carrying_on_alone_is_a_setting_and_takes_over_without_a_jump():
-    ways = Ways(carry_on=True)
-    session, operator = shared(Plan(failing("", AT), ways=ways), hand(2.0, 3.0, 5.0))
+    ways = LoopParams(carry_on=True)
+    session, operator = shared(SessionConfig(failing("", AT), ways=ways), hand(2.0, 3.0, 5.0))
     twists = []
     with session:
 
@@ -138,7 +138,7 @@ def test_carrying_on_alone_is_a_setting_and_takes_over_without_a_jump():
 
 
 def test_a_stick_nobody_held_is_not_missed_in_automatic_mode():
-    session, _ = shared(Plan(failing("", AT)), hand(2.0, 3.0))
+    session, _ = shared(SessionConfig(failing("", AT)), hand(2.0, 3.0))
     with session:
         drive(session, 4.0, Mode.AUTOMATIC)
         assert session.keeper.gate.mode == GateMode.AUTOMATIC
@@ -149,7 +149,7 @@ def test_stop_by_anyone_and_a_mode_by_hand():
     def script(t: float) -> Stick:
         return Stick(0.0, 0.0) if t < 1.0 else Stick(0.8, 0.0)
 
-    session, operator = shared(Plan(failing("", AT)), script)
+    session, operator = shared(SessionConfig(failing("", AT)), script)
     with session:
         drive(session, 2.5, Mode.MANUAL)
         assert session.keeper.gate.mode == GateMode.SHARED
@@ -173,7 +173,7 @@ def test_stop_by_anyone_and_a_mode_by_hand():
 
 
 def test_the_route_is_driven_to_its_end_and_both_clocks_agree():
-    with Session(Plan(failing("", AT))) as session:
+    with Session(SessionConfig(failing("", AT))) as session:
         session.run(lambda loop: loop.driver.arrived or loop.keeper.now() > 25.0, Mode.AUTOMATIC)
         truth = session.keeper.truth()
         assert session.loop.driver.arrived
@@ -202,7 +202,7 @@ class Far(Scripted):
 @pytest.mark.parametrize("carry_on", [False, True])
 def test_a_silent_driver_stops_an_automatic_robot_too_unless_it_may_carry_on(carry_on):
     operator = Far()
-    plan = Plan(failing("nothing", 1e9), ways=Ways(carry_on=carry_on))
+    plan = SessionConfig(failing("nothing", 1e9), ways=LoopParams(carry_on=carry_on))
     with Session(plan, operator) as session:
         operator.ask(Ask.MODE, Mode.AUTOMATIC)
         drive(session, 2.0)

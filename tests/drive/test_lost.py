@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from cohelm.core.types import Stick
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.law import verdict
 from cohelm.link.messages import Localised, Mode
 from cohelm.loop.latency_limit import LOST
 from cohelm.loop.operator import Scripted
-from cohelm.perceive.taped import surveyed
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.gate.modes import Mode as GateMode
 from tests.drive.faults import CORRIDOR
 
@@ -32,13 +32,13 @@ def stick(t: float) -> Stick:
 def test_lost_it_waits_and_the_person_still_drives_with_the_guard_on_the_scan():
     made = simulated(CORRIDOR, "twin", real_time=False, seed=3)
     walls = made.scenario.walls_m
-    known = surveyed(np.array(walls), made.start)
+    known = map_from_geometry(np.array(walls), made.start)
     scenario = made.scenario.model_copy(update={"walls_m": [*walls, *ROOM]})
     blind = made.model.model_copy(update={"camera": None})
     made = replace(made, scenario=scenario.model_copy(update={"robot": blind}))
     box: list[Session] = []
     operator = Scripted(stick, lambda: box[0].loop.keeper.now() if box else 0.0)
-    with Session(Plan(made, known=known), operator) as session:
+    with Session(SessionConfig(made, known=known), operator) as session:
         box.append(session)
         keeper, loop = session.keeper, session.loop
 

@@ -9,7 +9,7 @@ from PIL import Image
 
 from cohelm.core.types import Pose
 from cohelm.drive.pictures import Pictures
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.record.drive import IMAGE
@@ -30,7 +30,7 @@ def test_a_drive_of_the_twin_holds_its_pictures(rate, tmp_path):
     robot = made.model.model_copy(update={"camera": SMALL})
     made = replace(made, scenario=made.scenario.model_copy(update={"robot": robot}))
     record = tmp_path / "drive.mcap"
-    with Session(Plan(made, record=record, pictures=rate)) as session:
+    with Session(SessionConfig(made, record=record, pictures=rate)) as session:
         end = session.loop.keeper.now() + 2.0
         session.run(lambda loop: loop.keeper.now() >= end, Mode.AUTOMATIC)
         assert session.loop.dropped == 0

@@ -5,8 +5,8 @@ import pytest
 
 from cohelm.core.types import Pose
 from cohelm.drive.proposed import ROOM, judged
-from cohelm.perceive.chart import swept
-from cohelm.pilot.course import poses_along
+from cohelm.plan.course import poses_along
+from cohelm.plan.distance_field import swept
 
 OUTLINE = np.array([(-0.36, -0.29), (0.36, -0.29), (0.36, 0.29), (-0.36, 0.29)])
 WALL = np.column_stack((np.full(200, 3.0), np.linspace(-5.0, 5.0, 200)))

@@ -12,11 +12,11 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from cohelm.core.types import Pose, Twist
-from cohelm.drive.session import Plan, driver_of
+from cohelm.drive.session import SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
-from cohelm.perceive.seen import Perception, rehearse
-from cohelm.perceive.taped import surveyed
-from cohelm.pilot.plan import Plan as Planned
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+from cohelm.perceive.pipeline import Perception, rehearse
+from cohelm.pilot.replanning import Plan as Planned
 from cohelm.robot.port import Odometry, Readings, Scan
 
 
@@ -49,9 +49,9 @@ def look(perception: Perception, every: int) -> set[bool]:
 
 def left_to_compile(line) -> None:
     robot = simulated("lab-guard")
-    around = surveyed(robot.scenario.walls(), robot.start)
+    around = map_from_geometry(robot.scenario.walls(), robot.start)
     rehearse(robot.model, mapped=True)
-    driver = driver_of(Plan(robot), real_time=False)
+    driver = driver_of(SessionConfig(robot), real_time=False)
     seen = Perception(robot.model, around, robot.start).take(0.0, Readings(None, None, None, None))
     driver.rehearse(robot.start, driver.around(seen))
     before = versions()

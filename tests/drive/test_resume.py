@@ -7,9 +7,9 @@ import random
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Ask, Mode
-from cohelm.loop.loop import Ways
+from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import Mode as GateMode
 from tests.drive.faults import failing
@@ -194,7 +194,7 @@ def test_carrying_on_alone_is_for_a_driver_who_is_lost_not_for_one_who_gives_up(
         assert drive.loop.mode == Mode.HOLD
         assert speed(drive) == 0.0
 
-    with Drive(tmp_path, Ways(carry_on=True)) as made:
+    with Drive(tmp_path, LoopParams(carry_on=True)) as made:
         made.run(script(made))
 
 
@@ -293,7 +293,7 @@ def test_stop_and_mode_in_one_datagram_end_in_a_stop(drive):
 def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
     """The link hands stops over before all else."""
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
-    with Session(Plan(failing("", 1e9)), operator) as session:
+    with Session(SessionConfig(failing("", 1e9)), operator) as session:
         session.keeper.stop("for a start")
         operator.ask(Ask.RESET)
         operator.ask(Ask.MODE, Mode.AUTOMATIC)
@@ -307,7 +307,7 @@ def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
 
 def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
-    with Session(Plan(failing("", 1e9)), operator) as session:
+    with Session(SessionConfig(failing("", 1e9)), operator) as session:
         for _ in range(100):
             operator.ask(Ask.MODE, Mode.AUTOMATIC)
         operator.ask(Ask.STOP)
@@ -321,7 +321,7 @@ def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
 def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():
     """The robot can not drive at once; somebody stops it meanwhile, and has it let go."""
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
-    with Session(Plan(failing("", 0.0)), operator) as session:
+    with Session(SessionConfig(failing("", 0.0)), operator) as session:
         loop, end = session.loop, session.loop.keeper.now()
         robot = session.keeper._robot
         robot._fault = "odometry is gone"

@@ -11,7 +11,7 @@ from cohelm.core.types import Stick
 from cohelm.drive.drive_playback import DriveFilm
 from cohelm.drive.replayed import Replaying
 from cohelm.drive.run_playback import film
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import drawn, way
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import (
@@ -27,7 +27,7 @@ from cohelm.link.messages import (
 )  # fmt: skip
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.operator import Scripted
-from cohelm.perceive.taped import surveyed
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.record.drive import DriveFile, Photo
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
@@ -39,14 +39,14 @@ def driven(tmp_path_factory):
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
     robot = simulated(CORRIDOR, real_time=False)
     operator = Scripted(lambda t: Stick(0.0, 0.6 if 2.0 < t < 3.0 else 0.0), lambda: 0.0)
-    with Session(Plan(robot, record=path), operator) as session:
+    with Session(SessionConfig(robot, record=path), operator) as session:
         keeper = session.loop.keeper
         operator._clock = keeper.now
         session.run(lambda loop: keeper.now() >= 4.0, Mode.SHARED)
         operator.ask(Ask.STOP)
         session.run(lambda loop: keeper.now() >= 5.0)
         told = list(operator.statuses)
-        known = surveyed(robot.scenario.walls(), robot.start)
+        known = map_from_geometry(robot.scenario.walls(), robot.start)
         shown = [drawn(known), *way(robot.scenario.reference.spline())]
     return path, told, shown
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cohelm.drive.session import Plan, Session, driver_of
+from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
 from cohelm.loop.planning import ANSWER, RemotePlanner
 
@@ -14,14 +14,14 @@ from cohelm.loop.planning import ANSWER, RemotePlanner
 @pytest.mark.parametrize(("kind", "steps"), [("kinematic", 2), ("twin", 4)])
 def test_the_guard_has_room_for_the_lidars_noise_and_foresees_the_whole_lag(kind, steps):
     """50 ms of delay; the twin's drives lag by 20 more, and speed follows a line through a step."""
-    plan = Plan(simulated("lab-guard", kind, real_time=False))
+    plan = SessionConfig(simulated("lab-guard", kind, real_time=False))
     driver = driver_of(plan, real_time=False)
     assert driver.pilot is not None
     room = 2.0 * (0.008 + 0.02)
     law = plan.robot.scenario.law
     rules = driver.pilot.settings.rules
-    assert rules.clear == pytest.approx(law.guard.clear_m + room)
-    assert rules.margin == pytest.approx(law.guard.margin_m + room)
+    assert rules.hard_margin == pytest.approx(law.guard.hard_margin_m + room)
+    assert rules.soft_margin == pytest.approx(law.guard.soft_margin_m + room)
     assert driver.pilot.planner.manners.gap == pytest.approx(law.manners().gap + room)
     assert driver.pilot.planner.care.accept == pytest.approx(law.care().accept + room)
     assert driver.pilot.planner.care.slack == pytest.approx(law.care().slack + 0.04)
@@ -38,7 +38,7 @@ def test_after_a_drive_the_process_is_an_ordinary_one_again():
         return set(zip(policy, (os.getpriority(os.PRIO_PROCESS, t) for t in tasks), strict=True))
 
     before = rank()
-    with Session(Plan(simulated("lab-guard"))) as session:
+    with Session(SessionConfig(simulated("lab-guard"))) as session:
         if session.scheduling.startswith("ordinary"):
             pytest.skip("this user may not raise a process's priority")
         session.run(lambda loop: loop.timing.kept().periods > 5)
@@ -64,7 +64,7 @@ def _slow(task: object) -> object:
 
 def test_a_start_waits_for_its_first_plan_and_no_longer_however_late_it_is():
     """It waited three minutes, whenever compiling took longer than a plan may."""
-    with Session(Plan(simulated("lab-guard", real_time=False))) as session:
+    with Session(SessionConfig(simulated("lab-guard", real_time=False))) as session:
         session.run(lambda loop: loop.timing.kept().periods > 5)
         driver, seen = session.loop.driver, session.loop.seen
         driver._planning = RemotePlanner(_slow)

@@ -10,7 +10,7 @@ from cohelm.core.types import Pose, Twist, wrap
 from cohelm.law.gains import Gains
 from cohelm.law.govern import (
     Clock,
-    Pace,
+    PaceParams,
     allowed,
     govern,
     governed,
@@ -24,7 +24,7 @@ from cohelm.law.track import track
 from cohelm.robot.kinematics import arc
 
 DT = 0.02
-PACE = Pace()
+PACE = PaceParams()
 GAINS = Gains(k_x=1.0, k_psi=3.0)
 BENDS = through([[0, 0], [2, 0], [3, 1.5], [5, 1], [6, 3]], 1.0)
 STRAIGHT = through([[0, 0], [10, 0]], 1.0)

@@ -105,12 +105,12 @@ def test_full_authority_on_either_side_is_that_sides_wish(automatic, person):
 def test_the_shared_command_never_leaves_the_two_wishes(pose, desired, gains, data):
     s = step(pose, desired, data.draw(states.sticks(gains.dead_band)), EMPTY, gains)
     for a, b, shared in (
-        (s.automatic_v, s.human_v, s.shared_v),
-        (s.automatic_omega, s.human_omega, s.shared_omega),
+        (s.tracking_v, s.operator_v, s.nominal_v),
+        (s.tracking_omega, s.operator_omega, s.nominal_omega),
     ):
         slack = 1e-14 * (abs(a) + abs(b))
         assert min(a, b) - slack <= shared <= max(a, b) + slack
-    assert (s.v, s.omega) == (s.shared_v, s.shared_omega)
+    assert (s.safe_v, s.safe_omega) == (s.nominal_v, s.nominal_omega)
 
 
 def supplied(path):
@@ -143,4 +143,4 @@ def test_a_stick_released_gives_back_what_was_put_in(x, psi):
 def test_a_stick_at_rest_leaves_the_controller_alone():
     desired = Desired(0.2, 0.1, 0.2, 0.5, 0.1)
     s = step(Pose(0.0, 0.0, 0.0), desired, Stick(0.0, 0.0), EMPTY)
-    assert Twist(s.v, s.omega) == Twist(s.automatic_v, s.automatic_omega)
+    assert Twist(s.safe_v, s.safe_omega) == Twist(s.tracking_v, s.tracking_omega)

@@ -34,17 +34,17 @@ def test_every_number_of_a_control_step_is_the_papers(data):
     ours = step(pose, desired, stick, discs, gains)
 
     same = {"rel": CLOSE, "abs": CLOSE}
-    assert (ours.automatic_v, ours.automatic_omega) == pytest.approx(tuple(told.tau_c), **same)
-    assert (ours.human_v, ours.human_omega) == pytest.approx(tuple(told.tau_h), **same)
+    assert (ours.tracking_v, ours.tracking_omega) == pytest.approx(tuple(told.tau_c), **same)
+    assert (ours.operator_v, ours.operator_omega) == pytest.approx(tuple(told.tau_h), **same)
     assert (ours.authority_x, ours.authority_psi) == pytest.approx(tuple(told.k_c), **same)
-    assert (ours.shared_v, ours.shared_omega) == pytest.approx(tuple(told.tau), **same)
+    assert (ours.nominal_v, ours.nominal_omega) == pytest.approx(tuple(told.tau), **same)
     assert (ours.intent_x, ours.intent_psi) == pytest.approx(
         tuple(paper.intent(np.array(stick), parameters)), **same
     )
     assert (ours.avoid_v, ours.avoid_omega) == pytest.approx(
         tuple(told.u), rel=CLOSE, abs=CLOSE * (1 + np.abs(told.u).max())
     )
-    assert (ours.v, ours.omega) == pytest.approx(
+    assert (ours.safe_v, ours.safe_omega) == pytest.approx(
         tuple(told.U), rel=CLOSE, abs=CLOSE * (1 + np.abs(told.u).max())
     )
     if gains.barrier:

@@ -47,7 +47,7 @@ class Seen(NamedTuple):
     """What one period of the robot's loop heard."""
 
     at: float
-    """Machine's clock [s]."""
+    """Machine's clock when it had heard all of it [s]."""
     stop: tuple[int, int] | None
     """Client and number of the stop it obeys."""
     first: bool
@@ -66,8 +66,8 @@ def _robot(keys: Keys, stick: Stick, told: Connection) -> None:
         told.send(end.address[1])
         due = time.monotonic()
         while not told.poll():
-            now = time.monotonic()
             heard = end.heard()
+            now = time.monotonic()
             stops = [a for a in heard.asked if a.request.what is Ask.STOP]
             for asked in heard.asked:
                 end.answer(asked.client, asked.request.number, True, "")

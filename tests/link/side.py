@@ -8,7 +8,7 @@ from cohelm.core.types import Stick
 from cohelm.link.messages import Arming, Ask, Mode, Request
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.latency_limit import silent
-from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
+from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
 
 DT = 0.02
 
@@ -26,7 +26,7 @@ class Side:
 
     def __init__(self) -> None:
         # as fast as a hand: these tests ask which deflection was used, not how fast it came
-        self.manner = Manner(hand_rate=1e9)
+        self.manner = ArmingParams(hand_rate=1e9)
         self.person = Person()
         self.mode = Mode.SHARED
         self.stopped = ""

@@ -13,7 +13,7 @@ from cohelm.link.messages import Command, Device
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, Then, followed
 from cohelm.loop.latency_limit import silent
-from cohelm.loop.stick_arming import Manner, Person, renewed
+from cohelm.loop.stick_arming import ArmingParams, Person, renewed
 
 DT = 0.02
 SILENCE = 0.26
@@ -57,8 +57,8 @@ def lived(script: list[tuple[str, int]]) -> list[Period]:
             t += DT
             quiet = quiet + DT if what in ("silent", "released") else 0.0
             heard = said(what, quiet + (SILENCE if quiet else 0.0))
-            person = renewed(person, heard, Manner(), DT)
-            lost = person.lost or silent(heard, Manner().stale)
+            person = renewed(person, heard, ArmingParams(), DT)
+            lost = person.lost or silent(heard, ArmingParams().stale)
             dropout, then = followed(dropout, lost, heard, person, t)
             periods.append(Period(t, what, then))
             if then is Then.STOP:

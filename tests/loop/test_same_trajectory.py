@@ -11,10 +11,10 @@ from cohelm.core.types import Pose
 from cohelm.law.reference import through
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
-from cohelm.loop.loop import Loop, Ways
+from cohelm.loop.loop import Loop, LoopParams
 from cohelm.loop.operator import NullOperator
 from cohelm.loop.planning import InProcessPlanner
-from cohelm.perceive.seen import Perception
+from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.pilot import Pilot
 from cohelm.robot.keep.gated_robot import GatedRobot, rules
 from cohelm.robot.keep.record_pipe import Line
@@ -62,7 +62,7 @@ def looped(model, setup, steps: int) -> np.ndarray:
     perception = Perception(model, watching=pilot.watching)
     keeper = GatedRobot(plant, rules(model, DT))
     loop = Loop(
-        keeper, perception, driver, NullOperator(), Line(None), Ways(period=DT), has_map=False
+        keeper, perception, driver, NullOperator(), Line(None), LoopParams(period=DT), has_map=False
     )
     rows = []
 
@@ -91,5 +91,5 @@ def test_stepper_and_loop_drive_the_same_way(name, delay):
     rows = run(setup).rows
     assert rows["x"][-1] > 2.0
     theirs = looped(model, setup, len(rows))
-    ours = np.column_stack([rows[c] for c in ("x", "y", "psi", "v", "omega")])
+    ours = np.column_stack([rows[c] for c in ("x", "y", "psi", "safe_v", "safe_omega")])
     assert np.abs(theirs[:, :5] - ours).max() < 1e-9

@@ -8,9 +8,9 @@ from cohelm.core.types import Stick
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.operator import NOBODY
-from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
+from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
 
-M = Manner()
+M = ArmingParams()
 
 
 def heard(x=0.0, psi=0.0, valid=True, armed=True, age=0.02):

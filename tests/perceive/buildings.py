@@ -17,11 +17,11 @@ from scipy.spatial import cKDTree
 from shapely import Polygon, box, contains_xy, unary_union
 from shapely.affinity import rotate
 
+from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, wrap
-from cohelm.perceive.frames import between, compose
-from cohelm.perceive.known import Known, known
-from cohelm.perceive.survey import Glimpse
-from cohelm.perceive.sweep import sweep
+from cohelm.perceive.localize.localization_map import LocalizationMap, known
+from cohelm.perceive.map.mapper import Glimpse
+from cohelm.perceive.scan.deskew import sweep
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.lidar import scan as cast
@@ -36,7 +36,7 @@ class Place(NamedTuple):
     name: str
     walls: np.ndarray
     grid: Grid
-    known: Known
+    known: LocalizationMap
     clear: np.ndarray
     low: np.ndarray
 

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.core.frames import compose
 from cohelm.core.types import Desired, Pose, Twist, disc, discs
 from cohelm.law.gains import Gains
 from cohelm.law.reference import desired, through
 from cohelm.law.track import track
-from cohelm.perceive.frames import compose
 from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel

@@ -8,9 +8,9 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
+from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.frames import compose
-from cohelm.perceive.survey import Glimpse, glimpses
+from cohelm.perceive.map.mapper import Glimpse, glimpses
 from cohelm.robot.port import Odometry
 from cohelm.robot.sensors import Lidar
 from cohelm.scenario.worlds.carmen import read_log

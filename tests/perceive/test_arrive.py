@@ -7,14 +7,14 @@ import pytest
 
 from cohelm.core.types import Pose, Twist, disc, discs
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, Pace, govern, governed, profile
+from cohelm.law.govern import Clock, PaceParams, govern, governed, profile
 from cohelm.law.guard.step import Rules, guard_step
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.track import track
-from cohelm.perceive.escape import Choices, Escape, escape, rest, wish
-from cohelm.perceive.memory import Care, renew
-from cohelm.perceive.way import way
+from cohelm.perceive.space.scan_memory import Care, renew
+from cohelm.plan.path_planner import way
+from cohelm.plan.recovery import Choices, Escape, escape, rest, wish
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.sensors import LidarModel
@@ -26,7 +26,7 @@ from tests.perceive.scenes import NOTHING, line
 DT = 0.02
 ROBOT = robot("jackal")
 LIDAR = LidarModel(noise_m=0.01, mount_x_m=0.12).lidar()
-PACE = Pace()
+PACE = PaceParams()
 GAINS = Gains(k_x=1.0, k_psi=4.0)
 CRUISE = 1.0
 NO_MOVE = Escape(0.0, 0.0, 0.0)

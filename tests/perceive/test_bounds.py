@@ -9,10 +9,10 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.known import MOST_BORDER, known
-from cohelm.perceive.raster import raster
-from cohelm.perceive.surfaces import MOST_CELLS, surfaces
-from cohelm.perceive.survey import glimpses
+from cohelm.perceive.localize.localization_map import MOST_BORDER, known
+from cohelm.perceive.map.mapper import glimpses
+from cohelm.perceive.map.raster import raster
+from cohelm.perceive.match.surfaces import MOST_CELLS, surfaces
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import borders, grid

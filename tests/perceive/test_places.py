@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.perceive.known import known
-from cohelm.perceive.seen import Perception
+from cohelm.perceive.localize.localization_map import known
+from cohelm.perceive.pipeline import Perception
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
 from tests.perceive.buildings import NO_DISCS, Artefacts, building, tour

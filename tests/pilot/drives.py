@@ -12,7 +12,7 @@ from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.plan import Care
+from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
@@ -47,7 +47,7 @@ def drive(
     speed=0.5,
     settings=SETTINGS,
     agility=0.5,
-    care: Care | None = None,
+    care: ReplanParams | None = None,
 ) -> Drive:
     """Until arrival or for `seconds`. discs: rows of `disc`, those with a velocity drift."""
     pilot = Pilot(through(waypoints, speed), settings, delay=delay, care=care)
@@ -65,7 +65,7 @@ def drive(
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         stick = hand(k * DT, pose) if hand else None
         decision = pilot.step(k * DT, pose, twist, Stick(*stick) if stick else None, seen)
-        under_way.append(Twist(decision.v, decision.omega))
+        under_way.append(Twist(decision.safe_v, decision.safe_omega))
         twist = achievable(under_way.pop(0), twist, settings.limits, DT)
         poses.append(pose)
         decisions.append(decision)

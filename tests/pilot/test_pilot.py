@@ -62,19 +62,19 @@ def test_a_stick_that_is_not_a_number_stops_the_robot():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.3, 0.0)
     d = pilot.step(0.0, pose, twist, Stick(math.nan, 0.0), NOTHING_NEAR)
-    assert d.verdict == INVALID
-    assert 0.0 <= d.v < 0.3
+    assert d.safe_verdict == INVALID
+    assert 0.0 <= d.safe_v < 0.3
     assert all(math.isfinite(value) for value in d._replace(h=0.0, gap=0.0))
 
 
 def test_a_pose_that_is_not_a_number_stops_it_and_leaves_no_trace():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     d = pilot.step(0.0, Pose(math.nan, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
-    assert d.verdict == INVALID
-    assert (d.v, d.omega) == (0.0, 0.0)
+    assert d.safe_verdict == INVALID
+    assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
     d = pilot.step(DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
-    assert d.verdict != INVALID
-    assert d.v > 0.0
+    assert d.safe_verdict != INVALID
+    assert d.safe_v > 0.0
 
 
 def test_the_step_is_pure_but_for_the_commands_under_way():
@@ -96,7 +96,7 @@ def test_what_is_asked_for_is_slowed_down_on_the_same_arc():
         pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
         d = pilot.step(0.0, Pose(0.0, 0.3, 0.2), Twist(0.0, 0.0), Stick(0.0, 0.0), NOTHING_NEAR,
                        fastest)  # fmt: skip
-        return d.shared_v, d.shared_omega
+        return d.nominal_v, d.nominal_omega
 
     v, omega = asked(math.inf)
     slow_v, slow_omega = asked(0.02)

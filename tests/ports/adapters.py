@@ -73,7 +73,7 @@ def recorded(path: Path, seconds: float) -> Path:
     """A drive on a curve, written down as the loop does it."""
     robot = Kinematic(sally(), START, room(), seed=4)
     row = np.zeros((), dtype=PERIOD)
-    row["v_given"], row["omega_given"] = 0.3, 0.4
+    row["applied_v"], row["applied_omega"] = 0.3, 0.4
     with path.open("wb") as file:
         drive = DriveFile(file, sally(), 1_700_000_000_000_000_000)
         last = -1

@@ -82,7 +82,7 @@ def test_status_has_every_number_of_every_step(heard: OperatorInput, trace: Trac
 def test_times_are_those_of_the_run(heard: OperatorInput, trace: Trace) -> None:
     times = [(log_time - EPOCH) * 1e-9 for log_time, _ in heard["/status"]]
     np.testing.assert_allclose(times, trace.rows["t"], rtol=0, atol=1e-9)
-    for topic in ("/odom", "/cmd_vel", "/cmd_vel_asked", "/joy"):
+    for topic in ("/odom", "/cmd_vel", "/cmd_vel_safe", "/joy"):
         stamps = [seconds(message) for _, message in heard[topic]]
         np.testing.assert_allclose(stamps, trace.rows["t"][::EVERY], rtol=0, atol=1e-6)
 
@@ -91,7 +91,7 @@ def test_pose_command_and_stick_are_those_of_the_run(heard: OperatorInput, trace
     rows = trace.rows[::EVERY]
     assert len(rows) == len(heard["/odom"]) == len(heard["/tf"])
     assert abs(rows["stick_psi"]).max() > 0.4  # the person steered
-    messages = zip(*(heard[t] for t in ("/odom", "/tf", "/cmd_vel", "/cmd_vel_asked", "/joy")))  # noqa: B905
+    messages = zip(*(heard[t] for t in ("/odom", "/tf", "/cmd_vel", "/cmd_vel_safe", "/joy")))  # noqa: B905
     for row, ((_, odom), (_, tf), (_, applied), (_, asked), (_, joy)) in zip(
         rows, messages, strict=True
     ):
@@ -108,7 +108,7 @@ def test_pose_command_and_stick_are_those_of_the_run(heard: OperatorInput, trace
         for twist, v, omega in (
             (odom.twist.twist, "applied_v", "applied_omega"),
             (applied.twist, "applied_v", "applied_omega"),
-            (asked.twist, "v", "omega"),
+            (asked.twist, "safe_v", "safe_omega"),
         ):
             assert (twist.linear.x, twist.angular.z) == (row[v], row[omega])
         assert list(joy.axes) == [np.float32(row["stick_x"]), np.float32(row["stick_psi"])]

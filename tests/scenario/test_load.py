@@ -164,6 +164,8 @@ def test_an_override_reaches_any_key_by_index_or_by_name():
         ("law.barrier.k_cbf=abc", "law.barrier.k_cbf: must be a number, got 'abc'"),
         ("law.barrier.k_cbf=-1", "must be >= 0 and <= 10000, got -1"),
         ("law.barier.k_cbf=1", "law.barier: unknown key; did you mean barrier?"),
+        ("law.guard.clear_m=0.01", "clear_m: unknown key; it is called hard_margin_m now"),
+        ("law.plan.room_m=0.2", "unknown key; it is called ample_clearance_m now"),
         ("obstacles.4.radius_m=1", "obstacles has 1 items, no '4'; count from 0 to 0 or a name"),
         ("name.x=3", "name is a value and has no 'x' in it"),
         ("reference.waypoints_m=[1", "not valid YAML"),

@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.types import Pose
 from cohelm.law.reference import through
-from cohelm.pilot.course import nearly_done, route
+from cohelm.plan.course import nearly_done, route
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
 from cohelm.sim.run import run

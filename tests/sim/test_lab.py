@@ -41,8 +41,8 @@ def test_with_the_barrier_every_obstacle_is_passed_outside_its_safe_circle():
     assert min(h.values()) >= 0.14
     told = {"cone_1": 0.16, "cone_2": 0.15, "cone_3": 0.20, "mover": 0.26}
     assert h == pytest.approx(told, abs=0.006)
-    assert np.abs(trace.rows["v"]).max() == pytest.approx(0.77, abs=0.02)
-    assert np.abs(trace.rows["omega"]).max() == pytest.approx(1.4, abs=0.05)
+    assert np.abs(trace.rows["safe_v"]).max() == pytest.approx(0.77, abs=0.02)
+    assert np.abs(trace.rows["safe_omega"]).max() == pytest.approx(1.4, abs=0.05)
     assert trace.rows["e_p"].max() == pytest.approx(1.0, abs=0.05)
     assert trace.rows["e_p"][-1] < 0.03  # back on the path
 
@@ -52,14 +52,14 @@ def test_with_less_steering_the_mover_is_met_barely_outside_its_circle():
     trace = run(lab_run(1.0))
     told = {"cone_1": 0.16, "cone_2": 0.145, "cone_3": 0.15, "mover": 0.02}
     assert least(trace) == pytest.approx(told, abs=0.01)
-    assert np.abs(trace.rows["v"]).max() == pytest.approx(2.2, abs=0.1)
+    assert np.abs(trace.rows["safe_v"]).max() == pytest.approx(2.2, abs=0.1)
 
 
 def test_with_little_steering_the_robot_is_held_and_then_asked_for_metres_per_second():
     """E3, E5: k_cbf = 0.25; the reference runs up to 5 m ahead."""
     trace = run(lab_run(0.25))
     assert 0.0 < min(least(trace).values()) < 0.002
-    assert np.abs(trace.rows["v"]).max() > 4.0
+    assert np.abs(trace.rows["safe_v"]).max() > 4.0
     assert trace.rows["e_p"].max() > 4.0
 
 
@@ -111,5 +111,7 @@ def test_every_recorded_command_is_the_twins_for_the_recorded_state(k_cbf):
         goal = paper.Goal(*(float(row[c]) for c in ("x_d", "y_d", "psi_d", "u_d", "r_d")))
         stick = np.array([row["stick_x"], row["stick_psi"]])
         told = paper.step(eta, goal, lab.SPEED, stick, discs[:, [0, 1, 2, 3, 5]], p)
-        assert (row["v"], row["omega"]) == pytest.approx(tuple(told.U), rel=1e-8, abs=1e-9)
+        assert (row["safe_v"], row["safe_omega"]) == pytest.approx(
+            tuple(told.U), rel=1e-8, abs=1e-9
+        )
         assert row["e_p"] == pytest.approx(paper.pose_error(eta, goal), abs=1e-9)

@@ -104,15 +104,15 @@ def test_in_an_empty_world_there_is_nothing_to_be_near_to():
 @pytest.mark.parametrize("d", [1, 2, 13])
 def test_a_delay_holds_every_command_back_by_exactly_that_many_steps(d):
     rows = run(lab_run(delay=d * 0.01, duration=6.0)).rows
-    for asked, done in (("v", "applied_v"), ("omega", "applied_omega")):
+    for asked, done in (("safe_v", "applied_v"), ("safe_omega", "applied_omega")):
         assert (rows[done][:d] == 0.0).all()
         assert (rows[done][d:] == rows[asked][:-d]).all()
 
 
 def test_without_delay_and_limits_the_wheels_do_what_is_asked():
     rows = run(lab_run()).rows
-    assert (rows["applied_v"] == rows["v"]).all()
-    assert (rows["applied_omega"] == rows["omega"]).all()
+    assert (rows["applied_v"] == rows["safe_v"]).all()
+    assert (rows["applied_omega"] == rows["safe_omega"]).all()
     assert not rows["saturated"].any()
 
 
@@ -136,7 +136,7 @@ def test_with_limits_on_no_command_jumps_more_than_the_wheels_can(k_cbf, person)
 
 def test_saturation_is_reported_exactly_where_the_wheels_did_something_else():
     rows = run(lab_run(0.25, limits=SALLY)).rows
-    other = (rows["applied_v"] != rows["v"]) | (rows["applied_omega"] != rows["omega"])
+    other = (rows["applied_v"] != rows["safe_v"]) | (rows["applied_omega"] != rows["safe_omega"])
     assert other.any()
     assert not other.all()
     assert (rows["saturated"] == other).all()
@@ -172,7 +172,7 @@ def test_a_number_that_is_not_finite_stops_the_robot_and_says_so():
     rows = run(lab_run(hands=replay(*hand), duration=3.0, limits=SALLY)).rows
     lost = (rows["t"] > 0.995) & (rows["t"] < 1.495)
     assert (rows["verdict"][lost] == 3).all()
-    assert (rows["v"][lost] == 0.0).all()
+    assert (rows["safe_v"][lost] == 0.0).all()
     assert np.isfinite(rows["applied_v"]).all()
     assert rows["applied_v"][lost][-1] == 0.0
     assert np.isfinite(rows["x"]).all()

@@ -15,7 +15,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 
 if TYPE_CHECKING:
-    from cohelm.study.campaign.runner import Plan
+    from cohelm.study.campaign.runner import CampaignConfig
 
 
 @app.command()
@@ -119,7 +119,7 @@ def campaign(
 def _asked(
     suite: str, law: str | None, compare: str | None, n: int | None, seed: int,
     data: Path | None, plant: str | None, out: Path | None,
-) -> tuple[Path | None, Plan]:  # fmt: skip
+) -> tuple[Path | None, CampaignConfig]:  # fmt: skip
     """The folder, if one is named, and the plan, by the command line or by that folder."""
     from cohelm.study.campaign import runner, store
     from cohelm.study.campaign.suites import NAMES
@@ -138,17 +138,17 @@ def _asked(
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
     laws = tuple(part.strip() for part in (compare or law or "guard").split(","))
-    return out, runner.Plan(suite, laws, seed, n, data, plant or "kinematic")  # pyright: ignore[reportArgumentType]
+    return out, runner.CampaignConfig(suite, laws, seed, n, data, plant or "kinematic")  # pyright: ignore[reportArgumentType]
 
 
 def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:
     with progress("driving again"):
-        from cohelm.study.campaign import again
+        from cohelm.study.campaign import replay_episode
         from cohelm.study.metrics import plain as values
 
-        found = again.again(folder, which)
+        found = replay_episode.again(folder, which)
         there = out or folder / "episodes" / f"{found.law}-{found.row.episode}"
-        again.record(found, there)
+        replay_episode.record(found, there)
     if not found.same:
         say(
             "[yellow]warning:[/yellow] this is not what the campaign's row says: code or data "

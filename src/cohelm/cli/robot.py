@@ -11,7 +11,7 @@ from cohelm.cli.app import app
 from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say, starting
 
 if TYPE_CHECKING:
-    from cohelm.drive.session import Plan, Session
+    from cohelm.drive.session import Session, SessionConfig
 
 
 @app.command()
@@ -85,9 +85,9 @@ def robot(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import Asked, ended, hands, meant
-    from cohelm.drive.session import Plan, Session
+    from cohelm.drive.session import Session, SessionConfig
     from cohelm.drive.simulated import mapped
-    from cohelm.loop.loop import Ways
+    from cohelm.loop.loop import LoopParams
 
     asked = Asked(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver
@@ -100,7 +100,9 @@ def robot(
     known = None if chart is None else mapped(chart, made.start)
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
-    plan = Plan(made, rate, record, known, ways=Ways(carry_on=carry_on), pictures=pictures)
+    plan = SessionConfig(
+        made, rate, record, known, ways=LoopParams(carry_on=carry_on), pictures=pictures
+    )
     say(f"starting {plain(made.model.name)} in {plain(made.scenario.name)}")
     if listen is not None:
         _told(made.scenario.name, _served(plan, listen, seconds), as_json)
@@ -141,7 +143,7 @@ def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
         raise typer.Exit(1)
 
 
-def _served(plan: Plan, where: str, seconds: float | None) -> dict[str, Any]:
+def _served(plan: SessionConfig, where: str, seconds: float | None) -> dict[str, Any]:
     """Drive as paired stations want, until Ctrl-C or the time is over."""
     import time
 

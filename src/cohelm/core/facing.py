@@ -1,4 +1,4 @@
-"""Cosine and sine of a heading: one and the same function in one robot's step and in a batch.
+"""Cosine and sine of a heading: the same function for one robot's step and for many.
 
 The C library's own can not be run on several robots at once, and their last digit differs between
 machines. These are sums and products alone, which a compiler can spread over the lanes of a

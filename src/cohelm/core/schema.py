@@ -13,6 +13,16 @@ def refuse(*problems: tuple[str, str]) -> NoReturn:
     raise PydanticCustomError("problems", "{said}", {"said": problems})
 
 
+def renamed(**keys: str) -> ConfigDict:
+    """The configuration of a model some of whose keys had other names: old=new. An old one is
+    refused with the new one."""
+    return ConfigDict(json_schema_extra={RENAMED: dict(keys)})
+
+
+RENAMED = "x-renamed"
+"""Under this, a model's JSON schema has its keys' old names."""
+
+
 class Schema(BaseModel):
     """Unknown keys, NaN and infinities are refused; values do not change after loading."""
 

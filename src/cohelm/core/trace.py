@@ -16,10 +16,10 @@ ROW = np.dtype(
         ("x_d", "f8"), ("y_d", "f8"), ("psi_d", "f8"), ("u_d", "f8"), ("r_d", "f8"),  # (7)(10)
         ("e_p", "f8"),  # E_P (51)
         ("stick_x", "f8"), ("stick_psi", "f8"),  # deflection as it came
-        ("v", "f8"), ("omega", "f8"),  # command U (49) [m/s, rad/s]
-        ("automatic_v", "f8"), ("automatic_omega", "f8"),  # tau_c (15)
-        ("human_v", "f8"), ("human_omega", "f8"),  # tau_h (38)
-        ("shared_v", "f8"), ("shared_omega", "f8"),  # tau (34)
+        ("safe_v", "f8"), ("safe_omega", "f8"),  # command U (49) [m/s, rad/s]
+        ("tracking_v", "f8"), ("tracking_omega", "f8"),  # tau_c (15)
+        ("operator_v", "f8"), ("operator_omega", "f8"),  # tau_h (38)
+        ("nominal_v", "f8"), ("nominal_omega", "f8"),  # tau (34)
         ("avoid_v", "f8"), ("avoid_omega", "f8"),  # u (33)
         ("authority_x", "f8"), ("authority_psi", "f8"),  # diagonal of K_c
         ("intent_x", "f8"), ("intent_psi", "f8"),  # V_hx, V_hpsi

@@ -1,4 +1,4 @@
-"""The way to a robot that still starts: the page is there before the robot is."""
+"""Stands in for a robot that still starts, so that the page is there before the robot is."""
 
 from __future__ import annotations
 

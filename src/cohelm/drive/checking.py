@@ -1,4 +1,4 @@
-"""Where proposed ways are checked: in a process of its own, which can not hold up the loop.
+"""Checks proposed paths in a process of its own, which can not hold up the loop.
 
 A check is up to a second of compiled code that keeps the interpreter to itself; a thread of the
 loop's process would stop the loop for as long.

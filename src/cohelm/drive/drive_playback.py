@@ -1,4 +1,4 @@
-"""A recorded drive as what the robot told its stations meanwhile."""
+"""Plays a recorded drive back as what the robot reported to its stations."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.over_link import hello
 from cohelm.link import messages as m
 from cohelm.link.recorded_status import Told
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import POOR, VERDICTS
-from cohelm.perceive.frames import compose
 from cohelm.record.drive import IMAGE, periods
 from cohelm.record.messages import messages
 from cohelm.record.replay import recorded_model
@@ -186,12 +186,12 @@ class DriveFilm:
         if "/rosout" in self._series:
             happened = self._series["/rosout"].between(now - _EVENT, now)
         pose = Pose(f("x"), f("y"), f("psi"))
-        given = Twist(f("v_given"), f("omega_given"))
+        given = Twist(f("applied_v"), f("applied_omega"))
         return m.Status(
             m.Lease(0, told.driver, told.name, 0, "", _NAN), told.mode, told.stopped,
             m.Arming(int(row["arming"])), Stick(f("stick_x"), f("stick_psi")),
             min(f("authority_x"), f("authority_psi")), pose, pose,
-            Twist(f("v_measured"), f("omega_measured")), Twist(f("v_wished"), f("omega_wished")),
+            Twist(f("measured_v"), f("measured_omega")), Twist(f("nominal_v"), f("nominal_omega")),
             given, told.why,
             m.Guarding(
                 VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("gap"),

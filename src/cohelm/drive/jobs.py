@@ -1,4 +1,4 @@
-"""What takes long is done beside the loop, one thing after the other: in a thread, or at once."""
+"""Does what takes long beside the loop, one job after the other: in a thread, or at once."""
 
 from __future__ import annotations
 

@@ -10,11 +10,11 @@ from typing import Any
 from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import Make, own_robot
 from cohelm.drive.operate import End, ended, hands
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.teleop_server import Door, serve
 from cohelm.link import keys
 from cohelm.link.udp import PORT, address
-from cohelm.loop.loop import Loop, Ways
+from cohelm.loop.loop import Loop, LoopParams
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.model import Scenario
 
@@ -51,9 +51,9 @@ def drive(
     file = None if record is None else Path(record)
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
-    ways = Ways(carry_on=carry_on)
+    ways = LoopParams(carry_on=carry_on)
     walls = len(made.scenario.walls()) > 0  # else there is nothing to localise by
-    plan = Plan(made, rate, file, localise=walls, ways=ways)
+    plan = SessionConfig(made, rate, file, localise=walls, ways=ways)
     heeding = threading.current_thread() is threading.main_thread()
     with ended() if heeding else nullcontext(End([])) as stop:
         if listen is not None:
@@ -74,7 +74,7 @@ def drive(
             return session.summary()
 
 
-def _served(plan: Plan, where: str, seconds: float | None, stop: End) -> dict[str, Any]:
+def _served(plan: SessionConfig, where: str, seconds: float | None, stop: End) -> dict[str, Any]:
     host, port = address(where, PORT)
     door = Door(keys.robot(), host, port)
     over = threading.Event()

@@ -1,4 +1,4 @@
-"""From what the command line says to what a session needs: robot, hands, and when to end."""
+"""Turns the command line into a session: robot, hands, and when to end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What somebody asks of a driving robot beside driving: another way, a record, pictures.
+"""Handles an operator's requests beside driving: another path, a record, pictures.
 
 `turn` is called between two periods of the loop and takes no time; what takes long is done beside
 the loop, and taken up by a later turn. No mode is kept here, and none is chosen but HOLD.
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cohelm.core.frames import placed
 from cohelm.core.types import Floats
 from cohelm.drive.checking import Checking, CheckingElsewhere, CheckingHere
 from cohelm.drive.jobs import AtOnce, InThread, Jobs
@@ -25,9 +26,8 @@ from cohelm.law.reference import Reference
 from cohelm.link.messages import Health, Map, Polyline
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
-from cohelm.perceive.frames import placed
-from cohelm.perceive.known import Known
-from cohelm.pilot.course import Course
+from cohelm.perceive.localize.localization_map import LocalizationMap
+from cohelm.plan.course import Course
 
 _LEAVE = 5.0
 """A driver that is still being made at the end of the drive is left to itself [s]."""
@@ -47,7 +47,7 @@ class Desk:
     """Of one session. `close` after it."""
 
     def __init__(
-        self, session: Session, operator: OverLink, known: Known | None, records: Path,
+        self, session: Session, operator: OverLink, known: LocalizationMap | None, records: Path,
         beside: Callable[[Judge, bool], Beside] = Beside,
     ) -> None:  # fmt: skip
         """known: the map. records: the folder for records."""
@@ -117,7 +117,7 @@ class Desk:
             self._operator.publish(one)
 
 
-def _occupied(known: Known | None) -> tuple[Floats, Floats]:
+def _occupied(known: LocalizationMap | None) -> tuple[Floats, Floats]:
     """Centres of occupied cells (p, 2), and the corners of the map (2, 2) [m]."""
     if known is None:
         return np.empty((0, 2)), np.empty((0, 2))

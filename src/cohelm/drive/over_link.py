@@ -1,4 +1,4 @@
-"""The loop's operator at the other end of the link, and what he is shown besides."""
+"""The loop's operator at the other end of the link, and what is published to him."""
 
 from __future__ import annotations
 

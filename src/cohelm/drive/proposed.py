@@ -1,4 +1,4 @@
-"""Way-points that somebody proposes: can the robot go there?"""
+"""Checks way-points that somebody proposes: can the robot go there?"""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import Reference, through
-from cohelm.perceive.chart import swept
-from cohelm.pilot.course import poses_along
+from cohelm.plan.course import poses_along
+from cohelm.plan.distance_field import swept
 
 ROOM = 0.05
 """Least gap between the outline and anything known [m]."""

@@ -1,4 +1,4 @@
-"""Another way for a driving robot: proposed, checked, made beside the loop, and taken up.
+"""Gives a driving robot another path: proposed, checked and made beside the loop, then taken up.
 
 Meanwhile the robot stands in the mode it is in (`Loop.pause`). Nobody keeps that mode: what ends it
 ends it. A way that can not be made ends in HOLD, and the driver is told.

@@ -157,9 +157,9 @@ def _drive(
     """The robot's process."""
     let_go = bound()
     from cohelm.drive.operate import Asked, ended, meant
-    from cohelm.drive.session import Plan
+    from cohelm.drive.session import SessionConfig
     from cohelm.drive.teleop_server import serve
-    from cohelm.loop.loop import Ways
+    from cohelm.loop.loop import LoopParams
 
     with ended() as end:
 
@@ -177,8 +177,8 @@ def _drive(
         try:
             kind = "twin" if twin else "kinematic"
             made = meant(Asked(name, "lab-guard", kind, True, None, [], driver))
-            ways = Ways(carry_on=carry_on)
-            plan = Plan(made, ways=ways, patience=patience, pictures=pictures)
+            ways = LoopParams(carry_on=carry_on)
+            plan = SessionConfig(made, ways=ways, patience=patience, pictures=pictures)
             serve(plan, door, ready, over)
         except CohelmError as error:
             try:

@@ -1,4 +1,4 @@
-"""A recorded run as what the robot would have told meanwhile."""
+"""Plays a recorded run back as what the robot would have reported."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class RunFilm:
 
     def _status(self, k: int, row: Any) -> m.Status:
         pose = Pose(*(float(row[n]) for n in ("x", "y", "psi")))
-        asked = Twist(float(row["shared_v"]), float(row["shared_omega"]))
+        asked = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
         given = Twist(float(row["applied_v"]), float(row["applied_omega"]))
         verdict = int(row["verdict"])
         why = _WHY.get(verdict, "the wheels' limits" if row["saturated"] else "")

@@ -18,14 +18,14 @@ from cohelm.drive.shown import drawn, way
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
-from cohelm.loop.loop import Loop, Ways
+from cohelm.loop.loop import Loop, LoopParams
 from cohelm.loop.operator import NullOperator, Operator
 from cohelm.loop.planning import InProcessPlanner, RemotePlanner
 from cohelm.loop.timing import Timing
-from cohelm.perceive.known import Known
-from cohelm.perceive.seen import Perception, rehearse
-from cohelm.perceive.taped import surveyed
-from cohelm.pilot.careful import SLOP, noise, roomier
+from cohelm.perceive.localize.localization_map import LocalizationMap
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+from cohelm.perceive.pipeline import Perception, rehearse
+from cohelm.pilot.margin_inflation import SLOP, inflated, noise
 from cohelm.pilot.pilot import Pilot
 from cohelm.record.drive import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
@@ -40,7 +40,7 @@ _READY = 10.0  # the robot's sensors must speak within this [s]
 
 
 @dataclass(frozen=True)
-class Plan:
+class SessionConfig:
     """What a session is to be."""
 
     robot: RobotFactory
@@ -48,11 +48,11 @@ class Plan:
     rate: float = 50.0
     """Periods a second, 10 to 500."""
     record: Path | None = None
-    known: Known | None = None
+    known: LocalizationMap | None = None
     """The map to localise on; by default the scenario's walls."""
     localise: bool = True
     """Without, the robot trusts its odometry."""
-    ways: Ways = field(default_factory=Ways)
+    ways: LoopParams = field(default_factory=LoopParams)
     watchdog: float = 0.1
     """The loop may be so late, or the robot stops [s]."""
     pictures: float = 5.0
@@ -70,7 +70,7 @@ class Plan:
 class Session:
     """Everything that runs. `close`, or leaving the `with`, stops the robot first."""
 
-    def __init__(self, plan: Plan, operator: Operator | None = None) -> None:
+    def __init__(self, plan: SessionConfig, operator: Operator | None = None) -> None:
         """Raises CohelmError where something can not be started; nothing is left running then."""
         self.plan = plan
         self.scheduling = "simulated time"
@@ -91,7 +91,7 @@ class Session:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
             where = plan.known
             if where is None and plan.localise:
-                where = surveyed(robot.scenario.walls(), robot.start)
+                where = map_from_geometry(robot.scenario.walls(), robot.start)
             rehearsed = _beside(lambda: rehearse(model, where is not None)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             ends = (self.recording.loop, self.recording.keeper) if self.recording else (None, None)
@@ -280,13 +280,13 @@ def _beside(what: Callable[[], None]) -> Callable[[], None]:
     return waited
 
 
-def _ways(plan: Plan) -> Ways:
+def _ways(plan: SessionConfig) -> LoopParams:
     manner = plan.ways.manner
     patient = manner._replace(stale=manner.stale + plan.patience)
     return plan.ways._replace(period=plan.period, manner=patient, patience=plan.patience)
 
 
-def driver_of(plan: Plan, real_time: bool, reference: Reference | None = None) -> Driver:
+def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None = None) -> Driver:
     """A driver for a plan's robot, on the scenario's reference or another one."""
     scenario, model = plan.robot.scenario, plan.robot.model
     reference = scenario.reference.spline() if reference is None else reference
@@ -295,7 +295,7 @@ def driver_of(plan: Plan, real_time: bool, reference: Reference | None = None) -
         model.outline, model.bounds(), scenario.reference.speed_mps, plan.period
     )._replace(guarded=True)  # a robot that lives by its sensors keeps clear by what they see
     off, delay = SLOP + noise(model), plan.robot.delay(plan.period)
-    settings, manners, care = roomier(settings, law.manners(), law.care(), off, noise(model))
+    settings, manners, care = inflated(settings, law.manners(), law.care(), off, noise(model))
     pilot = Pilot(reference, settings, delay=delay, manners=manners, care=care)
     planning = RemotePlanner(pilot.planner) if real_time else InProcessPlanner(pilot.planner)
     return Driver(pilot, settings, delay, planning)

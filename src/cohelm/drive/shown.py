@@ -1,4 +1,4 @@
-"""What stations and records are shown of a drive that does not change from period to period."""
+"""What stations and records are sent once: map, route, outline."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 
 from cohelm.law.reference import Reference, desired
 from cohelm.link.messages import Line, Map, Polyline
-from cohelm.perceive.known import Known
-from cohelm.pilot.course import Course, poses_along
+from cohelm.perceive.localize.localization_map import LocalizationMap
+from cohelm.plan.course import Course, poses_along
 
 _STEP = 0.1  # between two points of a way [m]
 
 
-def drawn(known: Known) -> Map:
+def drawn(known: LocalizationMap) -> Map:
     """The map as a page draws it."""
     cells = np.where(known.gap <= 0.0, 100, 0).astype(np.uint8)
     cells[known.unknown] = 255

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.drive.factory import beginning, described
-from cohelm.perceive.frames import compose
-from cohelm.perceive.known import Known
+from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import pace
 from cohelm.robot.port import Robot
@@ -68,7 +68,7 @@ def simulated(
     return Simulated(alone, kind, real_time, alone.simulation.seed if seed is None else seed)
 
 
-def mapped(path: Path, start: Pose) -> Known:
+def mapped(path: Path, start: Pose) -> LocalizationMap:
     """A map as `cohelm map` makes it, whose axes are the robot's first pose, now `start`.
 
     Raises CohelmError where the file can not be used.

@@ -10,12 +10,12 @@ from typing import Any
 
 from cohelm.drive.operator_requests import Desk
 from cohelm.drive.over_link import OverLink
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.keys import Keys
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.robot_end import STALE
 from cohelm.loop.loop import Loop
-from cohelm.perceive.taped import surveyed
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 
 _log = logging.getLogger("cohelm.drive")
 
@@ -33,7 +33,10 @@ class Door:
 
 
 def serve(
-    plan: Plan, door: Door, ready: Callable[[tuple[Any, ...]], None], over: Callable[[], str]
+    plan: SessionConfig,
+    door: Door,
+    ready: Callable[[tuple[Any, ...]], None],
+    over: Callable[[], str],
 ) -> dict[str, Any]:
     """Drive as the person at the link wants, until `over` has a reason; returns the summary.
 
@@ -43,7 +46,7 @@ def serve(
     walls = plan.robot.scenario.walls()
     if plan.known is None and plan.localise:
         if len(walls):
-            plan = replace(plan, known=surveyed(walls, plan.robot.start))
+            plan = replace(plan, known=map_from_geometry(walls, plan.robot.start))
         else:
             _log.warning("there is no wall to localise by: the robot trusts its odometry")
             plan = replace(plan, localise=False)

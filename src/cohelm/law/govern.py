@@ -20,7 +20,7 @@ from cohelm.law.reference import Reference, evaluate
 _LOOKS = 48  # samples per round of the search for the nearest point, three rounds
 
 
-class Pace(NamedTuple):
+class PaceParams(NamedTuple):
     """How the reference's clock is governed."""
 
     lateral: float = 1.5
@@ -74,7 +74,7 @@ class Profile(NamedTuple):
 
 
 @jit
-def profile(reference: Reference, clearance: Floats, pace: Pace) -> Profile:
+def profile(reference: Reference, clearance: Floats, pace: PaceParams) -> Profile:
     """The largest rate at each sample: by speed, curvature, clearance, and what comes after.
 
     It is 0 at the end: the reference comes to rest there.
@@ -121,7 +121,7 @@ def allowed(profile: Profile, tau: float) -> float:
 
 
 @jit
-def governed(reference: Reference, clock: Clock, pose: Pose, pace: Pace) -> Desired:
+def governed(reference: Reference, clock: Clock, pose: Pose, pace: PaceParams) -> Desired:
     """The desired pose, speed and yaw rate at the clock's time and rate, for the tracking law.
 
     u_d = rate ||S'|| and r_d = rate r_d(tau); at rate 0 the reference rests where it is. The
@@ -145,7 +145,7 @@ def governed(reference: Reference, clock: Clock, pose: Pose, pace: Pace) -> Desi
 
 @jit
 def govern(
-    clock: Clock, pose: Pose, reference: Reference, profile: Profile, leads: bool, pace: Pace,
+    clock: Clock, pose: Pose, reference: Reference, profile: Profile, leads: bool, pace: PaceParams,
     dt: float,
 ) -> Clock:  # fmt: skip
     """The clock one step of `dt` later.

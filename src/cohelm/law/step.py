@@ -18,18 +18,18 @@ from cohelm.law.verdict import INVALID, UNTOUCHED
 class Step(NamedTuple):
     """What one control step decided, and everything it decided it from."""
 
-    v: float
+    safe_v: float
     """Commanded surge speed, first entry of U (49) [m/s]."""
-    omega: float
+    safe_omega: float
     """Commanded yaw rate, second entry of U (49) [rad/s]."""
-    automatic_v: float
-    automatic_omega: float
+    tracking_v: float
+    tracking_omega: float
     """tau_c, the tracking law's wish (15)."""
-    human_v: float
-    human_omega: float
+    operator_v: float
+    operator_omega: float
     """tau_h, the person's wish (38)."""
-    shared_v: float
-    shared_omega: float
+    nominal_v: float
+    nominal_omega: float
     """tau, the blend (34)."""
     avoid_v: float
     avoid_omega: float

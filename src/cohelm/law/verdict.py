@@ -1,4 +1,4 @@
-"""What became of a wish: one list of verdicts for every filter, so that records read alike."""
+"""Verdicts of every filter, in one list, so that records read alike."""
 
 from __future__ import annotations
 

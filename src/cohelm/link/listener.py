@@ -1,4 +1,4 @@
-"""The robot's door: strangers' datagrams in, channels of those who are let in out.
+"""Listens for the robot: strangers' datagrams in, channels of those who are let in out.
 
 Built to be cheap against floods. Until a stranger has shown that it has the address it claims,
 nothing is kept of it. Then handshakes are limited per second, and those under way in number and

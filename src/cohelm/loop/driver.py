@@ -1,4 +1,4 @@
-"""What to ask of the wheels in one period: on the route with the person, or the person alone."""
+"""The command of one period: on the route with the operator, or by the operator alone."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections import deque
 
 import numpy as np
 
+from cohelm.core.frames import placed
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.govern import Profile
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference, through
 from cohelm.loop.planning import Planning
 from cohelm.loop.stick_arming import CENTRED
-from cohelm.perceive.chart import swept
-from cohelm.perceive.frames import placed
-from cohelm.perceive.seen import Seen
-from cohelm.pilot.foresee import periods
+from cohelm.perceive.pipeline import Seen
+from cohelm.pilot.delay_compensation import periods
+from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.plan import entered
+from cohelm.pilot.replanning import entered
 from cohelm.pilot.step import Decision, Settings
-from cohelm.pilot.told import told
+from cohelm.plan.distance_field import swept
 from cohelm.robot.keep.gated_robot import Keeper
 from cohelm.robot.limits import achievable
 
@@ -93,7 +93,7 @@ class Driver:
         key = (seen.points, seen.map_odom)
         if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)
-        return told(seen, seen.map_odom, self._points)
+        return obstacles_from_perception(seen, seen.map_odom, self._points)
 
     def clear(self, pose: Pose, around: Surroundings, blind: int) -> float:
         """Smallest gap between the outline and anything seen; infinite where nothing is [m].

@@ -1,4 +1,4 @@
-"""A dropout: what the person says stops for a moment. The robot stands, and may go on in its mode.
+"""A dropout: the operator's messages stop for a moment. The robot stands, and may go on.
 
 A page that hangs for a moment is no reason to begin anew. So what is lost without anybody's doing
 brakes the robot in the mode it is, and nothing more, if the same driver's same device is heard

@@ -25,9 +25,9 @@ from cohelm.loop.latency_limit import FREE, allowed, cap, crawl, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
 from cohelm.loop.status import Said, culprit, predicted, scan_parts, sigma, status
-from cohelm.loop.stick_arming import CENTRED, Manner, Person, renewed
+from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
 from cohelm.loop.timing import Timing
-from cohelm.perceive.seen import Perception, Seen
+from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import Mode as GateMode, driving, latched
@@ -54,7 +54,7 @@ _LATE_PLANNER = "what plans ways round does not answer: the robot keeps to the c
 _MUTE_RECORDER = "the recorder gives no sign of life: what it has no room for is lost"
 
 
-class Ways(NamedTuple):
+class LoopParams(NamedTuple):
     """How the loop goes about it."""
 
     period: float = 0.02
@@ -62,7 +62,7 @@ class Ways(NamedTuple):
     carry_on: bool = False
     """Whether the controller drives on alone when a stick in use, or the driver, vanishes, instead
     of stopping."""
-    manner: Manner = Manner()
+    manner: ArmingParams = ArmingParams()
     patience: float = 0.0
     """How much longer than usual a reading may be missing [s]."""
 
@@ -72,7 +72,7 @@ class Loop:
 
     def __init__(
         self, keeper: Keeper, perception: Perception, driver: Driver, operator: Operator,
-        record: Line, ways: Ways, has_map: bool,
+        record: Line, ways: LoopParams, has_map: bool,
     ) -> None:  # fmt: skip
         """has_map: whether `perception` localises on one."""
         self.keeper, self.perception, self.driver = keeper, perception, driver
@@ -423,7 +423,7 @@ class Loop:
 
     def _propose(self, readings: Readings, decision: Decision | None) -> Passed:
         """To the gate; but with readings that are wrong nothing, and the watchdog counts."""
-        asked = Twist(decision.v, decision.omega) if decision is not None else STANDING
+        asked = Twist(decision.safe_v, decision.safe_omega) if decision is not None else STANDING
         self._asked = asked
         gate = self.keeper.gate
         if self.problem or readings.odometry is None:
@@ -491,7 +491,7 @@ class Loop:
             d.doing if d else -1, d.authority_x if d else nan, d.authority_psi if d else nan,
             d.x_d if d else nan, d.y_d if d else nan, d.psi_d if d else nan, self._e_p(),
             d.tau if d else nan, d.rate if d else nan,
-            d.shared_v if d else 0.0, d.shared_omega if d else 0.0, *self._asked, *passed.out,
+            d.nominal_v if d else 0.0, d.nominal_omega if d else 0.0, *self._asked, *passed.out,
             d.verdict if d else 0, d.culprit if d else -1, d.gap if d else nan,
             now - odometry.stamp if odometry else nan,
             now - scan.stamp - scan.duration if scan else nan,

@@ -1,4 +1,4 @@
-"""The slow part of the pilot, where it can not make the loop late: in another process."""
+"""Runs the pilot's slow part in another process, where it can not make the loop late."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import deque
 from typing import Protocol
 
 from cohelm.pilot.pilot import Planner
-from cohelm.pilot.plan import Plan, Task
+from cohelm.pilot.replanning import Plan, Task
 from cohelm.robot.keep.child import Child
 
 ANSWER = 2.0

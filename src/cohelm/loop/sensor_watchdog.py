@@ -1,4 +1,4 @@
-"""Whether what was read may be relied on: missing, stale, from the future, no number, jumping."""
+"""Checks readings: missing, stale, from the future, not a number, jumping."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law import verdict as verdicts
 from cohelm.link.latency_speed_limit import Cap
@@ -23,8 +24,7 @@ from cohelm.link.messages import (
 )
 from cohelm.link.wire import MOST_BEAMS
 from cohelm.loop.stick_arming import Person
-from cohelm.perceive.frames import compose
-from cohelm.perceive.seen import Seen
+from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Scan
@@ -69,7 +69,7 @@ def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
     """The message; lease, answers and the link's part of the timing are filled in by the link."""
     d, seen = said.decision, said.seen
     nan = math.nan
-    asked = Twist(d.shared_v, d.shared_omega) if d else Twist(0.0, 0.0)
+    asked = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
     return Status(
         lease=_NOBODY,
         mode=said.mode,

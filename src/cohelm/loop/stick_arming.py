@@ -1,4 +1,4 @@
-"""Whether the stick may be believed, and how fast a hand may take over.
+"""Arms the stick: whether it may be believed, and how fast a hand may take over.
 
 A stick that vanished is not a stick that is centred: with the authority exp(-V_h) of (48), centred
 means that the controller leads. So validity travels beside the deflection, a stick steers only
@@ -17,7 +17,7 @@ from cohelm.link.operator_input import OperatorInput
 CENTRED = Stick(0.0, 0.0)
 
 
-class Manner(NamedTuple):
+class ArmingParams(NamedTuple):
     """How a person takes over."""
 
     hand_rate: float = 8.0
@@ -43,7 +43,7 @@ class Person(NamedTuple):
 
 
 def renewed(
-    person: Person, heard: OperatorInput, manner: Manner, dt: float, stopped: bool = False
+    person: Person, heard: OperatorInput, manner: ArmingParams, dt: float, stopped: bool = False
 ) -> Person:
     """The person a period of `dt` later, with what was heard.
 
@@ -67,7 +67,7 @@ def renewed(
     )
 
 
-def _believed(heard: OperatorInput, manner: Manner) -> tuple[Command | None, str]:
+def _believed(heard: OperatorInput, manner: ArmingParams) -> tuple[Command | None, str]:
     """The command, or why there is none to be believed."""
     command = heard.command
     if command is None:

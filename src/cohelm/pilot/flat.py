@@ -1,4 +1,4 @@
-"""`pilot_step` from Python: numba unpacks an array in 150 ns, a named tuple in 800."""
+"""`pilot_step` for callers in Python: numba unpacks an array in 150 ns, a named tuple in 800."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, Pace, Profile
+from cohelm.law.govern import Clock, PaceParams, Profile
 from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference
-from cohelm.perceive.escape import Escape
-from cohelm.pilot.course import Course
-from cohelm.pilot.evasion import Evasion, EvasionParams
 from cohelm.pilot.step import Decision, Settings, State, pilot_step
+from cohelm.plan.course import Course
+from cohelm.plan.evasion import Evasion, EvasionParams
+from cohelm.plan.recovery import Escape
 from cohelm.robot.limits import Limits
 
 Flat = Callable[
@@ -81,7 +81,7 @@ def _flat(
         r[18] != 0.0, r[19] != 0.0,
     )  # fmt: skip
     rules = Rules(r[20], r[21], r[22], r[23], r[24])
-    pace = Pace(
+    pace = PaceParams(
         r[25], r[26], r[27], r[28], r[29], r[30], r[31], r[32], r[33], r[34], r[35], r[36], r[37]
     )
     evasion = EvasionParams(
@@ -114,8 +114,8 @@ def _flat(
         after.left.distance, after.left.curvature, after.left.turn, after.row, after.held,
         after.refused, after.evasion.on, after.evasion.v, after.evasion.omega, after.evasion.then,
         after.evasion.turns, after.evasion.after, after.evasion.left,
-        d.v, d.omega, d.automatic_v, d.automatic_omega, d.human_v, d.human_omega, d.shared_v,
-        d.shared_omega, d.avoid_v, d.avoid_omega, d.authority_x, d.authority_psi, d.intent_x,
-        d.intent_psi, d.I, d.J, d.h, d.verdict, d.culprit, d.gap, d.change, d.doing, d.tau,
-        d.rate, d.waited, d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d,
+        d.safe_v, d.safe_omega, d.tracking_v, d.tracking_omega, d.operator_v, d.operator_omega,
+        d.nominal_v, d.nominal_omega, d.avoid_v, d.avoid_omega, d.authority_x, d.authority_psi,
+        d.intent_x, d.intent_psi, d.I, d.J, d.h, d.verdict, d.culprit, d.gap, d.change, d.doing,
+        d.tau, d.rate, d.waited, d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d,
     )  # fmt: skip

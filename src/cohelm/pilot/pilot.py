@@ -11,13 +11,13 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.reference import Reference
-from cohelm.perceive.way import Manners
-from cohelm.pilot.course import Course, Route, course, route
-from cohelm.pilot.evasion import nobody_watched
+from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.flat import Flat, step_of
-from cohelm.pilot.foresee import periods
-from cohelm.pilot.plan import Care, Plan, Task, entered, plan
+from cohelm.pilot.replanning import Plan, ReplanParams, Task, entered, plan
 from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE, START, Decision, Settings, State
+from cohelm.plan.course import Course, Route, course, route
+from cohelm.plan.evasion import nobody_watched
+from cohelm.plan.path_planner import PathParams
 
 _CENTRED = Stick(0.0, 0.0)
 NOTHING_NEAR = surroundings()
@@ -29,8 +29,8 @@ class Planner(NamedTuple):
 
     route: Route
     settings: Settings
-    manners: Manners = Manners()
-    care: Care = Care()
+    manners: PathParams = PathParams()
+    care: ReplanParams = ReplanParams()
 
     def __call__(self, task: Task) -> Plan:
         """The plan for a snapshot; takes milliseconds, and changes nothing."""
@@ -49,7 +49,7 @@ class Pilot:
 
     def __init__(
         self, reference: Reference, settings: Settings, *, delay: float = 0.0,
-        manners: Manners | None = None, care: Care | None = None,
+        manners: PathParams | None = None, care: ReplanParams | None = None,
     ) -> None:  # fmt: skip
         """settings.rules.dt: the control period. delay: from command to wheels [s]."""
         dt = settings.rules.dt
@@ -57,7 +57,9 @@ class Pilot:
             raise CohelmError(f"the delay must be from 0 to 60 s, got {delay}")
         whole, rest = periods(delay, dt)
         settings = settings._replace(rest=rest)
-        self.planner = Planner(route(reference), settings, manners or Manners(), care or Care())
+        self.planner = Planner(
+            route(reference), settings, manners or PathParams(), care or ReplanParams()
+        )
         self.settings = settings
         self.state: State = START
         self.course: Course = course(reference, 0, True, settings.pace)

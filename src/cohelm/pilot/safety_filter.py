@@ -15,8 +15,8 @@ from cohelm.law.guard.rules import Rules, checked_rules
 from cohelm.law.guard.step import NOTHING, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
-from cohelm.pilot.careful import SLOP, careful, noise
-from cohelm.pilot.foresee import moved_on, periods, stopping
+from cohelm.pilot.delay_compensation import moved_on, periods, stopping
+from cohelm.pilot.margin_inflation import SLOP, inflated_rules, noise
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable, checked_limits
 from cohelm.robot.model import RobotModel
@@ -68,8 +68,9 @@ class SafetyFilter:
 
     def __init__(
         self, robot: RobotModel, period: float, *, delay: float | None = None, lag: float = 0.0,
-        position_error: float | None = None, hard_margin: float = _RULES.clear,
-        soft_margin: float = _RULES.margin, deceleration_fraction: float = _RULES.caution,
+        position_error: float | None = None, hard_margin: float = _RULES.hard_margin,
+        soft_margin: float = _RULES.soft_margin,
+        deceleration_fraction: float = _RULES.deceleration_fraction,
         steer_weight: float = _RULES.steer_weight, limits: Limits | None = None,
     ) -> None:  # fmt: skip
         """Checks everything, and compiles: seconds the first time ever, else tenths.
@@ -95,11 +96,11 @@ class SafetyFilter:
         rules = checked_rules(
             Rules(self.period, soft_margin, hard_margin, deceleration_fraction, steer_weight)
         )
-        if rules.margin < rules.clear:
+        if rules.soft_margin < rules.hard_margin:
             raise CohelmError(
                 f"soft_margin must be at least hard_margin, {hard_margin:g} m, got {soft_margin:g}"
             )
-        self._rules = careful(rules, _within("position_error", error, 0.0, 1.0))
+        self._rules = inflated_rules(rules, _within("position_error", error, 0.0, 1.0))
         self.horizon = delay + lag + 0.5 * self.period
         """How far ahead a command is worked out [s]: a drive follows on a straight line through a
         period, at whose beginning the certificate takes the speed to be reached, hence the half."""

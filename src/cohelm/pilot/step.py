@@ -10,16 +10,16 @@ from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance
 from cohelm.law.blend import blend
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, Pace, govern, governed
+from cohelm.law.govern import Clock, PaceParams, govern, governed
 from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
 from cohelm.law.step import avoidance, decided, hand_of
 from cohelm.law.track import track
-from cohelm.perceive.escape import Escape, kind, rest, wish
-from cohelm.pilot.course import Course, nearest_row
-from cohelm.pilot.evasion import NO_EVASION, Evasion, EvasionParams, evade
-from cohelm.pilot.foresee import foreseen, moved_on, stopping
+from cohelm.pilot.delay_compensation import foreseen, moved_on, stopping
+from cohelm.plan.course import Course, nearest_row
+from cohelm.plan.evasion import NO_EVASION, Evasion, EvasionParams, evade
+from cohelm.plan.recovery import Escape, kind, rest, wish
 from cohelm.robot.limits import Limits
 
 FOLLOWING, LED, ESCAPING, EVADING = range(4)
@@ -37,7 +37,7 @@ class Settings(NamedTuple):
     limits: Limits
     gains: Gains = Gains()
     rules: Rules = Rules()
-    pace: Pace = Pace()
+    pace: PaceParams = PaceParams()
     guarded: bool = True
     """The guard filters, and the reference waits; else the paper's law as its gains say, with a
     reference that runs on with time (E12)."""
@@ -73,7 +73,7 @@ class State(NamedTuple):
     held: float
     """How long such a move has been held up [s]."""
     refused: int
-    """Kinds of moves, see `perceive.escape`, that were held up since the robot last got on."""
+    """Kinds of moves, see `plan.recovery`, that were held up since the robot last got on."""
     evasion: Evasion = NO_EVASION
 
 
@@ -83,17 +83,17 @@ START = State(0, 0.0, Clock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
 class Decision(NamedTuple):
     """What one control step decided, and everything it decided it from."""
 
-    v: float
-    omega: float
+    safe_v: float
+    safe_omega: float
     """The command U (49) [m/s, rad/s]."""
-    automatic_v: float
-    automatic_omega: float
+    tracking_v: float
+    tracking_omega: float
     """tau_c, the tracking law's wish (15), or the escape's."""
-    human_v: float
-    human_omega: float
+    operator_v: float
+    operator_omega: float
     """tau_h, the person's wish (38)."""
-    shared_v: float
-    shared_omega: float
+    nominal_v: float
+    nominal_omega: float
     """tau, the blend (34)."""
     avoid_v: float
     avoid_omega: float
@@ -182,7 +182,7 @@ def pilot_step(
         v, omega = passed.v, passed.omega  # also when a number was none: it brakes
     else:
         step = decided(tau_c, hand, tau, avoidance(then, tau, things.discs, s.gains))
-        v, omega = step.v, step.omega
+        v, omega = step.safe_v, step.safe_omega
     d = len(sent)
     if d > 0:
         sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
@@ -192,8 +192,8 @@ def pilot_step(
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
     doing = LED if led else (EVADING if evasion.on else (ESCAPING if escaping else FOLLOWING))
     return State(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion), Decision(
-        v, omega, step.automatic_v, step.automatic_omega, step.human_v, step.human_omega,
-        step.shared_v, step.shared_omega, step.avoid_v, step.avoid_omega,
+        v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
+        step.nominal_v, step.nominal_omega, step.avoid_v, step.avoid_omega,
         step.authority_x, step.authority_psi, step.intent_x, step.intent_psi,
         step.I, step.J, step.h, step.verdict, step.culprit, gap, change, doing,
         clock.tau, clock.rate, clock.waited,

@@ -1,7 +1,7 @@
 """A drive as it goes, into one MCAP file of ROS 2's own messages: what a robot's loop records.
 
 `/odom` in the odometry frame, `/scan`, `/tf` (map, odom, base_link), `/cmd_vel` and
-`/cmd_vel_asked`, `/joy`, `/camera/image/compressed`, `/rosout` for what happened, and `/period`:
+`/cmd_vel_safe`, `/joy`, `/camera/image/compressed`, `/rosout` for what happened, and `/period`:
 every number of a period; besides, what the stations were shown (`shown.TOPICS`).
 """
 
@@ -58,7 +58,7 @@ TOPICS = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/tf_static": "tf2_msgs/msg/TFMessage",
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
-    "/cmd_vel_asked": "geometry_msgs/msg/TwistStamped",
+    "/cmd_vel_safe": "geometry_msgs/msg/TwistStamped",
     "/joy": "sensor_msgs/msg/Joy",
     IMAGE: "sensor_msgs/msg/CompressedImage",
     "/rosout": "rcl_interfaces/msg/Log",
@@ -147,7 +147,7 @@ class DriveFile:
         robot = Header(self._time(t), BASE)
         given, asked = (_twist(float(row[f"v_{w}"]), float(row[f"omega_{w}"])) for w in _TWISTS)
         self._say(t, "/cmd_vel", TwistStamped(robot, given))
-        self._say(t, "/cmd_vel_asked", TwistStamped(robot, asked))
+        self._say(t, "/cmd_vel_safe", TwistStamped(robot, asked))
         axes = np.array([row["stick_x"], row["stick_psi"]], dtype=np.float32)
         self._say(t, "/joy", Joy(robot, axes, np.empty(0, dtype=np.int32)))
         place = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))

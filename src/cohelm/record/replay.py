@@ -1,4 +1,4 @@
-"""A recorded drive as a robot behind the port: it senses again what it sensed then."""
+"""Replays a recorded drive as a robot behind the port: it senses again what it sensed then."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from cohelm.pilot.step import ESCAPING, EVADING, FOLLOWING, LED
 
 TOPIC = "/status"
 TYPE = "cohelm_msgs/msg/Status"
-VERSION = 1
+VERSION = 2
 """Of the definition: one more whenever a field changes its meaning or goes. New fields may
 come without it, readers go by name."""
 
@@ -37,14 +37,14 @@ MEANINGS = {
     "e_p": "E_P, pose error (51)",
     "stick_x": "deflection fore-aft in [-1, 1], forward positive",
     "stick_psi": "deflection left-right in [-1, 1], left positive",
-    "v": "[m/s] command U (49)",
-    "omega": "[rad/s]",
-    "automatic_v": "[m/s] the tracking law's wish tau_c (15)",
-    "automatic_omega": "[rad/s]",
-    "human_v": "[m/s] the person's wish tau_h (38)",
-    "human_omega": "[rad/s]",
-    "shared_v": "[m/s] the blend tau of both wishes (34)",
-    "shared_omega": "[rad/s]",
+    "safe_v": "[m/s] command U (49): what the filter lets through",
+    "safe_omega": "[rad/s]",
+    "tracking_v": "[m/s] the tracking law's wish tau_c (15)",
+    "tracking_omega": "[rad/s]",
+    "operator_v": "[m/s] the person's wish tau_h (38)",
+    "operator_omega": "[rad/s]",
+    "nominal_v": "[m/s] the blend tau of both wishes (34)",
+    "nominal_omega": "[rad/s]",
     "avoid_v": "[m/s] collision-avoidance input u (33)",
     "avoid_omega": "[rad/s]",
     "authority_x": "automatic share of surge: exp(-V_h), V_h = intent_x + intent_psi (48)",

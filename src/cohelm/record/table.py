@@ -22,7 +22,7 @@ class Record(NamedTuple):
 
     >>> import cohelm
     >>> record = cohelm.read_record("drive.mcap")                  # doctest: +SKIP
-    >>> pandas.DataFrame(record.table).plot("t", ["v", "omega"])   # doctest: +SKIP
+    >>> pandas.DataFrame(record.table).plot("t", ["safe_v", "safe_omega"])   # doctest: +SKIP
     """
 
     kind: str

@@ -48,14 +48,14 @@ TOPICS = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/odom": "nav_msgs/msg/Odometry",
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
-    "/cmd_vel_asked": "geometry_msgs/msg/TwistStamped",
+    "/cmd_vel_safe": "geometry_msgs/msg/TwistStamped",
     "/joy": "sensor_msgs/msg/Joy",
     "/obstacles": "visualization_msgs/msg/MarkerArray",
     "/scene": "visualization_msgs/msg/MarkerArray",
     "/reference": "nav_msgs/msg/Path",
 }
 """Every topic but `/status`, with its type. `/cmd_vel` is the command that reached the wheels,
-`/cmd_vel_asked` the one the law asked for; `/joy` has axes fore-aft and left-right; `/scene`
+`/cmd_vel_safe` the one the law asked for; `/joy` has axes fore-aft and left-right; `/scene`
 holds walls and the robot's outline."""
 
 RATE = 50.0
@@ -128,7 +128,7 @@ def _motion(row: np.void, stamp: int) -> Iterator[Said]:
     """Where the robot is, what it was asked, what reached its wheels, and the stick."""
     world, robot = header(stamp, WORLD), header(stamp, ROBOT)
     here = pose(float(row["x"]), float(row["y"]), float(row["psi"]))
-    asked = _twist(float(row["v"]), float(row["omega"]))
+    asked = _twist(float(row["safe_v"]), float(row["safe_omega"]))
     applied = _twist(float(row["applied_v"]), float(row["applied_omega"]))
     axes = np.array([row["stick_x"], row["stick_psi"]], dtype=np.float32)
     at = Transform(Vector3(here.position.x, here.position.y, 0.0), here.orientation)
@@ -136,7 +136,7 @@ def _motion(row: np.void, stamp: int) -> Iterator[Said]:
     known, driven = PoseWithCovariance(here, _EXACT), TwistWithCovariance(applied, _EXACT)
     yield "/odom", Odometry(world, ROBOT, known, driven)
     yield "/cmd_vel", TwistStamped(robot, applied)
-    yield "/cmd_vel_asked", TwistStamped(robot, asked)
+    yield "/cmd_vel_safe", TwistStamped(robot, asked)
     yield "/joy", Joy(robot, axes, np.empty(0, dtype=np.int32))
 
 

@@ -12,7 +12,7 @@ from cohelm.core.trace import ROW
 from cohelm.core.types import VX, VY, Pose
 from cohelm.law.reference import Reference, desired, tabulate
 from cohelm.link import stick as sticks
-from cohelm.perceive.movers import Care as Watching
+from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Settings
 from cohelm.robot.footprint import disc_clearance, segment_clearance
@@ -143,10 +143,10 @@ def _piloted(
     ]
     return Piloted(
         settings=_settings(alone, robot, limits),
-        agility=law.guard.agility_mps2 * np.array(moving, dtype=np.float64),
+        agility=law.guard.obstacle_acceleration_mps2 * np.array(moving, dtype=np.float64),
         lidar=None if lidar is None else lidar.lidar(),
         rate=10.0 if lidar is None else lidar.rate_hz,
-        watching=Watching(agility=law.guard.agility_mps2),
+        watching=TrackerParams(agility=law.guard.obstacle_acceleration_mps2),
         manners=law.manners(),
         care=law.care(),
         period=law.plan.period_s,

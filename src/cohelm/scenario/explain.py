@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 from yaml.nodes import Node
 
-from cohelm.core.schema import Schema
+from cohelm.core.schema import RENAMED, Schema
 from cohelm.scenario.text import Path, at, dotted, where
 
 UNITS = {
@@ -66,8 +66,10 @@ def _said(detail: ErrorDetails, root: Node, schema: JsonSchema) -> str:
     unit = unit_of(path)
     got = _shown(value)
     if kind == "extra_forbidden":
-        known = list(_under(schema, loc[:-1]).get("properties", {}))
-        hint = nearest(str(loc[-1]), known)
+        here, key = _under(schema, loc[:-1]), str(loc[-1])
+        known = list(here.get("properties", {}))
+        now = here.get(RENAMED, {}).get(key)
+        hint = f"it is called {now} now" if now else nearest(key, known)
         return f"unknown key; {hint}" if hint else f"unknown key; known here: {', '.join(known)}"
     if kind == "union_tag_not_found":
         key = str(context.get("discriminator")).strip("'")

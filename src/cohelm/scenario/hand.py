@@ -1,4 +1,4 @@
-"""Whose hand is on the stick, as a scenario says it."""
+"""Who holds the stick, as a scenario says it."""
 
 from __future__ import annotations
 

@@ -6,15 +6,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from cohelm.core.schema import Schema, refuse
+from cohelm.core.schema import Schema, refuse, renamed
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Pace
+from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
-from cohelm.perceive.way import Manners
-from cohelm.pilot.evasion import EvasionParams
-from cohelm.pilot.plan import Care
+from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
+from cohelm.plan.evasion import HURRY, EvasionParams
+from cohelm.plan.path_planner import PathParams
 from cohelm.robot.limits import Limits
 
 Gain = Annotated[float, Field(ge=0.0, le=1e4)]
@@ -25,9 +25,14 @@ Acceleration = Annotated[float, Field(gt=0.0, le=1e3)]
 Rate = Annotated[float, Field(gt=0.0, le=1e3)]
 Angle = Annotated[float, Field(gt=0.0, le=1.5707)]
 
-_PAPER, _RULES, _PACE, _CARE, _MANNERS = Gains(), Rules(), Pace(), Care(), Manners()
+_PAPER, _RULES, _PACE, _CARE, _MANNERS = (
+    Gains(),
+    Rules(),
+    PaceParams(),
+    ReplanParams(),
+    PathParams(),
+)
 _EVASION = EvasionParams()
-_HURRY = 1.6  # who gets out of the way may be so much faster than the reference
 
 
 class Tracking(Schema):
@@ -70,43 +75,61 @@ class Sharing(Schema):
 class Guard(Schema):
     """How careful the guard is; see docs/guard.md."""
 
-    margin_m: Length = _RULES.margin
+    model_config = renamed(
+        margin_m="soft_margin_m", clear_m="hard_margin_m", caution="deceleration_fraction",
+        agility_mps2="obstacle_acceleration_mps2",
+    )  # fmt: skip
+    soft_margin_m: Length = _RULES.soft_margin
     """Gap of the outline that wishes are shaped to keep."""
-    clear_m: Length = _RULES.clear
-    """Gap that every certified stop keeps; half of it is the promise. At most margin_m."""
-    caution: Annotated[float, Field(gt=0.0, le=1.0)] = _RULES.caution
+    hard_margin_m: Length = _RULES.hard_margin
+    """Gap that every certified stop keeps; half of it is the promise. At most soft_margin_m."""
+    deceleration_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = _RULES.deceleration_fraction
     """Share of the full deceleration that shaping counts on."""
     steer_weight_m: Length = _RULES.steer_weight
     """How dear steering is beside speed: large keeps the steering and slows down, small the
     reverse."""
-    agility_mps2: AtLeast0 = 1.0
+    obstacle_acceleration_mps2: AtLeast0 = 1.0
     """Largest acceleration that moving obstacles are taken to be capable of."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if self.clear_m > self.margin_m:
-            refuse(("clear_m", f"must not be larger than margin_m, which is {self.margin_m:g}"))
+        if self.hard_margin_m > self.soft_margin_m:
+            refuse(
+                (
+                    "hard_margin_m",
+                    f"must not be larger than soft_margin_m, which is {self.soft_margin_m:g}",
+                )
+            )
         return self
 
     def rules(self, dt: float) -> Rules:
         """The same as numbers, for a control period dt [s]."""
-        return Rules(dt, self.margin_m, self.clear_m, self.caution, self.steer_weight_m)
+        return Rules(
+            dt,
+            self.soft_margin_m,
+            self.hard_margin_m,
+            self.deceleration_fraction,
+            self.steer_weight_m,
+        )
 
 
 class PaceModel(Schema):
     """How fast the reference goes, and when it waits; with the guard only."""
 
+    model_config = renamed(
+        tight_m="creep_clearance_m", open_m="full_speed_clearance_m", creep_mps="creep_speed_mps"
+    )
     lateral_mps2: Acceleration = _PACE.lateral
     """Largest lateral acceleration in turns."""
     yaw_rate_radps: Rate = _PACE.yaw_rate
     """Largest yaw rate in turns."""
     deceleration_mps2: Acceleration = _PACE.deceleration
     """Slowing down ahead of slow places and of the end."""
-    tight_m: AtLeast0 = _PACE.tight
+    creep_clearance_m: AtLeast0 = _PACE.tight
     """Clearance up to which the reference creeps."""
-    open_m: Length = _PACE.open
-    """Clearance from which it no longer slows; more than tight_m."""
-    creep_mps: Rate = _PACE.creep
+    full_speed_clearance_m: Length = _PACE.open
+    """Clearance from which it no longer slows; more than creep_clearance_m."""
+    creep_speed_mps: Rate = _PACE.creep
     """Speed where it is tight."""
     slack_m: AtLeast0 = _PACE.slack
     """How far the robot may be behind before the reference slows."""
@@ -125,62 +148,72 @@ class PaceModel(Schema):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if self.open_m <= self.tight_m:
-            refuse(("open_m", f"must be larger than tight_m, which is {self.tight_m:g}"))
+        if self.full_speed_clearance_m <= self.creep_clearance_m:
+            refuse(
+                (
+                    "full_speed_clearance_m",
+                    f"must be larger than creep_clearance_m, which is {self.creep_clearance_m:g}",
+                )
+            )
         if self.lag_m <= self.slack_m:
             refuse(("lag_m", f"must be larger than slack_m, which is {self.slack_m:g}"))
         return self
 
-    def pace(self) -> Pace:
+    def pace(self) -> PaceParams:
         """The same as numbers."""
-        return Pace(
-            self.lateral_mps2, self.yaw_rate_radps, self.deceleration_mps2, self.tight_m,
-            self.open_m, self.creep_mps, self.slack_m, self.lag_m, self.turn_rad, self.guide_m,
-            self.search_m, self.rise_per_s, self.fall_per_s,
+        return PaceParams(
+            self.lateral_mps2, self.yaw_rate_radps, self.deceleration_mps2, self.creep_clearance_m,
+            self.full_speed_clearance_m, self.creep_speed_mps, self.slack_m, self.lag_m,
+            self.turn_rad, self.guide_m, self.search_m, self.rise_per_s, self.fall_per_s,
         )  # fmt: skip
 
 
 class PlanModel(Schema):
     """Ways round what is in the way; with the guard only."""
 
-    look_m: Annotated[float, Field(ge=0.5, le=100.0)] = _CARE.look
+    model_config = renamed(
+        look_m="lookahead_m", accept_m="accept_clearance_m", gap_m="min_clearance_m",
+        room_m="ample_clearance_m", escape_mps="recovery_speed_mps",
+        escape_radps="recovery_yaw_rate_radps",
+    )  # fmt: skip
+    lookahead_m: Annotated[float, Field(ge=0.5, le=100.0)] = _CARE.look
     """How far ahead the reference has to be clear."""
-    accept_m: Length | None = None
+    accept_clearance_m: Length | None = None
     """Gap of the outline with which the reference is followed as it is; by default 3 cm more
-    than the guard's margin_m."""
-    gap_m: Length | None = None
-    """Least gap of a way round, not less than the guard's margin_m; by default 1 cm more."""
-    room_m: Length = _MANNERS.room
+    than the guard's soft_margin_m."""
+    min_clearance_m: Length | None = None
+    """Least gap of a way round, not less than the guard's soft_margin_m; by default 1 cm more."""
+    ample_clearance_m: Length = _MANNERS.room
     """Gap beside the robot from which more is not better."""
     pass_right_m: AtLeast0 = 0.0
     """How much wider things that move are taken to be on the robot's left, so that it rather passes
     them on the right, as the paper's k_cbf does; 0 for the shorter side."""
     period_s: Annotated[float, Field(gt=0.0, le=10.0)] = 0.2
     """From one plan to the next."""
-    escape_mps: Rate = 0.4
+    recovery_speed_mps: Rate = 0.4
     """Speed of moves out of tight spots."""
-    escape_radps: Rate = 1.0
+    recovery_yaw_rate_radps: Rate = 1.0
     """Yaw rate of them."""
 
-    def care(self, margin: float) -> Care:
+    def care(self, margin: float) -> ReplanParams:
         """When plans are made, as numbers. margin: the guard's [m]."""
-        accept = margin + 0.03 if self.accept_m is None else self.accept_m
+        accept = margin + 0.03 if self.accept_clearance_m is None else self.accept_clearance_m
         return _CARE._replace(
-            look=self.look_m, known=1.5 * self.look_m, accept=accept,
+            look=self.lookahead_m, known=1.5 * self.lookahead_m, accept=accept,
             foresight=_CARE.foresight._replace(right=self.pass_right_m),
         )  # fmt: skip
 
-    def manners(self, margin: float) -> Manners:
+    def manners(self, margin: float) -> PathParams:
         """What makes a way good, as numbers."""
-        gap = margin + 0.01 if self.gap_m is None else self.gap_m
-        return _MANNERS._replace(gap=gap, room=self.room_m)
+        gap = margin + 0.01 if self.min_clearance_m is None else self.min_clearance_m
+        return _MANNERS._replace(gap=gap, room=self.ample_clearance_m)
 
 
 class EvasionModel(Schema):
     """Making way for who moves; with the guard only, and never while a person leads."""
 
     horizon_s: Annotated[float, Field(ge=0.0, le=10.0)] = _EVASION.horizon
-    """How far ahead is looked, say 3; 0: nobody is evaded, the robot only stands."""
+    """How far ahead is looked; 0: nobody is evaded, the robot only stands."""
     speed_mps: Rate | None = None
     """Largest speed of an evasion; by default 1.6 times that of the reference."""
     yaw_rate_radps: Rate = _EVASION.yaw_rate
@@ -194,7 +227,7 @@ class EvasionModel(Schema):
         """The same as numbers. u_d: speed of the reference [m/s]."""
         return _EVASION._replace(
             horizon=self.horizon_s, yaw_rate=self.yaw_rate_radps, clearance=self.clearance_m,
-            speed=_HURRY * u_d if self.speed_mps is None else self.speed_mps,
+            speed=HURRY * u_d if self.speed_mps is None else self.speed_mps,
             social_clearance=max(self.social_clearance_m, self.clearance_m),
         )  # fmt: skip
 
@@ -222,18 +255,23 @@ class Law(Schema):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        margin = self.guard.margin_m
-        if self.plan.gap_m is not None and self.plan.gap_m < margin:
-            refuse(("plan.gap_m", f"must not be less than guard.margin_m, which is {margin:g}"))
+        margin = self.guard.soft_margin_m
+        if self.plan.min_clearance_m is not None and self.plan.min_clearance_m < margin:
+            refuse(
+                (
+                    "plan.min_clearance_m",
+                    f"must not be less than guard.soft_margin_m, which is {margin:g}",
+                )
+            )
         return self
 
-    def care(self) -> Care:
+    def care(self) -> ReplanParams:
         """When plans are made."""
-        return self.plan.care(self.guard.margin_m)
+        return self.plan.care(self.guard.soft_margin_m)
 
-    def manners(self) -> Manners:
+    def manners(self) -> PathParams:
         """What makes a way good."""
-        return self.plan.manners(self.guard.margin_m)
+        return self.plan.manners(self.guard.soft_margin_m)
 
     def gains(self, u_d: float) -> Gains:
         """The same as numbers, with u_d [m/s] from the reference."""
@@ -249,6 +287,7 @@ class Law(Schema):
         """All of it for the pilot of one robot, at a control period dt [s]."""
         return Settings(
             outline, limits, self.gains(u_d), self.guard.rules(dt), self.pace.pace(),
-            self.filter == "guard", False, 0.5, self.plan.escape_mps, self.plan.escape_radps,
+            self.filter == "guard", False, 0.5,
+            self.plan.recovery_speed_mps, self.plan.recovery_yaw_rate_radps,
             evasion=self.evasion.params(u_d)._replace(pass_right=self.plan.pass_right_m),
         )  # fmt: skip

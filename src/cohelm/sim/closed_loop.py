@@ -1,7 +1,7 @@
 """A run with the pilot: the robot sees, plans now and then, and drives by what it knows.
 
-With a LiDAR it sees as the robot's loop does, `perceive.seen`, with odometry that is exact: what
-stands as points, what moves as discs with velocities that it has estimated.
+With a LiDAR it sees as the robot's loop does, `perceive.pipeline`, with odometry that is exact:
+what stands as points, what moves as discs with velocities that it has estimated.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from cohelm.core.jit import jit
 from cohelm.core.trace import ROW
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
-from cohelm.perceive.movers import Care as Watching
-from cohelm.perceive.seen import Perception
-from cohelm.perceive.way import Manners
-from cohelm.pilot.course import Course, course
-from cohelm.pilot.evasion import nobody_watched
+from cohelm.perceive.pipeline import Perception
+from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
-from cohelm.pilot.plan import Care, Task
+from cohelm.pilot.replanning import ReplanParams, Task
 from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_step
+from cohelm.plan.course import Course, course
+from cohelm.plan.evasion import nobody_watched
+from cohelm.plan.path_planner import PathParams
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
@@ -49,10 +49,10 @@ class Piloted:
     """What the robot sees with; None: it knows all discs and walls, as they are."""
     rate: float = 10.0
     """Scans per second."""
-    watching: Watching = field(default_factory=Watching)
+    watching: TrackerParams = field(default_factory=TrackerParams)
     """How things that move are told by the LiDAR."""
-    manners: Manners = field(default_factory=Manners)
-    care: Care = field(default_factory=Care)
+    manners: PathParams = field(default_factory=PathParams)
+    care: ReplanParams = field(default_factory=ReplanParams)
     period: float = 0.2
     """From the beginning of one plan to the next [s]."""
     thinking: float = 0.04
@@ -247,7 +247,14 @@ def _advance(
         )
         led = d.doing == LED
         robot, saturated = moved(
-            k, dt, robot, Twist(d.v, d.omega), stick, settings.gains, settings.limits, queue
+            k,
+            dt,
+            robot,
+            Twist(d.safe_v, d.safe_omega),
+            stick,
+            settings.gains,
+            settings.limits,
+            queue,
         )
         away = math.hypot(pose.x - scene.goal[0], pose.y - scene.goal[1])
         arrived = away < scene.near and pilot.row >= scene.done

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import placed
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.frames import placed
 
 _FARTHEST = 60_000  # cells; a jump must fit into 16 bits
 MOST_WALLS = 500_000

@@ -14,8 +14,8 @@ from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.reference import evaluate, tabulate
 from cohelm.law.step import control_step
-from cohelm.pilot.course import nearly_done, route
 from cohelm.pilot.pilot import Planner
+from cohelm.plan.course import nearly_done, route
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import Piloted, Scene, stretches
 from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
@@ -94,7 +94,7 @@ def _advance(
         else:
             stick = replayed(hands, k * dt)
         s = control_step(pose, desired, stick, now, gains)
-        command = Twist(s.v, s.omega)
+        command = Twist(s.safe_v, s.safe_omega)
         state, saturated = moved(k, dt, state, command, stick, gains, limits, queue)
         row = rows[j]
         note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)

@@ -9,11 +9,12 @@ import numpy as np
 
 from cohelm.core.types import VX, VY, Floats, Pose
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Pace
+from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference
-from cohelm.perceive.movers import Care as Watching
+from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.step import Settings
+from cohelm.plan.evasion import HURRY, EvasionParams
 from cohelm.robot.limits import Limits
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.closed_loop import Piloted
@@ -76,8 +77,8 @@ class Setup:
 
 
 def with_pilot(
-    setup: Setup, pace: Pace | None = None, lidar: LidarModel | None = None, agility: float = 1.0,
-    gains: Gains | None = None,
+    setup: Setup, pace: PaceParams | None = None, lidar: LidarModel | None = None,
+    agility: float = 1.0, gains: Gains | None = None,
 ) -> Setup:  # fmt: skip
     """The same run with the pilot, at its usual care; without `gains` with those of the setup.
 
@@ -86,12 +87,14 @@ def with_pilot(
     """
     moving = np.hypot(setup.around.discs[:, VX], setup.around.discs[:, VY]) > 0.0
     moving |= np.diff(setup.around.path_first) > 0
+    gains = gains or setup.gains
     settings = Settings(
-        setup.outline, setup.limits, gains or setup.gains, Rules(dt=setup.dt), pace or Pace()
-    )
+        setup.outline, setup.limits, gains, Rules(dt=setup.dt), pace or PaceParams(),
+        evasion=EvasionParams(speed=HURRY * gains.u_d),
+    )  # fmt: skip
     made = Piloted(
         settings, agility * moving.astype(np.float64), None if lidar is None else lidar.lidar()
     )
     if lidar is not None:
-        made = replace(made, rate=lidar.rate_hz, watching=Watching(agility=agility))
+        made = replace(made, rate=lidar.rate_hz, watching=TrackerParams(agility=agility))
     return replace(setup, pilot=made)

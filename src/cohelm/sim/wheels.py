@@ -68,10 +68,10 @@ def note(
     row.u_d, row.r_d = desired.u, desired.r
     row.e_p = pose_error(pose, desired)
     row.stick_x, row.stick_psi = stick.x, stick.psi
-    row.v, row.omega = s.v, s.omega
-    row.automatic_v, row.automatic_omega = s.automatic_v, s.automatic_omega
-    row.human_v, row.human_omega = s.human_v, s.human_omega
-    row.shared_v, row.shared_omega = s.shared_v, s.shared_omega
+    row.safe_v, row.safe_omega = s.safe_v, s.safe_omega
+    row.tracking_v, row.tracking_omega = s.tracking_v, s.tracking_omega
+    row.operator_v, row.operator_omega = s.operator_v, s.operator_omega
+    row.nominal_v, row.nominal_omega = s.nominal_v, s.nominal_omega
     row.avoid_v, row.avoid_omega = s.avoid_v, s.avoid_omega
     row.authority_x, row.authority_psi = s.authority_x, s.authority_psi
     row.intent_x, row.intent_psi = s.intent_x, s.intent_psi

@@ -170,7 +170,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = wanted
         row["e_p"] = pose_error(pose, wanted)
         row["stick_x"], row["stick_psi"] = stick
-        row["human_v"], row["human_omega"] = hand
+        row["operator_v"], row["operator_omega"] = hand
         for name in ("", "automatic_", "shared_"):
             row[f"{name}v"], row[f"{name}omega"] = command
         row["authority_x"] = row["authority_psi"] = row["rate"] = 1.0

@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
+from cohelm.core.frames import placed
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, Pose, X, Y
-from cohelm.perceive.frames import placed
 from cohelm.study.experiments import Run
 from cohelm.study.metrics import LEADS_BELOW, spans
 

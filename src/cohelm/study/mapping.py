@@ -1,4 +1,4 @@
-"""A recorded drive as a map: survey, grid, files and picture."""
+"""Makes a map from a recorded drive: mapper, grid, files and picture."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.raster import Raster, raster
-from cohelm.perceive.survey import Glimpse, Survey, Surveyed, glimpses
+from cohelm.perceive.map.mapper import Glimpse, Survey, Surveyed, glimpses
+from cohelm.perceive.map.raster import Raster, raster
 from cohelm.record.replay import Replayed
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan

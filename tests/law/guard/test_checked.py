@@ -35,7 +35,7 @@ def test_no_order_of_the_corners_lets_the_robot_drive_into_what_is_ahead(corners
         got = step(pose, twist, Twist(1.0, 0.0), AHEAD)
         twist = Twist(got.v, 0.0)
         pose = arc(pose, twist, RULES.dt)
-        assert 0.41 - 0.36 - pose.x >= RULES.clear / 2
+        assert 0.41 - 0.36 - pose.x >= RULES.hard_margin / 2
 
 
 @pytest.mark.parametrize(
@@ -76,10 +76,14 @@ def test_no_limits_pass_that_are_not_seven_numbers(limits):
 @pytest.mark.parametrize(
     ("name", "bad"),
     [
-        *((n, b) for n in ("dt", "clear", "steer_weight") for b in (0.0, -1.0, math.nan, math.inf)),
-        *(("caution", b) for b in (0.0, -0.5, 1.01, math.nan)),
-        ("margin", math.nan),
-        ("margin", math.inf),
+        *(
+            (n, b)
+            for n in ("dt", "hard_margin", "steer_weight")
+            for b in (0.0, -1.0, math.nan, math.inf)
+        ),
+        *(("deceleration_fraction", b) for b in (0.0, -0.5, 1.01, math.nan)),
+        ("soft_margin", math.nan),
+        ("soft_margin", math.inf),
     ],
 )
 def test_no_rule_passes_that_makes_no_sense(name, bad):

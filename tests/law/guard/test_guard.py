@@ -85,7 +85,7 @@ def test_the_verdict_says_what_was_done_and_the_change_by_how_much(outline, stat
     near = gaps(outline, HERE, around)
     if 0.0 < got.gap < math.inf:  # the gap of one of them, and if any is near, of the nearest
         assert np.abs(near - got.gap).min() < 1e-9
-    if 0.0 < near.min(initial=math.inf) < RULES.margin:
+    if 0.0 < near.min(initial=math.inf) < RULES.soft_margin:
         assert got.gap == pytest.approx(near.min(), abs=1e-9)
 
 
@@ -191,7 +191,7 @@ def test_a_robot_without_limits_stops_at_once_in_front_of_a_wall():
     for outline in (SALLY, np.zeros((1, 2))):
         got = guard_step(HERE, Twist(9.0, 0.0), Twist(99.0, 0.0), wall, outline, free)
         front = outline[:, 0].max()
-        assert front + got.v * 0.02 == pytest.approx(1.0 - RULES.margin)
+        assert front + got.v * 0.02 == pytest.approx(1.0 - RULES.soft_margin)
 
 
 @pytest.mark.parametrize("was", [Twist(-0.0581, 0.0), Twist(-0.1425, 0.0)])
@@ -261,7 +261,7 @@ def test_what_is_in_the_footprint_at_the_start_never_gets_deeper(scene, state):
         before = Twist(got.v, got.omega)
         pose = moved(pose, before, 0.02)
         after = depth(outline, pose, around)
-        assert after <= max(deep, -RULES.clear / 2) + 1e-9  # once out, as any other thing
+        assert after <= max(deep, -RULES.hard_margin / 2) + 1e-9  # once out, as any other thing
         deep = after
 
 

@@ -111,8 +111,8 @@ def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[f
 @pytest.mark.parametrize("walkers", [0, 4])
 def test_no_stick_motion_reaches_an_obstacle(robot, kind, walkers):
     still, moving = drive(walkers, robot, kind, walkers, 400)
-    assert still >= RULES.clear / 2
-    assert moving >= RULES.clear / 2
+    assert still >= RULES.hard_margin / 2
+    assert moving >= RULES.hard_margin / 2
 
 
 @pytest.mark.slow
@@ -122,8 +122,8 @@ def test_no_stick_motion_reaches_an_obstacle(robot, kind, walkers):
 def test_no_stick_motion_reaches_an_obstacle_in_many_drives(robot, kind, walkers):
     for seed in range(40):
         still, moving = drive(seed, robot, kind, walkers, 1000)
-        assert still >= RULES.clear / 2, seed
-        assert moving >= RULES.clear / 2, seed
+        assert still >= RULES.hard_margin / 2, seed
+        assert moving >= RULES.hard_margin / 2, seed
 
 
 @pytest.mark.parametrize("start", [0.02, 0.012, 0.009])
@@ -139,7 +139,7 @@ def test_no_patience_creeps_up_on_a_wall(start):
         before = min(commands, key=lambda c: x - bow(moved(pose, c, RULES.dt)))
         pose = moved(pose, before, RULES.dt)
         least = min(least, x - bow(pose))
-    assert least >= RULES.clear / 2
+    assert least >= RULES.hard_margin / 2
 
 
 def bow(pose: Pose) -> float:

@@ -119,7 +119,7 @@ def test_where_the_origin_of_the_world_is_makes_no_difference(
     there = guard_step(pose, before, wish, turned(around, pose), outline, lim)
     assert (there.v, there.omega) == pytest.approx((here.v, here.omega), abs=1e-7)
     assert (there.verdict, there.culprit) == (here.verdict, here.culprit)
-    if here.gap < RULES.margin:  # a far one may or may not be looked at, by the last digit
+    if here.gap < RULES.soft_margin:  # a far one may or may not be looked at, by the last digit
         assert there.gap == pytest.approx(here.gap, abs=1e-9)
 
 
@@ -140,7 +140,7 @@ def test_the_culprit_is_counted_through_discs_walls_and_points(culprit):
     fast = guard_step(HERE, Twist(0.9, 0.0), Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
     assert (fast.verdict, fast.culprit) == (BRAKING, culprit)
     assert fast.v == pytest.approx(0.86)
-    blind = Rules(margin=-1.0)
+    blind = Rules(soft_margin=-1.0)
     for speed, verdict, left in ((0.3, SHAPED, 0.27), (0.5, BRAKING, 0.46)):  # a quarter; none
         was = Twist(speed, 0.0)
         got = guard_step(HERE, was, was, around, SALLY, SALLY_LIMITS, blind)

@@ -30,7 +30,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.world import Body, World, world
-from cohelm.study.campaign.case import Case
+from cohelm.study.campaign.episode import Episode
 from cohelm.study.campaign.plant import looking_round
 from cohelm.study.campaign.rooms import case
 
@@ -60,7 +60,7 @@ class Driven(NamedTuple):
 class Wants:
     """Proposals of one kind."""
 
-    def __init__(self, kind: str, drawn: Case, around: World, seed: int) -> None:
+    def __init__(self, kind: str, drawn: Episode, around: World, seed: int) -> None:
         self._kind, self._goal = kind, drawn.goal
         self._discs = around.discs
         self._random = np.random.default_rng([seed, drawn.number])
@@ -97,7 +97,7 @@ class Wants:
         return float(d[i, X]), float(d[i, Y])
 
 
-def standing(drawn: Case) -> World:
+def standing(drawn: Episode) -> World:
     """Its room without the walkers."""
     around = drawn.setup.around
     bodies = [

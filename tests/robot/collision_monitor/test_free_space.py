@@ -27,9 +27,9 @@ BEAMS = 720
 HERE = Pose(0.0, 0.0, 0.0)
 
 
-def sensor(view_deg=270.0, mount=Pose(0.3, 0.0, 0.0)):  # noqa: B008, a value
-    step = math.radians(view_deg) / (BEAMS - 1)
-    bearings = step * (np.arange(BEAMS) - 0.5 * (BEAMS - 1))
+def sensor(view_deg=270.0, mount=Pose(0.3, 0.0, 0.0), beams=BEAMS):  # noqa: B008, a value
+    step = math.radians(view_deg) / (beams - 1)
+    bearings = step * (np.arange(beams) - 0.5 * (beams - 1))
     return Sensor(mount, bearings, step, 0.06, 0.02, 10.0, 0.0, 0.0)
 
 
@@ -162,24 +162,62 @@ def test_a_beam_without_a_number_shows_nothing(value):
     assert unknown_at(np.array([[0.9, 0.0], [0.85, 0.3]]), turned.points).all()
 
 
-def test_a_sensor_that_has_not_moved_sees_the_same_and_one_that_has_looks_again():
+@pytest.mark.parametrize("start", [HERE, Pose(1.0, -2.0, 0.7)])
+@pytest.mark.parametrize("along", [0, 1])
+def test_a_sensor_that_has_not_moved_sees_the_same_and_one_that_has_looks_again(start, along):
+    def there(by, turned=0.0):
+        x, y = (by, 0.0) if along == 0 else (0.0, by)
+        return Pose(start.x + x, start.y + y, start.psi + turned)
+
+    it = FreeSpace(sensor(mount=HERE), SHAPE, WITHIN)
+    assert it.look(empty(), start, 0.0, 0.0) is not None
+    assert it.look(empty(), there(0.9 * STEADY), 0.0, 0.1) is None
+    assert it.look(empty(), there(0.0, 0.9 * TURNED), 0.0, 0.2) is None
+    assert it.look(empty(), there(1.1 * STEADY), 0.0, 0.3) is not None
+    assert it.look(empty(), there(1.1 * STEADY, -1.1 * TURNED), 0.0, 0.4) is not None
+
+
+def from_sensor(far, bearing_deg):
+    """A point of the odometry's frame, so far from the LiDAR of a robot that stands at its
+    origin."""
+    bearing = math.radians(bearing_deg)
+    return 0.3 + far * math.cos(bearing), far * math.sin(bearing)
+
+
+def test_what_is_short_hides_the_ground_behind_its_own_beam():
+    """14 beams 20.8 deg apart, of which one is short."""
+    coarse = sensor(beams=14)
+    ranges = np.full(14, math.inf)
+    ranges[5] = 0.3
+    short = math.degrees(coarse.bearings[5])
+    it = FreeSpace(coarse, SHAPE, WITHIN)
+    it.look(ranges, HERE, 0.0, 0.0)
+    round_ = it.look(np.full(14, math.nan), Pose(0.0, 0.0, math.pi), 0.0, 0.0)
+    hidden = [from_sensor(0.6, short + off) for off in (-7.0, 0.0, 7.0)]
+    seen = [from_sensor(0.6, short + off) for off in (-14.0, 14.0)]
+    assert unknown_at(np.array(hidden), round_.points).all()
+    assert not unknown_at(np.array(seen), round_.points).any()
+
+
+def test_ground_is_looked_at_as_far_as_the_return_and_where_it_stands():
     it = FreeSpace(sensor(), SHAPE, WITHIN)
-    assert it.look(empty(), HERE, 0.0, 0.0) is not None
-    assert it.look(empty(), Pose(0.9 * STEADY, 0.0, 0.0), 0.0, 0.1) is None
-    assert it.look(empty(), Pose(0.0, 0.0, 0.9 * TURNED), 0.0, 0.2) is None
-    assert it.look(empty(), Pose(1.1 * STEADY, 0.0, 0.0), 0.0, 0.3) is not None
-    assert it.look(empty(), Pose(1.1 * STEADY, 0.0, -1.1 * TURNED), 0.0, 0.4) is not None
+    it.look(np.full(BEAMS, 0.6), HERE, 0.0, 0.0)
+    round_ = it.look(np.full(BEAMS, math.nan), Pose(0.0, 0.0, math.pi), 0.0, 0.0)
+    seen = [from_sensor(far, b) for far in (0.56, 0.6) for b in (-15.0, 0.0, 15.0)]
+    hidden = [from_sensor(0.7, b) for b in (-15.0, 0.0, 15.0)]
+    assert not unknown_at(np.array(seen), round_.points).any()
+    assert unknown_at(np.array(hidden), round_.points).all()
 
 
-def test_a_scan_that_turned_shows_less_at_both_its_ends():
-    def at_the_edges(turned):
-        it = FreeSpace(sensor(), SHAPE, WITHIN)
-        found = it.look(empty(), HERE, turned, 0.0).points
-        return len(found[found[:, 1] > 0.0]), len(found[found[:, 1] < 0.0])
-
-    still, left, right = at_the_edges(0.0), at_the_edges(0.4), at_the_edges(-0.4)
-    assert left == right
-    assert all(more > less for more, less in zip(left, still, strict=True))
+@pytest.mark.parametrize("turned", [0.0, 0.4, -0.4])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_view_ends_at_its_outer_beams_less_half_of_what_the_scan_turned(turned, side):
+    coarse = sensor(beams=28)  # 10 deg apart
+    found = FreeSpace(coarse, SHAPE, WITHIN).look(np.full(28, math.inf), HERE, turned, 0.0)
+    end = 135.0 - math.degrees(0.5 * abs(turned))
+    inside, beyond = (from_sensor(1.2, side * (end + off)) for off in (-7.0, 3.0))
+    assert not unknown_at(np.array([inside]), found.points).any()
+    assert unknown_at(np.array([beyond]), found.points).all()
 
 
 def test_ground_the_robot_stood_on_is_known():

@@ -12,6 +12,7 @@ from cohelm.robot.collision_monitor.odometry import (
     advanced,
     between,
     placed,
+    placed_at,
     seen_from,
 )
 
@@ -49,6 +50,8 @@ def test_points_go_there_and_back():
     c, s = math.cos(2.0), math.sin(2.0)
     assert there[0] == pytest.approx((3.0 + c - 2.0 * s, -1.0 + s + 2.0 * c))
     assert seen_from(there, pose) == pytest.approx(points)
+    for point, expected in zip(points, there, strict=True):
+        assert placed_at(*point, pose) == pytest.approx(tuple(expected))
 
 
 def history():
@@ -65,6 +68,14 @@ def test_it_went_forward_or_backward_by_the_heading_half_way(way, turned):
     before = Pose(1.0, -2.0, 0.3)
     after = advanced(before, Twist(way, turned), 1.0)
     assert math.copysign(1.0, between(before, after, 1.0).v) == math.copysign(1.0, way)
+
+
+@pytest.mark.parametrize("turned", [-2.0, 2.0])
+@pytest.mark.parametrize(("off", "sign"), [(1.5, 1.0), (1.65, -1.0), (-1.5, 1.0), (-1.65, -1.0)])
+def test_pushed_aside_it_went_where_its_heading_half_way_points_rather(turned, off, sign):
+    course = 2.6 + 0.5 * turned + off
+    after = Pose(1.0 + 0.4 * math.cos(course), -2.0 + 0.4 * math.sin(course), 2.6 + turned)
+    assert between(Pose(1.0, -2.0, 2.6), after, 1.0).v == pytest.approx(0.4 * sign)
 
 
 def test_between_two_readings_the_pose_is_in_between_and_the_heading_does_not_jump():
@@ -105,14 +116,24 @@ def test_the_mean_twist_is_that_of_the_poses():
     assert it.mean_twist(0.04).v == pytest.approx((0.25 - 0.09) / 0.04, rel=1e-6)
 
 
+def test_the_mean_twist_is_over_no_more_readings_than_needed():
+    it = PoseHistory()
+    for k in range(4):
+        it.add(0.25 * k, Pose(float(k * k), 0.0, 0.0), Twist(0.0, 0.0))
+    assert it.mean_twist(0.5).v == pytest.approx((9.0 - 1.0) / 0.5)
+    assert it.mean_twist(0.6).v == pytest.approx(9.0 / 0.75)
+
+
 def test_no_more_past_is_kept_than_needed_and_a_clock_that_went_back_begins_anew():
     it = PoseHistory()
     assert it.stamp == -math.inf
     assert len(it) == 0
     for k in range(1000):
-        it.add(0.01 * k, Pose(0.01 * k, 0.0, 0.0), Twist(1.0, 0.0))
+        it.add(0.01 * k, Pose(0.01 * k, 0.0, 0.0), Twist(1.0, 0.01 * k))
     assert len(it) == round(KEPT / 0.01) + 1
     assert it.at(9.0).x == pytest.approx(9.0)
+    assert it.twists(9.0, 9.0)[0].omega == pytest.approx(9.0)
+    assert it.twists(0.0, 9.999)[0].omega == pytest.approx(9.99 - KEPT)
     it.clear()
     assert len(it) == 0
     assert it.twist == (0.0, 0.0)

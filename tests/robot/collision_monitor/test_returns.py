@@ -99,12 +99,27 @@ def test_a_thin_leg_in_front_of_a_wall_is_not_averaged_away():
 
 
 def test_missing_beams_are_left_out_of_the_average():
-    ranges = np.full(720, 0.3)
+    ranges = np.full(720, 0.2)
     ranges[355:365:2] = math.nan
     ranges[356:366:2] = -math.inf
     mean, count = averaged(ranges, np.array([354, 300]), SENSOR)
-    assert mean == pytest.approx([0.3, 0.3])
-    assert count.tolist() == [9 - 0, 17] or count[0] < count[1]
+    assert mean == pytest.approx([0.2, 0.2])
+    assert count.tolist() == [NEIGHBOURS + 1, 2 * NEIGHBOURS + 1]
+
+
+def test_a_range_of_zero_is_a_return_at_the_sensor():
+    ranges = NOTHING.copy()
+    ranges[50] = 0.0
+    found = returns(ranges, SENSOR, 5.0)
+    assert found.points.tolist() == [[0.3, 0.1]]
+
+
+@pytest.mark.parametrize("beams", [1, 2, 3])
+def test_few_beams_are_a_scan_too(beams):
+    few = SENSOR._replace(bearings=STEP * np.arange(beams))
+    found = returns(np.full(beams, 0.2), few, 5.0)
+    assert found.passed == pytest.approx(np.linspace(0.0, 1.0, beams))
+    assert found.errors == pytest.approx(np.full(beams, 0.02 / math.sqrt(beams)))
 
 
 def test_a_sensor_without_noise_is_taken_at_its_word():

@@ -18,7 +18,10 @@ from cohelm.robot.collision_monitor.sweep import (
 
 BOX = np.array([[0.36, 0.29], [-0.36, 0.29], [-0.36, -0.29], [0.36, -0.29]])
 WEDGE = np.array([[0.5, 0.0], [-0.3, 0.25], [-0.4, -0.1], [0.1, -0.3]])
-SHAPES = {"box": outline(BOX), "wedge": outline(WEDGE)}
+NOSE = np.array([[1.2, 0.1], [0.1, 0.2], [0.1, -0.1], [1.0, -0.3]])
+"""All of it ahead of the axle."""
+CORNERS = {"box": BOX, "wedge": WEDGE, "nose": NOSE}
+SHAPES = {name: outline(corners) for name, corners in CORNERS.items()}
 AHEAD = np.array([[1.0, 0.0]])
 NO = np.zeros(1)
 
@@ -143,3 +146,80 @@ def test_no_point_of_the_outline_is_faster():
     box = SHAPES["box"]
     assert fastest(Twist(-0.5, 1.0), box) == pytest.approx(0.5 + math.hypot(0.36, 0.29))
     assert box.reach == pytest.approx(math.hypot(0.36, 0.29))
+
+
+def grown(corners, margin):
+    """Corners of an outline all of whose edges went out by a margin: where the lines meet."""
+    tangents = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack((tangents[:, 1], -tangents[:, 0]))
+    normals /= np.hypot(*normals.T)[:, None]
+    lines = (normals * corners).sum(axis=1) + margin
+    return np.array([np.linalg.solve(normals[[i - 1, i]], lines[[i - 1, i]]) for i in range(4)])
+
+
+@pytest.mark.parametrize("name", sorted(SHAPES))
+@pytest.mark.parametrize("margin", [0.03, 0.2])
+def test_each_edge_ends_where_it_meets_the_next_also_when_all_have_gone_out(name, margin):
+    corners, shape = CORNERS[name], SHAPES[name]
+    out = grown(corners, margin)
+    along = np.column_stack((-shape.normals[:, 1], shape.normals[:, 0]))
+    first = shape.first + margin * shape.first_grows
+    last = shape.last + margin * shape.last_grows
+    assert first == pytest.approx((along * out).sum(axis=1))
+    assert last == pytest.approx((along * np.roll(out, -1, axis=0)).sum(axis=1))
+    assert shape.spread == pytest.approx(np.hypot(*(out - corners).T).max() / margin)
+    assert shape.reach == pytest.approx(np.hypot(*corners.T).max())
+
+
+@pytest.mark.parametrize("name", sorted(SHAPES))
+@pytest.mark.parametrize("centre", [0.0, 0.4, -0.4, 1.5, -1.5])
+@pytest.mark.parametrize("omega", [1.0, -1.0])
+def test_what_runs_against_a_grown_corner_is_met_there(name, centre, omega):
+    """Just beside each grown corner, on either edge, taken back along the arc."""
+    shape, margin, back, met = SHAPES[name], 0.05, 0.35, 0
+    twist = Twist(centre * omega, omega)
+    corners = grown(CORNERS[name], margin)
+    for i in range(4):
+        for edge, other in ((i, (i + 1) % 4), (i - 1, i - 1)):
+            way = corners[other] - corners[i]
+            x, y = corners[i] + 0.01 * way / np.hypot(*way)
+            inwards = np.array((omega * y - twist.v, -omega * x)) @ shape.normals[edge]
+            if inwards > -0.1:
+                continue
+            c, s = math.cos(omega * back), math.sin(omega * back)
+            start = (c * x - s * (y - centre), centre + s * x + c * (y - centre))
+            found = contact_times(np.array([start]), np.array([margin]), twist, shape)[0]
+            assert found <= back + 1e-9
+            assert found == pytest.approx(stepped(start, margin, twist, shape, 0.4), abs=3e-4)
+            met += found > 0.9 * back
+    assert met > 0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_the_inner_side_of_a_turn_sweeps_only_by_its_margin_is_met(side):
+    twist = Twist(1.0, side)
+    angle = np.linspace(0.6, 1.2, 5)
+    points = np.column_stack((0.69 * np.sin(angle), side * (1.0 - 0.69 * np.cos(angle))))
+    for point in points:
+        found = contact_times(point[None], np.array([0.05]), twist, SHAPES["box"])[0]
+        assert found == pytest.approx(stepped(point, 0.05, twist, SHAPES["box"], 1.2), abs=1e-3)
+        assert contact_times(point[None], NO, twist, SHAPES["box"])[0] == math.inf
+
+
+@pytest.mark.parametrize("name", sorted(SHAPES))
+@pytest.mark.parametrize("v", [0.5, -0.5])
+def test_straight_on_it_meets_what_steps_find_and_passes_the_rest(name, v):
+    shape, twist = SHAPES[name], Twist(v, 0.0)
+    axis = np.linspace(-1.6, 1.6, 14)
+    points = np.array([(x, y) for x in axis for y in 0.23 * axis])
+    found = contact_times(points, np.full(len(points), 0.02), twist, shape)
+    expected = [stepped(point, 0.02, twist, shape, 8.0, 2000) for point in points]
+    assert found == pytest.approx(np.array(expected), abs=8.0 / 2000)
+    assert np.isfinite(found).any()
+    assert np.isinf(found).any()
+
+
+def test_a_point_on_the_line_is_in_it():
+    points = np.array([[0.36, 0.1], [0.36, 0.0], [-0.2, 0.29]])
+    for twist in (Twist(0.5, 0.0), Twist(-0.5, 0.0), Twist(0.3, 1.0), Twist(-0.3, -1.0)):
+        assert contact_times(points, np.zeros(3), twist, SHAPES["box"]).tolist() == [0.0] * 3

@@ -14,7 +14,7 @@ from pathlib import Path
 import yaml
 
 from cohelm.core.types import RADIUS, X, Y
-from cohelm.drive.session import Plan, Session
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
 from cohelm.robot.keep.gated_robot import GatedRobot
@@ -95,7 +95,7 @@ class Counted:
 
 def drive(scenario: str | Path, kind: Kind, seed: int, *, watched: bool, limit: float = 150.0):
     """Until it arrives or the time is up: arrived, when [s], least clearance moving [m], counts."""
-    with Session(Plan(simulated(scenario, kind, real_time=False, seed=seed))) as session:
+    with Session(SessionConfig(simulated(scenario, kind, real_time=False, seed=seed))) as session:
         keeper = session.keeper
         assert isinstance(keeper, GatedRobot)
         counted = [Counted(monitor) for monitor in keeper._monitors]

@@ -10,7 +10,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.model import RobotModel
 from cohelm.sim.grid import grid
 from cohelm.sim.twin.engine import mujoco
-from cohelm.sim.twin.movers import Hunters
+from cohelm.sim.twin.movers import Pursuers
 from cohelm.sim.twin.robot import Twin
 from tests.sim.twin.drives import brake, disc, drive, sally, scene
 
@@ -131,7 +131,7 @@ def test_attackers_come_through_nothing():
     runners = [disc(-2.0, -2.0, 0.25, 0.1, 0.0), disc(-3.0, 1.0, 0.25, 0.1, 0.0)]
     robot = Twin(
         sally(), Pose(0.0, 0.0, 0.0), scene(*bodies, *runners, walls=walls.tolist()), seed=5,
-        hunters=Hunters(np.array([0.0] * 5 + [1.0, 1.0]), 1.3, 5),
+        hunters=Pursuers(np.array([0.0] * 5 + [1.0, 1.0]), 1.3, 5),
     )  # fmt: skip
     met = 0
     for _ in range(1500):

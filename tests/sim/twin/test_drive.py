@@ -11,7 +11,7 @@ from PIL import Image
 from cohelm.core.trace import Trace
 from cohelm.core.types import Pose, Twist
 from cohelm.law.guard.bounds import braked
-from cohelm.pilot.careful import SLOP
+from cohelm.pilot.margin_inflation import SLOP
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.scenario import build, load

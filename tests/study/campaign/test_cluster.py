@@ -9,10 +9,10 @@ import time
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign.runner import Plan, run
+from cohelm.study.campaign.runner import CampaignConfig, run
 
 pytest.importorskip("distributed")
-PLAN = Plan("adversary", ("guard",), 7, 400)
+PLAN = CampaignConfig("adversary", ("guard",), 7, 400)
 
 
 def quiet(_doing, _share):

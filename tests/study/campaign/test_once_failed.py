@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.study.campaign import suites
-from cohelm.study.campaign.drive import chunk
+from cohelm.study.campaign.worker import chunk
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 

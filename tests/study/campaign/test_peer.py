@@ -7,8 +7,8 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.study.campaign import rooms, rvo
-from cohelm.study.campaign.drive import chunk
 from cohelm.study.campaign.suites import suite
+from cohelm.study.campaign.worker import chunk
 
 with_peer = pytest.mark.skipif(
     importlib.util.find_spec("irsim") is None, reason="ir-sim is not installed: make bench"

@@ -11,11 +11,11 @@ from cohelm.robot.gate.gate import Passed
 from cohelm.robot.port import Health
 from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign import suites
-from cohelm.study.campaign.again import drive
-from cohelm.study.campaign.drive import chunk
-from cohelm.study.campaign.looped import Watched
-from cohelm.study.campaign.runner import Plan
-from cohelm.study.campaign.touch import first_touch
+from cohelm.study.campaign.contact_analysis import first_touch
+from cohelm.study.campaign.loop_run import Watched
+from cohelm.study.campaign.replay_episode import drive
+from cohelm.study.campaign.runner import CampaignConfig
+from cohelm.study.campaign.worker import chunk
 
 
 def test_a_room_is_driven_on_sensors_alone():
@@ -70,8 +70,12 @@ def test_the_attackers_walkers_are_after_the_robot_on_the_twin_too():
     made = suites.suite("adversary", 1, None, "twin")
     (row,), (again,) = chunk(made, "guard", (2,)), chunk(made, "guard", (2,))
     assert repr(row) == repr(again)
-    assert (row.plant, row.fault) == ("twin", "")
+    assert (row.plant, row.fault, row.contacts_moving, row.stops) == ("twin", "", 0, 0)
+    assert row.human_share > 0.5  # the stick is armed, and drives ...
+    assert row.path_length_m > 0.1
+    assert 0.0 <= row.gate_share < 0.01  # ... behind the gate
     case = suites.suite("adversary", 1, None, "twin").case(2)
+    assert drive(case, row).same
     kinematic = suites.suite("adversary", 1, None).case(2)
     assert case.duel is not None
     assert case.duel.scene.discs.tolist() == kinematic.duel.scene.discs.tolist()
@@ -113,10 +117,10 @@ def test_what_was_in_view_before_a_contact_is_told_from_the_truth():
 
 def test_what_is_not_driven_on_the_twin_is_said():
     for plan, words in (
-        (Plan("barn", ("guard",), 1, plant="twin"), "needs|drives on data"),
-        (Plan("random", ("guard",), 1, plant="twinn"), "no plant 'twinn'"),
-        (Plan("random", ("rvo",), 1, plant="twin"), "rvo does not drive"),
-        (Plan("adversary", ("paper",), 1, plant="twin"), "choose guard"),
+        (CampaignConfig("barn", ("guard",), 1, plant="twin"), "needs|drives on data"),
+        (CampaignConfig("random", ("guard",), 1, plant="twinn"), "no plant 'twinn'"),
+        (CampaignConfig("random", ("rvo",), 1, plant="twin"), "rvo does not drive"),
+        (CampaignConfig("adversary", ("paper",), 1, plant="twin"), "choose guard"),
     ):
         with pytest.raises(CohelmError, match=words):
             plan.prepared()

@@ -9,10 +9,10 @@ import pytest
 from cohelm.core.trace import ROW, Trace
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
-from cohelm.study.campaign.case import Case, Goal
+from cohelm.study.campaign.episode import Episode, Goal
 from cohelm.study.campaign.pictures import drawn
 from cohelm.study.campaign.report import caption
-from cohelm.study.campaign.row import NOT_DRIVEN
+from cohelm.study.campaign.result import NOT_DRIVEN
 from cohelm.study.campaign.suites import NAMES
 from tests.record.runs import lab
 
@@ -32,7 +32,7 @@ def figure(walls=None):
     rows["x"], rows["clearance"] = 0.01 * np.arange(200), 0.5
     discs = np.zeros((200, 2, 6))
     discs[:, 0, :2], discs[:, 1, 0] = (2.0, 2.0), np.linspace(0.0, 1.0, 200)
-    case = Case("lab", 3, "", setup, Goal(5.0, 0.0, 0.1))
+    case = Episode("lab", 3, "", setup, Goal(5.0, 0.0, 0.1))
     return drawn(case, Trace(rows, np.zeros((200, 2)), discs, ("a", "b"), 0.02), CAME)
 
 

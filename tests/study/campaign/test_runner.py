@@ -9,11 +9,11 @@ import time
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign import drive, runner, suites
-from cohelm.study.campaign.runner import Plan, planned, remaining, run
+from cohelm.study.campaign import runner, suites, worker as drive
+from cohelm.study.campaign.runner import CampaignConfig, planned, remaining, run
 from cohelm.study.campaign.store import read_plan, read_rows
 
-PLAN = Plan("adversary", ("guard", "none"), 7, 30)
+PLAN = CampaignConfig("adversary", ("guard", "none"), 7, 30)
 
 
 def quiet(_doing, _share):
@@ -31,7 +31,9 @@ def test_the_same_seed_gives_the_same_rows_whatever_the_number_of_processes(tmp_
     assert [(r.law, r.episode) for r in one] == [
         (law, k) for law in PLAN.laws for k in range(30)
     ]  # fmt: skip
-    _, other = run(Plan("adversary", ("guard",), 8, 3), tmp_path / "three", 1, None, quiet)
+    _, other = run(
+        CampaignConfig("adversary", ("guard",), 8, 3), tmp_path / "three", 1, None, quiet
+    )
     assert text(other) != text(one[:3])
 
 
@@ -85,7 +87,7 @@ def test_kill_9_in_the_middle_loses_nothing_and_leaves_nobody_behind(tmp_path):
     while _alive(process.pid) and time.monotonic() < until:  # the workers end by themselves
         time.sleep(0.05)
     assert not _alive(process.pid)
-    plan = Plan("adversary", ("guard",), 7, 400)
+    plan = CampaignConfig("adversary", ("guard",), 7, 400)
     _, rows = run(plan, there, 1, None, quiet)
     assert [row.episode for row in rows] == list(range(400))
     assert all(repr(rows[k]) == repr(row) for (_, k), row in kept.items())
@@ -115,7 +117,7 @@ def test_a_worker_killed_from_outside_is_told_and_the_rest_can_go_on(tmp_path, m
             killed.append(os.kill(workers()[0], signal.SIGKILL))
 
     with pytest.raises(CohelmError, match=r"killed from outside.*same command"):
-        run(Plan("adversary", ("guard",), 7, 4000), tmp_path, 2, None, told)
+        run(CampaignConfig("adversary", ("guard",), 7, 4000), tmp_path, 2, None, told)
     assert len(read_rows(tmp_path)) > 0
     assert not workers()
 
@@ -127,7 +129,7 @@ def test_a_mistake_of_ours_in_one_episode_is_told_in_its_row(tmp_path, monkeypat
         return real(seed, number) if number != 1 else 1 // 0
 
     monkeypatch.setattr(suites.rooms, "case", broken)
-    _, rows = run(Plan("random", ("none",), 1, 3), tmp_path, 1, None, quiet)
+    _, rows = run(CampaignConfig("random", ("none",), 1, 3), tmp_path, 1, None, quiet)
     assert [bool(row.fault) for row in rows] == [False, True, False]
     assert rows[1].fault.startswith("ZeroDivisionError: ")
     assert "test_runner.py" in rows[1].fault
@@ -145,11 +147,11 @@ def test_all_laws_drive_an_episode_before_the_next_ones_come():
 @pytest.mark.parametrize(
     ("plan", "words"),
     [
-        (Plan("random", ("guard",), 1, 0), "--n"),
-        (Plan("random", ("guard",), -1), "--seed"),
-        (Plan("random", ("guard", "guard"), 1), "once"),
-        (Plan("random", ("gaurd",), 1), "no law 'gaurd'"),
-        (Plan("lab", ("rvo",), 1), "choose guard, paper, none"),
+        (CampaignConfig("random", ("guard",), 1, 0), "--n"),
+        (CampaignConfig("random", ("guard",), -1), "--seed"),
+        (CampaignConfig("random", ("guard", "guard"), 1), "once"),
+        (CampaignConfig("random", ("gaurd",), 1), "no law 'gaurd'"),
+        (CampaignConfig("lab", ("rvo",), 1), "choose guard, paper, none"),
     ],
 )
 def test_a_plan_that_makes_no_sense_is_refused(plan, words, tmp_path):
@@ -159,9 +161,9 @@ def test_a_plan_that_makes_no_sense_is_refused(plan, words, tmp_path):
 
 
 def test_the_plan_a_folder_keeps_makes_the_same_campaign(tmp_path):
-    run(Plan("random", ("none",), 3, 2), tmp_path, 1, None, quiet)
+    run(CampaignConfig("random", ("none",), 3, 2), tmp_path, 1, None, quiet)
     kept = read_plan(tmp_path)
     assert kept is not None
-    assert planned(kept) == Plan("random", ("none",), 3, 2)
+    assert planned(kept) == CampaignConfig("random", ("none",), 3, 2)
     with pytest.raises(CohelmError, match="not a campaign's plan"):
         planned({"suite": "random"})

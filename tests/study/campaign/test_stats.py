@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binom, binomtest
 
-from cohelm.study.campaign.row import NOT_DRIVEN
+from cohelm.study.campaign.result import NOT_DRIVEN
 from cohelm.study.campaign.stats import share, spread, summary
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.study.campaign import store
-from cohelm.study.campaign.row import NOT_DRIVEN
+from cohelm.study.campaign.result import NOT_DRIVEN
 from cohelm.study.campaign.store import Store, read_rows
 
 PLAN = {"suite": "random", "laws": ["guard"], "seed": 1, "n": 9, "data": None, "code": "a"}

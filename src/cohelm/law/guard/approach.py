@@ -1,4 +1,4 @@
-"""What each thing nearby asks of the next twist: do not approach it faster than you can stop."""
+"""Velocity bounds from each obstacle: do not approach it faster than you can stop."""
 
 from __future__ import annotations
 

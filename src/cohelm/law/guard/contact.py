@@ -1,4 +1,4 @@
-"""Where the outline is nearest to a thing, and which way it gets away from there.
+"""Nearest point of the outline to an obstacle, and the direction that increases the clearance.
 
 All in the body frame. An outline is convex, (k >= 1, 2) corners counter-clockwise; a corner may be
 repeated and the whole may be a line or a point.

@@ -18,12 +18,12 @@ class Rules(NamedTuple):
 
     dt: float = 0.02
     """Time between two commands [s]."""
-    margin: float = 0.03
+    soft_margin: float = 0.03
     """Gap that the wish is shaped to keep [m]."""
-    clear: float = 0.015
-    """Gap that the certificate keeps at its looks, and half of it in between; 0 < clear <= margin,
-    and larger than the sensing error that is not in the obstacles' radii [m]."""
-    caution: float = 0.7
+    hard_margin: float = 0.015
+    """Gap that the certificate keeps at its looks, and half of it in between; greater than 0, at
+    most soft_margin, larger than the sensing error that is not in the obstacles' radii [m]."""
+    deceleration_fraction: float = 0.7
     """Share of the full deceleration that shaping counts on, in (0, 1]."""
     steer_weight: float = 0.5
     """How dear steering is beside speed in the least change [m]: large keeps the person's
@@ -36,15 +36,16 @@ def checked_rules(rules: Rules) -> Rules:
         made = Rules._make(float(value) for value in rules)
     except (TypeError, ValueError) as error:
         raise CohelmError(f"the rules must be {len(Rules._fields)} numbers: {error}") from error
-    for name in ("dt", "clear", "steer_weight"):
+    for name in ("dt", "hard_margin", "steer_weight"):
         value = getattr(made, name)
         if not 0.0 < value < math.inf:  # nor for NaN
             raise CohelmError(f"rules.{name} must be greater than 0 and finite, got {value:g}")
-    if not math.isfinite(made.margin):
-        raise CohelmError(f"rules.margin must be a length in metres, got {made.margin:g}")
-    if not 0.0 < made.caution <= 1.0:
+    if not math.isfinite(made.soft_margin):
+        raise CohelmError(f"rules.soft_margin must be a length in metres, got {made.soft_margin:g}")
+    if not 0.0 < made.deceleration_fraction <= 1.0:
         raise CohelmError(
-            f"rules.caution must be a share of the deceleration in (0, 1], got {made.caution:g}"
+            "rules.deceleration_fraction must be a share of the deceleration in (0, 1], got "
+            f"{made.deceleration_fraction:g}"
         )
     return made
 

@@ -75,7 +75,7 @@ def guard(
     reach = farthest(outline)
     n, least = approach_rows(
         rows, n, pose, before, around, outline, reach, limits,
-        rules.dt, rules.margin, rules.caution,
+        rules.dt, rules.soft_margin, rules.deceleration_fraction,
     )  # fmt: skip
     if n < 0:
         return Guarded(stop.v, stop.omega, INVALID, 0.0, math.inf, NOTHING)
@@ -91,7 +91,7 @@ def guard(
             )
             part = goal if share == 1.0 else achievable(part, before, limits, rules.dt)
             m = manoeuvre(pose, part, limits, rules.dt, reach)
-            thing = in_the_way(m, outline, reach, around, rules.clear)
+            thing = in_the_way(m, outline, reach, around, rules.hard_margin)
             if thing == CLEAR:
                 return _passed(part, asked, rules.steer_weight, least, culprit)
             culprit = thing

@@ -28,7 +28,13 @@ from cohelm.robot.collision_monitor.surroundings import (
     of_scan,
     out_of_sight,
 )  # fmt: skip
-from cohelm.robot.collision_monitor.sweep import contact_times, fastest, outline, outwards
+from cohelm.robot.collision_monitor.sweep import (
+    contact_times,
+    edge_distances,
+    fastest,
+    outline,
+    outwards,
+)  # fmt: skip
 from cohelm.robot.gate.bounds import Bounds, needed
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import Odometry, Readings, Scan
@@ -46,7 +52,7 @@ odometry is the mean over a reading and comes late."""
 LASTS = 1.0
 """A reason is told in the same words until it has been away for so long [s]."""
 ALONG = 1e-6
-"""Ground that comes nearer by no more than this is passed along [m]."""
+"""What comes nearer by no more than this is passed along [m]."""
 _NONE = Twist(0.0, 0.0)
 
 
@@ -76,6 +82,9 @@ class Met(NamedTuple):
     point: int
 
 
+NEVER = Met(math.inf, -1, math.inf, -1)
+
+
 class Field(NamedTuple):
     """A motion, and what is in its way."""
 
@@ -83,6 +92,9 @@ class Field(NamedTuple):
     """Of the motion, so much is allowed; may be above 1."""
     point: int
     """Which of the points allows the least; -1: none."""
+
+
+FREE = Field(math.inf, -1)
 
 
 class CollisionMonitor:
@@ -124,8 +136,6 @@ class CollisionMonitor:
         """Take in odometry and scan; a fault where the robot moves and nobody wants it to."""
         self._reckon(now, applied)
         self._wrong = self._take(readings.odometry) or self._look(readings.scan)
-        if not len(self._measured):
-            return UNRESTRICTED
         speed = max(fastest(twist, self._shape) for twist in self._motions())
         if self._runaway.noticed(now, applied, speed):
             moves = f"the robot moves at {speed:.2f} m/s although it is told to stand"
@@ -175,12 +185,8 @@ class CollisionMonitor:
         history = self._measured
         if odometry.stamp < history.stamp:
             history.clear()
-            self._scan, self._by_odometry, self._unknown, self._all = (
-                None,
-                NOTHING,
-                NOTHING,
-                NOTHING,
-            )
+            self._scan = None
+            self._by_odometry = self._unknown = self._all = NOTHING
             if self._ground is not None:
                 self._ground.forget()
         if odometry.stamp > history.stamp:
@@ -207,17 +213,18 @@ class CollisionMonitor:
             return f"a scan of {len(scan.ranges)} beams, and not {len(sensor.bearings)}"
         if not math.isfinite(scan.stamp + scan.duration):
             return "the scan's time is no number"
-        pose = self._measured.at(scan.stamp)
-        before = out_of_sight(self._by_odometry, scan.stamp, pose, sensor, self._shape.reach)
+        first, last = (self._measured.at(scan.stamp + t) for t in (0.0, scan.duration))
+        before = out_of_sight(
+            self._by_odometry, scan.stamp, first, last, sensor, self._shape.reach
+        )  # fmt: skip
         self._scan = scan
         found = returns(scan.ranges, sensor, self._near)
         self._by_odometry = joined(of_scan(found, scan, self._measured), before)
         self._by_command = of_scan(found, scan, self._commanded)
         if self._ground is not None:
-            half = 0.5 * scan.duration
-            turned = self._measured.at(scan.stamp + scan.duration).psi - pose.psi
-            middle = self._measured.at(scan.stamp + half)
-            unknown = self._ground.look(scan.ranges, middle, turned, scan.stamp + half)
+            when = scan.stamp + 0.5 * scan.duration
+            turned = last.psi - first.psi
+            unknown = self._ground.look(scan.ranges, self._measured.at(when), turned, when)
             self._unknown = self._unknown if unknown is None else unknown
         self._all = joined(self._by_odometry, self._unknown)
         return ""
@@ -269,7 +276,7 @@ class CollisionMonitor:
     def _stop(self, met: Met, twist: Twist, reaction: float) -> Field:
         """The stop field of a motion that goes on for a reaction time [s]."""
         if fastest(twist, self._shape) <= CRAWL:
-            return Field(math.inf, -1)
+            return FREE
         return self._field(met, twist, reaction, 1.0)
 
     def _field(self, met: Met, twist: Twist, reaction: float, brakes: float) -> Field:
@@ -279,8 +286,6 @@ class CollisionMonitor:
         what is in it may be left. In the slow-down field, which has the margin, nothing is faster
         than a crawl.
         """
-        if met.anything == math.inf:
-            return Field(math.inf, -1)
         braking = self._brakes(twist, brakes)
         crawl = min(CRAWL / fastest(twist, self._shape), 1.0)
         stop = allowed(met.solid, reaction, braking)
@@ -292,15 +297,14 @@ class CollisionMonitor:
         return needed(twist, self._robot.bounds) / brakes
 
     def _met(self, things: Surroundings, twist: Twist) -> Met:
-        """What a motion meets. What is in the outline may be left; unknown ground beside it may be
-        passed along too, as that takes in no more of it."""
+        """What a motion meets. What is in the outline may be left. What is beside it, but may be
+        nearer by its error, may be passed along too, and so may unknown ground, as that takes in
+        no more of it."""
         if twist == _NONE or not len(things.points):
-            return Met(math.inf, -1, math.inf, -1)
+            return NEVER
         points, errors, margins, _ = things
         times = contact_times(points, margins, twist, self._shape)
         met = np.flatnonzero(times < math.inf)
-        if not len(met):
-            return Met(math.inf, -1, math.inf, -1)
         solid = errors[met] > -math.inf
         out = np.full(len(met), -math.inf)
         inside = times[met] == 0.0
@@ -309,9 +313,11 @@ class CollisionMonitor:
         point = int(times.argmin())
         hard = met[solid]
         if not len(hard):
-            return Met(math.inf, -1, float(times[point]), point)
+            return NEVER._replace(anything=float(times[point]), point=point)
         to_stop = contact_times(points[hard], errors[hard], twist, self._shape)
-        to_stop[(to_stop == 0.0) & (out[solid] > 0.0)] = math.inf
+        beside = edge_distances(points[hard], self._shape).max(axis=1) > 0.0
+        free = np.where(beside, out[solid] >= -ALONG, out[solid] > 0.0)
+        to_stop[(to_stop == 0.0) & free] = math.inf
         first = int(to_stop.argmin())
         return Met(float(to_stop[first]), int(hard[first]), float(times[point]), point)
 
@@ -330,7 +336,7 @@ class CollisionMonitor:
     def _told(self, now: float, share: float, kind: str, because: str) -> Restriction:
         """A restriction, in the words in which it began: else every period would be a line."""
         words, last = self._words.get(kind, ("", -math.inf))
-        if not now - last <= LASTS:
+        if not 0.0 <= now - last <= LASTS:
             words = f"collision monitor: {because}"
         self._words[kind] = words, now
         return Restriction(share, words)
@@ -338,8 +344,6 @@ class CollisionMonitor:
 
 def seen_by(things: Surroundings, pose: Pose, within: float) -> Surroundings:
     """In the body frame at a pose, those that are so near to its origin, with their margins [m]."""
-    if not len(things.points):
-        return things
     points = things.points - (pose.x, pose.y)
     squares = points * points
     far = squares[:, 0] + squares[:, 1]

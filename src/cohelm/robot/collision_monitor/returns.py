@@ -78,11 +78,8 @@ def averaged(ranges: Floats, hit: Ints, sensor: Sensor) -> tuple[Floats, Floats]
     """Some ranges, each averaged over the patch of surface around it, and over how many beams."""
     own = np.where(np.isfinite(ranges), ranges, _NOWHERE)
     total, count = own.copy(), np.ones(len(own))
-    least = float(own[hit].min(initial=_NOWHERE))
     for apart in range(1, NEIGHBOURS + 1):
         patch = PATCH / (apart * sensor.step)
-        if least > patch or apart >= len(own):
-            break  # none has so many neighbours in its patch
         before, after = own[:-apart], own[apart:]
         same = np.abs(after - before) <= SAME * sensor.noise
         forth, back = same & (before <= patch), same & (after <= patch)

@@ -43,10 +43,7 @@ def of_scan(found: Returns, scan: Scan, poses: PoseHistory) -> Surroundings:
     stamps = scan.stamp + scan.duration * found.passed
     if not len(stamps):
         return NOTHING
-    if scan.duration > 0.0:
-        points = placed(found.points, *poses.during(stamps))
-    else:
-        points = placed(found.points, *np.array(poses.at(scan.stamp)))
+    points = placed(found.points, *poses.during(stamps))
     return Surroundings(points, found.errors, found.margins, stamps)
 
 
@@ -63,20 +60,31 @@ def all_round(sensor: Sensor) -> bool:
 
 
 def out_of_sight(
-    old: Surroundings, now: float, pose: Pose, sensor: Sensor, reach: float
+    old: Surroundings, now: float, first: Pose, last: Pose, sensor: Sensor, reach: float
 ) -> Surroundings:
-    """What of it the sensor can not see from a pose, and is still to be reckoned with."""
+    """What of it a scan could not see, and is still to be reckoned with.
+
+    first, last: where the robot was at the scan's first beam and at its last. A beam looks half a
+    step to either side: what stands at the end of the view of a robot that stands is in it, and
+    who walks out of the view there does not stay behind.
+    """
     if all_round(sensor) or not len(old.points):
         return NOTHING
-    first, last = sensor.bearings[0], sensor.bearings[-1]
-    here = seen_from(old.points, pose)
-    from_sensor = seen_from(here, sensor.mount)
-    bearings = np.arctan2(from_sensor[:, 1], from_sensor[:, 0])
-    hidden = np.flatnonzero((bearings < first) | (bearings > last))
-    near = here[hidden, 0] ** 2 + here[hidden, 1] ** 2 < (reach + BESIDE) ** 2
+    middle = 0.5 * (sensor.bearings[0] + sensor.bearings[-1])
+    half = 0.5 * (sensor.bearings[-1] - sensor.bearings[0] + sensor.step)
+    begin, end = (_bearings(old.points, pose, sensor, middle) for pose in (first, last))
+    right = begin < 0.0
+    hidden = np.flatnonzero((right & (begin < -half)) | (~right & (np.abs(end) > half)))
+    here = seen_from(old.points[hidden], last)
+    near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
     kept = hidden[near]
-    cells = np.round(old.points[kept] / GRAIN).astype(np.int64)
-    _, one = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
+    _, one = np.unique(np.round(old.points[kept] / GRAIN), axis=0, return_index=True)
     left = Surroundings(*(column[kept[one]] for column in old))
     left.errors[now - left.seen >= REMEMBERED] = -math.inf
     return left
+
+
+def _bearings(points: Floats, pose: Pose, sensor: Sensor, middle: float) -> Floats:
+    """Of points from the sensor of a robot at a pose, from the middle of its view, (n,) [rad]."""
+    there = seen_from(seen_from(points, pose), sensor.mount._replace(psi=sensor.mount.psi + middle))
+    return np.arctan2(there[:, 1], there[:, 0])

@@ -1,4 +1,4 @@
-"""The keeper's process: it stops the robot when the loop can not.
+"""The gate's process: it stops the robot when the loop can not.
 
 The loop's process may be killed, hang, or be starved; this one notices within the watchdog's time,
 brakes the robot, says why to the record, and lets the robot go only when it stands. It never waits

@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
 from cohelm.core.types import Pose
-from cohelm.perceive.known import Known, known
-from cohelm.perceive.surfaces import MOST_CELLS
+from cohelm.perceive.localize.localization_map import LocalizationMap, known
+from cohelm.perceive.match.surfaces import MOST_CELLS
 from cohelm.scenario.worlds.file import contents, faults
 from cohelm.sim.grid import Grid, grid
 
@@ -46,7 +46,7 @@ class OccupancyMap:
             solid |= self.cells == UNKNOWN
         return grid(solid, self.resolution, self.origin)
 
-    def known(self) -> Known:
+    def known(self) -> LocalizationMap:
         """The same for localisation. CohelmError where nothing is occupied, or nothing free."""
         return known(self.cells >= OCCUPIED, self.cells == FREE, self.resolution, self.origin)
 

@@ -1,7 +1,7 @@
 """A run with the twin as the plant and the pilot told where it is, fully recorded.
 
 Episodes of campaigns, which have to find their place, go through the whole loop:
-`study.campaign.looped`.
+`study.campaign.loop_run`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import compose, inverse
 from cohelm.core.trace import ROW, Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
@@ -21,19 +22,19 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.human import supplied_energy
 from cohelm.law.reference import evaluate
 from cohelm.law.track import pose_error
-from cohelm.perceive.frames import compose, inverse
-from cohelm.perceive.seen import Perception
-from cohelm.pilot.careful import SLOP, noise, roomier
-from cohelm.pilot.course import nearly_done
+from cohelm.perceive.pipeline import Perception
+from cohelm.pilot.margin_inflation import SLOP, inflated, noise
+from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.plan import Plan
+from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import Decision, Settings
-from cohelm.pilot.told import told
+from cohelm.plan.course import nearly_done
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import Piloted, near_walls
 from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
+from cohelm.sim.twin.movers import Pursuers
 from cohelm.sim.twin.robot import Truth, Twin
 from cohelm.sim.twin.settings import TwinModel, lag
 
@@ -78,7 +79,8 @@ class TwinRun(ABC):
     """One run on the twin between two steps: robot, pilot, person. Who asks what of the robot in a
     step is for those that drive it to say."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, hunters: Pursuers | None = None) -> None:
+        """hunters: those of the moving discs that are after the robot."""
         given = setup.twin
         if given is None:
             raise CohelmError("this setup has no twin: set simulation.plant to twin")
@@ -90,6 +92,7 @@ class TwinRun(ABC):
         self.robot = Twin(
             model, setup.start, around, grid=setup.grid, seed=setup.seed,
             settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
+            hunters=hunters,
         )  # fmt: skip
         self.guarded = setup.pilot is not None
         self.piloted = setup.pilot or _unguarded(setup)
@@ -98,7 +101,7 @@ class TwinRun(ABC):
         manners, care = self.piloted.manners, self.piloted.care
         if self.guarded:
             sees = noise(self.robot.model) if self.seeing else 0.0
-            settings, manners, care = roomier(settings, manners, care, SLOP + sees, sees)
+            settings, manners, care = inflated(settings, manners, care, SLOP + sees, sees)
         self.settings = settings
         self.delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
@@ -184,7 +187,7 @@ class _Told(TwinRun):
         stick = self.hand(k, things)
         self._plan(k, pose, twist, seen)
         decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, seen)
-        asked = Twist(decided.v, decided.omega)
+        asked = Twist(decided.safe_v, decided.safe_omega)
         row["saturated"] = self.robot.send(asked) != asked
         self.robot.wait((k + 1) * self.setup.dt)
         self.moved(stick)
@@ -197,7 +200,11 @@ class _Told(TwinRun):
             return now.pose, around, now.twist
         known = self.perception.take(t, self.robot.read())
         # Where it is on the map is known; all else is as it senses.
-        return now.pose, told(known, compose(now.pose, inverse(known.odometry))), known.twist
+        return (
+            now.pose,
+            obstacles_from_perception(known, compose(now.pose, inverse(known.odometry))),
+            known.twist,
+        )
 
     def _plan(self, k: int, pose: Pose, twist: Twist, seen: Surroundings) -> None:
         """A plan is begun now and then, and taken up when it would be ready."""
@@ -224,9 +231,10 @@ def _unguarded(setup: Setup) -> Piloted:
 
 _NO_POINTS: Floats = np.empty((0, 2))
 _DECIDED = (
-    "v", "omega", "automatic_v", "automatic_omega", "human_v", "human_omega", "shared_v",
-    "shared_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi", "intent_x",
-    "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau", "rate",
+    "safe_v", "safe_omega", "tracking_v", "tracking_omega", "operator_v", "operator_omega",
+    "nominal_v", "nominal_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi",
+    "intent_x", "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau",
+    "rate",
 )  # fmt: skip
 """Fields of a row that a decision has by the same name."""
 

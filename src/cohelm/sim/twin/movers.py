@@ -11,7 +11,7 @@ from typing import NamedTuple
 from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, X, Y
 from cohelm.robot.footprint import disc_clearance
-from cohelm.sim.duel import choose, walk_on
+from cohelm.sim.adversarial import choose, walk_on
 from cohelm.sim.world import World, place_one
 
 STROLL = 0.4
@@ -41,11 +41,11 @@ class Movers(NamedTuple):
     held: Floats
     """(m, 5): whether it is off its way (1) or not (0), on which side it goes round things
     (1 left, -1 right, 0 does not), its velocity [m/s], and what it goes round."""
-    hunt: Hunt
+    hunt: Pursuit
 
 
-class Hunt(NamedTuple):
-    """Movers that have no way of their own: attackers, as in `sim.duel`. One that bumps into
+class Pursuit(NamedTuple):
+    """Movers that have no way of their own: attackers, as in `sim.adversarial`. One that bumps into
     something stops, until it turns to go elsewhere."""
 
     agility: Floats
@@ -57,7 +57,7 @@ class Hunt(NamedTuple):
     """(m, 2), how each accelerates at the moment [m/s^2]."""
 
 
-class Hunters(NamedTuple):
+class Pursuers(NamedTuple):
     """Who of a world's discs is after the robot."""
 
     agility: Floats
@@ -96,7 +96,7 @@ def walk(
 @jit
 def _hunt(
     step: float, time: float, pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int,
-    m: int, hunt: Hunt, after: Floats,
+    m: int, hunt: Pursuit, after: Floats,
 ) -> None:  # fmt: skip
     """One step of attacker m, disc i, written to `after`."""
     k = int(time / _KEEPS + 1e-6)

@@ -21,7 +21,7 @@ from cohelm.sim.odometer import Odometer
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit
-from cohelm.sim.twin.movers import Hunt, Hunters, Movers
+from cohelm.sim.twin.movers import Movers, Pursuers, Pursuit
 from cohelm.sim.twin.physics import STATE, Trail, Wheels, advance, views
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.twin.sweep import rows, sweep
@@ -85,7 +85,7 @@ class Twin(Paced):
         settings: TwinModel = _DEFAULT,
         step: float = STEP,
         camera: Kind = "auto",
-        hunters: Hunters | None = None,
+        hunters: Pursuers | None = None,
     ) -> None:
         """timeout: without a new command for so long the robot stops by itself [s].
 
@@ -103,7 +103,7 @@ class Twin(Paced):
         place(self._discs, around, 0.0)
         moving = [i for i in range(len(self._discs)) if moves(i, around)]
         agility = np.zeros(len(moving)) if hunters is None else hunters.agility[moving]
-        hunt = Hunt(
+        hunt = Pursuit(
             agility, hunters.fastest if hunters else 0.0, hunters.seed if hunters else 0,
             np.zeros((len(moving), 2)),
         )  # fmt: skip

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
-from cohelm.perceive.known import Known
+from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.model import RobotModel
 
 _AtLeast0 = Annotated[float, Field(ge=0.0)] | None
@@ -82,7 +82,7 @@ class Twinned:
 
     robot: RobotModel
     physics: TwinModel
-    known: Known | None = None
+    known: LocalizationMap | None = None
     """With a LiDAR, the map on which the robot has to find its place; None: it is told."""
 
 

@@ -30,10 +30,18 @@ from cohelm.law.reference import through
 from cohelm.link.stick import Recording
 from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.scenario.load import robot
-from cohelm.sim.duel import BANG, RAM, SCRIPT, SPIN, Attack, Scene
+from cohelm.sim.adversarial import BANG, RAM, SCRIPT, SPIN, Attack, Scene
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.case import DT, PAPER, Case, Duel, Law, least_gap, sequence
+from cohelm.study.campaign.episode import (
+    DT,
+    PAPER,
+    AdversarialRollout,
+    Episode,
+    Law,
+    least_gap,
+    sequence,
+)
 
 SEARCH_EVERY = 500
 """One episode in so many is a search."""
@@ -51,7 +59,7 @@ _KINDS = ("ram", "bang", "spin", "human")
 
 def case(
     seed: int, number: int, hands: tuple[Recording, ...] = (), search_every: int = SEARCH_EVERY
-) -> Case:
+) -> Episode:
     """Attack `number` of the campaign with this seed. hands: recorded people, for *human*."""
     rng = sequence(seed, "adversary", number)
     model = robot(("sally", "jackal")[number % 2])
@@ -76,23 +84,23 @@ def case(
         seed=number,
     )
     attack = Attack(code, int(rng.integers(2**31)), script, hold)
-    return Case(
-        "adversary", number, f"{kind}, {model.name}", setup, None, Duel(scene, attack),
-        robot=model.name,
+    return Episode(
+        "adversary", number, f"{kind}, {model.name}", setup, None,
+        AdversarialRollout(scene, attack), robot=model.name,
     )  # fmt: skip
 
 
 class Found(NamedTuple):
     """The worst that a search has found."""
 
-    case: Case
+    case: Episode
     """With the sequence found as its attack."""
     gap: float
     """Smallest gap while the robot moved [m]."""
     evaluations: int
 
 
-def searched(case: Case, law: Law, evaluations: int = EVALUATIONS) -> Found:
+def searched(case: Episode, law: Law, evaluations: int = EVALUATIONS) -> Found:
     """CMA-ES (Hansen 2016) for the sequence of deflections with the smallest gap.
 
     The same case and law give the same sequence. case: one with a duel.
@@ -104,7 +112,7 @@ def searched(case: Case, law: Law, evaluations: int = EVALUATIONS) -> Found:
     assert duel is not None
     knots = round(_LIMIT / _HOLD)
 
-    def fought(x: Floats) -> Case:
+    def fought(x: Floats) -> Episode:
         script = np.clip(np.asarray(x, dtype=np.float64).reshape(knots, 2), -1.0, 1.0)
         return replace(case, duel=duel.scripted(script, _HOLD))
 
@@ -134,7 +142,7 @@ def searched(case: Case, law: Law, evaluations: int = EVALUATIONS) -> Found:
     return Found(fought(worst), least, count)
 
 
-def scripted(case: Case, stick: list[float]) -> Case:
+def scripted(case: Episode, stick: list[float]) -> Episode:
     """The case with a sequence that a search found, as its row keeps it."""
     assert case.duel is not None
     return replace(case, duel=case.duel.scripted(np.array(stick).reshape(-1, 2), _HOLD))

@@ -16,15 +16,15 @@ from pathlib import Path
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.law.govern import Pace
+from cohelm.law.govern import PaceParams
 from cohelm.law.reference import through
-from cohelm.perceive.band import spread
+from cohelm.plan.elastic_band import spread
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.case import DT, PAPER, Case, Goal
+from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal
 
 SPEED = 1.5
 """Of the reference, where there is room [m/s]."""
@@ -32,7 +32,7 @@ SPEED = 1.5
 LIDAR = LidarModel(noise_m=0.01, mount_x_m=0.12, rate_hz=30.0)
 """As the challenge's: 720 beams over 270 degrees."""
 
-PACE = Pace(lateral=2.5, yaw_rate=3.0, deceleration=3.0, rise=4.0, fall=8.0)
+PACE = PaceParams(lateral=2.5, yaw_rate=3.0, deceleration=3.0, rise=4.0, fall=8.0)
 GAINS = PAPER._replace(k_x=1.0, k_psi=5.0, u_d=SPEED)
 """Of the pilot: Jackal is quicker than the paper's robot. The paper's law has its own."""
 
@@ -67,7 +67,7 @@ def read(folder: Path) -> tuple[Barn, ...]:
     return tuple(worlds)
 
 
-def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Case:
+def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Episode:
     """Episode `number` of the campaign with this seed."""
     barn = worlds[number % len(worlds)]
     jackal = robot("jackal")
@@ -86,4 +86,4 @@ def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Case:
     )
     goal = Goal(*barn.goal, barn.near_goal, barn.optimal_time)
     piloted = with_pilot(setup, PACE, LIDAR, gains=GAINS)
-    return Case("barn", number, f"world {barn.number}", piloted, goal)
+    return Episode("barn", number, f"world {barn.number}", piloted, goal)

@@ -17,10 +17,10 @@ import distributed
 from distributed import Client, WorkerPlugin
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign.case import Law
-from cohelm.study.campaign.drive import chunk, code
-from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.episode import Law
+from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.suites import Suite
+from cohelm.study.campaign.worker import chunk, code
 
 _PATIENCE = 10.0  # for a scheduler to answer [s]
 _held: dict[str, Suite] = {}
@@ -30,7 +30,7 @@ _held: dict[str, Suite] = {}
 @contextmanager
 def driven_on(
     address: str, made: Suite, work: list[tuple[Law, tuple[int, ...]]]
-) -> Generator[Iterator[list[Row]]]:
+) -> Generator[Iterator[list[EpisodeResult]]]:
     """The rows of the work as they come from the cluster at `address`.
 
     Raises CohelmError where no scheduler answers, there is no worker, a worker runs other code,
@@ -59,7 +59,7 @@ def driven_on(
 
 def _as_they_come(
     client: Any, name: str, work: list[tuple[Law, tuple[int, ...]]]
-) -> Iterator[list[Row]]:
+) -> Iterator[list[EpisodeResult]]:
     futures = [
         client.submit(_on_worker, name, law, numbers, pure=False, key=f"{name}-{law}-{numbers[0]}")
         for law, numbers in work
@@ -67,7 +67,7 @@ def _as_they_come(
     try:
         done: Any = distributed.as_completed(futures, loop=client.loop)
         for future in done:
-            yield [Row(*values) for values in future.result()]
+            yield [EpisodeResult(*values) for values in future.result()]
             future.release()
     except distributed.KilledWorker as error:
         raise CohelmError(

@@ -29,7 +29,7 @@ from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.tracks import ELSEWHERE, Track, read_tracks
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.case import DT, PAPER, Case, Goal, sequence
+from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal, sequence
 from cohelm.study.campaign.rooms import extremes
 
 FASTEST = 2.5
@@ -157,7 +157,7 @@ def _middle(path: Reference) -> Reference:
     return Reference(path.knots[1:-1], path.coeffs[1:-1], path.speed)
 
 
-def case(crowds: tuple[Crowd, ...], seed: int, number: int) -> Case:
+def case(crowds: tuple[Crowd, ...], seed: int, number: int) -> Episode:
     """Crossing `number` of the campaign with this seed."""
     scene = crowds[number % len(crowds)]
     moment = scene.moments[number // len(crowds) % STARTS]
@@ -180,7 +180,7 @@ def case(crowds: tuple[Crowd, ...], seed: int, number: int) -> Case:
         duration=_LIMIT,
         seed=number,
     )
-    return Case("crowd", number, scene.name, setup, Goal(*goal, _NEAR))
+    return Episode("crowd", number, scene.name, setup, Goal(*goal, _NEAR))
 
 
 def _crossing(

@@ -1,163 +1,168 @@
-"""One case driven under one law, and its row."""
+"""One episode, ready to be driven under any law: where, what for, and whose hand it is."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.trace import Trace
-from cohelm.core.types import Floats, Pose
-from cohelm.robot.limits import Limits
-from cohelm.scenario.worlds.barn import score
-from cohelm.sim.judge import FAR, Judged, gap_to, judge
-from cohelm.sim.setup import Setup
-from cohelm.study.campaign.acted import Acted
-from cohelm.study.campaign.case import DT, Case, Law, traced
-from cohelm.study.campaign.row import Row
-from cohelm.study.campaign.touch import NOTHING_TOUCHED, Touch, first_touch
-from cohelm.study.metrics import BACK_ON_PATH, LEADS_BELOW, settling, spans
+from cohelm.core.trace import ROW, Trace
+from cohelm.core.types import Floats
+from cohelm.law.gains import Gains
+from cohelm.law.guard.step import Rules
+from cohelm.sim import adversarial
+from cohelm.sim.adversarial import SCRIPT, Attack, Scene, duel
+from cohelm.sim.run import pieces
+from cohelm.sim.setup import Setup, with_pilot
+from cohelm.study.campaign.interventions import Interventions
 
-STEERING = 0.5
-"""Weight of yaw rate beside speed in `Row.disagreement_mps` [m]."""
+Law = Literal["guard", "paper", "none", "rvo", "vo"]
+LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")
+"""Under which an episode may be driven: the guard, the paper's barrier, no filter at all, and
+two controllers of a peer, ir-sim: reciprocal velocity obstacles, and plain ones."""
 
-_HELD = 0.05
-"""A stick deflected by more than this is held."""
+Plant = Literal["kinematic", "twin", "twin-all-round"]
+PLANTS: tuple[Plant, ...] = ("kinematic", "twin", "twin-all-round")
+"""What is driven: exact arcs that know all there is; or the physics twin, which knows what its own
+sensors tell it, with the robot's LiDAR as it is or with one that looks all round."""
+
+DT = 0.02
+"""Control step of every campaign [s]."""
+
+_PIECE = 100
+"""Steps after which a drive looks up whether it has arrived: 2 s."""
 
 
-def driven(case: Case, law: Law) -> Row:
-    """The row of a case under a law."""
-    acted = Acted()
-    return judged(case, law, traced(case, law, acted), case.setup.limits, acted)
+@dataclass(frozen=True)
+class Goal:
+    """Where an episode ends well."""
+
+    x: float
+    y: float
+    near: float
+    """[m]"""
+    optimal: float = math.nan
+    """The BARN challenge's OT [s], where there is one."""
 
 
-def judged(case: Case, law: Law, pieces: Iterator[Trace], limits: Limits, acted: Acted) -> Row:
-    """The row of a drive, from its trace alone; it is followed until it has arrived.
+@dataclass(frozen=True)
+class AdversarialRollout:
+    """An attacker alone with the filter, at its usual care; see `sim.adversarial`."""
 
-    limits: those that hold for this robot. acted: what gate and monitors did in it, counted while
-    it was driven; nothing where there were none.
+    scene: Scene
+    attack: Attack
+
+    def scripted(self, script: Floats, hold: float) -> AdversarialRollout:
+        """The same with deflections (k, 2) from a table, each held for `hold` [s]."""
+        return replace(self, attack=Attack(SCRIPT, self.attack.seed, script, hold))
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode of a suite.
+
+    setup: world, robot, limits, reference, hands; its law is that of `pieces`. goal: None if
+    nobody wants to get anywhere. duel: None if a controller drives.
     """
+
+    suite: str
+    number: int
+    kind: str
+    """What kind of episode this is, in a few words; the report counts by it."""
+    setup: Setup
+    goal: Goal | None
+    duel: AdversarialRollout | None = None
+    plant: Plant = "kinematic"
+    robot: str = "sally"
+    """Name of the robot that drives."""
+
+
+def under(setup: Setup, law: Law) -> Setup:
+    """The setup with another law's filter, and nothing else changed.
+
+    With the guard drives the pilot, as the suite has set it up, or else at its usual care.
+    """
+    if law == "guard":
+        return setup if setup.pilot is not None else with_pilot(setup, gains=lively(setup.gains))
+    return replace(setup, pilot=None, gains=setup.gains._replace(barrier=law == "paper"))
+
+
+def lively(gains: Gains) -> Gains:
+    """The gains of a suite that has no pilot of its own."""
+    return gains._replace(k_psi=max(gains.k_psi, 2.0))
+
+
+def traced(case: Episode, law: Law, acted: Interventions) -> Iterator[Trace]:
+    """The drive of a case, piece by piece, to its time limit.
+
+    acted: where what gate and monitors did is counted, where there are any.
+    """
+    if case.duel is not None:
+        return _fought_on_twin(case, acted) if case.setup.twin else iter((fought(case, law),))
+    setup = under(case.setup, law)
+    if case.goal is not None:
+        setup = replace(setup, near=case.goal.near)
+    if setup.twin is not None and setup.twin.known is not None and setup.pilot is not None:
+        from cohelm.study.campaign import loop_run  # needs MuJoCo, as above
+
+        return loop_run.pieces(setup, acted, _PIECE)
+    return pieces(setup, _PIECE)
+
+
+def _fought_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
+    from cohelm.sim.twin.movers import Pursuers  # needs MuJoCo, which is an extra
+    from cohelm.study.campaign import loop_run
+
+    assert case.duel is not None
+    scene, attack = case.duel.scene, case.duel.attack
+    agility = np.zeros(len(case.setup.around.discs))
+    agility[: len(scene.agility)] = scene.agility
+    hunters = Pursuers(agility, scene.walk, attack.seed)
+    return loop_run.fought(case.setup, attack, hunters, acted, _PIECE)
+
+
+def fought(case: Episode, law: Law) -> Trace:
+    """The trace of a duel on exact arcs."""
+    assert case.duel is not None
+    chosen = case.duel
+    n, m = case.setup.steps, len(chosen.scene.discs) + len(chosen.scene.points)
+    rows, h, discs = np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6))
+    _duel(case, law, chosen, rows, h, discs)
+    return Trace(rows, h, discs, tuple(f"thing_{i}" for i in range(m)), DT)
+
+
+_RULES = Rules(dt=DT)
+_NO_ROWS, _NO_H, _NO_DISCS = np.zeros(0, dtype=ROW), np.empty((0, 0)), np.empty((0, 0, 6))
+
+
+def least_gap(case: Episode, law: Law, chosen: AdversarialRollout) -> float:
+    """What a duel comes to, without a trace: the smallest gap while the robot moved [m]."""
+    return _duel(case, law, chosen, _NO_ROWS, _NO_H, _NO_DISCS)
+
+
+def _duel(
+    case: Episode,
+    law: Law,
+    chosen: AdversarialRollout,
+    rows: NDArray[np.void],
+    h: Floats,
+    discs: Floats,
+) -> float:
     setup = case.setup
-    walls = setup.around.walls
-    seen = Judged()
-    kept: list[NDArray[np.void]] = []
-    there: list[Floats] = []
-    last: tuple[NDArray[np.void], Floats] | None = None
-    arrived, nearest = False, ""
-    for piece in pieces:
-        rows, discs = piece.rows, piece.discs
-        if case.goal is not None:
-            far = np.hypot(rows["x"] - case.goal.x, rows["y"] - case.goal.y)
-            near = np.flatnonzero(far < case.goal.near)
-            if near.size:
-                arrived = True
-                rows, discs = rows[: near[0] + 1], discs[: near[0] + 1]
-        kept.append(rows)
-        if setup.twin is not None:
-            there.append(discs)
-        if last is not None:
-            rows = np.concatenate((last[0], rows))
-            discs = np.concatenate((last[1], discs))
-        before = seen.at, seen.gap
-        seen = judge(seen, rows, discs, setup.outline, walls, limits, piece.dt)
-        if (seen.at, seen.gap) != before:
-            nearest = _nearest(setup, rows, discs, seen, piece.names)
-        last = rows[-1:], discs[-1:]
-        if arrived:
-            break
-    rows = np.concatenate(kept)
-    touched = NOTHING_TOUCHED
-    if setup.twin is not None and seen.moving:
-        touched = first_touch(setup, setup.twin, rows, np.concatenate(there), seen.first)
-    return _row(case, law, rows, seen, nearest, arrived, touched, acted)
+    code = {"guard": adversarial.GUARD, "paper": adversarial.PAPER}.get(law, adversarial.NO_LAW)
+    return duel(
+        setup.start, chosen.scene, chosen.attack, code, setup.gains, setup.outline, setup.limits,
+        _RULES, setup.steps, rows, h, discs,
+    )  # fmt: skip
 
 
-def _nearest(
-    setup: Setup, rows: NDArray[np.void], discs: Floats, seen: Judged, names: tuple[str, ...]
-) -> str:
-    """What the outline was nearest to at the time of the smallest gap."""
-    k = int(np.argmin(np.abs(rows["t"] - seen.at)))
-    pose = Pose(float(rows["x"][k]), float(rows["y"][k]), float(rows["psi"][k]))
-    walls = setup.around.walls
-    things = range(discs.shape[1] + len(walls))
-    gaps = [gap_to(pose, setup.outline, discs[k], walls, i) for i in things]
-    best = int(np.argmin(gaps)) if gaps else 0
-    return "" if seen.gap >= FAR else names[best] if best < len(names) else "wall"
+def sequence(seed: int, suite: str, number: int) -> np.random.Generator:
+    """The random numbers of one episode: by the campaign's seed, the suite and its number only."""
+    return np.random.default_rng([seed, number, *suite.encode()])
 
 
-def _row(
-    case: Case, law: Law, rows: NDArray[np.void], seen: Judged, nearest: str, arrived: bool,
-    touched: Touch, acted: Acted,
-) -> Row:  # fmt: skip
-    duration = float(rows["t"][-1])
-    recovery, unrecovered = _recovery(rows)
-    measured = case.duel is None
-    return Row(
-        suite=case.suite,
-        plant=case.plant,
-        law=law,
-        episode=case.number,
-        kind=case.kind,
-        fault="",
-        arrived=arrived,
-        duration_s=duration,
-        contacts_moving=seen.moving,
-        contacts_standing=seen.standing,
-        contacts_departing=seen.departing,
-        untouched_share=1.0 - seen.touched / max(seen.steps, 1),
-        min_clearance_m=seen.gap,
-        min_clearance_moving_m=seen.gap_moving,
-        min_clearance_at_s=seen.at,
-        nearest=nearest,
-        limit_excess=seen.excess,
-        score=_score(case, duration, arrived and seen.moving + seen.standing == 0),
-        time_ratio=duration / case.setup.reference.duration if arrived else math.nan,
-        path_length_m=float(np.hypot(np.diff(rows["x"]), np.diff(rows["y"])).sum()),
-        tracking_rms=float(np.sqrt(np.mean(rows["e_p"] ** 2))) if measured else math.nan,
-        human_share=1.0 - 0.5 * float(rows["authority_x"].mean() + rows["authority_psi"].mean()),
-        disagreement_mps=_disagreement(rows),
-        jerk_rms_mps3=_jerk(rows["applied_v"]),
-        recovery_s=recovery if measured else math.nan,
-        unrecovered=unrecovered if measured else 0,
-        filtered_share=float((rows["verdict"] != 0).mean()),
-        gate_share=acted.gate_share,
-        monitor_share=acted.monitor_share,
-        stops=acted.stops,
-        stopped_by=acted.why,
-        contact_seen_s=touched.seen,
-        contact_seen_share=touched.share,
-        contact_speed_mps=touched.speed,
-        contact_driven_mps=touched.driven,
-        stick=[],
-    )
-
-
-def _score(case: Case, duration: float, success: bool) -> float:
-    if case.goal is None or math.isnan(case.goal.optimal):
-        return math.nan
-    return score(case.goal.optimal, duration, success)
-
-
-def _disagreement(rows: NDArray[np.void]) -> float:
-    held = (np.abs(rows["stick_x"]) > _HELD) | (np.abs(rows["stick_psi"]) > _HELD)
-    if not held.any():
-        return math.nan
-    dv = (rows["human_v"] - rows["applied_v"])[held]
-    domega = (rows["human_omega"] - rows["applied_omega"])[held]
-    return float(np.hypot(dv, STEERING * domega).mean())
-
-
-def _jerk(speed: Floats) -> float:
-    change = np.diff(speed, 2) / DT**2
-    return float(np.sqrt(np.mean(change**2))) if change.size else 0.0
-
-
-def _recovery(rows: NDArray[np.void]) -> tuple[float, int]:
-    """Mean time to recover after the person let go, and how often that never happened."""
-    leads = np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW
-    whole = Trace(rows, np.empty((len(rows), 0)), np.empty((len(rows), 0, 6)), (), DT)
-    times = [settling(whole, b, BACK_ON_PATH) for _, b in spans(leads) if b < len(rows)]
-    found = [t for t in times if t < math.inf]
-    return (float(np.mean(found)) if found else math.nan), len(times) - len(found)
+PAPER = Gains()

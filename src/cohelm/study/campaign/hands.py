@@ -20,7 +20,7 @@ from cohelm.link.stick import Recording
 from cohelm.scenario import build
 from cohelm.sim.operator_model import replay
 from cohelm.sim.setup import Setup
-from cohelm.study.campaign.case import Case, sequence
+from cohelm.study.campaign.episode import Episode, sequence
 from cohelm.study.campaign.lab import goal, limited, scenario
 
 _MOST_RUNS = 100
@@ -90,7 +90,7 @@ def course() -> Setup:
     return limited(build.setup(scenario()), 3.0)
 
 
-def case(hands: Hands, course: Setup, seed: int, number: int) -> Case:
+def case(hands: Hands, course: Setup, seed: int, number: int) -> Episode:
     """Drive `number` of the campaign with this seed."""
     which = number % len(hands.recordings)
     hand = hands.recordings[which]
@@ -101,4 +101,4 @@ def case(hands: Hands, course: Setup, seed: int, number: int) -> Case:
     later = hand.times >= begin
     times = np.ascontiguousarray(hand.times[later] - begin)
     setup = replace(course, hands=replay(times, hand.x[later], hand.psi[later]), seed=number)
-    return Case("hands", number, hands.names[which], setup, goal(setup))
+    return Episode("hands", number, hands.names[which], setup, goal(setup))

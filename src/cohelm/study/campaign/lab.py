@@ -14,7 +14,7 @@ from cohelm.law.reference import Motion, evaluate
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
 from cohelm.sim.setup import REACHED, Setup
-from cohelm.study.campaign.case import DT, Case, Goal, sequence
+from cohelm.study.campaign.episode import DT, Episode, Goal, sequence
 
 
 def scenario(name: str = "lab-guard") -> Scenario:
@@ -22,11 +22,11 @@ def scenario(name: str = "lab-guard") -> Scenario:
     return load.scenario(name, [f"simulation.step_s={DT}"])
 
 
-def case(base: Scenario, seed: int, number: int) -> Case:
+def case(base: Scenario, seed: int, number: int) -> Episode:
     """Course `number` of the campaign with this seed. base: from `scenario`."""
     setup = build.setup(base if number == 0 else _varied(base, seed, number))
     kind = "as shipped" if number == 0 else "varied"
-    return Case("lab", number, kind, limited(setup, 2.0), goal(setup))
+    return Episode("lab", number, kind, limited(setup, 2.0), goal(setup))
 
 
 def limited(setup: Setup, times: float) -> Setup:

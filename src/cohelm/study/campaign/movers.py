@@ -22,7 +22,7 @@ from cohelm.law.reference import Reference, through
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.case import DT, PAPER, Case, Goal, lively, sequence
+from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal, lively, sequence
 
 LENGTH, WIDTH = 14.0, 11.0
 DENSITIES = {"easy": 4, "medium": 8, "hard": 14}
@@ -41,7 +41,7 @@ _SLOWEST = 0.4  # on a way [m/s]
 _SINCE = 20.0  # they have been moving for up to so long when the robot sets off [s]
 
 
-def case(seed: int, number: int) -> Case:
+def case(seed: int, number: int) -> Episode:
     """Field `number` of the campaign with this seed."""
     rng = sequence(seed, "movers", number)
     kind = tuple(DENSITIES)[number % len(DENSITIES)]
@@ -66,7 +66,7 @@ def case(seed: int, number: int) -> Case:
         seed=number,
     )  # fmt: skip
     setup = with_pilot(setup, agility=AGILITY, gains=lively(setup.gains))
-    return Case("movers", number, kind, setup, Goal(float(goal[0]), float(goal[1]), _NEAR))
+    return Episode("movers", number, kind, setup, Goal(float(goal[0]), float(goal[1]), _NEAR))
 
 
 def _disc(rng: np.random.Generator, reach: float) -> Body:

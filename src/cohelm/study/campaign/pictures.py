@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
+from cohelm.core.frames import placed
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
-from cohelm.perceive.frames import placed
 from cohelm.scenario.worlds.tracks import ELSEWHERE
-from cohelm.study.campaign.case import Case
-from cohelm.study.campaign.row import Row, clearance_then
+from cohelm.study.campaign.episode import Episode
+from cohelm.study.campaign.result import EpisodeResult, clearance_then
 from cohelm.study.draw import (
     CONE,
     DANGER,
@@ -39,7 +39,7 @@ _ROOM = 40.0  # a larger world is not shown whole, but for where the robot was [
 _LEAST, _MOST = -0.5, 1.0  # of the clearance that is drawn [m]
 
 
-def picture(case: Case, trace: Trace, row: Row) -> bytes:
+def picture(case: Episode, trace: Trace, row: EpisodeResult) -> bytes:
     """The episode as PNG. The outline is red where the clearance was smallest."""
     with styled():
         out = io.BytesIO()
@@ -47,7 +47,7 @@ def picture(case: Case, trace: Trace, row: Row) -> bytes:
     return out.getvalue()
 
 
-def drawn(case: Case, trace: Trace, row: Row) -> Figure:
+def drawn(case: Episode, trace: Trace, row: EpisodeResult) -> Figure:
     """The episode from above, whole room, and clearance and speed over time, with a legend."""
     left, right, low, high = _room(case, trace)
     height = 6.4 * min(max((high - low) / (right - left), 0.35), 1.1)
@@ -62,7 +62,7 @@ def drawn(case: Case, trace: Trace, row: Row) -> Figure:
     return figure
 
 
-def _room(case: Case, trace: Trace) -> tuple[float, float, float, float]:
+def _room(case: Episode, trace: Trace) -> tuple[float, float, float, float]:
     """Left, right, lower and upper end of what is shown [m]: walls and obstacles as well as the
     drive, or the drive alone in a world that is too large for that."""
     ways = np.column_stack((trace.rows["x"], trace.rows["y"]))
@@ -74,7 +74,7 @@ def _room(case: Case, trace: Trace) -> tuple[float, float, float, float]:
     return float(left), float(right), float(low), float(high)
 
 
-def _legend(case: Case, trace: Trace) -> list[Artist]:
+def _legend(case: Episode, trace: Trace) -> list[Artist]:
     """What the lines and colours mean, of those that are there."""
     moving = [_moves(trace.discs[:, i]) for i in range(trace.discs.shape[1])]
     entries: list[tuple[bool, Artist]] = [
@@ -91,7 +91,7 @@ def _legend(case: Case, trace: Trace) -> list[Artist]:
     return [artist for there, artist in entries if there]
 
 
-def _above(axes: Axes, case: Case, trace: Trace, row: Row) -> None:
+def _above(axes: Axes, case: Episode, trace: Trace, row: EpisodeResult) -> None:
     rows, setup = trace.rows, case.setup
     walls = setup.around.walls.reshape(-1, 2, 2)
     axes.add_collection(LineCollection(list(walls), colors=WALL, linewidths=1.6))
@@ -136,7 +136,7 @@ def _outline(axes: Axes, outline: Floats, row: np.void, color: str, width: float
     axes.add_patch(Polygon(corners, closed=True, fc="none", ec=color, lw=width, zorder=6))
 
 
-def _below(axes: Axes, trace: Trace, row: Row) -> None:
+def _below(axes: Axes, trace: Trace, row: EpisodeResult) -> None:
     rows = trace.rows
     gap, speed = np.clip(rows["clearance"], _LEAST, _MOST), np.abs(rows["applied_v"])
     axes.axhline(0.0, color=DANGER, lw=0.8)

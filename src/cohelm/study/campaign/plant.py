@@ -15,13 +15,13 @@ from dataclasses import replace
 import numpy as np
 
 from cohelm.core.types import RADIUS, VX, VY, X, Y, disc
-from cohelm.perceive.taped import surveyed
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.twin.settings import TwinModel, Twinned
 from cohelm.sim.world import Body, World, world
-from cohelm.study.campaign.case import Case, Plant, lively
+from cohelm.study.campaign.episode import PAPER, Episode, Plant, lively
 
 POST = 0.015
 """Radius of what is a point without size in the kinematic adversary [m]."""
@@ -57,7 +57,7 @@ def looking_round(model: RobotModel) -> RobotModel:
     return model.model_copy(update={"lidar": model.lidar.model_copy(update=round_)})
 
 
-def on_twin(case: Case, plant: Plant) -> Case:
+def on_twin(case: Episode, plant: Plant) -> Episode:
     """The same episode on the twin."""
     model = carried(case.robot, plant)
     assert model.lidar is not None
@@ -65,13 +65,16 @@ def on_twin(case: Case, plant: Plant) -> Case:
     if case.duel is not None:
         field = _field(case)
         names = tuple(f"thing_{i}" for i in range(len(field.discs)))
-        setup = replace(setup, around=field, names=names, twin=Twinned(model, physics))
+        full = PAPER._replace(u_d=setup.limits.speed)
+        setup = with_pilot(replace(setup, around=field, names=names), lidar=model.lidar, gains=full)
+        # There is no way to follow and so no end of it: a stick at its stop asks for all there is.
+        setup = replace(setup, near=0.0, twin=Twinned(model, physics))
         return replace(case, plant=plant, setup=setup)
     if setup.pilot is None:
         setup = with_pilot(setup, lidar=model.lidar, gains=lively(setup.gains))
     assert setup.pilot is not None
     seeing = replace(setup.pilot, lidar=model.lidar.lidar(), rate=model.lidar.rate_hz)
-    known = surveyed(setup.around.walls, setup.start, _resting(setup))
+    known = map_from_geometry(setup.around.walls, setup.start, _resting(setup))
     setup = replace(setup, pilot=seeing, twin=Twinned(model, physics, known))
     return replace(case, plant=plant, setup=setup)
 
@@ -83,7 +86,7 @@ def _resting(setup: Setup) -> np.ndarray:
     return discs[still][:, [X, Y, RADIUS]]
 
 
-def _field(case: Case) -> World:
+def _field(case: Episode) -> World:
     """What there is to hit; points are thin posts, which a LiDAR can see."""
     assert case.duel is not None
     scene = case.duel.scene

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 from cohelm.core.errors import CohelmError
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
-from cohelm.study.campaign.again import drive
-from cohelm.study.campaign.row import Row, clearance_then
+from cohelm.study.campaign.replay_episode import drive
+from cohelm.study.campaign.result import EpisodeResult, clearance_then
 from cohelm.study.campaign.stats import Share, Spread, Summary, summary
 from cohelm.study.campaign.suites import Suite
 from cohelm.study.campaign.text import PAGE
@@ -30,7 +30,7 @@ class Outcome(NamedTuple):
 
     suite: Suite
     laws: tuple[str, ...]
-    rows: dict[str, list[Row]]
+    rows: dict[str, list[EpisodeResult]]
     """By law, in order of their numbers."""
     summaries: list[Summary]
 
@@ -46,17 +46,17 @@ class Outcome(NamedTuple):
         return said
 
 
-def outcome(made: Suite, laws: Sequence[str], rows: Sequence[Row]) -> Outcome:
+def outcome(made: Suite, laws: Sequence[str], rows: Sequence[EpisodeResult]) -> Outcome:
     """All rows of a campaign, counted."""
     by_law = {law: [row for row in rows if row.law == law] for law in laws}
     summaries = [summary(law, by_law[law], goals=made.goals) for law in laws]
     return Outcome(made, tuple(laws), by_law, summaries)
 
 
-def worst(rows: Sequence[Row], count: int) -> list[Row]:
+def worst(rows: Sequence[EpisodeResult], count: int) -> list[EpisodeResult]:
     """The worst episodes: faults, then contacts, the deepest first, non-arrivals, small gaps."""
 
-    def badness(row: Row) -> tuple[bool, bool, bool, float]:
+    def badness(row: EpisodeResult) -> tuple[bool, bool, bool, float]:
         gap = row.min_clearance_moving_m
         missed = not row.arrived and math.isfinite(row.tracking_rms)
         return (
@@ -200,7 +200,7 @@ def write(found: Outcome, folder: Path, told: Callable[[str, float], None]) -> P
     return folder / PAGE_NAME
 
 
-def _figure(made: Suite, row: Row) -> str:
+def _figure(made: Suite, row: EpisodeResult) -> str:
     from cohelm.study.campaign.pictures import picture  # matplotlib takes a second to import
 
     again = drive(made.case(row.episode), row)
@@ -212,7 +212,7 @@ def _figure(made: Suite, row: Row) -> str:
     )
 
 
-def caption(row: Row) -> str:
+def caption(row: EpisodeResult) -> str:
     """What came of an episode, for who looks at its picture."""
     contacts = [
         f"{count} {name} contact{'s' if count > 1 else ''}"

@@ -26,7 +26,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.case import DT, PAPER, Case, Goal, sequence
+from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal, sequence
 
 WAY = 1.1
 """Width of the way that every room has [m]; Sally turns on the spot within 0.93 m."""
@@ -43,7 +43,7 @@ _OFF = 1.2  # of start and goal from their walls [m]
 _CELL = 0.05  # of the grid on which a way is looked for [m]
 
 
-def case(seed: int, number: int) -> Case:
+def case(seed: int, number: int) -> Episode:
     """Room `number` of the campaign with this seed."""
     rng = sequence(seed, "random", number)
     sally = robot("sally")
@@ -77,7 +77,7 @@ def case(seed: int, number: int) -> Case:
         seed=number,
     )  # fmt: skip
     kind = f"{len(walkers)} walkers"
-    return Case("random", number, kind, setup, Goal(float(goal[0]), float(goal[1]), NEAR))
+    return Episode("random", number, kind, setup, Goal(float(goal[0]), float(goal[1]), NEAR))
 
 
 def sally() -> RobotModel:

@@ -17,12 +17,12 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 from cohelm.core.plugins import plugins
 from cohelm.robot.keep.processes import bound
-from cohelm.study.campaign.case import Law, Plant
-from cohelm.study.campaign.drive import chunk, code
-from cohelm.study.campaign.own import GROUP, factory, is_own
-from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.episode import Law, Plant
+from cohelm.study.campaign.external_law import GROUP, factory, is_own
+from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.store import Key, Store
 from cohelm.study.campaign.suites import Suite, suite
+from cohelm.study.campaign.worker import chunk, code
 
 Progress = Callable[[str, float], None]
 Work = tuple[Law, tuple[int, ...]]
@@ -33,7 +33,7 @@ _MOST = 1_000_000
 
 
 @dataclass(frozen=True)
-class Plan:
+class CampaignConfig:
     """What a campaign is asked for."""
 
     suite: str
@@ -88,13 +88,14 @@ class Plan:
         }
 
 
-def planned(kept: dict[str, Any]) -> Plan:
+def planned(kept: dict[str, Any]) -> CampaignConfig:
     """The plan that a campaign's folder keeps. Raises CohelmError where it is none."""
     try:
         data = None if kept["data"] is None else Path(str(kept["data"]))
         laws = tuple(str(law) for law in kept["laws"])
         plant = str(kept["plant"])
-        return Plan(str(kept["suite"]), laws, int(kept["seed"]), int(kept["n"]), data, plant)  # pyright: ignore[reportArgumentType]
+        suite, seed, n = str(kept["suite"]), int(kept["seed"]), int(kept["n"])
+        return CampaignConfig(suite, laws, seed, n, data, plant)  # pyright: ignore[reportArgumentType]
     except (KeyError, TypeError, ValueError) as error:
         raise CohelmError(
             "campaign.json is not a campaign's plan; choose another folder"
@@ -102,8 +103,8 @@ def planned(kept: dict[str, Any]) -> Plan:
 
 
 def run(
-    plan: Plan, folder: Path, jobs: int, cluster: str | None, told: Progress
-) -> tuple[Suite, list[Row]]:
+    plan: CampaignConfig, folder: Path, jobs: int, cluster: str | None, told: Progress
+) -> tuple[Suite, list[EpisodeResult]]:
     """Drive what is not yet driven, and return all rows, by law and number.
 
     Interrupted, killed or on a full disk, the rows written before stay, and the same call goes
@@ -121,7 +122,7 @@ def run(
     return made, rows
 
 
-def check(plan: Plan, jobs: int) -> Suite:
+def check(plan: CampaignConfig, jobs: int) -> Suite:
     """The suite of a plan; raises CohelmError for what `run` could not begin with."""
     if jobs < 1:
         raise CohelmError(f"--jobs must be at least 1, got {jobs}")
@@ -146,7 +147,7 @@ def remaining(
 @contextmanager
 def workers(
     made: Suite, work: list[Work], jobs: int, cluster: str | None
-) -> Generator[Iterator[list[Row]]]:
+) -> Generator[Iterator[list[EpisodeResult]]]:
     """The rows of the work as they come, in any order, from wherever they are driven."""
     if cluster is not None:
         try:
@@ -162,9 +163,9 @@ def workers(
             yield rows
 
 
-def _gather(done: Iterator[list[Row]], store: Store, total: int, told: Progress) -> None:
+def _gather(done: Iterator[list[EpisodeResult]], store: Store, total: int, told: Progress) -> None:
     """Keep rows as they come, at most _FLUSH late, whatever ends it."""
-    fresh: list[Row] = []
+    fresh: list[EpisodeResult] = []
     before, begin, flushed = len(store.rows), time.monotonic(), time.monotonic()
     contacts = sum(row.contacts_moving > 0 for row in store.rows.values())
     told("driving (the first time, compiling)", before / total)
@@ -193,7 +194,9 @@ def _about(seconds: float) -> str:
 
 
 @contextmanager
-def _processes(made: Suite, work: list[Work], jobs: int) -> Generator[Iterator[list[Row]]]:
+def _processes(
+    made: Suite, work: list[Work], jobs: int
+) -> Generator[Iterator[list[EpisodeResult]]]:
     """On processes of this machine, which end when this one does, however it ends."""
     before = set(active_children())
     pool = ProcessPoolExecutor(
@@ -214,9 +217,9 @@ def _processes(made: Suite, work: list[Work], jobs: int) -> Generator[Iterator[l
 
 def _as_they_come(
     pool: ProcessPoolExecutor, work: list[Work], most: int
-) -> Iterator[list[Row]]:  # fmt: skip
+) -> Iterator[list[EpisodeResult]]:  # fmt: skip
     """Rows as they come, with `most` chunks handed out at any time."""
-    out: set[Future[list[Row]]] = set()
+    out: set[Future[list[EpisodeResult]]] = set()
     queue = iter(work)
     try:
         while True:
@@ -246,6 +249,6 @@ def _begin(made: Suite) -> None:
     bound()
 
 
-def _in_process(law: Law, numbers: tuple[int, ...]) -> list[Row]:
+def _in_process(law: Law, numbers: tuple[int, ...]) -> list[EpisodeResult]:
     assert _suite is not None
     return chunk(_suite, law, numbers)

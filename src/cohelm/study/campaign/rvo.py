@@ -35,7 +35,7 @@ from cohelm.core.extras import missing
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, VX, VY, Floats, Twist, X, Y
 from cohelm.sim.world import place
-from cohelm.study.campaign.case import DT, Case, Law
+from cohelm.study.campaign.episode import DT, Episode, Law
 from cohelm.study.controlled import Observation, driven
 
 PEERS: tuple[Law, ...] = ("rvo", "vo")
@@ -44,7 +44,7 @@ _HOLD = 5  # control steps for which one of its commands is held: 0.1 s
 _SPEED = 0.5  # [m/s]
 
 
-def peer_trace(case: Case, law: Law) -> Trace:
+def peer_trace(case: Episode, law: Law) -> Trace:
     """The drive of a case by ir-sim's controller, to arrival or the time limit.
 
     Raises CohelmError where ir-sim is not installed.
@@ -84,7 +84,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
             pipe.close()
 
 
-def _drive(irsim: Any, case: Case, mode: str) -> Trace:
+def _drive(irsim: Any, case: Episode, mode: str) -> Trace:
     """A drive; in ir-sim's process."""
     goal = case.goal
     assert goal is not None
@@ -95,7 +95,7 @@ def _drive(irsim: Any, case: Case, mode: str) -> Trace:
 class _Law:
     """ir-sim's controller as a law of somebody else's, each of its commands held for a while."""
 
-    def __init__(self, irsim: Any, case: Case, mode: str) -> None:
+    def __init__(self, irsim: Any, case: Episode, mode: str) -> None:
         discs = np.empty((len(case.setup.names), 6))
         place(discs, case.setup.around, 0.0)
         self._env = _world(irsim, case, discs, mode)
@@ -120,7 +120,7 @@ class _Law:
         return Twist(float(v), float(omega))
 
 
-def _world(irsim: Any, case: Case, discs: Floats, mode: str) -> Any:
+def _world(irsim: Any, case: Episode, discs: Floats, mode: str) -> Any:
     setup, goal = case.setup, case.goal
     assert goal is not None
     size = np.ptp(setup.outline, axis=0)

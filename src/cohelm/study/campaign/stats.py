@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import beta
 
-from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.metrics import plain
 
 
@@ -55,7 +55,7 @@ def spread(values: Sequence[float]) -> Spread:
     return Spread(float(np.median(finite)), float(finite.min()), float(finite.max()), len(finite))
 
 
-SPREADS: dict[str, Callable[[Row], float]] = {
+SPREADS: dict[str, Callable[[EpisodeResult], float]] = {
     "min_clearance_m": lambda r: r.min_clearance_m,
     "min_clearance_moving_m": lambda r: r.min_clearance_moving_m,
     "duration_s": lambda r: r.duration_s if r.arrived else math.nan,
@@ -135,14 +135,14 @@ def _bounds(s: Share) -> dict[str, float]:
     return {"share": s.count / s.of if s.of else math.nan, "low": s.low, "high": s.high}
 
 
-def _untouched(rows: Sequence[Row]) -> float:
+def _untouched(rows: Sequence[EpisodeResult]) -> float:
     """The share of steps without a contact, over episodes of any length."""
     told = [row for row in rows if math.isfinite(row.untouched_share + row.duration_s)]
     whole = sum(row.duration_s for row in told)
     return sum(row.untouched_share * row.duration_s for row in told) / whole if whole else math.nan
 
 
-def summary(law: str, rows: Sequence[Row], *, goals: bool) -> Summary:
+def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
     """The rows of one law; those that could not be driven count as episodes and as not arrived.
 
     goals: whether the suite's episodes want to get anywhere.

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Self, get_type_hints
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign.row import Row
+from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.single import make
 
 pa: Any = importlib.import_module("pyarrow")  # neither has types
@@ -40,8 +40,8 @@ _TYPES: dict[Any, Any] = {
     float: pa.float64(),
     list[float]: pa.list_(pa.float64()),
 }
-SCHEMA = pa.schema([(name, _TYPES[kind]) for name, kind in get_type_hints(Row).items()])
-"""The columns of `Row`, in order."""
+SCHEMA = pa.schema([(name, _TYPES[kind]) for name, kind in get_type_hints(EpisodeResult).items()])
+"""The columns of `EpisodeResult`, in order."""
 
 
 class Store:
@@ -54,7 +54,7 @@ class Store:
     def __init__(self, folder: Path, plan: dict[str, Any]) -> None:
         self.folder = folder
         self._plan = plan
-        self.rows: dict[Key, Row] = {}
+        self.rows: dict[Key, EpisodeResult] = {}
         self._part = 0
 
     def __enter__(self) -> Self:
@@ -98,13 +98,13 @@ class Store:
         numbers = [int(part.stem[5:]) for part in (self.folder / ROWS).glob("part-*.parquet")]
         self._part = max(numbers, default=0)
 
-    def add(self, rows: Iterable[Row]) -> None:
+    def add(self, rows: Iterable[EpisodeResult]) -> None:
         """Write rows, those that are new; when this returns they are on the disk."""
         new = {key: row for row in rows if (key := (row.law, row.episode)) not in self.rows}
         if not new:
             return
         columns = list(zip(*new.values(), strict=True))
-        table = pa.table(dict(zip(Row._fields, columns, strict=True)), schema=SCHEMA)
+        table = pa.table(dict(zip(EpisodeResult._fields, columns, strict=True)), schema=SCHEMA)
         sink = pa.BufferOutputStream()
         pq.write_table(table, sink, compression="zstd")
         self._part += 1
@@ -131,12 +131,12 @@ def read_plan(folder: Path) -> dict[str, Any] | None:
     return plan  # pyright: ignore[reportUnknownVariableType]
 
 
-def read_rows(folder: Path) -> dict[Key, Row]:
+def read_rows(folder: Path) -> dict[Key, EpisodeResult]:
     """All rows of a campaign's folder, each once; of a row that is there twice the first.
 
     Raises CohelmError where a part is damaged or of another version.
     """
-    rows: dict[Key, Row] = {}
+    rows: dict[Key, EpisodeResult] = {}
     for part in sorted((folder / ROWS).glob("part-*.parquet")):
         try:
             table = pq.read_table(part)
@@ -145,12 +145,12 @@ def read_rows(folder: Path) -> dict[Key, Row]:
                 f"{part}: is not a whole Parquet file ({str(error).splitlines()[0]}); remove it, "
                 "and its episodes are driven again"
             ) from error
-        if table.schema.names != list(Row._fields):
+        if table.schema.names != list(EpisodeResult._fields):
             raise CohelmError(
                 f"{part}: has other columns than this version's; choose another --out"
             )
         for values in zip(*(column.to_pylist() for column in table.columns), strict=True):
-            row = Row(*values)
+            row = EpisodeResult(*values)
             rows.setdefault((row.law, row.episode), row)
     return rows
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.study.campaign import adversary, barn, crowd, hands, lab, movers, rooms
-from cohelm.study.campaign.case import LAWS, PLANTS, Case, Law, Plant
+from cohelm.study.campaign.episode import LAWS, PLANTS, Episode, Law, Plant
 from cohelm.study.campaign.plant import on_twin
 
 NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands")
@@ -50,12 +50,12 @@ class Suite:
         """Episodes that are handed out at a time."""
         return _CHUNKS.get(self.name, 1) if self.plant == "kinematic" else 1
 
-    def case(self, number: int) -> Case:
+    def case(self, number: int) -> Episode:
         """Episode `number`: the same whenever and wherever it is asked for."""
         made = self._case(number)
         return made if self.plant == "kinematic" else on_twin(made, self.plant)
 
-    def _case(self, number: int) -> Case:
+    def _case(self, number: int) -> Episode:
         if self.name == "lab":
             return lab.case(self.given, self.seed, number)
         if self.name == "random":

@@ -1,0 +1,306 @@
+"""A map for localization: surfaces to match against, free space to be in, walls to expect."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.frames import placed, turned
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.match.surfaces import Surfaces, surfaces, thinned
+from cohelm.robot.sensors import Lidar
+
+_FARTHEST = 2.0  # distances to walls are not told beyond this [m]
+_REACH = 0.6  # surfaces are found from as far as this [m]
+_SIDE = 0.2  # raster of the places where the robot may be looked for [m]
+_ROOM = 0.2  # and their least distance to a wall [m]
+MOST_BORDER = 500_000
+"""Occupied cells beside free ones: 12 km of wall, seen from both sides, at 5 cm. As many take some
+seconds and a GB; noise, in which every other cell is one, would take hours."""
+
+
+class LocalizationMap(NamedTuple):
+    """surfaces: of all walls, world frame. gap: (rows, columns), distance of a cell's centre to
+    the nearest occupied one's, 2 m at most [m]. unknown: (rows, columns), nobody has seen the
+    cell. resolution [m]; origin: world pose of the outer corner of cell (0, 0). places: (k, 2),
+    where the robot may be looked for, world frame [m]."""
+
+    surfaces: Surfaces
+    gap: NDArray[np.float32]
+    unknown: NDArray[np.bool_]
+    resolution: float
+    origin: Pose
+    places: Floats
+
+
+def known(
+    occupied: NDArray[np.bool_], free: NDArray[np.bool_], resolution: float, origin: Pose
+) -> LocalizationMap:
+    """From the cells of an occupancy map, (rows, columns), row 0 at the smallest y.
+
+    Surfaces are where occupied cells border on free ones, put on the line through those of their
+    neighbours that face the same way: each side of a wall that can be seen from both is its own
+    surface, with a normal towards where it is seen from. Raises CohelmError where nothing is
+    occupied, nothing free, or more than MOST_BORDER cells are on a border.
+    """
+    if not occupied.any():
+        raise CohelmError("the map has no occupied cell, so nothing to localise by: map it again")
+    if not free.any():
+        raise CohelmError("the map has no free cell, so nowhere to be: map it again")
+    border = occupied & ~ndimage.binary_erosion(
+        occupied, np.ones((3, 3), dtype=np.int64), border_value=1
+    )
+    found = int(np.count_nonzero(border))
+    if found > MOST_BORDER:
+        raise CohelmError(
+            f"the map has {found} cells on the border of what is occupied, and {MOST_BORDER} are "
+            "the most to localise by: clear it of noise, or make it coarser"
+        )
+    cells, facing = _faces(occupied, free)
+    if 4 * len(cells) < found:  # what is free was not drawn up to the walls
+        beside = ndimage.binary_dilation(free, iterations=3, mask=~occupied)
+        cells, facing = _faces(occupied, beside)
+    points, across = _lined(cells * resolution, facing, max(0.15, 3.0 * resolution))
+    points, across = _one_each(points, across, max(0.03, resolution))
+    points, across = placed(points, origin), turned(across, origin.psi)
+    distance = ndimage.distance_transform_edt(~occupied) * resolution
+    gap = np.minimum(distance, _FARTHEST).astype(np.float32)
+    every = max(round(_SIDE / resolution), 1)
+    rows, columns = np.mgrid[every // 2 : len(free) : every, every // 2 : free.shape[1] : every]
+    open_ = (free & (gap > _ROOM))[rows, columns]
+    own = np.column_stack((columns[open_] + 0.5, rows[open_] + 0.5)) * resolution
+    return LocalizationMap(
+        surfaces(points, across, max(resolution, 0.025), _REACH, back=True),
+        gap, ~(occupied | free), float(resolution), origin, placed(own, origin),
+    )  # fmt: skip
+
+
+def _faces(occupied: NDArray[np.bool_], free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Sides of occupied cells that border on free ones: the cell's centre, and the direction to the
+    free one, in cells, (n, 2) each. A wall one cell thick has a side on either hand."""
+    cells: list[Floats] = []
+    facing: list[Floats] = []
+    wide = np.pad(free, 1)
+    for column, row in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        height, width = occupied.shape
+        beside = wide[1 + row : 1 + row + height, 1 + column : 1 + column + width]
+        found = np.argwhere(occupied & beside)[:, ::-1]
+        cells.append(np.asarray(found + 0.5, dtype=np.float64))
+        facing.append(np.tile(np.array([float(column), float(row)]), (len(found), 1)))
+    return np.vstack(cells), np.vstack(facing)
+
+
+def _lined(points: Floats, facing: Floats, reach: float) -> tuple[Floats, Floats]:
+    """Points put on the line through those neighbours within `reach` [m] that do not face the other
+    way, and its normal, to the side that they face."""
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    pairs = pairs[np.einsum("ij,ij->i", facing[pairs[:, 0]], facing[pairs[:, 1]]) > -0.5]
+    return _fitted(points, facing, np.vstack((pairs, pairs[:, ::-1])))
+
+
+@jit
+def _fitted(points: Floats, facing: Floats, pairs: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    n = len(points)
+    sums = np.zeros((n, 6))
+    sides = facing.copy()
+    for i in range(n):
+        sums[i, 0] = 1.0
+    for p in range(len(pairs)):
+        i, j = pairs[p, 0], pairs[p, 1]
+        dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+        sums[i, 0] += 1.0
+        sums[i, 1] += dx
+        sums[i, 2] += dy
+        sums[i, 3] += dx * dx
+        sums[i, 4] += dx * dy
+        sums[i, 5] += dy * dy
+        sides[i] += facing[j]
+    out, across = np.empty((n, 2)), np.empty((n, 2))
+    m = 0
+    for i in range(n):
+        k, sx, sy = sums[i, 0], sums[i, 1], sums[i, 2]
+        if k < 3.0:
+            continue
+        a = sums[i, 3] - sx * sx / k
+        b = sums[i, 4] - sx * sy / k
+        c = sums[i, 5] - sy * sy / k
+        turn = 0.5 * math.atan2(2.0 * b, a - c)
+        nx, ny = -math.sin(turn), math.cos(turn)
+        if nx * sides[i, 0] + ny * sides[i, 1] < 0.0:
+            nx, ny = -nx, -ny
+        off = (sx * nx + sy * ny) / k
+        out[m, 0], out[m, 1] = points[i, 0] + off * nx, points[i, 1] + off * ny
+        across[m, 0], across[m, 1] = nx, ny
+        m += 1
+    return out[:m].copy(), across[:m].copy()
+
+
+def _one_each(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
+    """One point of each square cell for each of the four directions that it may face [m]."""
+    quarter = np.floor(np.arctan2(across[:, 1], across[:, 0]) / (0.5 * math.pi) + 0.5) % 4
+    each = [thinned(points[quarter == q], across[quarter == q], side) for q in range(4)]
+    return np.vstack([p for p, _ in each]), np.vstack([a for _, a in each])
+
+
+@jit
+def gap_at(known: LocalizationMap, x: float, y: float) -> float:
+    """Distance of a world point to the nearest wall, 2 m at most; NaN outside the map [m]."""
+    c, s = math.cos(known.origin.psi), math.sin(known.origin.psi)
+    dx, dy = x - known.origin.x, y - known.origin.y
+    u, v = (c * dx + s * dy) / known.resolution, (-s * dx + c * dy) / known.resolution
+    rows, columns = known.gap.shape
+    if not (0.0 <= u < columns and 0.0 <= v < rows):
+        return math.nan
+    return float(known.gap[int(v), int(u)])
+
+
+@jit
+def on_walls(known: LocalizationMap, pose: Pose, points: Floats, near: float) -> NDArray[np.bool_]:
+    """Which body-frame points (m, 2), seen from there, are as near to a wall as that [m]."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    on = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        x = pose.x + c * points[i, 0] - s * points[i, 1]
+        y = pose.y + s * points[i, 0] + c * points[i, 1]
+        on[i] = gap_at(known, x, y) < near
+    return on
+
+
+@jit
+def expected(
+    known: LocalizationMap, x: float, y: float, dx: float, dy: float, reach: float
+) -> float:
+    """How far the map lets one see from a world point in a direction [m].
+
+    inf if beyond `reach`; NaN where unknown cells, or the map's end, come before.
+    """
+    c, s = math.cos(known.origin.psi), math.sin(known.origin.psi)
+    wx, wy = x - known.origin.x, y - known.origin.y
+    r = known.resolution
+    u, v = (c * wx + s * wy) / r, (-s * wx + c * wy) / r
+    ex, ey = (c * dx + s * dy) / r, (-s * dx + c * dy) / r
+    rows, columns = known.gap.shape
+    t = 0.0
+    while t < reach:
+        pu, pv = u + t * ex, v + t * ey
+        if not (0.0 <= pu < columns and 0.0 <= pv < rows):
+            return math.nan
+        i, j = int(pv), int(pu)
+        free = float(known.gap[i, j])
+        if free < 0.5 * r:
+            return t
+        if known.unknown[i, j]:
+            return math.nan
+        t += max(free - 0.8 * r, 0.5 * r)
+    return math.inf
+
+
+class Judgement(NamedTuple):
+    """How well a whole scan agrees with the map, as shares of the beams the map tells about.
+
+    agree: ends at a wall. short: something is in front of it, a person perhaps. through: it
+    passed where the map has a wall, or did not return from one. log: how likely the scan is, by
+    the number of things that contradict, not of their beams: one wide wall is one error of the
+    map, three are a wrong place. told: number of beams.
+    """
+
+    agree: float
+    short: float
+    through: float
+    log: float
+    told: int
+
+
+_NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
+_SPREAD = 0.06  # standard deviation of its distance for the likelihood [m]
+_INDEPENDENT = 15.0  # beams of a scan, as far as their distances go
+_RUN = 3  # fewer neighbouring beams are an edge, not a thing
+_EDGE = -0.2  # log likelihoods: of such an edge,
+_SHORT, _WIDE_SHORT = -1.5, -0.02  # a thing that is not on the map, and each of its beams,
+_THROUGH, _WIDE_THROUGH = -3.0, -0.05  # a wall that is not there, and each beam through it
+_UNKNOWN = -1.0  # a thing seen where the map knows nothing
+_AGREE, _IN_FRONT, _BEHIND, _SILENT, _BEYOND = 0, 1, 2, 3, 4
+
+
+@jit
+def judge(
+    known: LocalizationMap, lidar: Lidar, pose: Pose, ranges: Floats, every: int
+) -> Judgement:
+    """Compare every `every`-th beam of a scan from a body pose with what the map expects."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
+    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
+    c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
+    counts = np.zeros(5, np.int64)
+    log, near_log = 0.0, 0.0
+    before, run = _SILENT, 0
+    for i in range(0, len(ranges), every):
+        r = ranges[i]
+        if not r > 0.0:
+            continue
+        dx = c * lidar.beams[i, 0] - s * lidar.beams[i, 1]
+        dy = s * lidar.beams[i, 0] + c * lidar.beams[i, 1]
+        near = gap_at(known, x + r * dx, y + r * dy) if r < math.inf else math.nan
+        if near < _NEAR:
+            verdict = _AGREE
+            near_log += max(-0.5 * (near / _SPREAD) ** 2, -1.5)
+        else:
+            verdict = _against(expected(known, x, y, dx, dy, lidar.range_max), r, lidar.range_max)
+        counts[verdict] += 1
+        if verdict == before:
+            run += 1
+            continue
+        log += _cost(before, run, every)
+        before, run = verdict, 1
+    log += _cost(before, run, every)
+    told = counts[_AGREE] + counts[_IN_FRONT] + counts[_BEHIND]
+    if told == 0:
+        return Judgement(0.0, 0.0, 0.0, -1e3, 0)
+    return Judgement(
+        counts[_AGREE] / told, counts[_IN_FRONT] / told, counts[_BEHIND] / told,
+        log + near_log * _INDEPENDENT / told, told,
+    )  # fmt: skip
+
+
+@jit
+def _against(wall: float, r: float, farthest: float) -> int:
+    """What a beam says that did not end near a wall; wall: how far it should have come [m]."""
+    if math.isnan(wall):
+        return _SILENT if r == math.inf else _BEYOND
+    if r == math.inf:
+        return _BEHIND if wall < 0.9 * farthest else _SILENT
+    return _IN_FRONT if r < wall else _BEHIND
+
+
+@jit
+def _cost(verdict: int, run: int, every: int) -> float:
+    """The log likelihood of neighbouring beams that say the same."""
+    if verdict in (_AGREE, _SILENT):
+        return 0.0
+    if run * every < _RUN:
+        return _EDGE
+    if verdict == _BEYOND:
+        return _UNKNOWN
+    if verdict == _IN_FRONT:
+        return _SHORT + _WIDE_SHORT * run * every
+    return _THROUGH + _WIDE_THROUGH * run * every
+
+
+@jit
+def free_at(known: LocalizationMap, x: float, y: float) -> bool:
+    """Whether the map shows free ground at a world point."""
+    c, s = math.cos(known.origin.psi), math.sin(known.origin.psi)
+    dx, dy = x - known.origin.x, y - known.origin.y
+    u, v = (c * dx + s * dy) / known.resolution, (-s * dx + c * dy) / known.resolution
+    rows, columns = known.gap.shape
+    if not (0.0 <= u < columns and 0.0 <= v < rows):
+        return False
+    return known.gap[int(v), int(u)] > 0.0 and not known.unknown[int(v), int(u)]

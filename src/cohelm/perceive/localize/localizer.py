@@ -1,0 +1,570 @@
+"""Localizes the robot on a map by scan matching; detects being lost, and recovers.
+
+*Tracking*: odometry foretells, matching corrects, and the whole scan is judged against the map.
+What the wheels measure wrongly is estimated on the way (`odometry_covariance`): along a corridor without
+features that error alone would add up.
+*Lost*, when scans disagree with the map: all the map is searched, nearest places first, a slice
+at a time. What is found are hypotheses. Each is followed as the robot moves, and one is believed
+only when no other explains what was seen nearly as well: two rooms alike are not guessed between.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.frames import between, compose
+from cohelm.core.types import Floats, Pose, wrap
+from cohelm.perceive.localize.global_search import Search, candidates, looked, search
+from cohelm.perceive.localize.keyframe import Keyframe, agreement, usable
+from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, free_at, judge
+from cohelm.perceive.match.odometry_covariance import (
+    UNKNOWN,
+    Wheels,
+    inverted,
+    joined,
+    moved,
+    updated,
+)
+from cohelm.perceive.match.scan_matching import Care, Fit, align, independent
+from cohelm.perceive.match.surfaces import facing, normals
+from cohelm.perceive.scan.deskew import DeskewedScan
+from cohelm.robot.sensors import Lidar
+
+
+class Caution(NamedTuple):
+    """When a pose is believed, and when no more."""
+
+    fair: float = 0.8
+    """A pose is doubted where fewer beams agree, of those nothing stands in front of,"""
+    blocked: float = 0.75
+    """or where more beams than this are blocked by what is not on the map,"""
+    unlikely: float = -20.0
+    """or where the scan's log likelihood is less."""
+    patience: int = 3
+    """So many doubtful scans in a row mean lost."""
+    odd: float = -4.0
+    """As many scans less likely than this: is there a place near by that fits better?"""
+    drop: float = 0.4
+    """Or less likely by this than they were. A place near by that fits by so much better,"""
+    alike: float = 0.5
+    """and no more than this worse than the old one did, makes it doubtful whether the robot was
+    moved."""
+    settled: int = 5
+    """After as many scans with no other place that fits so well, it was."""
+    pause: int = 8
+    """Which is asked again after so many scans."""
+    contradicted: float = -1.2
+    """A scan this unlikely after the one before, by the odometry between them: one thing at least
+    is not where it was."""
+    jolts: int = 2
+    """So many such scans in a row, and the robot may have been moved;"""
+    frozen: int = 10
+    """For so many, no newer keyframe is taken, and"""
+    alarmed: int = 30
+    """for so many scans a better place may be that to which."""
+    proven: float = 1.0
+    """A pose that has fitted for this way [m] is not given up for what the map shows wrong, while
+    scans agree with each other,"""
+    unheld: float = 5.0
+    """before it has been so for this way [m]."""
+    rivals: int = 4
+    """Nor for another place, unless that fitted better by `margin` in so many checks in a row,"""
+    rivalled: float = 1.5
+    """over this way [m]."""
+    refused: float = 16.0
+    """A match this unlikely by what was foretold, as squared sigmas, is not believed."""
+    good: float = 0.9
+    """A new pose is believed only where as many beams agree, of those unblocked,"""
+    seen: float = 0.5
+    """and this share of all,"""
+    margin: float = 6.0
+    """and no other pose comes within this of its log likelihood,"""
+    travelled: float = 0.5
+    """or, with half that margin, after this way [m] or twice the angle [rad]."""
+    ahead: float = 1.0
+    """or, whatever its margin, where it leads by this"""
+    steady: int = 10
+    """through as many scans: a robot that stands would else be lost for ever."""
+    views: int = 4
+    """Switched on with no idea where it is, it must hold from so many places some way apart."""
+    whole: float = 0.75
+    """Far from where it was, or with no idea where that was, this share of all beams must agree:
+    people near by hide less than a quarter of what is around,"""
+    least: float = -12.0
+    """and this log likelihood, which allows for some four things that are not on the map,"""
+    sure: float = 0.1
+    """Nor is a pose believed less certain than this standard deviation [m]."""
+    drawn: float = 0.5
+    """How far a map's surfaces lie from the middle of its cells is learnt over this way [m]."""
+    near: float = 3.0
+    """After having been lost, the robot is looked for within this first [m]."""
+    hypotheses: int = 40
+    places: int = 80
+    """Places looked at in one slice."""
+    points: int = 360
+    """Points of a sweep that are matched, at most."""
+
+
+class Located(NamedTuple):
+    """pose: of the body in the map at the sweep's instant. covariance: (3, 3). share: of beams
+    that agree with the map. reason: why it is lost, empty if it is not."""
+
+    pose: Pose
+    covariance: Floats
+    share: float
+    lost: bool
+    reason: str
+
+
+@dataclass
+class _Hypothesis:
+    pose: Pose
+    covariance: Floats
+    """(3, 3)"""
+    log: float
+    """Likelihood of all scans before, from places some way apart."""
+    latest: float
+    """And of the newest."""
+    judged: Judgement
+
+    @property
+    def total(self) -> float:
+        """Likelihood of all scans."""
+        return self.log + self.latest
+
+
+@dataclass
+class Locator:
+    """Follows one robot on one map. `start` None: it may be anywhere."""
+
+    known: LocalizationMap
+    lidar: Lidar
+    start: Pose | None = None
+    care: Care = field(default_factory=Care)
+    caution: Caution = field(default_factory=Caution)
+
+    def __post_init__(self) -> None:
+        self._odometry: Pose | None = None
+        self._doubts = 0
+        self._search: Search | None = None
+        self._found: list[Pose] = []
+        self._base = Pose(0.0, 0.0, 0.0)  # odometry pose of the sweep that is searched with
+        self._searched: tuple[Floats, Floats, Floats] | None = None
+        self._hypotheses: list[_Hypothesis] = []
+        self._way = self._turned = 0.0
+        self._leg = Pose(0.0, 0.0, 0.0)  # on from where hypotheses were last judged afresh
+        self._views = 0  # places some way apart that they were judged from before
+        self._answered = False  # whether they are those of a whole search
+        self._waited = 0  # scans since then
+        self._everywhere = self._cold = self.start is None
+        self._told = False  # whether somebody has just said where it is
+        self._before: Pose | None = None  # and where it believed to be until then
+        self._odd = 0
+        self._checking = False  # whether the search only checks a pose that is believed
+        self._left: Pose | None = None  # where it would be by odometry, since it is lost
+        self._moved = False  # whether that check has found one that fits as it used to
+        self._leading: _Hypothesis | None = None  # the likeliest
+        self._led = 0  # scans in which it led well
+        self._usual = -math.inf  # log likelihood of scans, as they were before they were odd
+        self._likely = 0.0  # log likelihood of the believed pose
+        self._spread = 0.0  # how far those of scans are from what is usual, in the mean
+        self._keyframe: Keyframe | None = None
+        self._there = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
+        self._jolts = self._alarm = 0
+        self._ranges: Floats = np.empty(0)  # of the newest scan
+        self._fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
+        self._rivals = 0
+        self._rival, self._rivalled = Pose(0.0, 0.0, 0.0), 0.0
+        pose = self.start or Pose(0.0, 0.0, 0.0)
+        lost = self.start is None
+        wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
+        reason = "looking for the robot on the map" if lost else ""
+        self._wheels = Wheels()
+        self._joint: Floats = joined(wide, UNKNOWN)
+        self._told_joint: Floats = self._joint  # of what errs independently only: what is told
+        self.located = Located(pose, wide, 0.0, lost, reason)
+
+    def place(self, pose: Pose, sigma: float = 0.3) -> None:
+        """Somebody says where the robot is, within about sigma [m].
+
+        It is believed, and checked at once against the places near by. Where the LiDAR contradicts
+        it, what was believed before needs no proof but to fit.
+        """
+        wide = np.diag([sigma, sigma, 0.5 * sigma]) ** 2
+        before, usual = None if self.located.lost else self.located.pose, self._usual
+        self._forget()
+        self._odometry = None
+        self._believe(pose, wide, 0.0)
+        self._before, self._usual, self._told = before, usual, True
+
+    def correct(self, sweep: DeskewedScan, odometry: Pose) -> Located:
+        """Take in a sweep. odometry: the odometry pose at its instant."""
+        step = between(self._odometry, odometry) if self._odometry else Pose(0.0, 0.0, 0.0)
+        self._odometry = odometry
+        step = self._wheels.corrected(step)
+        self._base = compose(self._base, step)
+        self._before = compose(self._before, step) if self._before else None
+        self._left = compose(self._left, step) if self._left else None
+        points, across = normals(sweep.points, sweep.beams, self.lidar.step)
+        every = max(1, -(-len(points) // self.caution.points))
+        # contiguous whatever `every` is: other strides are another function to compile
+        points = np.ascontiguousarray(points[::every])
+        mount = self.lidar.mount
+        across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
+        self._ranges = sweep.ranges
+        self._compare(odometry, sweep.ranges)
+        if self.located.lost:
+            self._follow(step, sweep, points, across)
+        else:
+            self._track(step, sweep, points, across)
+        return self.located
+
+    def think(self) -> Located:
+        """Use a moment for the search, where one is going on; about 3 ms."""
+        if self._searched is None:
+            return self.located
+        points, across, ranges = self._searched
+        if self._search is not None:
+            self._search = looked(self._search, self.known, self.caution.places)
+            if self._search.done == len(self._search.places):
+                self._found += candidates(self._search, self.caution.hypotheses)
+                self._search = None
+            return self.located
+        for pose in self._found[:4]:
+            self._consider(pose, points, across, ranges)
+        self._found = self._found[4:]
+        if not self._found:
+            self._searched, self._answered, self._waited = None, True, 0
+            self._settle()
+            if self.located.lost and not any(self._plausible(h.judged) for h in self._hypotheses):
+                self._everywhere = self._cold or not self._everywhere
+        return self.located
+
+    def _compare(self, odometry: Pose, ranges: Floats) -> None:
+        """Ask whether this scan contradicts the keyframe; take a newer one where it does not."""
+        key, c = self._keyframe, self.caution
+        step = between(key.odometry, odometry) if key else Pose(0.0, 0.0, 0.0)
+        if key is not None:
+            log = agreement(self.lidar, key.ranges, ranges, step)
+            self._jolts = self._jolts + 1 if log < c.contradicted else 0
+            self._alarm = c.alarmed if self._jolts >= c.jolts else max(self._alarm - 1, 0)
+        gone = key is None or math.hypot(step.x, step.y) > 0.3 or abs(step.psi) > 0.3
+        held = 0 < self._jolts < c.frozen
+        if gone and not held and not self.located.lost and usable(self.lidar, ranges):
+            self._keyframe = Keyframe(odometry, ranges)
+            self._there = self.located.pose
+            self._jolts = 0
+
+    @property
+    def _movable(self) -> bool:
+        """Whether the robot may have been moved, or has not yet shown that it knows its place."""
+        return self._alarm > 0 or self._fitting < self.caution.proven
+
+    def _track(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
+        foretold, joint = moved(self.located.pose, self._joint, step)
+        _, told = moved(self.located.pose, self._told_joint, step)
+        spread = joint[:3, :3]
+        prior = inverted(spread)
+        fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
+        judged = self._judge(fit.pose, sweep.ranges)
+        c, way = self.caution, math.hypot(step.x, step.y)
+        movable = self._movable
+        fits = self._fits(judged)
+        if movable and not fits:
+            loose = np.diag([4.0, 4.0, 16.0])
+            wider = self.care._replace(reach=0.6)
+            other = align(self.known.surfaces, points, across, foretold, loose, wider)
+            again = self._judge(other.pose, sweep.ranges)
+            if again.log > judged.log + 1.0 and self._fair(again, c.good):
+                # pushed: what the odometry missed says nothing about its scale
+                fit, judged, foretold = other, again, other.pose
+                joint = joined(spread + np.diag([0.3, 0.3, 0.2]) ** 2, joint[3:, 3:])
+                told = joined(told[:3, :3] + np.diag([0.3, 0.3, 0.2]) ** 2, told[3:, 3:])
+            fits = self._fits(judged)
+        self._fitting = self._fitting + way if fits else self._fitting
+        self._unheld = 0.0 if fits else self._unheld + way
+        self._doubts = self._doubts + 1 if not fits and (movable or self._unheld > c.unheld) else 0
+        if self._doubts >= c.patience:
+            self._forget()
+            self._everywhere = False
+            why = "what the LiDAR sees is not what the map shows here"
+            self._left = foretold
+            self._joint = self._told_joint = joint
+            self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
+            self._seek(points, across, sweep)
+            return
+        innovation = np.array([
+            fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi),
+        ])  # fmt: skip
+        own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
+        off = innovation @ own @ np.linalg.solve(np.eye(3) + told[:3, :3] @ own, innovation)
+        if not movable and off > c.refused:
+            self._joint, self._told_joint = joint, told
+            self.located = Located(foretold, told[:3, :3].copy(), judged.agree, False, "")
+        else:
+            self._wheels = self._wheels.learnt(joint, innovation)
+            self._drawn(fit, way)
+            self._joint = updated(joint, fit.information)
+            new = min(1.0, max(way / self.care.correlated, 0.02)) if not movable else 1.0
+            self._told_joint = updated(told, new * own)
+            self.located = Located(
+                fit.pose, self._told_joint[:3, :3].copy(), judged.agree, False, ""
+            )
+        self._likely = judged.log
+        odd = judged.log < max(c.odd, self._usual - max(c.drop, 3.0 * self._spread))
+        if self._usual == -math.inf:
+            self._usual = judged.log
+        if not odd or not movable:
+            self._spread += 0.01 * (abs(judged.log - self._usual) - self._spread)
+            self._usual += 0.01 * (judged.log - self._usual)
+        self._odd = self._odd + 1 if odd else 0
+        self._rivalled += way
+        due = self._odd >= c.patience and self._odd % c.pause == c.patience
+        if (due or self._told) and not self._searched:
+            self._everywhere, self._checking = False, True
+            self._seek(points, across, sweep)
+            self._told = self._told and self._searched is None
+
+    def _drawn(self, fit: Fit, way: float) -> None:
+        """Learn how the map was drawn: a wall's surface is the middle of the cells that hits fell
+        into, or the edge of cells that were filled. Walls on either side show it, for what moves
+        the robot from one moves it to the other."""
+        most = self.known.resolution
+        new = self.care.offset + min(way / self.caution.drawn, 0.1) * fit.before
+        self.care = self.care._replace(offset=min(max(new, -most), most))
+
+    def _believe(self, pose: Pose, covariance: Floats, share: float) -> None:
+        """Track from here on."""
+        self._cold, self._before = False, None
+        self._joint = joined(covariance, self._joint[3:, 3:])
+        self._told_joint = self._joint
+        self._keyframe, self._alarm, self._jolts = None, 0, 0
+        self._left = None
+        self._fitting = self._unheld = 0.0
+        self._rivals = 0
+        self.located = Located(pose, covariance, share, False, "")
+
+    def _follow(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
+        """Lost: move all hypotheses along, and see which still hold."""
+        pose, self._joint = moved(self.located.pose, self._joint, step)
+        self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
+        self._leg = compose(self._leg, step)
+        way, turned = math.hypot(self._leg.x, self._leg.y), abs(self._leg.psi)
+        fresh = way + 0.5 * turned > 0.15  # a scan from the same spot says nothing new
+        for one in self._hypotheses:
+            foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
+            prior = inverted(joint[:3, :3])
+            fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
+            one.pose, one.covariance = fit.pose, updated(joint, fit.information)[:3, :3]
+            one.judged = self._judge(fit.pose, sweep.ranges)
+            if fresh:
+                one.log, one.latest = one.log + one.latest, one.judged.log
+            else:
+                one.latest = max(0.9 * one.latest + 0.1 * one.judged.log, one.judged.log)
+        if fresh:
+            self._way, self._turned = self._way + way, self._turned + turned
+            self._leg = Pose(0.0, 0.0, 0.0)
+            self._views += 1
+        self._waited += 1
+        if self._answered and self._hypotheses:
+            self._settle()
+        tired = not self._hypotheses or self._waited >= self.caution.pause
+        if self.located.lost and self._searched is None and tired:
+            self._seek(points, across, sweep)
+
+    def _seek(self, points: Floats, across: Floats, sweep: DeskewedScan) -> None:
+        """Begin a search: near by at first, then everywhere."""
+        if len(points) < 20:
+            if self.located.lost:
+                self.located = self.located._replace(reason="the LiDAR sees too little")
+            self._checking = False
+            return
+        places = self.known.places
+        if not self._everywhere:
+            here = self.located.pose
+            near = np.hypot(places[:, 0] - here.x, places[:, 1] - here.y) < self.caution.near
+            places = places[near]
+        self._search = search(sweep.points, places)
+        # where it is taken to be competes with all others
+        self._found = [] if self._cold else [self.located.pose]
+        self._found += [self._before] if self._before else []
+        self._searched = (points, across, sweep.ranges)
+        self._base = Pose(0.0, 0.0, 0.0)
+        if not self._hypotheses:
+            self._way = self._turned = 0.0
+            self._leg = Pose(0.0, 0.0, 0.0)
+            self._views = 0
+
+    def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> None:
+        """Match a candidate of the search; keep it as a hypothesis where it fits."""
+        loose = np.diag([1.0, 1.0, 4.0])
+        wide = self.care._replace(reach=0.6, rounds=30)
+        fit = align(self.known.surfaces, points, across, guess, loose, wide)
+        judged = self._judge(fit.pose, ranges)
+        free = free_at(self.known, fit.pose.x, fit.pose.y)
+        if not free or judged.agree < 0.4 or judged.through > 0.35:
+            return
+        joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, UNKNOWN)
+        covariance = updated(joint, fit.information)[:3, :3]
+        pose = compose(fit.pose, self._base)
+        for other in self._hypotheses:
+            if _same(other.pose, pose):
+                if judged.log > other.latest:
+                    other.pose, other.covariance = pose, covariance
+                    other.latest, other.judged = judged.log, judged
+                return
+        # as unlikely from the places before as from this one: to come late is no advantage
+        before = self._views * judged.log
+        self._hypotheses.append(_Hypothesis(pose, covariance, before, judged.log, judged))
+
+    def _settle(self) -> None:
+        """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
+        alive = [
+            h for h in self._hypotheses
+            if h.judged.agree > 0.35 and h.judged.through < 0.4
+            and free_at(self.known, h.pose.x, h.pose.y)
+        ]  # fmt: skip
+        alive.sort(key=lambda h: -h.total)
+        kept: list[_Hypothesis] = []
+        for one in alive:
+            close = kept and kept[0].total - one.total > 20.0
+            if not close and not any(_same(one.pose, other.pose) for other in kept):
+                kept.append(one)
+        self._hypotheses = kept[:8]
+        best = kept[0] if kept else None
+        if self._checking and self._holds(best):
+            return
+        if best is None or not self._fair(best.judged, self.caution.fair):
+            self._hypotheses = []
+            why = "no place on the map looks like what the LiDAR sees"
+            self.located = self.located._replace(lost=True, reason=why)
+            return
+        c = self.caution
+        lead = best.total - kept[1].total if len(kept) > 1 else math.inf
+        back = next((h for h in kept if self._before and _same(h.pose, self._before)), None)
+        if back is not None and best.total - back.total < c.margin:
+            best, lead, wanted = back, math.inf, 0.0
+        else:
+            wanted = self._wanted(best, lead)
+        sigma = math.sqrt(float(np.linalg.eigvalsh(best.covariance[:2, :2])[-1]))
+        far = self._far(best.pose)
+        glimpsed = far and self._views < c.views
+        if lead < wanted or glimpsed:
+            why = f"{len(kept)} places on the map look alike: drive on a little"
+            if self._moved:
+                why = "the robot was moved, or something new stands here"
+            elif lead >= wanted:
+                why = "one view is not enough to be sure: drive on a little"
+        elif (
+            not self._fair(best.judged, c.good)
+            or best.judged.agree < (c.whole if far else c.seen)
+            or (best.judged.log < c.least and (far or lead < 3.0 * c.margin))
+            or best.judged.told < 0.5 * len(self.lidar.beams)
+        ):
+            why = "too much of what the LiDAR sees is not on the map"
+        elif sigma > c.sure and best is not back:
+            why = "too few features are in view to say where along them the robot is"
+        else:
+            self._forget()
+            self._believe(best.pose, best.covariance, best.judged.agree)
+            return
+        self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
+
+    def _far(self, pose: Pose) -> bool:
+        """Whether the robot can hardly have been moved there: then nothing else speaks for it."""
+        left, told = self._left, self._before
+        if self._cold:
+            return True
+        near = [p for p in (left, told) if p is not None]
+        reach = self.caution.near + 0.5
+        return bool(near) and all(math.hypot(p.x - pose.x, p.y - pose.y) > reach for p in near)
+
+    def _holds(self, best: _Hypothesis | None) -> bool:
+        """Whether the believed pose stands up to what a check of it has found; that ends it."""
+        c = self.caution
+        self._checking = False
+        if best is not None and not _same(best.pose, self.located.pose):
+            better = best.latest > self._likely + c.margin
+            as_before = best.latest > max(self._likely + c.drop, self._usual - c.alike)
+            if self._movable:
+                if self._agrees(best.pose) and (better or as_before):
+                    self._moved = as_before and not better
+                    return False
+            elif better and self._rivals_again(best.pose):
+                return False
+        else:
+            self._rivals = 0
+        self._hypotheses, self._before = [], None
+        return True
+
+    def _agrees(self, pose: Pose) -> bool:
+        """Whether the newest scan, had the robot been moved to this pose, agrees with the keyframe,
+        and better than where it takes itself to be."""
+        key = self._keyframe
+        if key is None or not self._alarm:
+            return True
+        here = agreement(
+            self.lidar, key.ranges, self._ranges, between(self._there, self.located.pose)
+        )
+        there = agreement(self.lidar, key.ranges, self._ranges, between(self._there, pose))
+        return there > here
+
+    def _rivals_again(self, pose: Pose) -> bool:
+        """Whether the same other place has been found better often enough, and for long enough."""
+        seen = between(self.located.pose, pose)
+        off = math.hypot(seen.x - self._rival.x, seen.y - self._rival.y)
+        if self._rivals == 0 or off > 0.5:
+            self._rivals, self._rivalled = 0, 0.0
+        self._rival = seen
+        self._rivals += 1
+        c = self.caution
+        return self._rivals >= c.rivals and self._rivalled >= c.rivalled
+
+    def _wanted(self, best: _Hypothesis, lead: float) -> float:
+        """The lead in log likelihood that makes the best hypothesis believed."""
+        c = self.caution
+        leads = lead >= (c.drop if self._moved else c.ahead)
+        self._led = (self._led + 1 if best is self._leading else 1) if leads else 0
+        self._leading = best
+        if self._moved:
+            return -math.inf if self._led >= c.settled else math.inf
+        if self._cold:
+            return c.margin
+        if self._led >= c.steady:
+            return -math.inf
+        driven = self._way >= c.travelled or self._turned >= 2.0 * c.travelled
+        return 0.5 * c.margin if driven or not self._everywhere else c.margin
+
+    def _forget(self) -> None:
+        self._search, self._searched, self._found, self._hypotheses = None, None, [], []
+        self._answered = False
+        self._doubts, self._odd, self._checking = 0, 0, False
+        self._moved, self._led, self._usual = False, 0, -math.inf
+        self._told = False
+
+    def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
+        return judge(self.known, self.lidar, pose, ranges, 1)
+
+    def _fits(self, judged: Judgement) -> bool:
+        """Whether a tracked pose may be kept; after a jolt, less is excused than before."""
+        c = self.caution
+        least = c.unlikely
+        if self._alarm > 0 and self._usual > -math.inf:
+            least = max(least, self._usual - max(c.margin, 4.0 * self._spread))
+        return judged.log >= least and self._fair(judged, c.fair)
+
+    def _plausible(self, judged: Judgement) -> bool:
+        return judged.log >= self.caution.least and self._fair(judged, self.caution.fair)
+
+    def _fair(self, judged: Judgement, least: float) -> bool:
+        unblocked = 1.0 - judged.short
+        c = self.caution
+        return judged.told >= 10 and judged.agree >= least * unblocked and judged.short < c.blocked
+
+
+def _same(a: Pose, b: Pose) -> bool:
+    return math.hypot(a.x - b.x, a.y - b.y) < 0.25 and abs(wrap(a.psi - b.psi)) < 0.2

@@ -1,0 +1,1 @@
+"""Maps from drives: scans put together, loops closed."""

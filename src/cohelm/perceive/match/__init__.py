@@ -1,0 +1,1 @@
+"""Scans against surfaces, and how sure a pose is that came of it."""

@@ -1,0 +1,207 @@
+"""Surfaces as points with normals, with a lookup of the nearest one to any place.
+
+A wall is a row of points, each with the direction across it. `nearest` is a grid that knows the
+nearest surface of each cell, so that matching costs no search.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Ints, Pose
+
+_HALF = 0.15  # neighbours this near tell the direction of a surface [m]
+_MOST = 16  # and no more beams than these on either side
+_FLAT = 0.04  # how far, rms, they may lie from their common line [m]
+MOST_CELLS = 64_000_000
+"""Of a map, or of an index of surfaces: 400 m x 400 m at 5 cm, which takes half a GB."""
+
+
+class Surfaces(NamedTuple):
+    """points: (n, 2) [m]. normals: (n, 2), unit, of either sign, or to where they are seen from.
+    nearest: (rows, columns), row of the nearest surface to a cell's centre, -1 where none is
+    within reach; rows run along y. resolution: side of a cell [m]. (x, y): outer corner of cell
+    (0, 0) [m]. back: (n,), row of the nearest surface that faces the other way, as the other
+    side of a wall does, -1 where there is none; empty where normals are of either sign."""
+
+    points: Floats
+    normals: Floats
+    nearest: NDArray[np.int32]
+    resolution: float
+    x: float
+    y: float
+    back: Ints
+
+
+_NO_BACK: Ints = np.empty(0, np.int64)
+_THICK = 0.3  # of a wall whose other side is looked for, at most [m]
+
+
+@jit
+def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
+    """The points of a sweep that lie on something flat, and the direction across it there.
+
+    points: (m, 2) body frame, in the order of the beams; step: angle between beams [rad]. The
+    line is fitted to neighbours within 15 cm, at least to the next beam on either side, so a
+    scanner with 1 degree between beams still tells walls. Returns (k, 2), (k, 2).
+    """
+    m = len(points)
+    kept, across = np.empty((m, 2)), np.empty((m, 2))
+    k = 0
+    for i in range(m):
+        r = math.hypot(points[i, 0], points[i, 1])
+        jump = max(0.12, 4.0 * r * step)
+        count, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
+        sides = 0
+        for way in (-1, 1):
+            before = i
+            for far in range(1, _MOST + 1):
+                j = i + way * far
+                if not 0 <= j < m or abs(beams[j] - beams[before]) > 3:
+                    break
+                gap = math.hypot(points[j, 0] - points[before, 0], points[j, 1] - points[before, 1])
+                dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+                if gap > jump or (far > 1 and dx * dx + dy * dy > _HALF * _HALF):
+                    break
+                if far == 1:
+                    sides += 1
+                count += 1
+                sx, sy = sx + dx, sy + dy
+                sxx, sxy, syy = sxx + dx * dx, sxy + dx * dy, syy + dy * dy
+                before = j
+        if sides < 2 or count < 3:
+            continue
+        a, b, c = sxx - sx * sx / count, sxy - sx * sy / count, syy - sy * sy / count
+        half, middle = 0.5 * (a - c), 0.5 * (a + c)
+        root = math.hypot(half, b)
+        thin = max(middle - root, 0.0) / count
+        long = (middle + root) / count
+        if thin > _FLAT * _FLAT or long < 9.0 * thin or long <= 0.0:
+            continue
+        turn = 0.5 * math.atan2(2.0 * b, a - c)
+        kept[k, 0], kept[k, 1] = points[i, 0], points[i, 1]
+        across[k, 0], across[k, 1] = -math.sin(turn), math.cos(turn)
+        k += 1
+    return kept[:k].copy(), across[:k].copy()
+
+
+@jit
+def facing(points: Floats, across: Floats, x: float, y: float) -> Floats:
+    """The directions across (n, 2), each to the side that a place looks at its point from."""
+    out = across.copy()
+    for i in range(len(points)):
+        if (points[i, 0] - x) * across[i, 0] + (points[i, 1] - y) * across[i, 1] > 0.0:
+            out[i, 0], out[i, 1] = -across[i, 0], -across[i, 1]
+    return out
+
+
+@jit
+def moved(pose: Pose, vectors: Floats, place: bool) -> Floats:
+    """Vectors (n, 2) of a body frame in that of its pose; directions if not `place`d."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    x, y = (pose.x, pose.y) if place else (0.0, 0.0)
+    out = np.empty_like(vectors)
+    for i in range(len(vectors)):
+        out[i, 0] = x + c * vectors[i, 0] - s * vectors[i, 1]
+        out[i, 1] = y + s * vectors[i, 0] + c * vectors[i, 1]
+    return out
+
+
+def surfaces(
+    points: Floats, across: Floats, resolution: float, reach: float, back: bool = False
+) -> Surfaces:
+    """Index points with normals; places farther than `reach` from all have no nearest [m].
+
+    back: normals say from where a surface is seen.
+
+    Raises CohelmError where that would take more than MOST_CELLS.
+    """
+    if len(points) == 0:
+        nothing = np.empty((0, 0), np.int32)
+        return Surfaces(points, across, nothing, resolution, 0.0, 0.0, _NO_BACK)
+    low = points.min(axis=0) - reach - resolution
+    size = np.ceil((points.max(axis=0) + reach + resolution - low) / resolution)
+    if not float(size[0]) * float(size[1]) <= MOST_CELLS:
+        wide, deep = (float(n) * resolution for n in size)
+        raise CohelmError(
+            f"what was seen spans {wide:.4g} x {deep:.4g} m, more than {MOST_CELLS // 10**6} "
+            f"million cells of {resolution:g} m: check the odometry for jumps, or cut the map"
+        )
+    size = size.astype(int)
+    nearest = np.full((int(size[1]), int(size[0])), -1, np.int32)
+    other = _backs(points, across) if back else _NO_BACK
+    made = Surfaces(points, across, nearest, resolution, float(low[0]), float(low[1]), other)
+    _spread(made, reach)
+    return made
+
+
+def _backs(points: Floats, across: Floats) -> Ints:
+    from scipy.spatial import cKDTree
+
+    count = min(24, len(points))
+    nearest = range(1, count + 1)
+    near = cKDTree(points).query(points, list(nearest), distance_upper_bound=_THICK)
+    there = np.isfinite(np.asarray(near[0], dtype=np.float64))
+    rows = np.where(there, np.asarray(near[1], dtype=np.int64), 0)
+    facing = there & (np.einsum("ij,ikj->ik", across, across[rows]) < -0.85)
+    first = facing.argmax(axis=1)
+    found = rows[np.arange(len(points)), first]
+    return np.where(facing.any(axis=1), found, -1).astype(np.int64)
+
+
+@jit
+def _spread(made: Surfaces, reach: float) -> None:
+    """Fill in the nearest of every cell."""
+    rows, columns = made.nearest.shape
+    square = np.full((rows, columns), reach * reach)
+    wide = math.ceil(reach / made.resolution)
+    for k in range(len(made.points)):
+        u = (made.points[k, 0] - made.x) / made.resolution
+        v = (made.points[k, 1] - made.y) / made.resolution
+        j0, i0 = int(u), int(v)
+        for i in range(max(i0 - wide, 0), min(i0 + wide + 1, rows)):
+            dy = (i + 0.5 - v) * made.resolution
+            for j in range(max(j0 - wide, 0), min(j0 + wide + 1, columns)):
+                dx = (j + 0.5 - u) * made.resolution
+                d = dx * dx + dy * dy
+                if d < square[i, j]:
+                    square[i, j] = d
+                    made.nearest[i, j] = k
+
+
+@jit
+def thinned(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
+    """One point of each square cell: the mean of those in it with the same direction [m]."""
+    n = len(points)
+    keys = np.empty(n, np.int64)
+    for i in range(n):
+        u = math.floor(points[i, 0] / side) + (1 << 20)
+        v = math.floor(points[i, 1] / side) + (1 << 20)
+        keys[i] = u * (1 << 21) + v
+    order = np.argsort(keys, kind="mergesort")
+    kept, out = np.empty((n, 2)), np.empty((n, 2))
+    k, a = 0, 0
+    while a < n:
+        b = a
+        first = order[a]
+        x, y, nx, ny, count = 0.0, 0.0, 0.0, 0.0, 0
+        while b < n and keys[order[b]] == keys[first]:
+            i = order[b]
+            same = across[i, 0] * across[first, 0] + across[i, 1] * across[first, 1]
+            if abs(same) > 0.9:
+                sign = 1.0 if same > 0.0 else -1.0
+                x, y, count = x + points[i, 0], y + points[i, 1], count + 1
+                nx, ny = nx + sign * across[i, 0], ny + sign * across[i, 1]
+            b += 1
+        size = math.hypot(nx, ny)
+        kept[k, 0], kept[k, 1] = x / count, y / count
+        out[k, 0], out[k, 1] = nx / size, ny / size
+        k += 1
+        a = b
+    return kept[:k].copy(), out[:k].copy()

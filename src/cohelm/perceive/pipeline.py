@@ -1,0 +1,271 @@
+"""Perception: odometry and LiDAR in; pose, obstacles, movers and unobserved ground out."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.frames import between, compose, inverse
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
+from cohelm.perceive.localize.localizer import Located, Locator
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+from cohelm.perceive.scan.clusters import looked
+from cohelm.perceive.scan.deskew import DeskewedScan, all_round, sweep
+from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
+from cohelm.perceive.scan.range_filter import steadied
+from cohelm.perceive.space.scan_memory import Care as Remembering, renew
+from cohelm.perceive.space.unobserved import Blind
+from cohelm.perceive.track.tracker import (
+    MOVES,
+    NONE,
+    RADIUS,
+    TX,
+    TY,
+    TrackerParams,
+    bodies,
+    follow,
+    strays,
+)
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.sensors import Lidar
+
+NOTHING: Floats = np.empty((0, 2))
+_ON_WALL = 0.1  # what ends as near to a wall of the map as this stands [m]
+_APART = 0.06  # sweeps nearer in time are not asked who moves: too little has happened [s]
+
+
+class Seen(NamedTuple):
+    """What is known at one instant. Two frames: `odom`, which is smooth, drifts, and never
+    jumps, for keeping clear of things; and the map's, for following a reference."""
+
+    stamp: float
+    """The instant, of the robot's clock [s]; all poses and discs are foretold to it."""
+    pose: Pose
+    """Of the body in the map. Without a map, and when lost from the start, as in `odom`."""
+    covariance: Floats
+    """(3, 3) of `pose`, in x, y, psi."""
+    share: float
+    """Of the beams that agree with the map, in [0, 1]."""
+    lost: bool
+    """Whether `pose` must not be relied on."""
+    reason: str
+    """Why, in words; empty if not lost."""
+    odometry: Pose
+    """Of the body in `odom`."""
+    twist: Twist
+    """As measured, in the body frame."""
+    map_odom: Pose
+    """The pose of `odom` in the map: compose(map_odom, p) puts a pose of `odom` on the map."""
+    points: Floats
+    """Standing things, and behind them where ground begins that may hold anything, as nothing looks
+    there, (p, 2), in `odom` [m]."""
+    blind: int
+    """How many of the points are such ground."""
+    discs: Floats
+    """Moving things, (n, 6) as in `core.types`, in `odom`."""
+    agility: Floats
+    """(n,), how fast each may change its velocity [m/s^2]."""
+    mobile: Floats
+    """What the guard is told to move: `discs`, and behind them, as small discs that may go
+    anywhere, what may set off though nobody knows that it moves, (m, 6), in `odom`."""
+    mobile_agility: Floats
+    """(m,), of those [m/s^2]."""
+    odometry_stamp: float
+    """Of the newest odometry [s]; -inf before the first."""
+    scan_stamp: float
+    """Of the newest scan's last beam [s]; -inf before the first."""
+
+
+class Perception:
+    """Takes in readings as they come, in order; one for each robot.
+
+    `known`: the map to localise on; without, the pose in the map is that of the odometry and
+    never lost. `start`: where the robot is on the map; without, it is looked for.
+    """
+
+    def __init__(
+        self, model: RobotModel | Lidar, known: LocalizationMap | None = None,
+        start: Pose | None = None,
+        remembering: Remembering | None = None, watching: TrackerParams | None = None,
+        outline: Floats | None = None,
+    ) -> None:  # fmt: skip
+        """Of a robot, or of a LiDAR alone. Raises CohelmError for a robot without a LiDAR.
+
+        outline: with a LiDAR alone, (k, 2) of what it is on [m]; without, ground that may hold
+        anything is not told.
+        """
+        if isinstance(model, Lidar):
+            self.lidar = model
+        elif model.lidar is None:
+            raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
+        else:
+            self.lidar, outline = model.lidar.lidar(), model.outline
+        self._blind = None
+        if outline is not None and not all_round(self.lidar):
+            self._blind = Blind(self.lidar, outline)
+        self._care = remembering or Remembering()
+        self._known = known
+        self._locator = Locator(known, self.lidar, start) if known is not None else None
+        self._trail = EMPTY
+        self._twist = Twist(0.0, 0.0)
+        self._points = self._told = NOTHING
+        self._scan: int | None = None
+        self._scanned = -math.inf
+        self._map_odom = start or Pose(0.0, 0.0, 0.0)
+        self._placed = start is None
+        self._watching = watching or TrackerParams()
+        self._movers = NONE
+        self._located: Located | None = None
+        self._matched = Pose(0.0, 0.0, 0.0)  # odometry pose of the newest scan
+
+    def place(self, pose: Pose, sigma: float = 0.3) -> None:
+        """A person says where the robot is on the map, within about sigma [m]."""
+        if self._locator is not None:
+            self._locator.place(pose, sigma)
+
+    def take(self, now: float, readings: Readings) -> Seen:
+        """What is known at `now` [s], with these newest readings; may be called at any rate.
+
+        A reading seen before adds nothing; a scan that is older than all odometry is left out.
+        """
+        if readings.odometry is not None:
+            self._odometry(readings.odometry)
+        scan = readings.scan
+        if scan is not None and scan.number != self._scan and len(self._trail):
+            self._look(scan)
+        elif self._locator is not None and self._located is not None:
+            self._located = self._locator.think()
+            if not self._located.lost and len(self._trail):
+                self._map_odom = compose(self._located.pose, inverse(self._matched))
+        return self._said(now)
+
+    def _odometry(self, odometry: Odometry) -> None:
+        self._trail = extended(self._trail, odometry)
+        if np.isfinite(odometry.twist).all():
+            self._twist = odometry.twist
+        if not self._placed and len(self._trail):
+            first = Pose(*self._trail[-1, 1:4].tolist())
+            self._map_odom = compose(self._map_odom, inverse(first))
+            self._placed = True
+
+    def _look(self, scan: Scan) -> None:
+        self._scan = scan.number
+        if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(scan.stamp):
+            return
+        ranges = np.asarray(scan.ranges, dtype=np.float64)
+        whole = sweep(self.lidar, ranges, scan.stamp, scan.duration, self._trail)
+        seen = whole
+        self._scanned = scan.stamp + scan.duration
+        pose = pose_at(self._trail, self._scanned)
+        if self._scanned - self._movers.stamp > _APART:
+            self._movers = follow(
+                self._movers, self.lidar, seen, pose, self._scanned, self._watching,
+                self._mapped(seen, pose),
+            )  # fmt: skip
+            if self._movers.mine.any():
+                seen = self._without(seen, self._movers.mine)
+        calm = steadied(seen.ranges, self.lidar.noise)
+        points = renew(self._points, pose, self.lidar, calm, self._care)
+        self._points = self._told = self._outside(points)
+        if self._blind is not None:
+            look = looked(self.lidar, whole, pose, self._scanned)
+            mobile = self._mobile(self._scanned)[2]
+            self._told = np.vstack((self._points, self._blind.points(look, pose, mobile)))
+        if self._locator is not None:
+            self._located = self._locator.correct(seen, pose)
+            self._map_odom = compose(self._located.pose, inverse(pose))
+            self._matched = pose
+
+    def _mapped(self, seen: DeskewedScan, pose: Pose) -> NDArray[np.bool_] | None:
+        """Which points are on the map's walls, where the robot knows its place on it."""
+        located, known = self._located, self._known
+        if known is None or located is None or located.lost:
+            return None
+        return on_walls(known, compose(self._map_odom, pose), seen.points, _ON_WALL)
+
+    def _without(self, seen: DeskewedScan, mine: NDArray[np.bool_]) -> DeskewedScan:
+        """The sweep without the points of movers: they tell nothing about what stands."""
+        ranges = seen.ranges.copy()
+        ranges[_shadow(self.lidar, seen.points[mine])] = math.nan
+        return DeskewedScan(seen.points[~mine], seen.beams[~mine], ranges)
+
+    def _outside(self, points: Floats) -> Floats:
+        """Points that no mover covers: what was remembered of it before it was known to move."""
+        for x, y, radius in self._movers.tracks[self._movers.tracks[:, MOVES] > 0][
+            :, [TX, TY, RADIUS]
+        ]:
+            points = points[np.hypot(points[:, 0] - x, points[:, 1] - y) > radius + 0.05]
+        return points
+
+    def _said(self, now: float) -> Seen:
+        if len(self._trail):
+            here = pose_at(self._trail, now)
+            stamp = float(self._trail[-1, 0])
+        else:
+            here, stamp = Pose(0.0, 0.0, 0.0), -math.inf
+        located = self._located
+        if located is None and self._locator is not None:
+            located = self._locator.located._replace(
+                lost=True, reason="no scan has been matched yet"
+            )
+        if located is None:
+            located = Located(here, np.zeros((3, 3)), 1.0, False, "")
+        discs, agility, mobile, mobile_agility = self._mobile(now)
+        return Seen(
+            stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
+            share=located.share, lost=located.lost, reason=located.reason, odometry=here,
+            twist=self._twist, map_odom=self._map_odom, points=self._told,
+            blind=len(self._told) - len(self._points), discs=discs, agility=agility,
+            mobile=mobile, mobile_agility=mobile_agility, odometry_stamp=stamp,
+            scan_stamp=self._scanned,
+        )  # fmt: skip
+
+    def _mobile(self, now: float) -> tuple[Floats, Floats, Floats, Floats]:
+        """Movers and their agility, and all that may move and theirs, foretold to now."""
+        discs, agility = bodies(self._movers, now, self._watching)
+        loose, agile = strays(self._movers, now, self._watching)
+        return discs, agility, np.vstack((discs, loose)), np.concatenate((agility, agile))
+
+
+def seen_from(seen: Seen, pose: Pose) -> Pose:
+    """A pose of the map as it is in `odom`, by what is known now."""
+    return between(seen.map_odom, pose)
+
+
+def _shadow(lidar: Lidar, points: Floats) -> NDArray[np.int64]:
+    """The beams that body-frame points are seen in."""
+    c, s = math.cos(lidar.mount.psi), math.sin(lidar.mount.psi)
+    dx, dy = points[:, 0] - lidar.mount.x, points[:, 1] - lidar.mount.y
+    bearing = np.arctan2(-s * dx + c * dy, c * dx + s * dy) - lidar.first
+    beams = np.rint(
+        np.where(bearing < -0.5 * lidar.step, bearing + 2.0 * math.pi, bearing) / lidar.step
+    )
+    return beams[(beams >= 0) & (beams < len(lidar.beams))].astype(np.int64)
+
+
+def rehearse(model: RobotModel, mapped: bool) -> None:
+    """Run all of it once, so that nothing is left to compile when it has to be in time.
+
+    mapped: whether there will be a map; a small room stands for it.
+    """
+    corner = np.array([[-2, -2, 2, -2], [2, -2, 2, 2], [2, 2, -2, 2], [-2, 2, -2, -2]], np.float64)
+    here = Pose(0.0, 0.0, 0.0)
+    nowhere = Perception(model, map_from_geometry(corner, here) if mapped else None)
+    n = len(nowhere.lidar.beams)
+    bearings = np.arctan2(nowhere.lidar.beams[:, 1], nowhere.lidar.beams[:, 0])
+    room = 2.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
+    for k in range(14):
+        t = 0.1 * k
+        odometry = Odometry(t + 0.05, Pose(0.02 * k, 0.0, 0.01 * k), Twist(0.2, 0.1))
+        ranges = np.where(np.abs(np.arange(n) - n // 2 - 12 * k) < 8, 1.2, room)
+        scan = Scan(t, k, ranges, 0.05)
+        for _ in range(20):  # a search is a slice of work at every call
+            nowhere.take(t + 0.05, Readings(odometry, scan, None, None))
+        if k == 9:
+            nowhere.place(here)

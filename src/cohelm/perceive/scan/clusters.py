@@ -1,0 +1,136 @@
+"""Clusters of a scan: runs of neighbouring beams that end near each other."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.frames import compose
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Ints, Pose
+from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
+from cohelm.robot.sensors import Lidar
+
+CX, CY, SIZE, HIDDEN, FRESH, FIRST, LAST = range(7)
+"""Columns of clusters: centre of the disc it may be [m], its radius [m], whether something nearer
+hides a part of it, share of its points where it was free before, first and last point."""
+
+_JUMP = 0.12  # neighbouring ends farther apart are of different things [m]
+_WIDEST = 1.1  # a wider thing is no body [m]
+_FARTHEST = 8.0  # and a farther one too few beams [m]
+_FEWEST = 3
+FREE = 0.15  # so far before a beam's end it was free [m]
+
+
+class Look(NamedTuple):
+    """ranges: (n,) of a sweep. sensor: pose of the LiDAR then, in `odom`. stamp [s]."""
+
+    ranges: Floats
+    sensor: Pose
+    stamp: float
+
+
+@jit
+def clusters(
+    lidar: Lidar, sweep: DeskewedScan, pose: Pose, farthest: float, fixed: NDArray[np.bool_]
+) -> Floats:
+    """The things in a sweep from an `odom` pose that may be bodies, (k, 7), in `odom`.
+
+    fixed: (m,) points of what surely stands: they belong to no body, and part those beside it.
+    The centre is put behind what is seen of a disc: the mean of its visible side is pi/4 of the
+    radius in front of it. FRESH is left 0.
+    """
+    points, beams = sweep.points, sweep.beams
+    m = len(points)
+    out = np.zeros((m, 7))
+    k, a = 0, 0
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    while a < m:
+        b = a + 1
+        if fixed[a]:
+            a = b
+            continue
+        while b < m and not fixed[b] and _joined(lidar, points, beams, b):
+            b += 1
+        mx, my = lidar.mount.x, lidar.mount.y
+        if b - a >= _FEWEST:
+            x, y = points[a:b, 0].mean(), points[a:b, 1].mean()
+            far = math.hypot(x - mx, y - my)
+            dx, dy = (x - mx) / max(far, 1e-9), (y - my) / max(far, 1e-9)
+            low, high = math.inf, -math.inf
+            for i in range(a, b):
+                across = -dy * (points[i, 0] - x) + dx * (points[i, 1] - y)
+                low, high = min(low, across), max(high, across)
+            length = math.hypot(points[b - 1, 0] - points[a, 0], points[b - 1, 1] - points[a, 1])
+            if length < _WIDEST and far < min(_FARTHEST, farthest):
+                size = min(max(0.5 * (high - low + far * lidar.step), 0.05), 0.6)
+                bx, by = x + 0.785 * size * dx, y + 0.785 * size * dy
+                out[k, CX], out[k, CY] = pose.x + c * bx - s * by, pose.y + s * bx + c * by
+                out[k, SIZE] = size
+                out[k, HIDDEN] = 1.0 if _hidden(lidar, points, beams, a, b, far) else 0.0
+                out[k, FIRST], out[k, LAST] = a, b
+                k += 1
+        a = b
+    return out[:k].copy()
+
+
+@jit
+def _joined(lidar: Lidar, points: Floats, beams: Ints, i: int) -> bool:
+    """Whether point i is on the same thing as the one before."""
+    if beams[i] - beams[i - 1] > 3:
+        return False
+    dx, dy = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
+    far = math.hypot(points[i, 0] - lidar.mount.x, points[i, 1] - lidar.mount.y)
+    jump = max(_JUMP, 2.5 * far * lidar.step)
+    return dx * dx + dy * dy < jump * jump
+
+
+@jit
+def _hidden(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: float) -> bool:
+    """Whether the view ends beside points a:b, or something nearer stands there."""
+    if beams[a] == 0 or beams[b - 1] == len(lidar.beams) - 1:
+        return True
+    for i in (a - 1, b):
+        if 0 <= i < len(points):
+            beside = abs(beams[i] - (beams[a] if i < a else beams[b - 1])) <= 3
+            near = math.hypot(points[i, 0] - lidar.mount.x, points[i, 1] - lidar.mount.y)
+            if beside and near < far:
+                return True
+    return False
+
+
+@jit
+def was_free(lidar: Lidar, look: Look, x: float, y: float) -> bool:
+    """Whether an earlier sweep saw through an `odom` point: it and both beams beside it."""
+    wx, wy = x - look.sensor.x, y - look.sensor.y
+    c, s = math.cos(look.sensor.psi), math.sin(look.sensor.psi)
+    sx, sy = c * wx + s * wy, -s * wx + c * wy
+    far = math.hypot(sx, sy)
+    beam = beam_at(lidar, sx, sy)
+    if not 1 <= beam < len(look.ranges) - 1 or far > lidar.range_max - FREE:
+        return False
+    r, least = look.ranges, far + FREE
+    return r[beam - 1] > least and r[beam] > least and r[beam + 1] > least
+
+
+@jit
+def freshen(lidar: Lidar, found: Floats, sweep: DeskewedScan, pose: Pose, look: Look) -> None:
+    """Raise FRESH of each cluster to the share of its points where the earlier look was free."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    for k in range(len(found)):
+        a, b = int(found[k, FIRST]), int(found[k, LAST])
+        free = 0
+        for i in range(a, b):
+            x = pose.x + c * sweep.points[i, 0] - s * sweep.points[i, 1]
+            y = pose.y + s * sweep.points[i, 0] + c * sweep.points[i, 1]
+            if was_free(lidar, look, x, y):
+                free += 1
+        found[k, FRESH] = max(found[k, FRESH], free / (b - a))
+
+
+def looked(lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float) -> Look:
+    """Keep a sweep from an `odom` pose for later."""
+    return Look(sweep.ranges, Pose(*compose(pose, lidar.mount)), stamp)

@@ -1,0 +1,90 @@
+"""Deskews a scan: beams measured one after the other, as if all had been at its last."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.frames import between
+from cohelm.core.jit import jit, jit_inline
+from cohelm.core.types import Floats, Ints
+from cohelm.perceive.scan.odometry_buffer import pose_at
+from cohelm.robot.sensors import Lidar
+
+
+class DeskewedScan(NamedTuple):
+    """What one turn of the LiDAR saw, at the instant of its last beam.
+
+    points: (m, 2) in the body frame of that instant [m], in the order of the beams; only real
+    returns. beams: (m,) which beam each came from. ranges: (n,) what the sensor would have
+    measured, had all beams been at that instant: inf and -inf as in the scan, NaN where the
+    turning of the robot left no beam to tell.
+    """
+
+    points: Floats
+    beams: Ints
+    ranges: Floats
+
+
+@jit_inline
+def beam_at(lidar: Lidar, x: float, y: float) -> int:
+    """The beam nearest in direction to a point of the sensor's frame; where none looks, the number
+    is none of theirs. A beam has half a step to either side, the first one too."""
+    bearing = math.atan2(y, x) - lidar.first
+    if bearing < -0.5 * lidar.step:
+        bearing += 2.0 * math.pi
+    return math.floor(bearing / lidar.step + 0.5)
+
+
+@jit_inline
+def all_round(lidar: Lidar) -> bool:
+    """Whether it looks everywhere: its last beam and its first are neighbours."""
+    return lidar.step * len(lidar.beams) > 2.0 * math.pi - 1.5 * lidar.step
+
+
+@jit
+def sweep(
+    lidar: Lidar, ranges: Floats, stamp: float, duration: float, trail: Floats
+) -> DeskewedScan:
+    """Motion compensation: beam i was measured at stamp + duration i / (n - 1) [s].
+
+    The robot's motion meanwhile is that of the trail. Surfaces too near to be measured (-inf)
+    are no points, but stay in `ranges`.
+    """
+    n = len(ranges)
+    mount = lidar.mount
+    end = pose_at(trail, stamp + duration)
+    still = duration <= 0.0 or n < 2
+    points, beams = np.empty((n, 2)), np.empty(n, np.int64)
+    made = np.full(n, math.nan)
+    mc, ms = math.cos(mount.psi), math.sin(mount.psi)
+    m = 0
+    for i in range(n):
+        r = ranges[i]
+        if math.isnan(r):
+            continue
+        far = r == math.inf
+        near = r == -math.inf
+        reach = lidar.range_max if far else (lidar.range_min if near else r)
+        sx, sy = reach * lidar.beams[i, 0], reach * lidar.beams[i, 1]
+        bx, by = mount.x + mc * sx - ms * sy, mount.y + ms * sx + mc * sy
+        beam, seen = i, r
+        if not still:
+            then = pose_at(trail, stamp + duration * i / (n - 1))
+            moved = between(end, then)
+            c, s = math.cos(moved.psi), math.sin(moved.psi)
+            bx, by = moved.x + c * bx - s * by, moved.y + s * bx + c * by
+            dx, dy = bx - mount.x, by - mount.y
+            sx, sy = mc * dx + ms * dy, -ms * dx + mc * dy
+            beam = beam_at(lidar, sx, sy)
+            if not (far or near):
+                seen = math.hypot(sx, sy)
+        if 0 <= beam < n and not made[beam] < seen:
+            made[beam] = seen
+        if not (far or near):
+            points[m, 0], points[m, 1] = bx, by
+            beams[m] = i
+            m += 1
+    return DeskewedScan(points[:m].copy(), beams[:m].copy(), made)

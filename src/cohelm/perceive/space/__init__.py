@@ -1,0 +1,1 @@
+"""Ground near the robot: seen free, remembered, or not observed."""

@@ -1,0 +1,109 @@
+"""Remembers the surroundings: the last scan's points, and earlier ones that it could not see."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.scan.deskew import beam_at
+from cohelm.robot.sensors import Lidar
+
+_MOST = 12  # beams on either side that a range is averaged with
+_JUMP = 0.06  # neighbouring beams that differ by more than this are on different surfaces [m]
+
+
+class Care(NamedTuple):
+    """What is kept of a scan, and for how long."""
+
+    half_width: float = 0.02
+    """How far to either side, on the same surface, ranges are averaged: near surfaces, where
+    beams are dense, become precise, and far ones are not rounded off [m]."""
+    spacing: float = 0.01
+    """Points of one scan nearer to each other than this are one [m]."""
+    behind: float = 0.10
+    """A remembered point this far behind what is seen now is hidden, not gone [m]."""
+    keep: float = 8.0
+    """Farther than this from the robot, points are forgotten [m]."""
+
+
+@jit
+def smoothed(ranges: Floats, step: float, half_width: float) -> Floats:
+    """Each range averaged with its neighbours on the same surface, as many on either side.
+
+    step: angle from one beam to the next [rad]. half_width: how far to either side [m].
+    """
+    n = len(ranges)
+    out = ranges.copy()
+    for i in range(n):
+        total, count = ranges[i], 1
+        if not -math.inf < total < math.inf:
+            continue
+        half_window = min(int(half_width / max(total * step, 1e-9)), _MOST)
+        for k in range(1, half_window + 1):
+            if i - k < 0 or i + k >= n:
+                break
+            a, b = ranges[i - k], ranges[i + k]
+            if not (abs(a - ranges[i]) < _JUMP and abs(b - ranges[i]) < _JUMP):
+                break
+            total += a + b
+            count += 2
+        out[i] = total / count
+    return out
+
+
+@jit
+def renew(points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, care: Care) -> Floats:
+    """The points after a scan from `pose`, world frame, (p, 2) [m].
+
+    All that the scan sees is replaced by what it sees; what it can not see, outside the field of
+    view or hidden, is remembered. A beam without a return (inf) has seen that nothing is there, if
+    its neighbours saw no less: single ones are drop-outs; NaN has seen nothing. What is too near to
+    be measured (-inf) is put at the least range.
+    """
+    n = len(ranges)
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
+    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
+    c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
+    made = np.empty((n + len(points), 2))
+    m = 0
+    clean = smoothed(ranges, lidar.step, care.half_width)
+    lx, ly = math.inf, math.inf
+    for i in range(n):
+        r = clean[i]
+        if not r < care.keep:
+            continue
+        r = lidar.range_min if r == -math.inf else r
+        b = lidar.first + lidar.step * i
+        dx, dy = r * math.cos(b), r * math.sin(b)
+        px, py = x + c * dx - s * dy, y + s * dx + c * dy
+        if abs(px - lx) + abs(py - ly) < care.spacing:
+            continue
+        made[m, 0], made[m, 1] = px, py
+        lx, ly = px, py
+        m += 1
+    for i in range(len(points)):
+        wx, wy = points[i, 0] - x, points[i, 1] - y
+        square = wx * wx + wy * wy
+        if not square < care.keep * care.keep:
+            continue
+        beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
+        if 0 <= beam < n and _reaches(ranges, beam) + care.behind >= math.sqrt(square):
+            continue
+        made[m, 0], made[m, 1] = points[i, 0], points[i, 1]
+        m += 1
+    return made[:m].copy()
+
+
+@jit
+def _reaches(ranges: Floats, beam: int) -> float:
+    """How far a beam has seen [m]: not farther than its neighbours, if it did not return."""
+    reach = ranges[beam]
+    if reach == math.inf:
+        for other in range(max(beam - 1, 0), min(beam + 2, len(ranges))):
+            reach = min(reach, ranges[other])
+    return reach

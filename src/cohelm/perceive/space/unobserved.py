@@ -1,0 +1,186 @@
+"""Unobserved ground: no beam looks there now, and none ever did or somebody went there.
+
+A LiDAR that does not look all round leaves some beside or behind the robot. What such ground
+begins with is told as standing points, so that nobody backs the robot into what it has never seen,
+or turns it into who has just gone behind it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.jit import jit, jit_inline
+from cohelm.core.types import RADIUS, Floats, Ints, Pose, X, Y
+from cohelm.perceive.scan.clusters import Look
+from cohelm.perceive.scan.deskew import beam_at
+from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
+from cohelm.perceive.space.free_space_memory import NEAR
+from cohelm.robot.footprint import disc_clearance
+from cohelm.robot.sensors import Lidar
+
+VOUCHED = 0.2
+"""So far beyond its turning circle, ground is taken to be free where the robot is switched on: who
+does that has looked; and it can turn and look for itself [m]."""
+
+DOUBT = 10.0
+"""Who left the view beside the robot may be anywhere there, for so long [s]."""
+
+_EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
+_APART = 0.03  # nobody slips nearer to the outline than this [m]
+_TOLD = 1.0  # such ground is told so far beyond the turning circle [m]
+
+
+class Viewed(NamedTuple):
+    """A window of cells, see `perceive.space.cell_window`, each of which has been in view.
+
+    doubt: (n, n), until when somebody may be in a cell, unless it is in view before [s].
+    """
+
+    which: Ints
+    doubt: Floats
+
+
+def nothing() -> Viewed:
+    """Nothing has been in view yet."""
+    return Viewed(nowhere(), np.full((SIDE, SIDE), -math.inf))
+
+
+@jit
+def vouched(viewed: Viewed, x: float, y: float, radius: float) -> Viewed:
+    """As if the ground about an `odom` point had been in view."""
+    which, doubt = viewed.which.copy(), viewed.doubt.copy()
+    low_x, low_y = cell(x - radius), cell(y - radius)
+    wide = math.ceil(2.0 * radius / CELL) + 1
+    for i in range(low_x, low_x + wide):
+        for j in range(low_y, low_y + wide):
+            if math.hypot((i + 0.5) * CELL - x, (j + 0.5) * CELL - y) < radius:
+                _note(which, doubt, i, j)
+    return Viewed(which, doubt)
+
+
+@jit
+def looked_at(viewed: Viewed, lidar: Lidar, look: Look) -> Viewed:
+    """With the ground that a sweep has in view, up to and with what stands there."""
+    which, doubt = viewed.which.copy(), viewed.doubt.copy()
+    sensor, n = look.sensor, len(look.ranges)
+    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+    low_x, low_y = cell(sensor.x - NEAR), cell(sensor.y - NEAR)
+    wide = math.ceil(2.0 * NEAR / CELL)
+    for i in range(low_x, low_x + wide):
+        wx = (i + 0.5) * CELL - sensor.x
+        for j in range(low_y, low_y + wide):
+            wy = (j + 0.5) * CELL - sensor.y
+            far = math.hypot(wx, wy)
+            if far > NEAR or _known(viewed, i, j, -math.inf):
+                continue
+            beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
+            if 0 <= beam < n and look.ranges[beam] > far - CELL:
+                _note(which, doubt, i, j)
+    return Viewed(which, doubt)
+
+
+@jit
+def doubted(
+    viewed: Viewed, lidar: Lidar, look: Look, mobile: Floats, pose: Pose, outline: Floats,
+    far: float,
+) -> Viewed:  # fmt: skip
+    """With doubt about all ground where nothing looks, within `far` [m] of a robot with this
+    outline at this pose, if one of the discs that may move is at its edge, and as near."""
+    x, y = pose.x, pose.y
+    sensor, n = look.sensor, len(lidar.beams)
+    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+    first, last = lidar.first - 0.5 * lidar.step, lidar.first + (n - 0.5) * lidar.step
+    leaves = False
+    for k in range(len(mobile)):
+        near = math.hypot(mobile[k, X] - x, mobile[k, Y] - y) - mobile[k, RADIUS] < far
+        wx, wy = mobile[k, X] - sensor.x, mobile[k, Y] - sensor.y
+        bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
+        edge = min(bearing - first, last - bearing)  # from the edge of the view, < 0 beyond it
+        away = math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
+        leaves = leaves or (near and away < mobile[k, RADIUS] + _EDGE)
+    if not leaves:
+        return viewed
+    doubt = viewed.doubt.copy()
+    low_x, low_y = cell(x - far), cell(y - far)
+    wide = math.ceil(2.0 * far / CELL) + 1
+    for i in range(low_x, low_x + wide):
+        wx = (i + 0.5) * CELL - sensor.x
+        for j in range(low_y, low_y + wide):
+            wy = (j + 0.5) * CELL - sensor.y
+            if 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < n:
+                continue
+            gap = disc_clearance(pose, outline, (i + 0.5) * CELL, (j + 0.5) * CELL, 0.0)
+            if gap > _APART:
+                doubt[i % SIDE, j % SIDE] = look.stamp + DOUBT
+    return Viewed(viewed.which, doubt)
+
+
+@jit
+def blind(
+    viewed: Viewed, lidar: Lidar, look: Look, pose: Pose, outline: Floats, far: float
+) -> Floats:  # fmt: skip
+    """Where such ground begins, (p, 2), in `odom`, within `far` [m] of a robot with this outline
+    at this pose: cells beside one that was in view, or beside the robot itself."""
+    n, now, sensor = len(lidar.beams), look.stamp, look.sensor
+    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+    low_x, low_y = cell(pose.x - far), cell(pose.y - far)
+    wide = math.ceil(2.0 * far / CELL) + 1
+    out = np.empty((wide * wide, 2))
+    k = 0
+    for i in range(low_x, low_x + wide):
+        px = (i + 0.5) * CELL
+        for j in range(low_y, low_y + wide):
+            py = (j + 0.5) * CELL
+            if math.hypot(px - pose.x, py - pose.y) > far or _known(viewed, i, j, now):
+                continue
+            wx, wy = px - sensor.x, py - sensor.y
+            if 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < n:
+                continue  # hidden by what is seen before it
+            gap = disc_clearance(pose, outline, px, py, 0.0)
+            if gap <= 0.0:
+                continue
+            if (
+                gap < _APART + 1.5 * CELL
+                or _known(viewed, i - 1, j, now) or _known(viewed, i + 1, j, now)
+                or _known(viewed, i, j - 1, now) or _known(viewed, i, j + 1, now)
+            ):  # fmt: skip
+                out[k, 0], out[k, 1] = px, py
+                k += 1
+    return out[:k].copy()
+
+
+@jit_inline
+def _note(which: Ints, doubt: Floats, i: int, j: int) -> None:
+    a, b = i % SIDE, j % SIDE
+    which[a, b, 0], which[a, b, 1] = i, j
+    doubt[a, b] = -math.inf
+
+
+@jit_inline
+def _known(viewed: Viewed, i: int, j: int, now: float) -> bool:
+    return holds(viewed.which, i, j) and viewed.doubt[i % SIDE, j % SIDE] <= now
+
+
+class Blind:
+    """What one robot has had in view, whose LiDAR does not look all round."""
+
+    def __init__(self, lidar: Lidar, outline: Floats) -> None:
+        """outline: (k, 2) of what the LiDAR is on [m]."""
+        self._lidar, self._outline = lidar, outline
+        self._reach = float(np.hypot(*outline.T).max())
+        self._viewed: Viewed | None = None
+
+    def points(self, look: Look, pose: Pose, mobile: Floats) -> Floats:
+        """After a sweep from an `odom` pose, where ground begins that may hold anything, (p, 2).
+
+        mobile: discs that may move, as in `core.types`, in `odom`.
+        """
+        far, lidar = self._reach + _TOLD, self._lidar
+        if self._viewed is None:
+            self._viewed = vouched(nothing(), pose.x, pose.y, self._reach + VOUCHED)
+        viewed = looked_at(self._viewed, lidar, look)
+        self._viewed = doubted(viewed, lidar, look, mobile, pose, self._outline, far)
+        return blind(self._viewed, lidar, look, pose, self._outline, far)

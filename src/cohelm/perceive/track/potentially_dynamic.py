@@ -1,0 +1,123 @@
+"""Potentially dynamic points: at rest now, but they have come there by themselves.
+
+Movers are told by `movers`; until a thing is one, when two are seen as one, and after one was
+dropped, its points are loose. Each is told as a small disc of unknown velocity beside counting as
+a standing point, until it has stood; then as one that may begin to move.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats
+from cohelm.perceive.scan.clusters import FREE, Look
+from cohelm.perceive.scan.deskew import beam_at
+from cohelm.perceive.space.free_space_memory import Ground, came
+from cohelm.robot.sensors import Lidar
+
+NEAR = 2.0
+"""Farther from the robot than this there is time yet [m]."""
+LX, LY, STOOD = range(3)
+"""Columns of loose points: place in `odom` [m], whether it has stood (1) or not (0)."""
+
+_APART = 0.06  # of points that are nearer to each other one is told [m]
+
+
+class Wary(NamedTuple):
+    """What is assumed of things that may set off."""
+
+    fastest: float = 1.3
+    """Nobody is faster [m/s]."""
+    creeping: float = 0.1
+    """What has stood, as far as can be seen, may yet be as fast as this [m/s]."""
+    keep: float = 10.0
+    """What came by itself is taken to be able to go on for so long [s]."""
+    vouched: float = 2.0
+    """So far driven, odometry no longer says to a hand's breadth what was free where [m]."""
+    stop: float = 0.2
+    """A robot that moves stands within about this [s]: see `spread`."""
+
+
+@jit
+def came_by_itself(
+    places: Floats, near: NDArray[np.bool_], ground: Ground, since: float, look: Look, noise: float
+) -> NDArray[np.bool_]:
+    """(m,) which of a sweep's points in `odom` have come since then, of those that are `near`.
+
+    noise: of its ranges, one standard deviation; a thing may be farther than measured by that [m].
+    """
+    found = np.zeros(len(places), np.bool_)
+    for i in range(len(places)):
+        if near[i]:
+            x, y = places[i, 0], places[i, 1]
+            wx, wy = x - look.sensor.x, y - look.sensor.y
+            far = noise / max(math.hypot(wx, wy), 0.05)
+            found[i] = came(ground, x + far * wx, y + far * wy, since)
+    return found
+
+
+@jit
+def loose(
+    lidar: Lidar, places: Floats, there: NDArray[np.bool_], before: Look, earlier: Look
+) -> Floats:
+    """The loose points among those in `odom` that have come by themselves, `there`: (l, 3).
+
+    before, earlier: two sweeps of a while ago; a thing has stood if it was there in both of them.
+    """
+    out = np.empty((len(there), 3))
+    k = 0
+    for i in range(len(there)):
+        if not there[i]:
+            continue
+        x, y = places[i, 0], places[i, 1]
+        stood = _was_there(lidar, before, x, y) and _was_there(lidar, earlier, x, y)
+        near = False
+        for j in range(k - 1, -1, -1):
+            far = math.hypot(out[j, LX] - x, out[j, LY] - y)
+            if far < _APART and (out[j, STOOD] == 0.0 or stood):
+                near = True
+                break
+        if not near:
+            out[k, LX], out[k, LY], out[k, STOOD] = x, y, 1.0 if stood else 0.0
+            k += 1
+    return out[:k].copy()
+
+
+@jit
+def _was_there(lidar: Lidar, look: Look, x: float, y: float) -> bool:
+    """Whether an earlier sweep ended about there."""
+    wx, wy = x - look.sensor.x, y - look.sensor.y
+    c, s = math.cos(look.sensor.psi), math.sin(look.sensor.psi)
+    beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
+    far = math.hypot(wx, wy)
+    for k in range(max(beam - 2, 0), min(beam + 3, len(look.ranges))):
+        if abs(look.ranges[k] - far) < FREE:
+            return True
+    return False
+
+
+def spread(speed: Floats, agility: Floats, age: float, stop: float) -> tuple[Floats, Floats]:
+    """By how much discs are larger, and more agile, whose velocities were off by up to `speed`
+    `age` ago, and have changed by up to `agility` since [m, m/s^2].
+
+    v t <= v^2 / (2 b) + b t^2 / 2 for every b and t; with b = v / stop that is least for a robot
+    that needs `stop` to stand.
+    """
+    now = speed + agility * age
+    return speed * age + 0.5 * agility * age * age + 0.5 * now * stop, agility + now / stop
+
+
+def wild(points: Floats, age: float, agility: float, wary: Wary) -> tuple[Floats, Floats]:
+    """Loose points as discs that may go anywhere, (l, 6), `age` [s] later, and their agility."""
+    stood = points[:, STOOD] > 0.0
+    speed = np.where(stood, wary.creeping, wary.fastest)
+    more, agile = spread(speed, np.full(len(points), agility), age, wary.stop)
+    discs = np.zeros((len(points), 6))
+    discs[:, :2] = points[:, [LX, LY]]
+    discs[:, 4] = discs[:, 5] = 0.5 * _APART + more
+    return discs, agile

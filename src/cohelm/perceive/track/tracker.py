@@ -1,0 +1,345 @@
+"""Tracks moving obstacles from scan to scan, with their velocities.
+
+A thing moves if it stands where it was free to see a moment ago, or if where it stood can be seen
+free now. A change of shape, as of a corner that comes into view, does neither.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.frames import placed
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.scan.clusters import (
+    CX,
+    CY,
+    FIRST,
+    FRESH,
+    HIDDEN,
+    LAST,
+    SIZE,
+    Look,
+    clusters,
+    freshen,
+    looked,
+    was_free,
+)
+from cohelm.perceive.scan.deskew import DeskewedScan
+from cohelm.perceive.space.free_space_memory import Ground, noted, unknown
+from cohelm.perceive.track.potentially_dynamic import (
+    NEAR,
+    Wary,
+    came_by_itself,
+    loose,
+    spread,
+    wild,
+)
+from cohelm.robot.sensors import Lidar
+
+TX, TY, TVX, TVY, PP, PV, VV, RADIUS, SEEN, MISSED, PROOF, MOVES, AX, AY, SINCE = range(15)
+GONE, CALM = 15, 16
+"""Columns of tracks: position, velocity, their variances (the same along both axes: of position,
+both, velocity), radius, scans it was seen in, time since [s], proof that it moves, whether it
+counts as moving, where it stood a while ago, how long ago [s], scans in which its place was free,
+how long nothing proved that it moves [s].
+"""
+
+
+_LEFT = 0.15  # nearer to where it stood, nothing is said of that place [m]
+_BLIND = Look(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
+_ANCHORED = 1.2  # where it stood is remembered for so long [s]
+
+
+class TrackerParams(NamedTuple):
+    """How movers are told."""
+
+    agility: float = 1.0
+    """How fast they may change their velocity [m/s^2], for the filter and for the guard."""
+    scatter: float = 0.05
+    """Standard deviation of a cluster's centre [m]."""
+    slowest: float = 0.1
+    """What moves slower, stands [m/s]."""
+    proof: int = 3
+    """Scans that must prove it moves; up to twice as many are remembered."""
+    calm: float = 3.0
+    """Who has moved, and stands, may walk on, and stays a mover for so long [s]."""
+    keep: float = 1.5
+    """Hidden, a mover is foreseen for so long [s]."""
+    back: tuple[float, ...] = (0.45, 0.95, 1.4)
+    """Sweeps so old are asked what was free then [s]."""
+    wider: float = 0.03
+    """Added to a mover's radius, beside one standard deviation of its place [m]."""
+    body: float = 0.12
+    """What is wider than this is told from the first scan that proves it [m, radius]."""
+    unsure: float = 1.0
+    """So many standard deviations its velocity may be off."""
+    wary: Wary = Wary()
+    """Of things that may set off."""
+
+
+class Movers(NamedTuple):
+    """tracks: (t, 17). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
+    points, whether it belongs to a mover. ground: near the robot. worn: its clock [s]. loose:
+    (l, 3) as in `loose`."""
+
+    tracks: Floats
+    looks: tuple[Look, ...]
+    stamp: float
+    mine: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    ground: Ground
+    worn: float
+    loose: Floats
+
+
+NONE = Movers(
+    np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3))
+)
+
+
+def follow(
+    before: Movers, lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float,
+    care: TrackerParams,
+    fixed: NDArray[np.bool_] | None = None,
+) -> Movers:  # fmt: skip
+    """The movers after a sweep from an `odom` pose at `stamp` [s].
+
+    fixed: (m,) which of its points are on what surely stands, as a map says: who walks past that
+    is not taken for one thing with it.
+    """
+    if fixed is None:
+        fixed = np.zeros(len(sweep.points), np.bool_)
+    dt = min(max(stamp - before.stamp, 0.0), 1.0) if before.looks else 0.0
+    found = clusters(lidar, sweep, pose, lidar.range_max, fixed)
+    for back in care.back:
+        earlier = _look(before.looks, stamp - back)
+        if earlier is not None:
+            freshen(lidar, found, sweep, pose, earlier)
+    now = looked(lidar, sweep, pose, stamp)
+    tracks, whose = _followed(before.tracks, found, lidar, now, dt, care)
+    mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
+    kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
+    first, second = (_look(before.looks, stamp - back) or _BLIND for back in care.back[-2:])
+    wary, worn = care.wary, before.worn + dt
+    if before.looks:
+        way = math.dist(before.looks[-1].sensor[:2], now.sensor[:2])
+        worn += way * wary.keep / wary.vouched
+    places = placed(sweep.points, pose)
+    near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~mine & ~fixed
+    since = worn - wary.keep
+    there = came_by_itself(places, near, before.ground, since, now, lidar.noise)
+    ground = noted(before.ground, lidar, now, places[~mine & ~there], worn)
+    may = loose(lidar, places, there, first, second)
+    return Movers(tracks, (*kept, now), stamp, mine, ground, worn, may)
+
+
+def _look(looks: tuple[Look, ...], when: float) -> Look | None:
+    """The sweep of about that time, if there is one."""
+    if not looks:
+        return None
+    nearest = min(looks, key=lambda look: abs(when - look.stamp))
+    return nearest if abs(when - nearest.stamp) < 0.2 else None
+
+
+def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
+    """The moving discs (n, 6) foretold to `now` [s], and their agility (n,), in `odom`.
+
+    With bodies that perhaps move, by one scan so far: those are told in good time, and count as
+    standing as well; edges and noise are thinner. What is not known of a velocity makes a disc
+    more agile.
+    """
+    t = movers.tracks
+    perhaps = (t[:, PROOF] > 0.0) & (t[:, RADIUS] > care.body)
+    t = t[(t[:, MOVES] > 0.0) | perhaps]
+    ahead = _ahead(movers, now)
+    discs = np.zeros((len(t), 6))
+    discs[:, 0] = t[:, TX] + ahead * t[:, TVX]
+    discs[:, 1] = t[:, TY] + ahead * t[:, TVY]
+    discs[:, 2:4] = t[:, TVX : TVY + 1]
+    off = np.minimum(care.unsure * np.sqrt(t[:, VV]), care.wary.fastest)
+    more, agile = spread(off, np.full(len(t), care.agility), ahead, care.wary.stop)
+    discs[:, 4] = t[:, RADIUS] + care.wider + np.minimum(np.sqrt(t[:, PP]), 0.3) + more
+    discs[:, 5] = discs[:, 4]
+    return discs, agile
+
+
+def strays(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
+    """What is loose at `now` [s], as discs that may go anywhere, (l, 6), and their agility (l,)."""
+    return wild(movers.loose, _ahead(movers, now), care.agility, care.wary)
+
+
+def _ahead(movers: Movers, now: float) -> float:
+    """How far from the newest sweep on is foretold [s]."""
+    return min(max(now - movers.stamp, 0.0), 1.0) if movers.looks else 0.0
+
+
+@jit
+def _followed(
+    tracks: Floats, found: Floats, lidar: Lidar, now: Look, dt: float, care: TrackerParams
+) -> tuple[Floats, Floats]:
+    """The tracks after these clusters, and the track of each cluster (k,)."""
+    t, k = len(tracks), len(found)
+    out = np.zeros((t + k, 17))
+    out[:t] = tracks
+    q = care.agility * care.agility
+    for i in range(t):
+        one = out[i]
+        one[TX] += dt * one[TVX]
+        one[TY] += dt * one[TVY]
+        one[PP] += 2.0 * dt * one[PV] + dt * dt * one[VV] + 0.25 * q * dt**4 + 1e-5
+        one[PV] += dt * one[VV] + 0.5 * q * dt**3
+        one[VV] += q * dt * dt
+        one[MISSED] += dt
+        one[SINCE] += dt
+        one[CALM] += dt
+    whose = np.full(k, -1.0)
+    taken = np.zeros(t, np.bool_)
+    while True:
+        best, bi, bj = 9.0, -1, -1
+        for j in range(k):
+            if whose[j] >= 0.0:
+                continue
+            for i in range(t):
+                if taken[i]:
+                    continue
+                d = math.hypot(found[j, CX] - out[i, TX], found[j, CY] - out[i, TY])
+                if d > 0.6:
+                    continue
+                wide = _scatter(found[j], care) + out[i, PP]
+                cost = d * d / wide + 4.0 * abs(found[j, SIZE] - out[i, RADIUS])
+                if cost < best:
+                    best, bi, bj = cost, i, j
+        if bi < 0:
+            break
+        whose[bj], taken[bi] = bi, True
+        _update(out[bi], found[bj], care)
+        _prove(out[bi], found[bj], lidar, now, care)
+    n = t
+    for j in range(k):
+        if whose[j] < 0.0 and not _within_mover(out, t, found[j]):
+            out[n, TX], out[n, TY], out[n, RADIUS] = found[j, CX], found[j, CY], found[j, SIZE]
+            out[n, PP], out[n, VV] = _scatter(found[j], care), 1.0
+            out[n, SEEN], out[n, AX], out[n, AY] = 1.0, math.nan, found[j, CY]
+            whose[j] = n
+            n += 1
+    kept = np.zeros(n, np.bool_)
+    for i in range(n):
+        kept[i] = _stays(out[i], lidar, now, care)
+    number = np.cumsum(kept) - 1
+    for j in range(k):
+        if whose[j] >= 0.0:
+            i = int(whose[j])
+            whose[j] = number[i] if kept[i] else -1.0
+    return out[:n][kept], whose
+
+
+@jit
+def _scatter(cluster: Floats, care: TrackerParams) -> float:
+    """Variance of a cluster's centre: less sure where only a part is in view [m^2]."""
+    own = care.scatter + (0.5 * cluster[SIZE] + 0.05 if cluster[HIDDEN] > 0.0 else 0.0)
+    return own * own
+
+
+@jit
+def _update(one: Floats, cluster: Floats, care: TrackerParams) -> None:
+    """Kalman update of a track by its cluster."""
+    noise = _scatter(cluster, care)
+    gain_p = one[PP] / (one[PP] + noise)
+    gain_v = one[PV] / (one[PP] + noise)
+    ex, ey = cluster[CX] - one[TX], cluster[CY] - one[TY]
+    one[TX] += gain_p * ex
+    one[TY] += gain_p * ey
+    one[TVX] += gain_v * ex
+    one[TVY] += gain_v * ey
+    one[VV] -= gain_v * one[PV]
+    one[PV] *= 1.0 - gain_p
+    one[PP] *= 1.0 - gain_p
+    size = cluster[SIZE]
+    if cluster[HIDDEN] > 0.0:
+        size = max(size, one[RADIUS])
+    one[RADIUS] += (0.3 if size > one[RADIUS] else 0.1) * (size - one[RADIUS])
+    one[SEEN] += 1.0
+    one[MISSED] = 0.0
+    one[GONE] = 0.0
+
+
+@jit
+def _prove(one: Floats, cluster: Floats, lidar: Lidar, now: Look, care: TrackerParams) -> None:
+    """Weigh whether the track moves, from what was free then and what is free now."""
+    ax, ay = one[TX] - one[AX], one[TY] - one[AY]
+    way = math.hypot(ax, ay)
+    wx, wy = one[AX] - now.sensor.x, one[AY] - now.sensor.y
+    front = 1.0 - one[RADIUS] / max(math.hypot(wx, wy), 2.0 * one[RADIUS])
+    whole = cluster[HIDDEN] == 0.0  # what comes into view beside something nearer seems to move
+    left = (
+        whole
+        and way > _LEFT
+        and was_free(lidar, now, now.sensor.x + front * wx, now.sensor.y + front * wy)
+    )
+    speed = math.hypot(one[TVX], one[TVY])
+    moves = speed > care.slowest
+    if moves and one[SEEN] >= 3.0 and (cluster[FRESH] >= 0.5 or left):
+        one[PROOF] = min(one[PROOF] + 1.0, 2.0 * care.proof)
+    else:
+        one[PROOF] = max(one[PROOF] - 1.0, 0.0)
+    if one[PROOF] >= care.proof:
+        one[MOVES], one[CALM] = 1.0, 0.0
+    elif one[PROOF] == 0.0 and one[CALM] > care.calm:
+        one[MOVES] = 0.0
+    if one[SINCE] > _ANCHORED or math.isnan(one[AX]):
+        one[AX] = one[TX] if whole else math.nan
+        one[AY], one[SINCE] = one[TY], 0.0
+
+
+@jit
+def _within_mover(tracks: Floats, t: int, cluster: Floats) -> bool:
+    """Whether a cluster without a track is a piece of a mover."""
+    for i in range(t):
+        if tracks[i, MOVES] > 0.0:
+            d = math.hypot(cluster[CX] - tracks[i, TX], cluster[CY] - tracks[i, TY])
+            if d < tracks[i, RADIUS] + 0.1:
+                return True
+    return False
+
+
+@jit
+def _stays(one: Floats, lidar: Lidar, now: Look, care: TrackerParams) -> bool:
+    """Whether a track is kept: seen now, or a mover that may be hidden."""
+    if one[MISSED] == 0.0:
+        return True
+    if one[MOVES] == 0.0:
+        return one[MISSED] < 0.25
+    wx, wy = one[TX] - now.sensor.x, one[TY] - now.sensor.y
+    far = max(math.hypot(wx, wy), 1e-6)
+    beyond = 1.0 + (one[RADIUS]) / far
+    if was_free(lidar, now, now.sensor.x + beyond * wx, now.sensor.y + beyond * wy):
+        one[GONE] += 1.0
+    return one[GONE] < 3.0 and one[MISSED] < care.keep
+
+
+@jit
+def _owned(
+    tracks: Floats, whose: Floats, found: Floats, sweep: DeskewedScan, pose: Pose
+) -> np.ndarray:  # fmt: skip
+    """Which points of the sweep are a mover's: those of its cluster, and any within its disc."""
+    mine = np.zeros(len(sweep.points), np.bool_)
+    for j in range(len(found)):
+        i = int(whose[j])
+        if i >= 0 and tracks[i, MOVES] > 0.0:
+            mine[int(found[j, FIRST]) : int(found[j, LAST])] = True
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    for i in range(len(tracks)):
+        if tracks[i, MOVES] == 0.0:
+            continue
+        reach = tracks[i, RADIUS] + 0.05
+        for p in range(len(mine)):
+            x = pose.x + c * sweep.points[p, 0] - s * sweep.points[p, 1]
+            y = pose.y + s * sweep.points[p, 0] + c * sweep.points[p, 1]
+            dx, dy = x - tracks[i, TX], y - tracks[i, TY]
+            if dx * dx + dy * dy < reach * reach:
+                mine[p] = True
+    return mine

@@ -1,0 +1,25 @@
+"""Turns what perception has seen into obstacles for filter and pilot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cohelm.core.frames import placed, turned
+from cohelm.core.types import VX, VY, Floats, Pose, X, Y
+from cohelm.law.guard.surroundings import Surroundings
+from cohelm.perceive.pipeline import Seen
+
+_NO_WALLS: Floats = np.empty((0, 4))
+
+
+def obstacles_from_perception(seen: Seen, odom: Pose, points: Floats | None = None) -> Surroundings:
+    """What is seen, in the frame in which `odom` is at this pose.
+
+    points: (p, 2), those of `seen`, where somebody has them in that frame already [m].
+    """
+    discs = seen.mobile.copy()
+    discs[:, X : Y + 1] = placed(discs[:, X : Y + 1], odom)
+    discs[:, VX : VY + 1] = turned(discs[:, VX : VY + 1], odom.psi)
+    if points is None:
+        points = placed(seen.points, odom)
+    return Surroundings(discs, seen.mobile_agility, _NO_WALLS, points)

@@ -1,0 +1,332 @@
+"""Replans a few times a second: is the course clear, is there a better one, a recovery move?"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.jit import jit, jit_inline
+from cohelm.core.types import RADIUS, Desired, Floats, Pose, Twist, X, Y
+from cohelm.law.govern import Clock, governed, nearest_ahead
+from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.reference import through
+from cohelm.pilot.rollout import ahead
+from cohelm.pilot.step import NO_MOVE, Settings, State
+from cohelm.plan.course import Course, Route, course, nearest_row, paced, window
+from cohelm.plan.distance_field import swept
+from cohelm.plan.elastic_band import distances
+from cohelm.plan.path_planner import PathParams, way
+from cohelm.plan.prediction import Foresight, met
+from cohelm.plan.recovery import Choices, Escape, escape, kind
+
+_ROUND = 24  # points around a disc, at least
+_FINE = 0.03  # between points around a disc that is near [m]
+_NEAR = 1.5  # the robot's centre to a disc's surface [m]
+_CHOICES = Choices()
+_NO_WAY: Floats = np.empty((0, 2))
+_PERIOD = 0.25  # of plans, at most, for `_once_a_second` to come once a second [s]
+
+
+class ReplanParams(NamedTuple):
+    """When a new way is looked for, and how far."""
+
+    look: float = 4.0
+    """How far ahead the course has to be clear [m]."""
+    known: float = 6.0
+    """What is farther from the robot is left out of plans [m]."""
+    accept: float = 0.06
+    """Least gap of the outline with which the given route is followed as it is [m]."""
+    roomy: float = 0.2
+    """Least gap with which a way round is not reconsidered [m]."""
+    astray: float = 0.6
+    """Distance from the course at which a way back is looked for [m]."""
+    rejoin: float = 0.3
+    """Distance from the route up to which the robot changes back onto it [m]."""
+    slack: float = 0.02
+    """A way round is kept while it is no more than this tighter than a new one has to be: sensors
+    tell now a little more, now a little less [m]."""
+    patience: float = 0.6
+    """Between two looks for a way that is not needed but might be better [s]."""
+    beside: float = 0.15
+    """Where a way ends farther from the route's end than this, a better one is looked for [m]."""
+    waits: float = 1.0
+    """How long the robot is held up before it looks for a way out [s]."""
+    turned: float = 1.2
+    """From this far off the course's heading the robot turns on the spot first [rad]."""
+    foresight: Foresight = Foresight()
+    """Of things that move."""
+
+
+class Task(NamedTuple):
+    """A snapshot for `plan`, which may run elsewhere."""
+
+    state: State
+    pose: Pose
+    twist: Twist
+    around: Surroundings
+    course: Course
+    since: float
+    """How long the course has been followed [s]."""
+    led: bool
+    """Whether the person leads."""
+
+
+class Plan(NamedTuple):
+    """What is to be followed from now on."""
+
+    course: Course
+    new: bool
+    """Whether it is another course, not the old one at new speeds."""
+    move: Escape | None
+    """A move out of a tight spot to begin with."""
+    failed: bool
+    """Whether a way was looked for, and none found."""
+    gap: float
+    """Least gap of the outline on the stretch ahead [m]."""
+
+
+def plan(
+    task: Task, route: Route, settings: Settings, manners: PathParams, care: ReplanParams
+) -> Plan:
+    """The plan for a snapshot: the course at the speeds that what is known allows, or another one.
+
+    The route itself is followed where it is clear by `accept`; else a way round what is in the
+    way, back onto the route and on along it. Held up for long, or looking the wrong way, the
+    robot first gets out of where it is.
+    """
+    around, state, now = task.around, task.state, task.course
+    if state.evasion.on and not _once_a_second(task):  # it does not follow the course meanwhile
+        return Plan(now, False, None, False, math.inf)
+    there = known(around, task.pose, care.known)
+    coming = met(around.discs, task.pose, route.reference.speed, care.known, care.foresight)
+    points = np.concatenate((there, coming)) if len(coming) else there
+    refreshed, gap = paced(now, state.clock.tau, care.look, points, settings.outline, settings.pace)
+    kept = Plan(refreshed, False, None, False, gap)
+    if task.led or state.left != NO_MOVE:
+        return kept
+    far = not len(coming) and _once_a_second(task)
+    made = _course(task, points, kept, route, settings, manners, care, far)
+    if made.failed and len(coming):
+        far = _once_a_second(task)
+        made = _course(task, there, kept, route, settings, manners, care, far)
+    return made._replace(move=_way_out(task, made, there, route, settings, manners, care))
+
+
+def _course(
+    task: Task, points: Floats, kept: Plan, route: Route, settings: Settings, manners: PathParams,
+    care: ReplanParams, far: bool,
+) -> Plan:  # fmt: skip
+    """The course to follow, without regard to where the robot looks."""
+    state, pose, now = task.state, task.pose, task.course
+    on_route = now.row == 0
+    at = governed(now.reference, state.clock, pose, settings.pace)
+    astray = math.hypot(at.x - pose.x, at.y - pose.y) > care.astray
+    held = state.clock.waited > care.waits
+    if on_route and kept.gap >= care.accept and not astray and not held:
+        return kept
+    if not on_route and not held:
+        back = _rejoined(task, points, route, settings, care)
+        if back is not None:
+            return back
+    short = not now.last and _remaining(now, state.clock.tau) < 0.75 * care.look
+    off = now.poses[-1, :2] - route.line[-1]
+    # What stood or walked where the route ends may be gone.
+    beside = now.last and not on_route and math.hypot(off[0], off[1]) > care.beside
+    ended = beside and _remaining(now, state.clock.tau) < 0.1
+    fine = kept.gap >= manners.gap - care.slack and not (
+        astray or held or short or on_route or ended
+    )
+    if fine and (kept.gap >= care.roomy or task.since < care.patience):
+        return kept
+    found = _round(task, points, route, settings, manners, care, far)
+    back = found is None or abs(_taken_up(found, task, route, settings)[2]) > care.turned
+    if fine and not beside and back:  # no way that begins with turning round is better
+        return kept
+    if found is not None and ended:
+        nearer = found.course.poses[-1, :2] - route.line[-1]
+        found = found if math.hypot(*nearer) < math.hypot(*off) - 0.1 else None
+    return kept._replace(failed=not ended) if found is None else found
+
+
+def _taken_up(
+    made: Plan, task: Task, route: Route, settings: Settings
+) -> tuple[Clock, Desired, float]:
+    """The clock of a plan's course now, what is desired then, and by how much the robot looks
+    another way [rad]."""
+    clock = task.state.clock
+    if made.new:
+        clock = entered(made.course, route, task.state.row, task.pose, task.twist)
+    to = governed(made.course.reference, clock, task.pose, settings.pace)
+    return clock, to, math.remainder(to.psi - task.pose.psi, 2.0 * math.pi)
+
+
+def _rejoined(
+    task: Task, points: Floats, route: Route, settings: Settings, care: ReplanParams
+) -> Plan | None:
+    """Back onto the route itself, where the robot is on it and it is clear ahead."""
+    row, pose = task.state.row, task.pose
+    x, y = route.line[row]
+    following = route.line[min(row + 1, len(route.line) - 1)] - route.line[max(row - 1, 0)]
+    off = math.remainder(math.atan2(following[1], following[0]) - pose.psi, 2.0 * math.pi)
+    if math.hypot(x - pose.x, y - pose.y) > care.rejoin or abs(off) > 0.5:
+        return None
+    own = course(route.reference, 0, True, settings.pace)
+    made, gap = paced(
+        own, float(route.times[row]), care.look, points, settings.outline, settings.pace
+    )
+    if gap < 1.25 * care.accept:
+        return None
+    clock = entered(made, route, row, pose, task.twist)
+    drive = ahead(made, clock, pose, task.twist, care.look, settings)
+    if len(drive) and swept(points, settings.outline, drive).min() < care.accept:
+        return None
+    return Plan(made, True, None, False, gap)
+
+
+def _round(
+    task: Task, points: Floats, route: Route, settings: Settings, manners: PathParams,
+    care: ReplanParams,
+    far: bool,
+) -> Plan | None:  # fmt: skip
+    """A way from the robot back onto the route, and on along it.
+
+    far: whether to look far afield if there is none nearby.
+    """
+    line, pose = route.line, task.pose
+    row = nearest_row(line, pose, task.state.row, max(task.state.row + 20, task.course.row))
+    now, clock = task.course, task.state.clock
+    chosen = _NO_WAY
+    if now.row > 0 and clock.waited <= care.waits:
+        chosen = now.poses[slice(*window(now, clock.tau, care.known)), :2]
+    for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
+        end = min(len(line), row + int(reach * care.look / 0.1))
+        found = way(
+            pose, points, line[:end], settings.outline, manners, row, care.look, farther, chosen
+        )
+        if found is not None:
+            break
+    else:
+        return None
+    if len(found.points) < 3:
+        return None
+    tail = line[found.rejoined + 2 : end : 2]
+    last = end == len(line)
+    corners = np.vstack((found.points[:-1:2], found.points[-1:]))
+    if found.rejoined < end - 1:
+        corners = np.vstack((corners, tail, line[end - 1 : end]))
+    steps = np.diff(distances(corners))
+    keep = np.concatenate(([True], steps > 0.02))
+    if keep.sum() < 2:
+        return None
+    made = course(
+        through(corners[keep], route.reference.speed), max(found.rejoined, 1), last, settings.pace
+    )
+    made, gap = paced(made, 0.0, care.look, points, settings.outline, settings.pace)
+    return Plan(made, True, None, False, gap)
+
+
+def _way_out(
+    task: Task, made: Plan, points: Floats, route: Route, settings: Settings, manners: PathParams,
+    care: ReplanParams,
+) -> Escape | None:  # fmt: skip
+    """A move out of a tight spot, if one is needed and there is one."""
+    pose = task.pose
+    clock, to, off = _taken_up(made, task, route, settings)
+    held = task.state.clock.waited > care.waits
+    over = clock.tau >= made.course.reference.knots[-1]
+    if over or (abs(off) <= care.turned and not held):
+        return None
+    refused = task.state.refused
+    choices = _CHOICES._replace(gaps=(*(g for g in _CHOICES.gaps if g > manners.gap), manners.gap))
+    move = escape(pose, to.psi, points, settings.outline, choices, refused)
+    if move is None and refused:
+        move = escape(pose, to.psi, points, settings.outline, choices)
+    if move is not None and abs(off) < 0.3 and move.distance == 0.0:
+        back = Escape(-0.2, 0.0, 0.0)  # looks where it should, but does not get on
+        return Escape(0.1, 0.0, 0.0) if kind(back) & refused else back
+    return move
+
+
+def entered(course: Course, route: Route, row: int, pose: Pose, twist: Twist) -> Clock:
+    """The clock with which another course is taken up on the way.
+
+    row: of the route, where the robot is.
+    """
+    on_route = course.row == 0
+    first = float(route.times[max(row - 2, 0)]) if on_route else 0.0
+    tau = nearest_ahead(course.reference, pose, first, 0.6)
+    return Clock(tau, min(max(twist.v / course.reference.speed, 0.0), 1.0), 0.0)
+
+
+def _once_a_second(task: Task) -> bool:
+    """Whether it is time to look far afield, which takes long: at the start, then each second."""
+    time = task.state.time
+    return time < 0.5 or time % 1.0 < _PERIOD
+
+
+def _remaining(course: Course, tau: float) -> float:
+    """How far it is to the end of a course, about [m]."""
+    return (course.reference.duration - tau) * course.reference.speed
+
+
+def known(around: Surroundings, pose: Pose, far: float) -> Floats:
+    """All that is within `far` of the robot as points on its surfaces, (p, 2) [m]."""
+    return _surfaces(around.discs, around.segments, around.points, pose, far)
+
+
+@jit_inline
+def _ring(disc: Floats, pose: Pose) -> int:
+    """How many points stand for a disc: where a corner may have to pass, their chords matter."""
+    r = disc[RADIUS]
+    if math.hypot(disc[X] - pose.x, disc[Y] - pose.y) - r > _NEAR:
+        return _ROUND
+    return max(_ROUND, min(int(2.0 * math.pi * r / _FINE), 8 * _ROUND))
+
+
+@jit
+def _surfaces(discs: Floats, walls: Floats, seen: Floats, pose: Pose, far: float) -> Floats:
+    spacing = 0.05
+    most = len(seen)
+    for i in range(len(discs)):
+        most += _ring(discs[i], pose)
+    for i in range(len(walls)):
+        length = math.hypot(walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1])
+        most += int(min(length, 2.0 * far) / spacing) + 2
+    points = np.empty((most, 2))
+    n = 0
+    for i in range(len(discs)):
+        dx, dy, r = discs[i, X] - pose.x, discs[i, Y] - pose.y, discs[i, RADIUS]
+        if not math.hypot(dx, dy) < far + r:
+            continue
+        ring = _ring(discs[i], pose)
+        for j in range(ring):
+            angle = 2.0 * math.pi * j / ring
+            points[n, 0] = discs[i, X] + r * math.cos(angle)
+            points[n, 1] = discs[i, Y] + r * math.sin(angle)
+            n += 1
+    for i in range(len(walls)):
+        ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
+        length = math.hypot(ex, ey)
+        if not 0.0 < length < math.inf:
+            continue
+        along = ((pose.x - walls[i, 0]) * ex + (pose.y - walls[i, 1]) * ey) / length
+        across = ((pose.x - walls[i, 0]) * ey - (pose.y - walls[i, 1]) * ex) / length
+        if not abs(across) < far:
+            continue
+        half = math.sqrt(far * far - across * across)
+        first, last = max(along - half, 0.0), min(along + half, length)
+        if first > last:
+            continue
+        steps = int((last - first) / spacing) + 1
+        for j in range(steps + 1):
+            share = (first + (last - first) * j / steps) / length
+            points[n, 0], points[n, 1] = walls[i, 0] + share * ex, walls[i, 1] + share * ey
+            n += 1
+    for i in range(len(seen)):
+        dx, dy = seen[i, 0] - pose.x, seen[i, 1] - pose.y
+        if dx * dx + dy * dy < far * far:
+            points[n, 0], points[n, 1] = seen[i, 0], seen[i, 1]
+            n += 1
+    return points[:n]

@@ -1,0 +1,1 @@
+"""Where to go: path planner, elastic band, recovery moves, prediction and evasion."""

@@ -1,0 +1,136 @@
+"""Courses: the given route and the path followed now, with speeds all along it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose
+from cohelm.law.govern import PaceParams, Profile, profile
+from cohelm.law.reference import Reference, evaluate
+from cohelm.plan.distance_field import swept
+
+SPACING = 0.05
+"""Between poses along a course [m]."""
+_LEFT_OVER = 2.0  # as far as the nearest place of the route is looked for ahead of the last [m]
+
+
+class Course(NamedTuple):
+    """A reference as it is followed now."""
+
+    reference: Reference
+    poses: Floats
+    """(n, 3), at times evenly over the reference, both ends included [m, m, rad]."""
+    paced: Profile
+    """The rate allowed at each of the poses."""
+    row: int
+    """Row of the route at which it is back on the route; 0 for the route itself."""
+    last: bool
+    """Whether it ends where the route does, or as near to that as there is a way."""
+
+
+class Route(NamedTuple):
+    """What was asked for: the given reference, also as a line."""
+
+    reference: Reference
+    line: Floats
+    """(m, 2), world frame, evenly spaced [m]."""
+    times: Floats
+    """(m,), when the reference is there [s]."""
+
+
+def route(reference: Reference, spacing: float = 0.1) -> Route:
+    """The route that a reference describes, as points at most about `spacing` apart [m]."""
+    poses = poses_along(reference, 0.25 * spacing)
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    along = np.concatenate((np.zeros(1), np.cumsum(steps)))
+    n = max(math.ceil(float(along[-1]) / spacing), 1) + 1
+    at = np.linspace(0.0, float(along[-1]), n)
+    line = np.column_stack([np.interp(at, along, poses[:, c]) for c in (0, 1)])
+    every = np.linspace(0.0, reference.duration, len(poses))
+    return Route(reference, np.ascontiguousarray(line), np.interp(at, along, every))
+
+
+def nearly_done(line: Floats, near: float) -> int:
+    """The row of a route's line from which on being `near` its end [m] is to have arrived.
+
+    Before it the robot only passes there: a route that closes on itself begins at its end. What
+    may be left over is cut off at a last corner, at most.
+    """
+    if len(line) < 2:
+        return 0
+    spacing = math.hypot(line[1, 0] - line[0, 0], line[1, 1] - line[0, 1])
+    last = len(line) - 1
+    left = (near + min(_LEFT_OVER, 0.25 * last * spacing)) / max(spacing, 1e-9)
+    return max(math.floor(last - left), min(last, 1))
+
+
+def course(reference: Reference, row: int, last: bool, pace: PaceParams) -> Course:
+    """A course along a reference with nothing near."""
+    poses = poses_along(reference, SPACING)
+    free = np.full(len(poses), math.inf)
+    return Course(reference, poses, profile(reference, free, pace), row, last)
+
+
+def poses_along(reference: Reference, spacing: float) -> Floats:
+    """Poses at times evenly over a reference, about `spacing` apart at its speed, (n, 3)."""
+    n = max(math.ceil(reference.duration * reference.speed / spacing), 1) + 1
+    return _poses(reference, n)
+
+
+@jit
+def _poses(reference: Reference, n: int) -> Floats:
+    poses = np.empty((n, 3))
+    end = reference.knots[-1]
+    for i in range(n):
+        m = evaluate(reference.knots, reference.coeffs, end * i / (n - 1))
+        poses[i, 0], poses[i, 1], poses[i, 2] = m.x, m.y, math.atan2(m.vy, m.vx)
+    return poses
+
+
+@jit
+def paced(
+    course: Course, tau: float, far: float, points: Floats, outline: Floats, pace: PaceParams
+) -> tuple[Course, float]:
+    """The course with its speeds by what is known now, and the least gap of the outline [m].
+
+    Looked at from the time `tau` on to `far` metres ahead; beyond that it counts as free.
+    points: (p, 2), what is known [m].
+    """
+    n = len(course.poses)
+    gaps = np.full(n, math.inf)
+    first, end = window(course, tau, far)
+    gaps[first:end] = swept(points, outline, course.poses[first:end])
+    least = math.inf
+    for i in range(first + 1, end):  # the robot is at the first already
+        least = min(least, gaps[i])
+    made = profile(course.reference, gaps, pace)
+    return Course(course.reference, course.poses, made, course.row, course.last), least
+
+
+@jit
+def window(course: Course, tau: float, far: float) -> tuple[int, int]:
+    """The poses from the time `tau` to `far` metres ahead, as first and one past the last."""
+    n = len(course.poses)
+    first = int(max(tau, 0.0) / course.reference.knots[-1] * (n - 1))
+    first = min(first, n - 2)
+    end, way = first + 1, 0.0
+    while end < n and way < far:
+        a, b = course.poses[end - 1], course.poses[end]
+        way += math.hypot(b[0] - a[0], b[1] - a[1])
+        end += 1
+    return first, end
+
+
+@jit
+def nearest_row(line: Floats, pose: Pose, first: int, last: int) -> int:
+    """The row of a line nearest to the robot among first ... last."""
+    best, least = first, math.inf
+    for i in range(first, min(last + 1, len(line))):
+        dx, dy = line[i, 0] - pose.x, line[i, 1] - pose.y
+        if dx * dx + dy * dy < least:
+            best, least = i, dx * dx + dy * dy
+    return best

@@ -1,0 +1,134 @@
+"""Distance field: how far every cell is from the nearest point seen."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Ints
+
+
+class Chart(NamedTuple):
+    """Clearance over a rectangle of the world.
+
+    clearance: (rows, columns), distance from each cell's centre to the nearest point [m]; rows
+    run along y, columns along x. resolution: side of a cell [m]. (x, y): centre of cell (0, 0).
+    """
+
+    clearance: Floats
+    resolution: float
+    x: float
+    y: float
+
+
+def chart(
+    points: Floats, low: tuple[float, float], high: tuple[float, float], resolution: float
+) -> Chart:
+    """The chart of the rectangle from `low` to `high` for points (p, 2), world frame [m].
+
+    The distance is that to the nearest point of the nearest cell that holds any. Without a point
+    inside the rectangle all is infinitely clear; points outside it are left out, so leave a
+    border.
+    """
+    columns = math.ceil((high[0] - low[0]) / resolution) + 1
+    rows = math.ceil((high[1] - low[1]) / resolution) + 1
+    place = np.rint((points - np.array(low)) / resolution)
+    inside = ((place >= 0.0) & (place < (columns, rows))).all(axis=1)
+    cells = place[inside].astype(np.int64)
+    if len(cells) == 0:
+        return Chart(np.full((rows, columns), math.inf), resolution, low[0], low[1])
+    flat = cells[:, 1] * columns + cells[:, 0]
+    order = np.argsort(flat, kind="stable")
+    first = np.searchsorted(flat[order], np.arange(rows * columns + 1))
+    nearest: NDArray[np.int32] = ndimage.distance_transform_edt(
+        (first[1:] == first[:-1]).reshape(rows, columns),
+        return_distances=False,
+        return_indices=True,
+    )
+    made = Chart(np.empty((rows, columns)), resolution, low[0], low[1])
+    _measure(made, points[inside][order], first, nearest)
+    return made
+
+
+@jit
+def _measure(chart: Chart, points: Floats, first: Ints, nearest: NDArray[np.int32]) -> None:
+    """Fill in the clearance: of each cell to the points of the cell that is nearest to it.
+
+    points: in the order of their cells. first: (cells + 1,), where those of each cell begin.
+    nearest: (2, rows, columns), row and column of the nearest cell that holds any.
+    """
+    rows, columns = chart.clearance.shape
+    for i in range(rows):
+        y = chart.y + chart.resolution * i
+        for j in range(columns):
+            x = chart.x + chart.resolution * j
+            cell = nearest[0, i, j] * columns + nearest[1, i, j]
+            square = math.inf
+            for p in range(first[cell], first[cell + 1]):
+                dx, dy = points[p, 0] - x, points[p, 1] - y
+                square = min(square, dx * dx + dy * dy)
+            chart.clearance[i, j] = math.sqrt(square)
+
+
+@jit
+def clearance(chart: Chart, x: float, y: float) -> float:
+    """The clearance at a world point, linear between cell centres; outside, of the border [m]."""
+    rows, columns = chart.clearance.shape
+    u = min(max((x - chart.x) / chart.resolution, 0.0), columns - 1.0)
+    v = min(max((y - chart.y) / chart.resolution, 0.0), rows - 1.0)
+    j, i = min(int(u), columns - 2), min(int(v), rows - 2)
+    s, t = u - j, v - i
+    c = chart.clearance
+    if c[i, j] == math.inf:
+        return math.inf
+    return (1.0 - t) * ((1.0 - s) * c[i, j] + s * c[i, j + 1]) + t * (
+        (1.0 - s) * c[i + 1, j] + s * c[i + 1, j + 1]
+    )
+
+
+def inscribed(outline: Floats) -> float:
+    """Radius of the largest circle around the body origin inside a convex outline (k, 2) [m]."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    across = outline[:, 0] * edges[:, 1] - outline[:, 1] * edges[:, 0]
+    return float((across / np.hypot(edges[:, 0], edges[:, 1])).min())
+
+
+@jit
+def swept(points: Floats, outline: Floats, poses: Floats) -> Floats:
+    """The gap of a convex outline (k, 2) to the nearest point, at each of the poses (n, 3) [m].
+
+    0 where a point is inside or touched, inf without points.
+    """
+    reach = 0.0
+    for k in range(len(outline)):
+        reach = max(reach, math.hypot(outline[k, 0], outline[k, 1]))
+    gaps = np.full(len(poses), math.inf)
+    for i in range(len(poses)):
+        c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        for p in range(len(points)):
+            dx, dy = points[p, 0] - poses[i, 0], points[p, 1] - poses[i, 1]
+            far = gaps[i] + reach
+            if dx * dx + dy * dy < far * far:
+                gap = _outside(outline, c * dx + s * dy, -s * dx + c * dy)
+                gaps[i] = min(gaps[i], gap)
+    return gaps
+
+
+@jit
+def _outside(outline: Floats, px: float, py: float) -> float:
+    """Distance of a body-frame point from the outline, 0 inside [m]."""
+    k = outline.shape[0]
+    nearest = math.inf
+    for i in range(k):
+        j = i + 1 if i + 1 < k else 0
+        ex, ey = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
+        wx, wy = px - outline[i, 0], py - outline[i, 1]
+        if wx * ey - wy * ex > 0.0:
+            t = min(max((wx * ex + wy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+            nearest = min(nearest, (wx - t * ex) ** 2 + (wy - t * ey) ** 2)
+    return math.sqrt(nearest) if nearest < math.inf else 0.0

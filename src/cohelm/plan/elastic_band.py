@@ -1,0 +1,77 @@
+"""Elastic band (Quinlan 1993): a path made taut, smooth, and pushed off what it comes near."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose
+from cohelm.plan.distance_field import Chart, clearance
+
+_REFRESHES = 4  # the points are laid out evenly again this often
+_AHEAD = math.radians(60.0)  # a path within this angle of the heading begins along the heading
+
+
+def tangents(line: Floats) -> Floats:
+    """Poses along a polyline (m, 2), m >= 2, heading from each point's predecessor to its
+    successor, (m, 3) [m, rad]."""
+    ahead = np.gradient(line, axis=0)
+    return np.column_stack((line, np.arctan2(ahead[:, 1], ahead[:, 0])))
+
+
+def distances(line: Floats) -> Floats:
+    """How far along a polyline (m, 2), m >= 1, each of its points is, (m,) [m]."""
+    steps = np.diff(line, axis=0)
+    return np.concatenate((np.zeros(1), np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
+
+
+def spread(line: Floats, spacing: float) -> Floats:
+    """A polyline (m, 2), m >= 1, as points evenly along it, at most `spacing` apart [m]."""
+    along = distances(line)
+    length = float(along[-1])
+    n = max(math.ceil(length / spacing), 1) + 1
+    at = np.linspace(0.0, length, n)
+    return np.column_stack((np.interp(at, along, line[:, 0]), np.interp(at, along, line[:, 1])))
+
+
+def band(
+    chart: Chart, path: Floats, start: Pose, wanted: float, spacing: float, rounds: int
+) -> Floats:
+    """A path as smooth way-points, (m, 2) [m]: taut, but pushed off what is nearer than `wanted`.
+
+    Begins at the robot, and in its direction where the path does so roughly, within 60 degrees.
+    """
+    points = path.copy()
+    points[0] = start.x, start.y
+    for _ in range(_REFRESHES):
+        points = spread(points, spacing)
+        fixed = 1
+        if len(points) > 3:
+            ahead = points[2] - points[0]
+            off = math.remainder(math.atan2(ahead[1], ahead[0]) - start.psi, 2.0 * math.pi)
+            if abs(off) < _AHEAD:
+                heading = np.array([math.cos(start.psi), math.sin(start.psi)])
+                points[1] = points[0] + spacing * heading
+                fixed = 2
+        pull(chart, points, fixed, wanted, rounds // _REFRESHES)
+    return points
+
+
+@jit
+def pull(chart: Chart, points: Floats, fixed: int, wanted: float, rounds: int) -> None:
+    """Move the points of a band in place; the first `fixed` and the last stay."""
+    h = chart.resolution
+    for _ in range(rounds):
+        for i in range(fixed, len(points) - 1):
+            x, y = points[i, 0], points[i, 1]
+            dx = 0.5 * (points[i - 1, 0] + points[i + 1, 0]) - x
+            dy = 0.5 * (points[i - 1, 1] + points[i + 1, 1]) - y
+            c = clearance(chart, x, y)
+            if c < wanted:
+                # not normalised: between two walls it vanishes, and so must the push
+                push = 0.15 * (wanted - c) / (2.0 * h)
+                dx += push * (clearance(chart, x + h, y) - clearance(chart, x - h, y))
+                dy += push * (clearance(chart, x, y + h) - clearance(chart, x, y - h))
+            points[i, 0], points[i, 1] = x + 0.7 * dx, y + 0.7 * dy

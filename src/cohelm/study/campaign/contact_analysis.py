@@ -1,0 +1,89 @@
+"""Analyses a contact: what could have been known of the obstacle before it was touched."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.frames import compose, placed
+from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
+from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.sensors import Lidar
+from cohelm.sim.lidar import sight
+from cohelm.sim.setup import Setup
+from cohelm.sim.twin.settings import Twinned
+
+_BEAMS = 5  # of a scan that end on a thing: fewer do not count as having it in view
+_ON = 0.01  # an end as near to a disc's surface as this is on it [m]
+_AROUND = 0.1  # of a wall, what is as near to where it was touched as this [m]
+
+
+class Touch(NamedTuple):
+    """See the columns of `Row` that begin with contact_."""
+
+    seen: float
+    share: float
+    speed: float
+    driven: float
+
+
+NOTHING_TOUCHED = Touch(math.nan, math.nan, math.nan, math.nan)
+
+
+def first_touch(
+    setup: Setup, twin: Twinned, rows: NDArray[np.void], discs: Floats, when: float
+) -> Touch:
+    """Facts of the contact at time `when` [s]. rows: (n,) of a drive, discs: (n, m, 6)."""
+    k = int(np.argmin(np.abs(rows["t"] - when)))
+    pose, walls = _pose(rows[k]), setup.around.walls
+    at = discs[k]
+    gaps = [disc_clearance(pose, setup.outline, d[X], d[Y], d[RADIUS]) for d in at]
+    gaps += [segment_clearance(pose, setup.outline, *wall) for wall in walls.tolist()]
+    which = int(np.argmin(gaps))
+    disc = at[which] if which < len(at) else None
+    speed = 0.0 if disc is None else math.hypot(disc[VX], disc[VY])
+    turn = float(np.hypot(*setup.outline.T).max()) * abs(float(rows["applied_omega"][k]))
+    driven = abs(float(rows["applied_v"][k])) + turn
+    if twin.robot.lidar is None:
+        return Touch(0.0, 0.0, speed, driven)
+    place = (0.0, 0.0) if disc is not None else _place(pose, setup.outline, walls[which - len(at)])
+    lidar, every = twin.robot.lidar.lidar(), 1.0 / (twin.robot.lidar.rate_hz * setup.dt)
+    steps = [k - round(j * every) for j in range(int(k / every) + 1)]
+    view = [_in_view(setup, lidar, rows[j], discs[j], which, place) for j in steps]
+    unbroken = view.index(False) if False in view else len(view)
+    return Touch(unbroken * every * setup.dt, float(np.mean(view)), speed, driven)
+
+
+def _in_view(
+    setup: Setup, lidar: Lidar, row: NDArray[np.void], discs: Floats, which: int,
+    place: tuple[float, float],
+) -> bool:  # fmt: skip
+    """Whether enough beams of a scan from there end on disc `which`, or at the place on a wall."""
+    ranges, walls = np.empty(len(lidar.beams)), setup.around.walls
+    pose = _pose(row)
+    sight(pose, lidar, discs, walls, setup.grid, ranges)
+    near = ranges < lidar.range_max
+    ends = placed(ranges[near, None] * lidar.beams[near], compose(pose, lidar.mount))
+    if which < len(discs):
+        x, y, radius = discs[which, [X, Y, RADIUS]]
+        on = np.abs(np.hypot(ends[:, 0] - x, ends[:, 1] - y) - radius) < _ON
+    else:
+        on = np.hypot(ends[:, 0] - place[0], ends[:, 1] - place[1]) < _AROUND
+    return bool(on.sum() >= _BEAMS)
+
+
+def _place(pose: Pose, outline: Floats, wall: Floats) -> tuple[float, float]:
+    """The point of a wall that is nearest to the outline."""
+    share = np.linspace(0.0, 1.0, max(round(math.dist(wall[:2], wall[2:]) / 0.01), 1) + 1)
+    points = wall[:2] + share[:, None] * (wall[2:] - wall[:2])
+    near = points[np.hypot(*(points - pose[:2]).T) < 2.0]
+    gaps = [disc_clearance(pose, outline, x, y, 0.0) for x, y in near.tolist()]
+    x, y = near[int(np.argmin(gaps))].tolist()
+    return x, y
+
+
+def _pose(row: NDArray[np.void]) -> Pose:
+    return Pose(float(row["x"]), float(row["y"]), float(row["psi"]))

@@ -1,0 +1,37 @@
+"""Laws by others in a campaign: the same episodes, the same plant, the same judge as ours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.plugins import plugin
+from cohelm.core.trace import Trace
+from cohelm.robot.model import RobotModel
+from cohelm.study.campaign.episode import LAWS, Episode
+from cohelm.study.controlled import ControllerFactory, driven
+
+GROUP = "cohelm.laws"
+"""Entry points that name laws by others."""
+
+
+def is_own(law: str) -> bool:
+    """Whether a law is not one of ours, but `package:factory` or an entry point."""
+    return law not in LAWS
+
+
+def factory(law: str) -> ControllerFactory:
+    """What makes the law for a robot and a control period. CohelmError where there is none."""
+    made: ControllerFactory = plugin(GROUP, law)
+    if not callable(made):
+        raise CohelmError(f"{law} must be a function (robot, period) that returns a controller")
+    return made
+
+
+def own_trace(case: Episode, law: str) -> Trace:
+    """The drive of a case under a law of somebody else, which is told all there is."""
+    setup = replace(case.setup, pilot=None)
+    if case.goal is not None:
+        setup = replace(setup, near=case.goal.near)
+    robot = RobotModel.of(case.robot, setup.outline, setup.limits, delay=setup.delay)
+    return driven(setup, factory(law)(robot, setup.dt))

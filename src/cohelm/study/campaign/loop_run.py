@@ -1,0 +1,141 @@
+"""An episode on the twin, driven by the loop that drives robots: keeper, gate and monitors too.
+
+What a robot is driven with is all here, in simulated time: `Loop` with its watch over the senses,
+the stick that has to be armed, plans that take their time, the gate, the collision monitor and the
+plausibility monitor. What a person would do about a stop is done: reset it a second later, and
+choose the mode again. How often that was, and how often gate and monitors changed a command, is
+counted. An attacker drives by the same loop in manual; attacker and walkers know everything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.trace import Trace
+from cohelm.core.types import Floats, Stick
+from cohelm.link.messages import Arming, Mode
+from cohelm.loop.driver import Driver
+from cohelm.loop.loop import Loop, LoopParams
+from cohelm.loop.operator import Scripted
+from cohelm.loop.planning import InProcessPlanner
+from cohelm.loop.stick_arming import CENTRED
+from cohelm.perceive.pipeline import Perception
+from cohelm.robot.gate.gate import Passed, Proposal
+from cohelm.robot.gate.modes import driving, latched
+from cohelm.robot.keep.gated_robot import GatedRobot, rules
+from cohelm.robot.keep.record_pipe import Line
+from cohelm.sim.adversarial import Attack, deflection
+from cohelm.sim.setup import Setup
+from cohelm.sim.twin.drive import TwinRun, stepped
+from cohelm.sim.twin.movers import Pursuers
+from cohelm.sim.twin.robot import Twin
+from cohelm.study.campaign.interventions import Interventions
+
+_RESET_AFTER = 1.0
+"""Somebody who looks on sees to a stop so soon [s]."""
+
+
+class Watched(GatedRobot):
+    """A keeper in this process that counts what it does."""
+
+    def __init__(self, robot: Twin, period: float, acted: Interventions) -> None:
+        super().__init__(robot, rules(robot.model, period))
+        self._acted = acted
+
+    def propose(self, proposal: Proposal) -> Passed:
+        """As any keeper."""
+        passed, acted = super().propose(proposal), self._acted
+        if driving(self.gate.mode):
+            by_monitor = self.let_through < 1.0
+            acted.monitors += by_monitor
+            acted.gate += not by_monitor and passed.out != proposal.twist
+        return passed
+
+
+def pieces(setup: Setup, acted: Interventions, length: int) -> Iterator[Trace]:
+    """The drive in traces of `length` steps, the last one shorter; it ends on arrival."""
+    return stepped(_Looped(setup, acted), length)
+
+
+def fought(
+    setup: Setup, attack: Attack, hunters: Pursuers, acted: Interventions, length: int
+) -> Iterator[Trace]:
+    """The same with the stick in an attacker's hand; whom it drives among are after the robot."""
+    return stepped(_Attacked(setup, acted, attack, hunters), length)
+
+
+class _Looped(TwinRun):
+    """The loop drives the robot, behind its gate."""
+
+    def __init__(self, setup: Setup, acted: Interventions, hunters: Pursuers | None = None) -> None:
+        super().__init__(setup, hunters)
+        if setup.twin is None or not (self.guarded and self.seeing):
+            raise CohelmError("the loop needs a twin with a LiDAR and a pilot")
+        self.acted = acted
+        self.keeper = Watched(self.robot, setup.dt, acted)
+        hands = setup.operator.active or bool(np.any(setup.hands.x) or np.any(setup.hands.psi))
+        self.mode = Mode.SHARED if hands else Mode.AUTOMATIC
+        self.now = self.stick
+        """The deflection of this step."""
+        known = setup.twin.known
+        self.loop = Loop(
+            self.keeper, Perception(self.robot.model, known, setup.start),
+            Driver(self.pilot, self.settings, self.delay, InProcessPlanner(self.pilot.planner)),
+            Scripted(lambda _: self.now, self.keeper.now), Line(None),
+            LoopParams(period=setup.dt), has_map=known is not None,
+        )  # fmt: skip
+        self.course = self.pilot.course
+        self.latched_at = math.nan
+
+    def step(self, k: int, row: Any) -> None:
+        """Control period k, written into the row."""
+        then, self.now = self.truth, self.hand(k, self.things())
+        self._seen_to(k * self.setup.dt)
+        self.loop.period()
+        self.keeper.wait((k + 1) * self.setup.dt)
+        self.moved(self.now)
+        self.acted.periods += 1
+        if self.pilot.course is not self.course:
+            self.course = self.pilot.course
+            self.courses = self.courses + 1 if self.course.row else 0
+        decided = self.loop.decision
+        if decided is not None:
+            row["saturated"] = self.keeper.gate.out != (decided.safe_v, decided.safe_omega)
+        self.write(row, k, then, decided)
+
+    def _seen_to(self, now: float) -> None:
+        """Whoever looks on has the robot drive, at first and again after each stop."""
+        gate = self.keeper.gate
+        if latched(gate.mode):
+            if math.isnan(self.latched_at):
+                self.latched_at = now
+                self.acted.stops += 1
+                self.acted.why = self.acted.why or gate.reason
+            if now < self.latched_at + _RESET_AFTER or self.keeper.reset():
+                return
+        self.latched_at = math.nan
+        if not driving(self.keeper.gate.mode) and self.loop.seen is not None:
+            self.loop.choose(self.mode)
+
+
+class _Attacked(_Looped):
+    """The attacker drives alone, in manual. He centres the stick whenever it has to be armed."""
+
+    def __init__(
+        self, setup: Setup, acted: Interventions, attack: Attack, hunters: Pursuers
+    ) -> None:
+        super().__init__(setup, acted, hunters)
+        self.mode, self.attack, self.held = Mode.MANUAL, attack, self.stick
+
+    def hand(self, k: int, things: Floats) -> Stick:
+        """What the attacker does in step k."""
+        setup = self.setup
+        self.held = deflection(
+            self.attack, self.held, k, setup.dt, self.truth.pose, things, setup.around.walls
+        )
+        return self.held if self.loop.person.arming == Arming.ARMED else CENTRED

@@ -1,0 +1,145 @@
+"""One row of a campaign driven again, alone, and recorded."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.trace import Trace
+from cohelm.law.reference import tabulate
+from cohelm.record.topics import Scene
+from cohelm.record.write import Recorder
+from cohelm.study.campaign.adversary import scripted
+from cohelm.study.campaign.episode import Episode, Law, traced
+from cohelm.study.campaign.external_law import is_own, own_trace
+from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.result import EpisodeResult
+from cohelm.study.campaign.runner import planned
+from cohelm.study.campaign.rvo import PEERS, peer_trace
+from cohelm.study.campaign.scoring import scored
+from cohelm.study.campaign.store import read_plan, read_rows
+from cohelm.study.metrics import plain
+from cohelm.study.single import RECORD, make
+
+ROW, PICTURE = "row.json", "episode.png"
+
+
+class Again(NamedTuple):
+    """An episode that was driven again."""
+
+    case: Episode
+    law: Law
+    trace: Trace
+    row: EpisodeResult
+    same: bool
+    """Whether the row equals the campaign's, to the last digit."""
+
+
+def again(folder: Path, which: str) -> Again:
+    """The episode that `which` names in a campaign's folder: NUMBER, or LAW/NUMBER.
+
+    Raises CohelmError where there is no such row.
+    """
+    kept = read_plan(folder)
+    if kept is None:
+        raise CohelmError(f"{folder}: holds no campaign; give the folder that one was driven into")
+    plan = planned(kept)
+    law, _, number = which.rpartition("/")
+    law = law or plan.laws[0]
+    rows = read_rows(folder)
+    key = (law, int(number)) if number.isdigit() else None
+    row = None if key is None else rows.get(key)
+    if row is None:
+        raise CohelmError(
+            f"--replay {which}: there is no such row; write NUMBER or LAW/NUMBER, of the laws "
+            f"{', '.join(plan.laws)} and {len(rows)} rows"
+        )
+    return drive(plan.prepared().case(row.episode), row)
+
+
+def drive(case: Episode, row: EpisodeResult) -> Again:
+    """A case driven as its row was. row: of the campaign."""
+    law: Law = row.law  # pyright: ignore[reportAssignmentType]
+    if row.stick:
+        case = scripted(case, row.stick)
+    acted = Interventions()
+    if is_own(law):
+        whole = own_trace(case, law)
+    else:
+        whole = peer_trace(case, law) if law in PEERS else joined(case, law, acted)
+    trace = cut(whole, case)
+    found = scored(case, law, iter((trace,)), case.setup.limits, acted)._replace(stick=row.stick)
+    return Again(case, law, trace, found, _equal(found, row))
+
+
+def joined(case: Episode, law: Law, acted: Interventions) -> Trace:
+    """The whole drive of a case, to its arrival or time limit."""
+    done: list[Trace] = []
+    for piece in traced(case, law, acted):
+        done.append(piece)
+        if arrival(piece, case) is not None:
+            break
+    return done[0].joined(*done[1:])
+
+
+def arrival(trace: Trace, case: Episode) -> int | None:
+    """The step in which a case has arrived, if it ever has."""
+    if case.goal is None:
+        return None
+    far = np.hypot(trace.rows["x"] - case.goal.x, trace.rows["y"] - case.goal.y)
+    there = np.flatnonzero(far < case.goal.near)
+    return int(there[0]) if there.size else None
+
+
+def cut(trace: Trace, case: Episode) -> Trace:
+    """A trace up to its arrival."""
+    end = arrival(trace, case)
+    if end is None:
+        return trace
+    n = end + 1
+    return Trace(trace.rows[:n], trace.h[:n], trace.discs[:n], trace.names, trace.dt)
+
+
+def record(found: Again, folder: Path) -> None:
+    """Leave record, row and picture of an episode in a folder, which is made if need be.
+
+    Raises CohelmError where one of them is there already or can not be written.
+    """
+    from cohelm.study.campaign.pictures import picture  # matplotlib takes a second to import
+
+    make(folder)
+    there = [name for name in (RECORD, ROW, PICTURE) if (folder / name).exists()]
+    if there:
+        raise CohelmError(
+            f"{folder} holds {', '.join(there)} already, and a replay never overwrites: choose "
+            "another folder with --out"
+        )
+    setup = found.case.setup
+    desired = tabulate(setup.reference, 0.1, int(setup.reference.duration / 0.1) + 1, False)
+    scene = Scene(setup.outline, setup.around.walls, desired[:, :3])
+    with Recorder(folder / RECORD, scene) as recorder:
+        recorder.write(found.trace)
+    try:
+        text = json.dumps(plain(found.row._asdict()), indent=2, allow_nan=False)
+        (folder / ROW).write_text(text + "\n", encoding="utf-8")
+        (folder / PICTURE).write_bytes(picture(found.case, found.trace, found.row))
+    except OSError as error:
+        raise CohelmError(
+            f"{folder}: can not be written to ({error.strerror}): free some space, or choose "
+            "another with --out"
+        ) from error
+
+
+def _equal(a: EpisodeResult, b: EpisodeResult) -> bool:
+    """Whether two rows are the same, NaN equal to NaN."""
+
+    def same(x: object, y: object) -> bool:
+        nans = isinstance(x, float) and isinstance(y, float) and math.isnan(x) and math.isnan(y)
+        return nans or x == y
+
+    return all(same(x, y) for x, y in zip(a, b, strict=True))

@@ -1,0 +1,94 @@
+"""One row per episode: what is counted, in which unit. A table of rows is a campaign."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, get_type_hints
+
+from cohelm.sim.judge import FAR
+
+
+class EpisodeResult(NamedTuple):
+    """What came of one episode under one law; NaN where there is nothing to measure."""
+
+    suite: str
+    plant: str
+    """What was driven, see `case.PLANTS`."""
+    law: str
+    episode: int
+    kind: str
+    fault: str
+    """What went wrong in our own code, if anything did; the numbers are then worth nothing."""
+    arrived: bool
+    duration_s: float
+    """Until arrival, or the whole."""
+    contacts_moving: int
+    """Contacts that began while the robot moved of its own."""
+    contacts_standing: int
+    """Contacts that began while it stood: it was walked into."""
+    contacts_departing: int
+    """Those of them in which it then moved deeper into what had walked into it."""
+    untouched_share: float
+    """Of all control steps, those in which nothing was touched."""
+    min_clearance_m: float
+    """Smallest gap of the real outline, negative in overlap; at most `sim.judge.FAR`."""
+    min_clearance_moving_m: float
+    """The same while the robot moved, but for what had walked into it while it stood."""
+    min_clearance_at_s: float
+    """When it was smallest while the robot moved; at all, where nothing was near then."""
+    nearest: str
+    """What was near then: a disc's name, or "wall"; empty where nothing came near."""
+    limit_excess: float
+    """Most by which a limit of speed, yaw rate, wheels or acceleration was exceeded."""
+    score: float
+    """The BARN challenge's, where the episode has an optimal time."""
+    time_ratio: float
+    """Duration by the reference's own, of those that arrived."""
+    path_length_m: float
+    tracking_rms: float
+    """Of E_P (51), to the reference as it is at that moment [m, rad]."""
+    human_share: float
+    """Mean authority of the hand, in [0, 1]."""
+    disagreement_mps: float
+    """Mean distance of what the wheels did from what the hand asked for, while it asked:
+    sqrt(dv^2 + (0.5 m domega)^2)."""
+    jerk_rms_mps3: float
+    """Of the speed the wheels were given, by second differences."""
+    recovery_s: float
+    """Mean time from a release of the stick until E_P is below 0.03 again."""
+    unrecovered: int
+    """Releases after which it never was."""
+    filtered_share: float
+    """Of all steps, those in which the law's filter changed the command."""
+    gate_share: float
+    """Those in which the gate did; NaN where there is none, as everywhere but on the twin."""
+    monitor_share: float
+    """Those in which the collision or the plausibility monitor slowed or stopped the robot."""
+    stops: int
+    """Stops and faults that the robot latched by itself; each is reset a second later."""
+    stopped_by: str
+    """Why, the first time."""
+    contact_seen_s: float
+    """Of the first moving contact on the twin's own sensors: for how long what was touched had been
+    in the LiDAR's view without a break, at five beams a scan, when it came to it; NaN: none."""
+    contact_seen_share: float
+    """And in which share of all scans before."""
+    contact_speed_mps: float
+    """How fast that was itself going then."""
+    contact_driven_mps: float
+    """And how fast the nearest corner or side of the robot at most."""
+    stick: list[float]
+    """The deflections that a search has found, fore-aft and left-right in turns, or nothing."""
+
+
+def clearance_then(row: EpisodeResult) -> float:
+    """The clearance at `min_clearance_at_s` [m]."""
+    moving = row.min_clearance_moving_m
+    return moving if moving < FAR else row.min_clearance_m
+
+
+_NOTHING: dict[Any, Any] = {str: "", bool: False, int: 0, float: math.nan, list[float]: []}
+NOT_DRIVEN = EpisodeResult(
+    **{name: _NOTHING[kind] for name, kind in get_type_hints(EpisodeResult).items()}
+)
+"""What remains of an episode that could not be driven."""

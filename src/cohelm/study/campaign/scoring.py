@@ -1,0 +1,165 @@
+"""Runs one episode under one law, and scores it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.trace import Trace
+from cohelm.core.types import Floats, Pose
+from cohelm.robot.limits import Limits
+from cohelm.scenario.worlds.barn import score
+from cohelm.sim.judge import FAR, Judged, gap_to, judge
+from cohelm.sim.setup import Setup
+from cohelm.study.campaign.contact_analysis import NOTHING_TOUCHED, Touch, first_touch
+from cohelm.study.campaign.episode import DT, Episode, Law, traced
+from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.result import EpisodeResult
+from cohelm.study.metrics import BACK_ON_PATH, LEADS_BELOW, settling, spans
+
+STEERING = 0.5
+"""Weight of yaw rate beside speed in `EpisodeResult.disagreement_mps` [m]."""
+
+_HELD = 0.05
+"""A stick deflected by more than this is held."""
+
+
+def run_episode(case: Episode, law: Law) -> EpisodeResult:
+    """The row of a case under a law."""
+    acted = Interventions()
+    return scored(case, law, traced(case, law, acted), case.setup.limits, acted)
+
+
+def scored(
+    case: Episode, law: Law, pieces: Iterator[Trace], limits: Limits, acted: Interventions
+) -> EpisodeResult:
+    """The row of a drive, from its trace alone; it is followed until it has arrived.
+
+    limits: those that hold for this robot. acted: what gate and monitors did in it, counted while
+    it was driven; nothing where there were none.
+    """
+    setup = case.setup
+    walls = setup.around.walls
+    seen = Judged()
+    kept: list[NDArray[np.void]] = []
+    there: list[Floats] = []
+    last: tuple[NDArray[np.void], Floats] | None = None
+    arrived, nearest = False, ""
+    for piece in pieces:
+        rows, discs = piece.rows, piece.discs
+        if case.goal is not None:
+            far = np.hypot(rows["x"] - case.goal.x, rows["y"] - case.goal.y)
+            near = np.flatnonzero(far < case.goal.near)
+            if near.size:
+                arrived = True
+                rows, discs = rows[: near[0] + 1], discs[: near[0] + 1]
+        kept.append(rows)
+        if setup.twin is not None:
+            there.append(discs)
+        if last is not None:
+            rows = np.concatenate((last[0], rows))
+            discs = np.concatenate((last[1], discs))
+        before = seen.at, seen.gap
+        seen = judge(seen, rows, discs, setup.outline, walls, limits, piece.dt)
+        if (seen.at, seen.gap) != before:
+            nearest = _nearest(setup, rows, discs, seen, piece.names)
+        last = rows[-1:], discs[-1:]
+        if arrived:
+            break
+    rows = np.concatenate(kept)
+    touched = NOTHING_TOUCHED
+    if setup.twin is not None and seen.moving:
+        touched = first_touch(setup, setup.twin, rows, np.concatenate(there), seen.first)
+    return _row(case, law, rows, seen, nearest, arrived, touched, acted)
+
+
+def _nearest(
+    setup: Setup, rows: NDArray[np.void], discs: Floats, seen: Judged, names: tuple[str, ...]
+) -> str:
+    """What the outline was nearest to at the time of the smallest gap."""
+    k = int(np.argmin(np.abs(rows["t"] - seen.at)))
+    pose = Pose(float(rows["x"][k]), float(rows["y"][k]), float(rows["psi"][k]))
+    walls = setup.around.walls
+    things = range(discs.shape[1] + len(walls))
+    gaps = [gap_to(pose, setup.outline, discs[k], walls, i) for i in things]
+    best = int(np.argmin(gaps)) if gaps else 0
+    return "" if seen.gap >= FAR else names[best] if best < len(names) else "wall"
+
+
+def _row(
+    case: Episode, law: Law, rows: NDArray[np.void], seen: Judged, nearest: str, arrived: bool,
+    touched: Touch, acted: Interventions,
+) -> EpisodeResult:  # fmt: skip
+    duration = float(rows["t"][-1])
+    recovery, unrecovered = _recovery(rows)
+    measured = case.duel is None
+    return EpisodeResult(
+        suite=case.suite,
+        plant=case.plant,
+        law=law,
+        episode=case.number,
+        kind=case.kind,
+        fault="",
+        arrived=arrived,
+        duration_s=duration,
+        contacts_moving=seen.moving,
+        contacts_standing=seen.standing,
+        contacts_departing=seen.departing,
+        untouched_share=1.0 - seen.touched / max(seen.steps, 1),
+        min_clearance_m=seen.gap,
+        min_clearance_moving_m=seen.gap_moving,
+        min_clearance_at_s=seen.at,
+        nearest=nearest,
+        limit_excess=seen.excess,
+        score=_score(case, duration, arrived and seen.moving + seen.standing == 0),
+        time_ratio=duration / case.setup.reference.duration if arrived else math.nan,
+        path_length_m=float(np.hypot(np.diff(rows["x"]), np.diff(rows["y"])).sum()),
+        tracking_rms=float(np.sqrt(np.mean(rows["e_p"] ** 2))) if measured else math.nan,
+        human_share=1.0 - 0.5 * float(rows["authority_x"].mean() + rows["authority_psi"].mean()),
+        disagreement_mps=_disagreement(rows),
+        jerk_rms_mps3=_jerk(rows["applied_v"]),
+        recovery_s=recovery if measured else math.nan,
+        unrecovered=unrecovered if measured else 0,
+        filtered_share=float((rows["verdict"] != 0).mean()),
+        gate_share=acted.gate_share,
+        monitor_share=acted.monitor_share,
+        stops=acted.stops,
+        stopped_by=acted.why,
+        contact_seen_s=touched.seen,
+        contact_seen_share=touched.share,
+        contact_speed_mps=touched.speed,
+        contact_driven_mps=touched.driven,
+        stick=[],
+    )
+
+
+def _score(case: Episode, duration: float, success: bool) -> float:
+    if case.goal is None or math.isnan(case.goal.optimal):
+        return math.nan
+    return score(case.goal.optimal, duration, success)
+
+
+def _disagreement(rows: NDArray[np.void]) -> float:
+    held = (np.abs(rows["stick_x"]) > _HELD) | (np.abs(rows["stick_psi"]) > _HELD)
+    if not held.any():
+        return math.nan
+    dv = (rows["operator_v"] - rows["applied_v"])[held]
+    domega = (rows["operator_omega"] - rows["applied_omega"])[held]
+    return float(np.hypot(dv, STEERING * domega).mean())
+
+
+def _jerk(speed: Floats) -> float:
+    change = np.diff(speed, 2) / DT**2
+    return float(np.sqrt(np.mean(change**2))) if change.size else 0.0
+
+
+def _recovery(rows: NDArray[np.void]) -> tuple[float, int]:
+    """Mean time to recover after the person let go, and how often that never happened."""
+    leads = np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW
+    whole = Trace(rows, np.empty((len(rows), 0)), np.empty((len(rows), 0, 6)), (), DT)
+    times = [settling(whole, b, BACK_ON_PATH) for _, b in spans(leads) if b < len(rows)]
+    found = [t for t in times if t < math.inf]
+    return (float(np.mean(found)) if found else math.nan), len(times) - len(found)

@@ -1,0 +1,74 @@
+"""A chunk of a suite's episodes, driven wherever it happens to be sent."""
+
+from __future__ import annotations
+
+import hashlib
+import traceback
+from functools import cache
+from pathlib import Path
+
+from cohelm.core.errors import CohelmError
+from cohelm.study.campaign import adversary
+from cohelm.study.campaign.episode import Episode, Law
+from cohelm.study.campaign.external_law import is_own, own_trace
+from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.result import NOT_DRIVEN, EpisodeResult
+from cohelm.study.campaign.rvo import PEERS, peer_trace
+from cohelm.study.campaign.scoring import run_episode, scored
+from cohelm.study.campaign.suites import Suite
+
+_ROOMS = (
+    "core", "robot", "law", "perceive", "plan", "pilot", "link", "loop", "sim", "scenario",
+    "study/campaign",
+)  # fmt: skip
+
+
+@cache
+def code() -> str:
+    """A digest of all the code that an episode's row can depend on."""
+    package = Path(__file__).resolve().parents[2]
+    digest = hashlib.sha256()
+    for room in _ROOMS:
+        for path in sorted((package / room).rglob("*")):
+            if path.suffix in (".py", ".yaml"):
+                digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def chunk(suite: Suite, law: Law, numbers: tuple[int, ...]) -> list[EpisodeResult]:
+    """The rows of some episodes under a law.
+
+    What goes wrong in an episode for other reasons than the user's is told in its row, so that
+    one episode does not stop ten thousand.
+    """
+    return [_one(suite, law, number) for number in numbers]
+
+
+def _one(suite: Suite, law: Law, number: int) -> EpisodeResult:
+    try:
+        case = suite.case(number)
+        if law in PEERS:
+            return scored(
+                case, law, iter((peer_trace(case, law),)), case.setup.limits, Interventions()
+            )
+        if is_own(law):
+            return scored(
+                case, law, iter((own_trace(case, law),)), case.setup.limits, Interventions()
+            )
+        if is_search(case):
+            found = adversary.searched(case, law)
+            script = found.case.duel.attack.script if found.case.duel else None
+            stick = [] if script is None else script.ravel().tolist()
+            return run_episode(found.case, law)._replace(stick=stick)
+        return run_episode(case, law)
+    except CohelmError:
+        raise
+    except Exception as error:  # the campaign goes on; the report and the exit say so
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        said = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
+        return NOT_DRIVEN._replace(suite=suite.name, law=law, episode=number, fault=said)
+
+
+def is_search(case: Episode) -> bool:
+    """Whether the case is one that is searched for."""
+    return case.kind.startswith("search")

@@ -1,0 +1,288 @@
+"""A drive becomes a map: near the truth, with loops closed, on a grid that shows the walls."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.frames import between, compose
+from cohelm.core.types import Pose, Twist
+from cohelm.perceive.map.loop_closure import revisits
+from cohelm.perceive.map.mapper import Survey, glimpses
+from cohelm.perceive.map.pose_graph import Link, consistent, solved, spread
+from cohelm.perceive.map.raster import raster
+from cohelm.perceive.match.odometry_covariance import (
+    UNKNOWN,
+    Wheels,
+    joined,
+    moved as foretell,
+    updated,
+)
+from cohelm.perceive.match.surfaces import moved, surfaces
+from cohelm.robot.port import Odometry, Scan
+from tests.perceive import killian
+from tests.perceive.buildings import loop_errors, surveying
+from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
+
+HOME = [(-0.5, -1.75), (-0.6, -0.5), (-0.5, 0.8), (0.0, 2.5)]
+
+
+def recorded(path, seed=0, **more):
+    """Odometry, scans, and the true pose at any time of a drive."""
+    odometry, scans, truth = [], {}, {}
+    for moment in drive(*path, seed, **more):
+        odometry.append(moment.readings.odometry)
+        truth[round(moment.now, 2)] = moment.truth
+        scan = moment.readings.scan
+        if scan is not None:
+            scans[scan.number] = scan
+    return odometry, list(scans.values()), truth
+
+
+def errors(found, true):
+    """Distances after the best rigid fit (ATE), headings after it [m, rad]."""
+    a, b = np.array(found), np.array(true)
+    ma, mb = a[:, :2].mean(axis=0), b[:, :2].mean(axis=0)
+    u, _, v = np.linalg.svd((a[:, :2] - ma).T @ (b[:, :2] - mb))
+    turn = v.T @ np.diag([1.0, np.linalg.det(v.T @ u.T)]) @ u.T
+    off = (a[:, :2] - ma) @ turn.T + mb - b[:, :2]
+    angle = math.atan2(turn[1, 0], turn[0, 0])
+    heading = (a[:, 2] + angle - b[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    return np.hypot(*off.T), heading, (turn, mb - turn @ ma)
+
+
+@pytest.fixture(scope="module")
+def tour():
+    odometry, scans, truth = recorded(along(TOUR + HOME))
+    seen = glimpses(LIDAR.lidar(), odometry, scans)
+    survey = Survey(LIDAR.lidar())
+    for glimpse in seen:
+        survey.add(glimpse)
+    return survey.finished(), seen, [truth[round(g.stamp, 2)] for g in seen]
+
+
+def test_the_trajectory_in_the_lab_is_true_within_centimetres(tour):
+    made, seen, truth = tour
+    off, heading, _ = errors(made.poses, truth)
+    assert np.sqrt((off**2).mean()) < 0.03
+    assert np.abs(heading).max() < math.radians(0.6)
+    drifted, _, _ = errors([g.odometry for g in seen], truth)
+    assert np.sqrt((off**2).mean()) < 0.2 * np.sqrt((drifted**2).mean())
+
+
+def test_coming_home_closes_loops_with_the_beginning(tour):
+    made, _, _ = tour
+    assert any(a < 50 and b > len(made.poses) - 150 for a, b in made.loops)
+
+
+def test_occupied_cells_lie_on_true_walls_and_every_wall_has_some(tour):
+    made, seen, truth = tour
+    _, _, (turn, shift) = errors(made.poses, truth)
+    drawn = raster(made.poses, [g.points for g in seen], LIDAR.lidar().mount, 0.05)
+    cells = np.argwhere(drawn.occupied())[:, ::-1] + 0.5
+    world = (cells * 0.05 + drawn.origin[:2]) @ turn.T + shift
+    walls = shapely.unary_union([
+        *(shapely.LineString([(a, b), (c, d)]) for a, b, c, d in WALLS),
+        *(shapely.Point(x, y).buffer(r).exterior for x, y, _, _, r, _ in CONES),
+    ])  # fmt: skip
+    off = shapely.distance(shapely.points(world), walls)
+    assert np.quantile(off, 0.95) < 0.06
+    assert off.max() < 0.3
+    cloud = shapely.MultiPoint(world).buffer(0.1)
+    seen_share = walls.intersection(cloud).length / walls.length
+    assert seen_share > 0.8  # the corridor's west end is behind the robot all the time
+
+
+def test_free_cells_are_where_nothing_is(tour):
+    made, seen, truth = tour
+    _, _, (turn, shift) = errors(made.poses, truth)
+    drawn = raster(made.poses, [g.points for g in seen], LIDAR.lidar().mount, 0.1)
+    cells = (np.argwhere(drawn.free())[:, ::-1] + 0.5) * 0.1 + drawn.origin[:2]
+    world = cells @ turn.T + shift
+    inside = shapely.union(shapely.box(-1, -4, 14, 3), shapely.box(-3.5, 3, 16.5, 5)).buffer(0.12)
+    assert shapely.contains(inside, shapely.points(world)).mean() > 0.995
+
+
+def test_a_robot_that_stands_makes_one_place():
+    still = [Pose(3.0, -1.0, 0.0)] * 101
+    odometry, scans, _ = recorded((still, [Twist(0.0, 0.0)] * 100), drift=0.0)
+    survey = Survey(LIDAR.lidar())
+    for glimpse in glimpses(LIDAR.lidar(), odometry, scans):
+        survey.add(glimpse)
+    assert len(survey.finished().places) == 1
+
+
+def test_a_false_loop_is_outvoted():
+    poses = [Pose(0.3 * k, 0.0, 0.0) for k in range(20)]
+    firm = np.diag([1e4, 1e4, 1e5])
+    steps = [Link(k, k + 1, Pose(0.3, 0.0, 0.0), firm, False) for k in range(19)]
+    wrong = Link(2, 17, Pose(0.0, 1.0, 0.5), firm, True)
+    assert np.allclose(solved(poses, [*steps, wrong]), poses, atol=0.05)
+
+
+def test_false_loops_that_came_first_are_found_out_by_those_that_can_be_true_together():
+    ring = [Pose(math.cos(a), math.sin(a), a + math.pi / 2) for a in np.linspace(0, 4 * np.pi, 81)]
+    firm = np.diag([1e4, 1e4, 1e5])
+    steps = [Link(k, k + 1, between(ring[k], ring[k + 1]), firm, False) for k in range(80)]
+    right = [Link(k, k + 40, Pose(0.0, 0.0, 0.0), firm, True) for k in (1, 20, 39)]
+    wrong = [Link(k, k + 30, Pose(0.1, 0.0, 0.0), firm, True) for k in (3, 5)]
+    glued = solved(ring, [*steps, *(link._replace(loop=False) for link in wrong)])
+    kept = consistent(glued, [*steps, *wrong, *right])
+    assert [link for link in kept if link.loop] == right
+
+
+def test_places_are_unsure_by_the_way_to_them_and_no_more_than_a_loop_allows():
+    line = [Pose(0.5 * k, 0.0, 0.0) for k in range(41)]
+    own = np.linalg.inv(np.diag([0.01, 0.01, 0.002]) ** 2)
+    steps = [Link(k, k + 1, Pose(0.5, 0.0, 0.0), own, False) for k in range(40)]
+    open_ = spread(line, steps, 40)
+    assert open_[0, 0, 0] == pytest.approx(40 * 0.01**2)
+    lever = 0.002**2 * (0.5 * np.arange(40)) ** 2  # each step's heading turns all behind it
+    assert open_[0, 1, 1] == pytest.approx(40 * 0.01**2 + lever.sum())
+    loop = Link(0, 40, Pose(20.0, 0.0, 0.0), own, True)
+    assert np.trace(spread(line, [*steps, loop], 40)[0]) < 0.1 * np.trace(open_[0])
+
+
+@pytest.mark.parametrize(("scale", "bend"), [(0.02, 0.003), (-0.02, -0.003)])
+def test_what_wheels_measure_wrongly_is_learnt_from_matches(scale, bend):
+    wheels, pose, joint = Wheels(), Pose(0.0, 0.0, 0.0), joined(1e-6 * np.eye(3), UNKNOWN)
+    sure, true = np.diag([1e6, 1e6, 1e6]), pose
+    for _ in range(600):
+        true = compose(true, Pose(0.1, 0.0, 0.0))
+        step = wheels.corrected(Pose(0.1 / (1.0 + scale), 0.0, -0.1 * bend))
+        foretold, joint = foretell(pose, joint, step)
+        off = np.array(between(foretold, true))
+        wheels, joint, pose = wheels.learnt(joint, off), updated(joint, sure), true
+    assert wheels.scale == pytest.approx(scale, abs=0.003)
+    assert wheels.bend == pytest.approx(bend, abs=0.0008)
+
+
+@pytest.mark.slow
+def test_a_building_whose_loops_drift_has_torn_apart_by_metres_lies_on_itself():
+    lidar, seen, truth = surveying(4)
+    survey = Survey(lidar)
+    for glimpse in seen:
+        survey.add(glimpse)
+    off = loop_errors(survey.finished().poses, truth)
+    assert off.mean() < 0.05
+    assert off.max() < 0.3
+
+
+def test_a_loop_corrects_what_has_drifted():
+    true = [Pose(math.cos(a), math.sin(a), a + math.pi / 2) for a in np.linspace(0, 2 * np.pi, 21)]
+    drifted = [true[0]]
+    links = []
+    for k in range(20):
+        step = between(true[k], true[k + 1])
+        step = Pose(1.02 * step.x, step.y, step.psi + 0.01)
+        drifted.append(compose(drifted[-1], step))
+        links.append(Link(k, k + 1, step, np.diag([1e3, 1e3, 1e3]), False))
+    links.append(Link(0, 20, between(true[0], true[20]), np.diag([1e5, 1e5, 1e5]), True))
+    before = math.hypot(drifted[20].x - true[20].x, drifted[20].y - true[20].y)
+    after = solved(drifted, links)[20]
+    assert math.hypot(after.x - true[20].x, after.y - true[20].y) < 0.2 * before
+
+
+def test_a_link_is_firm_in_the_axes_of_the_place_that_was_seen():
+    turned = Pose(1.0, 0.0, math.pi / 2)  # its x axis is the other one's y
+    along_x = Link(0, 1, turned, np.diag([1e6, 1.0, 1e6]), False)
+    apart = Link(0, 1, Pose(2.0, 1.0, math.pi / 2), np.diag([1e3, 1e3, 1e6]), False)
+    found = solved([Pose(0.0, 0.0, 0.0), turned], [along_x, apart])[1]
+    assert found.x == pytest.approx(2.0, abs=0.01)
+    assert found.y == pytest.approx(0.0, abs=0.01)
+
+
+RING = np.array([
+    [0, 0, 24, 0], [24, 0, 24, 16], [24, 16, 0, 16], [0, 16, 0, 0], [6, 5, 18, 5], [18, 5, 18, 11],
+    [18, 11, 6, 11], [6, 11, 6, 5], [9, 0, 9, 1], [4, 16, 4, 15], [15, 5, 15, 4], [24, 7, 23, 7],
+], dtype=float)  # fmt: skip
+
+
+def test_a_loop_is_closed_though_the_robot_slid_metres_unnoticed():
+    way = along([(3, 2.5), (12, 2.5), (21, 2.5), (21, 13.5), (3, 13.5), (3, 2.5), (14, 2.5)], 1.0)
+    slid = [(30.0, (-2.2, -1.2, 0.0))]
+    odometry, scans, truth = recorded(way, walls=RING, around=CONES[:0], pushes=slid)
+    survey = Survey(LIDAR.lidar())
+    seen = glimpses(LIDAR.lidar(), odometry, scans)
+    for glimpse in seen:
+        survey.add(glimpse)
+    made = survey.finished()
+    true = [truth[round(g.stamp, 2)] for g in seen]
+    last = between(between(made.poses[0], made.poses[-1]), between(true[0], true[-1]))
+    assert math.hypot(last.x, last.y) < 0.1
+
+
+def lined(walls, pose):
+    """Points of walls 5 cm apart, and the directions across them, in the frame of a pose."""
+    points, across = [], []
+    for x1, y1, x2, y2 in walls:
+        n = int(math.hypot(x2 - x1, y2 - y1) / 0.05)
+        points.append(np.linspace((x1, y1), (x2, y2), n))
+        across.append(np.tile((y1 - y2, x2 - x1) / np.hypot(x2 - x1, y2 - y1), (n, 1)))
+    back = between(pose, Pose(0.0, 0.0, 0.0))
+    return moved(back, np.vstack(points), True), moved(back, np.vstack(across), False)
+
+
+def known(walls):
+    return surfaces(*lined(walls, Pose(0.0, 0.0, 0.0)), 0.05, 0.65)
+
+
+def test_a_submap_is_found_metres_and_degrees_from_where_drift_put_it():
+    true, thought = Pose(3.0, 2.5, 0.3), Pose(5.5, 0.0, 0.0)
+    trail = np.column_stack((np.linspace(1.0, 21.0, 60), np.full(60, 2.0)))
+    fits = revisits(known(RING), *lined(RING, true), trail, np.full(60, 5.0), thought, 0.5)
+    assert fits[0].pose == pytest.approx(true, abs=0.01)
+    assert fits[0].share > 0.9
+
+
+def test_two_bays_alike_are_both_found():
+    bays = np.array([
+        [0, 0, 30, 0], [0, 4, 30, 4], [5, 4, 5, 3], [15, 4, 15, 3],
+    ], dtype=float)  # fmt: skip
+    part = np.array([[1, 0, 9, 0], [1, 4, 9, 4], [5, 4, 5, 3]], dtype=float)
+    trail = np.column_stack((np.linspace(2.0, 28.0, 80), np.full(80, 2.0)))
+    seen = lined(part, Pose(5.0, 2.0, 0.0))
+    fits = revisits(known(bays), *seen, trail, np.full(80, 12.0), Pose(9.0, 2.0, 0.0), 0.2)
+    assert sorted(f.pose.x for f in fits[:2]) == pytest.approx([5.0, 15.0], abs=0.05)
+    assert fits[1].share > fits[0].share - 0.02
+
+
+def test_nothing_is_looked_for_farther_than_drift_can_have_led():
+    trail = np.array([[3.0, 2.5]])
+    seen = lined(RING, Pose(3.0, 2.5, 0.0))
+    assert not revisits(known(RING), *seen, trail, np.array([2.0]), Pose(9.0, 2.5, 0.0), 0.2)
+
+
+@pytest.mark.skipif(killian.FILE is None, reason="COHELM_KILLIAN names no killian.g2o")
+def test_two_kilometres_of_mit_are_put_together_right():
+    """From odometry that is 12 m wrong, rms; every place where the way met itself is closed."""
+    log = killian.read(killian.FILE)
+    survey = Survey(log.lidar)
+    for glimpse in log.seen:
+        survey.add(glimpse)
+    made = survey.finished()
+    assert np.sqrt((errors(log.odometry, log.poses)[0] ** 2).mean()) > 10.0
+    off, _, _ = errors(made.poses, log.poses)
+    assert np.sqrt((off**2).mean()) < 1.5
+    assert off.max() < 3.0
+    apart = np.array([
+        np.hypot(*between(true, between(made.poses[a], made.poses[b]))[:2])
+        for a, b, true in log.loops
+    ])  # fmt: skip
+    assert np.median(apart) < 0.1
+    assert (apart < 0.5).mean() > 0.95
+    assert apart.max() < 2.0
+
+
+def test_a_drive_whose_scans_and_odometry_never_meet_is_refused():
+    odometry = [Odometry(0.02 * k, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)) for k in range(10)]
+    scans = [Scan(100.0, 0, np.full(720, 3.0), 0.0)]
+    with pytest.raises(CohelmError, match="no scan came while there was odometry"):
+        glimpses(LIDAR.lidar(), odometry, scans)
+
+
+def test_nothing_but_open_space_can_not_be_mapped():
+    with pytest.raises(CohelmError, match="nothing to map"):
+        Survey(LIDAR.lidar()).finished()

@@ -1,0 +1,195 @@
+"""What may set off is told to the guard before anybody knows that it moves."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.frames import compose, inverse
+from cohelm.core.types import RADIUS, Pose, Twist, X, Y, disc, discs
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+from cohelm.perceive.pipeline import Perception
+from cohelm.perceive.scan.clusters import Look
+from cohelm.perceive.space.free_space_memory import came, noted, unknown
+from cohelm.perceive.track.potentially_dynamic import Wary, spread, wild
+from cohelm.scenario import load
+from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
+
+SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
+HERE = Pose(3.0, -1.0, 0.0)
+LAB = map_from_geometry(WALLS, HERE, CONES[:, [X, Y, RADIUS]])
+
+
+def standing(seconds, pose=HERE):
+    n = round(seconds / 0.02)
+    return [pose] * (n + 1), [Twist(0.0, 0.0)] * n
+
+
+def watch(path, around, known=None, start=HERE):
+    """Moment and Seen, scan by scan; with `known`, from this place on its map."""
+    perception, number = Perception(SALLY, known, start if known else None), None
+    for moment in drive(*path, 0, around=around):
+        seen = perception.take(moment.now, moment.readings)
+        scan = moment.readings.scan
+        if scan is not None and scan.number != number:
+            number = scan.number
+            yield moment, seen
+
+
+def reached(moment, seen, x, y, radius, after=0.3):
+    """How far beyond what the guard is told a disc's nearest point to the robot is, `after` on."""
+    frame = compose(moment.truth, inverse(seen.odometry))
+    c, s = math.cos(frame.psi), math.sin(frame.psi)
+    away = math.hypot(x - HERE.x, y - HERE.y)
+    px, py = x + radius * (HERE.x - x) / away, y + radius * (HERE.y - y) / away
+    d = seen.mobile
+    at = d[:, :2] + after * d[:, 2:4]
+    wx, wy = frame.x + c * at[:, 0] - s * at[:, 1], frame.y + s * at[:, 0] + c * at[:, 1]
+    grown = d[:, RADIUS] + 0.5 * seen.mobile_agility * after * after
+    return float(np.min(np.hypot(wx - px, wy - py) - grown, initial=9.0))
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.8, 1.2])
+def test_who_walks_onto_free_ground_is_covered_at_once(speed):
+    """A walker comes out from behind a pillar of the map."""
+    pillar = disc(4.2, -0.1, 0.3)
+    lab = map_from_geometry(WALLS, HERE, np.array([[4.2, -0.1, 0.3]]))
+
+    def at(t):
+        return 4.5, 0.2 - speed * t
+
+    def around(t):
+        return discs(pillar, disc(*at(t), 0.25))
+
+    checked = 0
+    for moment, seen in watch(standing(1.6 / speed), around, lab):
+        x, y = at(moment.now + 0.3)
+        if -1.2 < y < -0.5 and moment.now > 0.3:
+            checked += 1
+            assert reached(moment, seen, x, y, 0.25) < 0.0
+    assert checked >= 4
+
+
+def test_three_who_walk_shoulder_to_shoulder_are_covered():
+    """Together they are too wide for a body. Who walks where another has just stood is told a
+    moment later."""
+
+    def around(t):
+        y = -2.8 + 0.5 * t
+        return discs(*(disc(4.3 + 0.04 * k, y + 0.6 * k, 0.31) for k in range(3)))
+
+    short = []
+    for moment, seen in watch(standing(3.0), around, LAB):
+        if moment.now < 1.0:
+            continue
+        for k, (x, y, *_, radius, _) in enumerate(around(moment.now + 0.3)):
+            if math.hypot(x - HERE.x, y - HERE.y) < 1.9:
+                by = reached(moment, seen, x, y, radius)
+                if by >= 0.0:
+                    short.append((k, by))
+    assert len(short) <= 5
+    assert all(k == 0 and by < 0.2 for k, by in short)
+
+
+def test_on_the_map_nothing_is_loose():
+    poses, twists = along(TOUR)
+    told = [
+        len(seen.mobile) for _, seen in watch((poses[:1000], twists[:999]), CONES, LAB, poses[0])
+    ]
+    assert len(told) > 90
+    assert sum(n > 0 for n in told) <= 1
+
+
+def test_who_came_and_stopped_may_set_off_again_and_is_a_thing_in_the_end():
+    def around(t):
+        return discs(disc(4.5, -2.6 + 1.0 * min(t, 1.6), 0.25))
+
+    told = [(m.now, s) for m, s in watch(standing(15.5), around)]
+    beside = [s for t, s in told if 5.5 < t < 9.0]
+    assert beside
+    for seen in beside:
+        assert len(seen.discs) == 0
+        assert len(seen.mobile) > 3
+        assert seen.mobile_agility.min() >= 1.0
+        assert seen.mobile[:, RADIUS].max() < 0.1
+    assert len(told[-1][1].mobile) == 0
+
+
+def test_without_a_map_what_always_stood_is_not_loose():
+    for _, seen in watch(standing(2.0), np.vstack([CONES, [disc(4.2, -1.2, 0.2)]])):
+        assert len(seen.mobile) == 0
+
+
+NOTHING = np.empty((0, 2))
+
+
+def test_ground_keeps_what_was_free_and_when():
+    lidar = LIDAR.lidar()
+    n = len(lidar.beams)
+    open_ = Look(np.full(n, 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    walled = Look(np.full(n, 1.0), Pose(0.0, 0.0, 0.0), 5.0)
+    ground = noted(unknown(), lidar, open_, NOTHING, 1.0)
+    assert came(ground, 1.5, 0.0, 0.5)
+    assert not came(ground, 1.5, 0.0, 1.5)
+    assert not came(ground, -1.5, 0.0, 0.5)
+    later = noted(ground, lidar, walled, NOTHING, 5.0)
+    assert came(later, 1.5, 0.0, 0.5)
+    assert not came(later, 1.5, 0.0, 2.0)
+    assert came(later, 0.5, 0.0, 2.0)
+    far = noted(later, lidar, Look(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0)
+    assert not came(far, 1.5, 0.0, 0.5)
+
+
+def test_what_stood_before_its_ground_was_seen_free_has_not_come():
+    """Not even where it was seen free by looking along it; after a while it is forgotten."""
+    lidar = LIDAR.lidar()
+    open_ = Look(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    wall = np.array([[1.5, 0.0]])
+    short = Look(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
+    ground = unknown()
+    for k in range(9):
+        ground = noted(ground, lidar, short, wall, 1.0 + 0.1 * k)
+    ground = noted(ground, lidar, open_, NOTHING, 2.0)
+    assert not came(ground, 1.5, 0.0, 0.5)
+    assert not came(ground, 1.55, 0.05, 0.5)
+    assert came(ground, 1.5, 0.2, 0.5)
+    ground = noted(ground, lidar, open_, NOTHING, 12.5)
+    assert came(ground, 1.5, 0.0, 2.5)
+
+
+def test_who_walks_through_a_cell_has_not_stood_there():
+    lidar = LIDAR.lidar()
+    open_ = Look(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    short = Look(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
+    ground = noted(unknown(), lidar, open_, NOTHING, 1.0)
+    for k in range(3):
+        ground = noted(ground, lidar, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k)
+    assert came(noted(ground, lidar, open_, NOTHING, 2.0), 1.5, 0.0, 0.5)
+
+
+def test_a_thin_wall_that_is_driven_through_by_its_door_has_not_come():
+    door = np.array([[4.2, -4.0, 4.2, -1.5], [4.2, -0.5, 4.2, 2.9]])
+    path = along([[3.0, -1.0], [5.6, -1.0]])
+    perception = Perception(SALLY, None, None)
+    told = 0
+    for moment in drive(*path, 0, around=CONES[:0], walls=np.vstack([WALLS, door])):
+        told += len(perception.take(moment.now, moment.readings).mobile)
+    assert told == 0
+
+
+def test_the_spread_of_a_disc_covers_every_velocity_and_acceleration():
+    rng = np.random.default_rng(0)
+    wary = Wary()
+    for _ in range(200):
+        speed, push = rng.uniform(0.0, wary.fastest), rng.uniform(0.0, 1.0)
+        age, after = rng.uniform(0.0, 0.3), rng.uniform(0.0, 1.0)
+        more, agile = spread(np.array([speed]), np.array([push]), age, wary.stop)
+        strayed = speed * (age + after) + 0.5 * push * (age + after) ** 2
+        assert strayed <= more[0] + 0.5 * agile[0] * after**2 + 1e-12
+
+
+def test_what_has_stood_is_told_smaller_and_less_agile():
+    points = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 1.0]])
+    found, agile = wild(points, 0.1, 1.0, Wary())
+    assert found[0, RADIUS] > 3.0 * found[1, RADIUS]
+    assert agile[0] > agile[1] >= 1.0

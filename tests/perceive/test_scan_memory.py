@@ -1,0 +1,114 @@
+"""What is seen replaces what was remembered; what can not be seen is not forgotten."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, disc, discs
+from cohelm.perceive.space.scan_memory import Care, renew, smoothed
+from cohelm.robot.sensors import LidarModel
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import scan
+from tests.perceive.scenes import NOTHING
+
+MODEL = LidarModel(beams=720, field_of_view_deg=270.0, noise_m=0.01, mount_x_m=0.1)
+CARE = Care()
+
+
+def look(pose, world, number=0, model=MODEL):
+    lidar = model.lidar()
+    ranges = np.empty(model.beams)
+    scan(pose, lidar, world, np.empty((0, 4)), NO_GRID, 1, number, ranges)
+    return ranges
+
+
+def seen(points, pose, world, number=0, model=MODEL):
+    return renew(points, pose, model.lidar(), look(pose, world, number, model), CARE)
+
+
+POLE = discs(disc(2.0, 0.5, 0.2))
+AT = Pose(0.0, 0.0, 0.0)
+
+
+def off_surface(points):
+    return np.abs(np.hypot(points[:, 0] - 2.0, points[:, 1] - 0.5) - 0.2)
+
+
+@pytest.mark.parametrize("pose", [AT, Pose(1.0, -1.0, 1.0), Pose(3.5, 0.0, 3.0)])
+def test_points_lie_on_what_was_hit_in_the_world_frame(pose):
+    points = seen(NOTHING, pose, POLE)
+    assert len(points) > 5
+    assert off_surface(points).max() < 0.04
+
+
+def test_averaging_over_a_surface_takes_most_of_the_noise_away():
+    near = Pose(1.2, 0.5, 0.0)
+    care = CARE._replace(half_width=0.0)
+    raw = renew(NOTHING, near, MODEL.lidar(), look(near, POLE), care)
+    clean = seen(NOTHING, near, POLE)
+    assert off_surface(clean)[8:-8].mean() < 0.5 * off_surface(raw)[8:-8].mean()
+
+
+def test_averaging_does_not_mix_two_surfaces():
+    ranges = np.array([1.0, 1.0, 1.0, 3.0, 3.0, 3.0])
+    assert smoothed(ranges, 0.005, 0.02).tolist() == ranges.tolist()
+
+
+def test_averaging_leaves_missing_returns_missing():
+    ranges = np.array([math.inf, 1.0, math.nan, -math.inf, 1.0])
+    assert np.array_equal(smoothed(ranges, 0.005, 0.02), ranges, equal_nan=True)
+
+
+def test_what_went_away_in_view_is_forgotten():
+    points = seen(NOTHING, AT, POLE)
+    assert len(seen(points, AT, discs())) == 0
+
+
+def test_what_is_behind_the_robot_is_remembered():
+    points = seen(NOTHING, AT, POLE)
+    after = seen(points, Pose(2.0, 0.0, -1.57), discs())  # the pole is now behind, and gone
+    assert len(after) == len(points)
+
+
+def test_what_is_hidden_is_remembered_and_what_hides_it_is_seen():
+    points = seen(NOTHING, AT, POLE)
+    both = discs(*POLE.tolist(), disc(1.0, 0.25, 0.2))
+    after = seen(points, AT, both)
+    assert (off_surface(after) < 0.05).sum() == len(points)
+    assert (np.hypot(after[:, 0] - 1.0, after[:, 1] - 0.25) < 0.25).sum() > 5
+
+
+def test_what_is_seen_again_is_not_kept_twice():
+    points = NOTHING
+    counts = []
+    for number in range(60):
+        points = seen(points, AT, POLE, number)
+        counts.append(len(points))
+    assert max(counts) < 1.5 * counts[0]
+
+
+def test_beams_that_saw_nothing_forget_nothing():
+    points = seen(NOTHING, AT, POLE)
+    blind = np.full(MODEL.beams, math.nan)
+    assert len(renew(points, AT, MODEL.lidar(), blind, CARE)) == len(points)
+
+
+def test_a_beam_that_dropped_out_forgets_nothing_hidden():
+    points = seen(NOTHING, AT, POLE)
+    ranges = look(AT, discs(disc(1.0, 0.25, 0.2)))
+    ranges[::2] = math.inf
+    after = renew(points, AT, MODEL.lidar(), ranges, CARE)
+    assert (off_surface(after) < 0.05).sum() == len(points)
+
+
+def test_what_is_too_near_to_be_measured_is_not_forgotten():
+    world = discs(disc(0.25, 0.0, 0.1))  # 5 cm from the sensor, nearer than range_min
+    points = seen(NOTHING, AT, world)
+    distances = np.hypot(points[:, 0] - 0.1, points[:, 1])
+    assert distances.min() == pytest.approx(MODEL.range_min_m, abs=0.04)
+
+
+def test_what_is_far_is_forgotten():
+    points = np.array([[-3.0, 0.0], [-CARE.keep - 1.0, 0.0]])
+    assert seen(points, AT, discs()).tolist() == [[-3.0, 0.0]]

@@ -1,0 +1,150 @@
+"""Who moves is told from what stands, with a velocity near the true one."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.frames import compose, inverse
+from cohelm.core.types import Pose, Twist, disc, discs
+from cohelm.perceive.localize.localization_map import on_walls
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+from cohelm.perceive.pipeline import Perception
+from cohelm.perceive.scan.clusters import CX, CY, clusters
+from cohelm.perceive.scan.deskew import sweep
+from cohelm.perceive.scan.odometry_buffer import EMPTY, extended
+from cohelm.robot.port import Odometry
+from cohelm.scenario import load
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import sight
+from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
+
+SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
+HERE = Pose(3.0, -1.0, 0.0)
+AT = Pose(0.0, 0.0, 0.0)
+
+
+def standing(seconds, pose=HERE):
+    n = round(seconds / 0.02)
+    return [pose] * (n + 1), [Twist(0.0, 0.0)] * n
+
+
+def watch(around, path, seed=0):
+    """(time, moving discs in the world) whenever a scan has come, and the last Seen."""
+    perception = Perception(SALLY)
+    number, told = None, []
+    for moment in drive(*path, seed, around=around):
+        seen = perception.take(moment.now, moment.readings)
+        scan = moment.readings.scan
+        if scan is not None and scan.number != number:
+            number = scan.number
+            frame = compose(moment.truth, inverse(seen.odometry))
+            c, s = math.cos(frame.psi), math.sin(frame.psi)
+            turn = np.array([[c, s], [-s, c]])
+            found = seen.discs.copy()
+            found[:, :2] = found[:, :2] @ turn + (frame.x, frame.y)
+            found[:, 2:4] = found[:, 2:4] @ turn
+            told.append((moment.now, found))
+    return told, moment, seen
+
+
+def test_nothing_moves_in_a_lab_that_one_drives_through():
+    told, _, _ = watch(CONES, along(TOUR), seed=4)
+    assert sum(len(found) for _, found in told) == 0
+
+
+@pytest.mark.parametrize(
+    "velocity", [(1.2, 0.0), (-1.2, 0.0), (0.0, 1.3), (0.5, -0.5), (0.25, 0.0), (0.0, 0.2)]
+)
+def test_a_walker_is_found_with_its_velocity(velocity):
+    vx, vy = velocity
+
+    def around(t):
+        return np.vstack([CONES, [disc(6.5 + vx * (t - 2), -1.0 + vy * (t - 2), 0.25)]])
+
+    told, _, _ = watch(around, standing(3.0))
+    for t, found in told[-5:]:
+        assert len(found) == 1
+        assert np.hypot(found[0, 0] - around(t)[-1][0], found[0, 1] - around(t)[-1][1]) < 0.15
+        assert np.hypot(found[0, 2] - vx, found[0, 3] - vy) < 0.3
+
+
+def test_the_disc_of_a_walker_covers_it():
+    def around(t):
+        return discs(disc(6.0, -2.5 + 1.0 * t, 0.3))
+
+    told, _, _ = watch(around, standing(3.0))
+    for t, found in told[-10:]:
+        true = around(t)[0]
+        off = np.hypot(found[0, 0] - true[0], found[0, 1] - true[1])
+        assert found[0, 4] > true[4] + off - 0.08
+
+
+def test_who_stops_may_walk_on_and_becomes_a_standing_thing_after_a_while():
+    def around(t):
+        return discs(disc(6.0, -2.0 + 1.0 * min(t, 2.0), 0.25))
+
+    told, moment, seen = watch(around, standing(7.0))
+    assert all(len(found) for at, found in told if 3.0 < at < 4.5)
+    assert len(told[-1][1]) == 0
+    back = compose(moment.truth, inverse(seen.odometry))
+    c, s = math.cos(back.psi), math.sin(back.psi)
+    points = seen.points @ np.array([[c, s], [-s, c]]) + (back.x, back.y)
+    assert (np.hypot(points[:, 0] - 6.0, points[:, 1]) < 0.35).sum() > 5
+
+
+def test_a_mover_leaves_no_standing_points():
+    def around(t):
+        return discs(disc(6.0, -3.0 + 1.0 * t, 0.25))
+
+    told, moment, seen = watch(around, standing(4.0))
+    assert len(told[-1][1]) == 1
+    back = compose(moment.truth, inverse(seen.odometry))
+    c, s = math.cos(back.psi), math.sin(back.psi)
+    points = seen.points @ np.array([[c, s], [-s, c]]) + (back.x, back.y)
+    in_the_open = (points[:, 0] > 3.5) & (np.abs(points[:, 0] - 6.0) < 1.0)
+    in_the_open &= np.abs(points[:, 1]) < 2.5
+    assert in_the_open.sum() == 0
+
+
+def test_who_is_hidden_for_a_moment_is_not_forgotten():
+    pillar = disc(5.0, -1.0, 0.35)
+
+    def around(t):
+        return discs(pillar, disc(7.0, -3.0 + 1.2 * t, 0.25))
+
+    told, _, _ = watch(around, standing(3.0))
+    hidden = [
+        (t, found) for t, found in told
+        if 1.4 < t < 2.0  # it passes behind the pillar at t = 1.7
+    ]  # fmt: skip
+    assert hidden
+    for t, found in hidden:
+        assert len(found) == 1
+        assert np.hypot(found[0, 0] - 7.0, found[0, 1] - (-3.0 + 1.2 * t)) < 0.4
+
+
+def test_who_has_gone_out_of_sight_is_forgotten_in_the_end():
+    def around(t):
+        return discs(disc(6.0, -1.0 + 1.0 * t, 0.25) if t < 2.0 else disc(50.0, 50.0, 0.25))
+
+    told, _, _ = watch(around, standing(4.5))
+    assert any(len(found) for _, found in told)
+    assert len(told[-1][1]) == 0
+
+
+def test_who_stands_against_a_thing_of_the_map_is_a_thing_of_its_own():
+    lidar = LIDAR.lidar()
+    ranges = np.empty(len(lidar.beams))
+    post, person = disc(3.0, 0.3, 0.3), disc(2.9, -0.25, 0.25)
+    sight(AT, lidar, discs(post, person), np.empty((0, 4)), NO_GRID, ranges)
+    trail = extended(EMPTY, Odometry(0.0, AT, Twist(0.0, 0.0)))
+    seen = sweep(lidar, ranges, 0.0, 0.0, trail)
+    one = clusters(lidar, seen, AT, 12.0, np.zeros(len(seen.points), np.bool_))
+    assert len(one) == 1
+    assert math.hypot(one[0, CX] - 2.9, one[0, CY] + 0.25) > 0.2
+    mapped = np.hypot(*(seen.points - post[:2]).T) < 0.35
+    (found,) = clusters(lidar, seen, AT, 12.0, mapped)
+    assert math.hypot(found[CX] - 2.9, found[CY] + 0.25) < 0.05
+    known = map_from_geometry(WALLS, AT, np.array([[3.0, 0.3, 0.3]]))
+    assert (on_walls(known, AT, seen.points, 0.1) & mapped).sum() == mapped.sum()

@@ -1,0 +1,137 @@
+"""Ground that was never in view is told where nothing looks, and nowhere else."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, Twist
+from cohelm.perceive.pipeline import Perception, Seen
+from cohelm.robot.footprint import point_gap
+from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.sensors import Lidar
+from cohelm.scenario.load import robot
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import sight
+from cohelm.study.campaign.plant import carried
+
+SALLY = robot("sally")
+WALLS = np.array([[-4.0, -3.0, 4.0, -3.0], [-4.0, 3.0, 4.0, 3.0]])
+
+
+def driven(
+    poses: list[Pose], discs: np.ndarray | None = None, model=SALLY, velocity=(0.0, 0.0)
+) -> Seen:
+    """What is known after a scan from each pose, 0.1 s apart; discs go with a velocity."""
+    eyes = Perception(model)
+    seen = None
+    for k, pose in enumerate(poses):
+        ranges = np.empty(len(eyes.lidar.beams))
+        there = np.empty((0, 6)) if discs is None else discs.copy()
+        there[:, :2] += 0.1 * k * np.array(velocity)
+        sight(pose, eyes.lidar, there, WALLS, NO_GRID, ranges)
+        readings = Readings(
+            Odometry(0.1 * k, pose, Twist(0.0, 0.0)), Scan(0.1 * k, k, ranges, 0.0), None, None
+        )
+        seen = eyes.take(0.1 * k, readings)
+    assert seen is not None
+    return seen
+
+
+def ahead(way: float, speed: float = 0.05) -> list[Pose]:
+    return [Pose(speed * k, 0.0, 0.0) for k in range(round(way / speed) + 1)]
+
+
+def blind(seen: Seen) -> np.ndarray:
+    return seen.points[len(seen.points) - seen.blind :]
+
+
+def in_view(points: np.ndarray, lidar: Lidar, pose: Pose) -> np.ndarray:
+    """An independent oracle: whether the bearing of points lies in the field of view."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    x, y = pose.x + c * lidar.mount.x, pose.y + s * lidar.mount.x
+    bearing = np.arctan2(points[:, 1] - y, points[:, 0] - x) - pose.psi
+    bearing = (bearing + math.pi) % (2 * math.pi) - math.pi
+    return np.abs(bearing) < math.radians(134.0)
+
+
+def test_a_robot_that_was_switched_on_may_turn_but_not_back_away():
+    points = blind(driven([Pose(0.0, 0.0, 0.0)]))
+    assert len(points)
+    assert not in_view(points, SALLY.lidar.lidar(), Pose(0.0, 0.0, 0.0)).any()
+    away = np.hypot(*points.T)
+    assert away.min() > SALLY.reach + 0.15
+    behind = points[np.abs(points[:, 1]) < 0.3]
+    assert behind[:, 0].max() == pytest.approx(-(SALLY.reach + 0.2), abs=0.1)
+    gaps = np.sort(behind[:, 1])
+    assert np.diff(gaps).max() <= 0.051  # no gap that a post would fit through
+
+
+def test_it_may_back_over_ground_that_it_has_driven_over_or_seen():
+    start = blind(driven([Pose(0.0, 0.0, 0.0)]))
+    later = blind(driven(ahead(2.0)))
+    lane = np.abs(later[:, 1]) < 0.29
+    assert not len(later) or 2.0 - later[lane, 0].max(initial=-9.0) > 1.4
+    assert len(start) > 0
+
+
+def test_a_turn_on_the_spot_shows_all_that_is_around():
+    turns = [Pose(0.0, 0.0, 0.1 * k) for k in range(64)]
+    points = blind(driven(turns))
+    assert not len(points)
+
+
+def test_what_stands_in_the_ground_that_was_seen_hides_no_hole_in_it():
+    """A post that was passed: the ground around it was seen, so nothing but the post is told."""
+    post = np.array([[0.8, 0.7, 0.0, 0.0, 0.05, 0.5]])
+    seen = driven(ahead(2.5), post)
+    near = np.hypot(*(blind(seen) - (0.8, 0.7)).T) < 0.3
+    assert not near.any()
+    standing = seen.points[: len(seen.points) - seen.blind]
+    assert (np.hypot(*(standing - (0.8, 0.7)).T) < 0.06).any()
+
+
+WALKER = np.array([[1.5, 0.75, 0.0, 0.0, 0.25, 0.7]])
+"""Walks back along the robot's left side; gone from view at x = -0.4 m or so."""
+
+
+def standing(n: int) -> list[Pose]:
+    """Turned once round, to have seen all there is, and then n scans of standing."""
+    return [Pose(0.0, 0.0, 0.1 * k) for k in range(63)] + [Pose(0.0, 0.0, 0.0)] * n
+
+
+@pytest.mark.parametrize("speed", [0.4, 0.8, 1.2])
+def test_who_goes_behind_the_robot_may_be_anywhere_there(speed: float):
+    gone = round(3.0 / speed / 0.1)
+    start = WALKER.copy()
+    start[0, 0] += 6.3 * speed
+    points = blind(driven(standing(gone), start, velocity=(-speed, 0.0)))
+    assert not in_view(points, SALLY.lidar.lidar(), Pose(0.0, 0.0, 0.0)).any()
+    beside = [point_gap(SALLY.outline, x, y) for x, y in points.tolist()]
+    assert 0.03 <= min(beside) < 0.08  # the whole way round it, and nothing in it
+    later = blind(driven(standing(gone + 120), start, velocity=(-speed, 0.0)))
+    assert not len(later)
+
+
+def test_who_passes_far_away_leaves_no_doubt():
+    start = WALKER + np.array([5.04, 1.75, 0.0, 0.0, 0.0, 0.0])
+    assert not len(blind(driven(standing(40), start, velocity=(-0.8, 0.0))))
+
+
+def test_a_look_ends_the_doubt():
+    start = WALKER + np.array([5.04, 0.0, 0.0, 0.0, 0.0, 0.0])
+    turn = [Pose(0.0, 0.0, 0.1 * k) for k in range(63)]
+    poses = standing(60) + turn  # he has long gone on by then
+    assert not len(blind(driven(poses, start, velocity=(-0.8, 0.0))))
+
+
+def test_a_lidar_that_looks_all_round_leaves_nothing_blind():
+    assert driven(ahead(1.0), model=carried("sally", "twin-all-round")).blind == 0
+
+
+def test_a_lidar_of_unknown_carrier_tells_no_ground():
+    assert SALLY.lidar is not None
+    eyes = Perception(SALLY.lidar.lidar())
+    ranges = np.full(len(eyes.lidar.beams), 3.0)
+    here = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
+    assert eyes.take(0.0, Readings(here, Scan(0.0, 0, ranges, 0.0), None, None)).blind == 0

@@ -1,0 +1,42 @@
+"""A command takes effect after the whole delay, be it a whole number of periods or not."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given, strategies as st
+
+from cohelm.core.types import Pose, Stick, Twist
+from cohelm.law.reference import through
+from cohelm.pilot.delay_compensation import foreseen, periods
+from cohelm.pilot.pilot import NOTHING_NEAR, Pilot
+from cohelm.robot.kinematics import arc
+from tests.pilot.drives import DT, SETTINGS
+
+speeds = st.builds(Twist, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+HERE = Pose(1.0, 2.0, 0.3)
+
+
+@given(st.floats(0.0, 0.5), st.sampled_from([0.01, 0.02, 0.05]))
+def test_whole_periods_and_their_rest_are_the_delay(delay, dt):
+    whole, rest = periods(delay, dt)
+    assert whole * dt + rest == pytest.approx(delay, abs=1e-6 * dt)
+    assert 0.0 <= rest < dt
+
+
+@given(speeds, st.floats(0.0, 0.3))
+def test_who_drives_on_is_foreseen_where_that_arc_ends(twist, delay):
+    whole, rest = periods(delay, DT)
+    sent = np.tile(twist, (whole, 1))
+    pose, then = foreseen(HERE, twist, rest, sent, 7, SETTINGS.limits, DT)
+    assert pose == pytest.approx(arc(HERE, twist, delay), abs=1e-7)
+    assert then == twist
+
+
+@given(st.floats(0.0, 0.2))
+@example(0.05)
+def test_the_pilot_looks_at_where_the_robot_will_be_then(delay):
+    """At 50 Hz a delay of 50 ms was taken for 40."""
+    pilot = Pilot(through([[0.0, 0.0], [5.0, 0.0]], 0.5), SETTINGS, delay=delay)
+    pilot.sent[:] = 0.5, 0.0
+    d = pilot.step(0.0, Pose(0.0, 0.0, 0.0), Twist(0.5, 0.0), Stick(0.0, 0.0), NOTHING_NEAR)
+    there = d.x_d - (d.tracking_v - d.u_d) / SETTINGS.gains.k_x  # what (16) tracks from
+    assert there == pytest.approx(0.5 * delay, abs=1e-6)

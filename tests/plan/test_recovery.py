@@ -1,0 +1,130 @@
+"""Out of tight spots, in both driving directions."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from shapely import MultiPoint, Polygon
+from shapely.affinity import rotate, translate
+
+from cohelm.core.types import Pose, Twist, wrap
+from cohelm.plan.recovery import FORWARDS, LEFT, RIGHT, Choices, Escape, escape, kind, rest, wish
+from cohelm.robot.kinematics import arc
+from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, room, wall
+
+AT = Pose(0.0, 0.0, 0.0)
+DT = 0.02
+POCKET = np.vstack((wall(-0.3, 0.26, 0.4, 0.26), wall(0.4, 0.26, 0.4, -0.26),
+                    wall(0.4, -0.26, -0.3, -0.26)))  # fmt: skip
+
+
+def drive(pose, move, outline, points):
+    """The whole move step by step; where it ends, and the least gap on the way (shapely)."""
+    seen, least, left = MultiPoint(points), math.inf, move
+    for _ in range(5000):
+        twist = wish(left, 0.4, 1.5, DT)
+        assert abs(twist.v) <= 0.4 + 1e-12
+        assert abs(twist.omega) <= 1.5 + 1e-12
+        if twist == (0.0, 0.0):
+            return pose, least
+        pose, left = arc(pose, twist, DT), rest(left, twist, DT)
+        body = rotate(Polygon(outline), pose.psi, origin=(0, 0), use_radians=True)
+        if len(points):
+            least = min(least, translate(body, pose.x, pose.y).distance(seen))
+    raise AssertionError("the move never ended")
+
+
+@given(st.floats(-7.0, 7.0), st.floats(-3.0, 3.0))
+def test_in_the_open_it_turns_on_the_spot_the_short_way(psi, heading):
+    move = escape(Pose(0.0, 0.0, psi), heading, NOTHING, JACKAL)
+    assert move.distance == 0.0
+    assert abs(move.turn) <= math.pi + 1e-9
+    assert wrap(psi + move.turn - heading) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_it_turns_the_long_way_where_something_stands_in_the_short_one():
+    points = circle(0.0, 0.27, 0.02)
+    move = escape(AT, math.radians(100.0), points, JACKAL)
+    short = escape(AT, math.radians(-100.0), points, JACKAL)
+    assert move is None or move.turn == pytest.approx(math.radians(-260.0)) or move.distance
+    assert short is not None
+
+
+def test_from_a_pocket_ahead_it_backs_out_and_turns():
+    move = escape(AT, math.pi, POCKET, JACKAL)
+    assert move.distance < -0.2
+    assert abs(move.turn) == pytest.approx(math.pi, abs=0.8)
+    pose, least = drive(AT, move, JACKAL, POCKET)
+    assert least >= 0.025
+    assert wrap(pose.psi - math.pi) == pytest.approx(0.0, abs=0.05)
+
+
+def test_from_a_pocket_behind_it_drives_out_and_turns():
+    behind = Pose(0.0, 0.0, math.pi)
+    move = escape(behind, 0.0, POCKET, JACKAL, Choices(forward=1.0))
+    assert move.distance > 0.2
+    pose, least = drive(behind, move, JACKAL, POCKET)
+    assert least >= 0.025
+    assert wrap(pose.psi) == pytest.approx(0.0, abs=0.05)
+
+
+def test_it_backs_no_farther_than_allowed():
+    assert escape(AT, math.pi, POCKET, JACKAL, Choices(back=0.1, forward=0.1)) is None
+
+
+@pytest.mark.parametrize("outline", [JACKAL, LONG])
+def test_a_box_that_is_too_small_to_turn_in_has_no_escape(outline):
+    x, y = outline.max(axis=0) + 0.05
+    assert escape(AT, 1.5, room(-x, -y, x, y), outline) is None
+
+
+def test_a_robot_nearer_than_the_gap_already_may_still_leave():
+    points = wall(-0.3, 0.175, 0.3, 0.175)  # 1 cm beside it
+    move = escape(AT, -0.1, points, JACKAL)
+    assert move is not None
+    _, least = drive(AT, move, JACKAL, points)
+    assert least > 0.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.02, 0.2)), max_size=12),
+    st.floats(-3.0, 3.0),
+)
+def test_no_escape_touches_anything_that_was_seen(things, heading):
+    free = [thing for thing in things if math.hypot(*thing[:2]) - thing[2] > 0.32]
+    points = np.vstack([NOTHING, *(circle(*thing) for thing in free)])
+    move = escape(AT, heading, points, JACKAL)
+    if move is not None:
+        pose, least = drive(AT, move, JACKAL, points)
+        assert least > 0.015
+        assert wrap(pose.psi - heading) == pytest.approx(0.0, abs=0.05)
+
+
+@given(st.floats(-1, 1), st.floats(-2, 2), st.floats(-6, 6))
+def test_a_move_ends_where_it_was_meant_to(distance, curvature, turn):
+    pose, _ = drive(AT, Escape(distance, curvature, turn), JACKAL, NOTHING)
+    corner = arc(AT, Twist(distance, distance * curvature), 1.0)
+    assert math.hypot(pose.x - corner.x, pose.y - corner.y) < 0.011
+    assert pose.psi == pytest.approx(corner.psi + turn, abs=0.01 + 0.01 * (1 + abs(curvature)))
+
+
+def test_a_move_that_is_held_up_goes_on_where_it_was():
+    left = Escape(-0.5, 0.0, 1.0)
+    assert rest(left, Twist(0.0, 0.0), DT) == left
+    assert rest(left, Twist(-0.4, 0.0), DT).distance == pytest.approx(-0.492)
+
+
+@pytest.mark.parametrize("heading", [1.5, -1.5])
+def test_a_kind_of_move_that_led_nowhere_is_not_begun_with_again(heading):
+    first = escape(AT, heading, NOTHING, JACKAL)
+    assert first is not None
+    other = escape(AT, heading, NOTHING, JACKAL, refused=kind(first))
+    assert other is not None
+    assert other.distance == 0.0
+    assert other.turn == pytest.approx(first.turn - math.copysign(2 * math.pi, first.turn))
+    away = escape(AT, heading, NOTHING, JACKAL, refused=LEFT | RIGHT | FORWARDS)
+    assert away is not None
+    assert away.distance < 0.0
+    assert escape(AT, heading, NOTHING, JACKAL, refused=15) is None
