@@ -5,7 +5,7 @@ Published maps are read where they are there, beside the checkout; such a map is
 at once, as in a simulator. Buildings are drawn by `tests/perceive/buildings.py`; seeds below 100
 may be tuned on, those from 100 on are for the table in docs/perceive.md.
 
-    python -m benchmarks.places [drives] [kidnaps] [cold] [--quick] [--only NAME] [--seeds 100:105]
+    python -m benchmarks.places [drives] [kidnaps] [cold] [mapping] [--only NAME] [--seeds 100:105]
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ sys.path.insert(0, str(ROOT))
 
 from scipy import ndimage  # noqa: E402
 
+from cohelm.core.frames import between  # noqa: E402
 from cohelm.core.types import Floats, Pose  # noqa: E402
+from cohelm.perceive.map.mapper import Survey  # noqa: E402
 from cohelm.perceive.pipeline import Perception, rehearse  # noqa: E402
 from cohelm.robot.sensors import LidarModel  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
@@ -38,6 +40,8 @@ from tests.perceive.buildings import (  # noqa: E402
     Place,
     boxes,
     building,
+    loop_errors,
+    surveying,
     tour,
 )
 from tests.perceive.drives import DT, LIDAR, along, drive  # noqa: E402
@@ -224,6 +228,39 @@ def main() -> None:
         kidnaps(given, first, last)
     if "cold" in given.tables:
         cold(given, first, last)
+    if "mapping" in given.tables:
+        for alike in (False, True):
+            mapping(first, last, alike)
+
+
+def mapping(first: int, last: int, alike: bool) -> None:
+    """Buildings mapped from drives of 150 to 2000 m, with or without rooms that look alike."""
+    print(f"{'':20s} {'way':>6s} {'mean':>7s} {'99 %':>7s} {'max':>7s} {'false':>6s} {'s/km':>6s}")
+    for seed in range(first, last):
+        lidar, seen, truth = surveying(seed, alike)
+        way = float(np.hypot(*np.diff(np.array(truth)[:, :2], axis=0).T).sum())
+        begun = time.process_time()
+        survey = Survey(lidar)
+        for glimpse in seen:
+            survey.add(glimpse)
+        found = survey.finished()
+        took = time.process_time() - begun
+        off = loop_errors(found.poses, truth)
+        name = f"building {seed}" + (", alike" if alike else "")
+        if not len(off):
+            print(f"{name:20s} {way:6.0f}  never came by again", flush=True)
+            continue
+        # of the pairs of scans that were closed, those that lie off the truth
+        false = sum(
+            math.hypot(*between(between(truth[a], truth[b]),
+                                between(found.poses[a], found.poses[b]))[:2]) > WRONG
+            for a, b in found.loops
+        )  # fmt: skip
+        print(
+            f"{name:20s} {way:6.0f} {100 * off.mean():7.1f} {100 * np.quantile(off, 0.99):7.1f} "
+            f"{100 * off.max():7.1f} {false:6d} {1e3 * took / way:6.1f}",
+            flush=True,
+        )
 
 
 def summed(name: str, rows: list[Result]) -> Result:

@@ -13,12 +13,18 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 from shapely import Polygon, box, contains_xy, unary_union
 from shapely.affinity import rotate
 
-from cohelm.core.types import Pose
+from cohelm.core.frames import between, compose
+from cohelm.core.types import Pose, wrap
 from cohelm.perceive.localize.localization_map import LocalizationMap, known
+from cohelm.perceive.map.mapper import Glimpse
+from cohelm.perceive.scan.deskew import sweep
+from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid
+from cohelm.sim.lidar import scan as cast
 
 NO_DISCS = np.empty((0, 6))
 
@@ -56,11 +62,12 @@ class Artefacts(NamedTuple):
 CLEAN = Artefacts(0.025, 0.01, 0.0, 0.0, 0.0, 0.0, 0)
 
 
-def outline(seed):
-    """The free area of a building, a polygon with holes."""
+def outline(seed, larger=1.0, alike=False):
+    """The free area of a building, a polygon with holes; so many times as long and wide. alike:
+    every room looks like the next, and nothing stands in the corridors."""
     rng = np.random.default_rng(seed)
     width = rng.uniform(1.7, 2.8)
-    w, h = rng.uniform(16, 32), rng.uniform(9, 18)
+    w, h = larger * rng.uniform(16, 32), larger * rng.uniform(9, 18)
     parts = [box(0, 0, w, h).difference(box(width, width, w - width, h - width))]
     if rng.random() < 0.6:  # a corridor across
         x = rng.uniform(0.3, 0.7) * w
@@ -68,7 +75,11 @@ def outline(seed):
     for side in range(4):  # rooms outside the ring
         along = w if side in (0, 1) else h
         at = rng.uniform(0.2, 1.5)
-        while at < along - 2.5:
+        while alike and at < along - 5.0:
+            room = unary_union((box(at, -4.2, at + 4.0, -0.2), box(at + 1, -0.25, at + 2, 0.05)))
+            parts.append(_onto(room, side, w, h))
+            at += 4.2
+        while not alike and at < along - 2.5:
             wide = min(rng.uniform(2.5, 6.0), along - at)
             deep, gap = rng.uniform(2.5, 5.5), rng.uniform(0.1, 0.25)
             door = at + rng.uniform(0.3, wide - 1.3)
@@ -82,24 +93,26 @@ def outline(seed):
                 room = room.difference(rotate(thing, rng.choice([0, 0, rng.uniform(0, 90)])))
             for part in (room, way):
                 if part.area > 0.0:
-                    if side == 1:
-                        part = _mirrored(part, h)
-                    elif side == 2:
-                        part = _flipped(part)
-                    elif side == 3:
-                        part = _mirrored(part, w)
-                        part = _flipped(part)
-                    parts.append(part)
+                    parts.append(_onto(part, side, w, h))
             at += wide + rng.uniform(0.1, 0.3)
             at += rng.exponential(1.0)
     free = unary_union(parts)
-    for _ in range(int(rng.integers(2, 7))):  # pillars and bins by the corridor's walls
+    for _ in range(0 if alike else int(rng.integers(2, 7))):  # pillars, bins by the walls
         s, x, y = rng.uniform(0.1, 0.35), rng.uniform(0, w), rng.choice([0.0, h, width, h - width])
         free = free.difference(box(x, y - s, x + rng.uniform(0.1, 0.5), y + s))
     free = rotate(free, math.degrees(rng.uniform(-math.pi, math.pi)), origin=(0, 0))
     if free.geom_type == "MultiPolygon":
         free = max(free.geoms, key=lambda part: part.area)
     return free.simplify(1e-6)
+
+
+def _onto(part, side, w, h):
+    """A part drawn below the ring, moved to one of its four sides."""
+    if side == 0:
+        return part
+    if side == 1:
+        return _mirrored(part, h)
+    return _flipped(_mirrored(part, w) if side == 3 else part)
 
 
 def _mirrored(part, height):
@@ -136,10 +149,10 @@ def pieces(walls, share, rng):
     return np.array(left).reshape(-1, 4), np.array(taken).reshape(-1, 4)
 
 
-def building(seed, artefacts=None):
+def building(seed, artefacts=None, larger=1.0):
     """A building and its map, in the building's own axes."""
     how = artefacts or Artefacts()
-    free, rng = outline(seed), np.random.default_rng([seed, 1])
+    free, rng = outline(seed, larger), np.random.default_rng([seed, 1])
     walls = segments(free)
     stands, gone = pieces(walls, how.gone, rng) if how.gone else (walls, walls[:0])
     drawn, _ = pieces(stands, how.missing, rng) if how.missing else (stands, walls[:0])
@@ -264,3 +277,74 @@ def boxes(place, poses, count, seed, room=0.45):
         corners = np.array([[a, b], [-a, b], [-a, -b], [a, -b]]) @ np.array([[c, s], [-s, c]]) + at
         found += np.hstack((corners, np.roll(corners, -1, axis=0))).tolist()
     return np.array(found).reshape(-1, 4)
+
+
+LIDARS = (
+    LidarModel(beams=720, field_of_view_deg=270.0, range_max_m=12.0, noise_m=0.02, mount_x_m=0.3),
+    LidarModel(beams=180, field_of_view_deg=179.0, range_max_m=50.0, noise_m=0.02),
+    LidarModel(beams=360, field_of_view_deg=359.0, range_max_m=25.0, noise_m=0.03),
+)
+
+
+class Surveying(NamedTuple):
+    """A drive to be mapped: its LiDAR, what it saw with the odometry of it, and where it was."""
+
+    lidar: Lidar
+    seen: list[Glimpse]
+    truth: list[Pose]
+
+
+def surveying(seed, alike=False):
+    """150 to 2000 m through a building one to four times as large, alike twice that, with one of
+    LIDARS; the wheels 0.5 to 3 % wrong, lines bent by 0.02 to 0.25 deg/m either way, turns 2 %."""
+    rng = np.random.default_rng([seed, 7])
+    larger = float(rng.uniform(1.0, 4.0)) * (2.0 if alike else 1.0)
+    length = float(np.exp(rng.uniform(np.log(150), np.log(2000))))
+    lidar, free = LIDARS[seed % 3].lidar(), outline(seed, larger, alike)
+    walls, (low, clear) = segments(free), _clearance(free)
+    way = np.array(tour(Place("", walls, NO_GRID, None, clear, low), seed, length))
+    far = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))))
+    fine = np.arange(0.0, far[-1], 0.05)
+    xy = np.column_stack([np.interp(fine, far, way[:, i]) for i in (0, 1)])
+    xy = ndimage.uniform_filter1d(xy, 9, axis=0, mode="nearest")
+    psi = np.unwrap(np.arctan2(*np.gradient(xy, axis=0).T[::-1]))
+    every = float(rng.choice([0.1, 0.25, 0.5]))
+    truth, since, turned = [], 1e9, 1e9
+    for k in range(len(xy)):
+        if k:
+            since, turned = since + math.dist(xy[k], xy[k - 1]), turned + abs(psi[k] - psi[k - 1])
+        if since >= every or turned >= 0.25:
+            truth.append(Pose(float(xy[k, 0]), float(xy[k, 1]), wrap(float(psi[k]))))
+            since = turned = 0.0
+    scale = 1.0 + rng.choice([-1, 1]) * rng.uniform(0.005, 0.03)
+    bend = math.radians(rng.choice([-1, 1]) * rng.uniform(0.02, 0.25))
+    turns = 1.0 + rng.choice([-1, 1]) * rng.uniform(0.0, 0.02)
+    odometry, seen, ranges = Pose(0.0, 0.0, 0.0), [], np.empty(len(lidar.beams))
+    for k, pose in enumerate(truth):
+        if k:
+            step = between(truth[k - 1], pose)
+            d = math.hypot(step.x, step.y)
+            step = Pose(
+                step.x * scale + 0.01 * d * rng.normal(), step.y * scale + 0.01 * d * rng.normal(),
+                step.psi * turns + bend * d + math.radians(0.3) * math.sqrt(d) * rng.normal()
+                + 0.02 * step.psi * rng.normal(),
+            )  # fmt: skip
+            odometry = compose(odometry, step)
+        cast(pose, lidar, NO_DISCS, walls, NO_GRID, seed, k, ranges)
+        swept = sweep(lidar, ranges, 0.1 * k, 0.0, np.array([[0.1 * k, *odometry, 0.0, 0.0]]))
+        seen.append(Glimpse(0.1 * k, odometry, swept.points, swept.beams))
+    return Surveying(lidar, seen, truth)
+
+
+def loop_errors(found, truth, most=4000):
+    """How far found places are off, as seen from others within 1.5 m but 20 m of way apart [m]."""
+    at = np.array(truth)[:, :2]
+    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(at, axis=0).T))))
+    pairs = cKDTree(at).query_pairs(1.5, output_type="ndarray")
+    pairs = pairs[np.abs(way[pairs[:, 0]] - way[pairs[:, 1]]) > 20.0]
+    rng = np.random.default_rng(0)
+    pairs = pairs[rng.choice(len(pairs), most, replace=False)] if len(pairs) > most else pairs
+    return np.array([
+        math.hypot(*between(between(truth[a], truth[b]), between(found[a], found[b]))[:2])
+        for a, b in pairs
+    ])  # fmt: skip

@@ -11,11 +11,19 @@ from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.map.loop_closure import revisits
 from cohelm.perceive.map.mapper import Survey, glimpses
-from cohelm.perceive.map.pose_graph import Link, solved
+from cohelm.perceive.map.pose_graph import Link, consistent, solved, spread
 from cohelm.perceive.map.raster import raster
+from cohelm.perceive.match.odometry_covariance import (
+    UNKNOWN,
+    Wheels,
+    joined,
+    moved as foretell,
+    updated,
+)
 from cohelm.perceive.match.surfaces import moved, surfaces
 from cohelm.robot.port import Odometry, Scan
 from tests.perceive import killian
+from tests.perceive.buildings import loop_errors, surveying
 from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
 
 HOME = [(-0.5, -1.75), (-0.6, -0.5), (-0.5, 0.8), (0.0, 2.5)]
@@ -112,6 +120,54 @@ def test_a_false_loop_is_outvoted():
     steps = [Link(k, k + 1, Pose(0.3, 0.0, 0.0), firm, False) for k in range(19)]
     wrong = Link(2, 17, Pose(0.0, 1.0, 0.5), firm, True)
     assert np.allclose(solved(poses, [*steps, wrong]), poses, atol=0.05)
+
+
+def test_false_loops_that_came_first_are_found_out_by_those_that_can_be_true_together():
+    ring = [Pose(math.cos(a), math.sin(a), a + math.pi / 2) for a in np.linspace(0, 4 * np.pi, 81)]
+    firm = np.diag([1e4, 1e4, 1e5])
+    steps = [Link(k, k + 1, between(ring[k], ring[k + 1]), firm, False) for k in range(80)]
+    right = [Link(k, k + 40, Pose(0.0, 0.0, 0.0), firm, True) for k in (1, 20, 39)]
+    wrong = [Link(k, k + 30, Pose(0.1, 0.0, 0.0), firm, True) for k in (3, 5)]
+    glued = solved(ring, [*steps, *(link._replace(loop=False) for link in wrong)])
+    kept = consistent(glued, [*steps, *wrong, *right])
+    assert [link for link in kept if link.loop] == right
+
+
+def test_places_are_unsure_by_the_way_to_them_and_no_more_than_a_loop_allows():
+    line = [Pose(0.5 * k, 0.0, 0.0) for k in range(41)]
+    own = np.linalg.inv(np.diag([0.01, 0.01, 0.002]) ** 2)
+    steps = [Link(k, k + 1, Pose(0.5, 0.0, 0.0), own, False) for k in range(40)]
+    open_ = spread(line, steps, 40)
+    assert open_[0, 0, 0] == pytest.approx(40 * 0.01**2)
+    lever = 0.002**2 * (0.5 * np.arange(40)) ** 2  # each step's heading turns all behind it
+    assert open_[0, 1, 1] == pytest.approx(40 * 0.01**2 + lever.sum())
+    loop = Link(0, 40, Pose(20.0, 0.0, 0.0), own, True)
+    assert np.trace(spread(line, [*steps, loop], 40)[0]) < 0.1 * np.trace(open_[0])
+
+
+@pytest.mark.parametrize(("scale", "bend"), [(0.02, 0.003), (-0.02, -0.003)])
+def test_what_wheels_measure_wrongly_is_learnt_from_matches(scale, bend):
+    wheels, pose, joint = Wheels(), Pose(0.0, 0.0, 0.0), joined(1e-6 * np.eye(3), UNKNOWN)
+    sure, true = np.diag([1e6, 1e6, 1e6]), pose
+    for _ in range(600):
+        true = compose(true, Pose(0.1, 0.0, 0.0))
+        step = wheels.corrected(Pose(0.1 / (1.0 + scale), 0.0, -0.1 * bend))
+        foretold, joint = foretell(pose, joint, step)
+        off = np.array(between(foretold, true))
+        wheels, joint, pose = wheels.learnt(joint, off), updated(joint, sure), true
+    assert wheels.scale == pytest.approx(scale, abs=0.003)
+    assert wheels.bend == pytest.approx(bend, abs=0.0008)
+
+
+@pytest.mark.slow
+def test_a_building_whose_loops_drift_has_torn_apart_by_metres_lies_on_itself():
+    lidar, seen, truth = surveying(4)
+    survey = Survey(lidar)
+    for glimpse in seen:
+        survey.add(glimpse)
+    off = loop_errors(survey.finished().poses, truth)
+    assert off.mean() < 0.05
+    assert off.max() < 0.3
 
 
 def test_a_loop_corrects_what_has_drifted():

@@ -113,3 +113,22 @@ def test_moved_back_on_its_way_in_a_building_with_a_poor_map_it_is_found_again()
     late = rows[-10:]
     assert not late[:, 1].any()
     assert late[:, 0].max() < 0.2
+
+
+@pytest.mark.parametrize("drawn", [0.0, 0.5, -0.5])
+def test_where_a_wall_is_drawn_within_its_cells_is_learnt(drawn):
+    """The surface is the middle of the cells that hits fell into, the edge of those filled in, or
+    of those beside."""
+    cell = 0.05
+    occupied = np.zeros((100, 160), dtype=bool)
+    occupied[[20, 79], 20:140] = occupied[20:80, [20, 139]] = True
+    free = np.zeros_like(occupied)
+    free[21:79, 21:139] = True
+    low, high = np.array([20.5, 20.5]) + drawn, np.array([139.5, 79.5]) - drawn
+    (a, b), (c, d) = low * cell, high * cell
+    walls = np.array([[a, b, c, b], [c, b, c, d], [c, d, a, d], [a, d, a, b]])
+    poses, twists = along([(1.6, 1.8), (3.0, 1.9), (5.0, 2.4), (6.0, 3.0)])
+    made = known(occupied, free, cell, Pose(0.0, 0.0, 0.0))
+    rows = followed(made, poses, twists, 3, walls)
+    assert not rows[:, 1].any()
+    assert math.sqrt((rows[20:, 0] ** 2).mean()) < 0.008

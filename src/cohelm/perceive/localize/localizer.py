@@ -1,8 +1,8 @@
 """Localizes the robot on a map by scan matching; detects being lost, and recovers.
 
 *Tracking*: odometry foretells, matching corrects, and the whole scan is judged against the map.
-How much too far the wheels measure is estimated on the way (a Kalman filter's fourth state): along
-a corridor without features that error alone would add up.
+What the wheels measure wrongly is estimated on the way (`odometry_covariance`): along a corridor without
+features that error alone would add up.
 *Lost*, when scans disagree with the map: all the map is searched, nearest places first, a slice
 at a time. What is found are hypotheses. Each is followed as the robot moves, and one is believed
 only when no other explains what was seen nearly as well: two rooms alike are not guessed between.
@@ -21,8 +21,15 @@ from cohelm.core.types import Floats, Pose, wrap
 from cohelm.perceive.localize.global_search import Search, candidates, looked, search
 from cohelm.perceive.localize.keyframe import Keyframe, agreement, usable
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, free_at, judge
-from cohelm.perceive.match.odometry_covariance import SCALE, inverted, joined, moved, updated
-from cohelm.perceive.match.scan_matching import Care, align, independent
+from cohelm.perceive.match.odometry_covariance import (
+    UNKNOWN,
+    Wheels,
+    inverted,
+    joined,
+    moved,
+    updated,
+)
+from cohelm.perceive.match.scan_matching import Care, Fit, align, independent
 from cohelm.perceive.match.surfaces import facing, normals
 from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
@@ -91,6 +98,8 @@ class Caution(NamedTuple):
     """and this log likelihood, which allows for some four things that are not on the map,"""
     sure: float = 0.1
     """Nor is a pose believed less certain than this standard deviation [m]."""
+    drawn: float = 0.5
+    """How far a map's surfaces lie from the middle of its cells is learnt over this way [m]."""
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40
@@ -174,7 +183,8 @@ class Locator:
         lost = self.start is None
         wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
         reason = "looking for the robot on the map" if lost else ""
-        self._stretch, self._joint = 0.0, joined(wide, SCALE * SCALE)
+        self._wheels = Wheels()
+        self._joint: Floats = joined(wide, UNKNOWN)
         self._told_joint: Floats = self._joint  # of what errs independently only: what is told
         self.located = Located(pose, wide, 0.0, lost, reason)
 
@@ -195,8 +205,7 @@ class Locator:
         """Take in a sweep. odometry: the odometry pose at its instant."""
         step = between(self._odometry, odometry) if self._odometry else Pose(0.0, 0.0, 0.0)
         self._odometry = odometry
-        longer = 1.0 + self._stretch
-        step = Pose(longer * step.x, longer * step.y, step.psi)
+        step = self._wheels.corrected(step)
         self._base = compose(self._base, step)
         self._before = compose(self._before, step) if self._before else None
         self._left = compose(self._left, step) if self._left else None
@@ -273,8 +282,8 @@ class Locator:
             if again.log > judged.log + 1.0 and self._fair(again, c.good):
                 # pushed: what the odometry missed says nothing about its scale
                 fit, judged, foretold = other, again, other.pose
-                joint = joined(spread + np.diag([0.3, 0.3, 0.2]) ** 2, float(joint[3, 3]))
-                told = joined(told[:3, :3] + np.diag([0.3, 0.3, 0.2]) ** 2, float(told[3, 3]))
+                joint = joined(spread + np.diag([0.3, 0.3, 0.2]) ** 2, joint[3:, 3:])
+                told = joined(told[:3, :3] + np.diag([0.3, 0.3, 0.2]) ** 2, told[3:, 3:])
             fits = self._fits(judged)
         self._fitting = self._fitting + way if fits else self._fitting
         self._unheld = 0.0 if fits else self._unheld + way
@@ -297,8 +306,8 @@ class Locator:
             self._joint, self._told_joint = joint, told
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, False, "")
         else:
-            self._stretch += float(joint[3, :3] @ np.linalg.solve(joint[:3, :3], innovation))
-            self._stretch = min(max(self._stretch, -0.1), 0.1)
+            self._wheels = self._wheels.learnt(joint, innovation)
+            self._drawn(fit, way)
             self._joint = updated(joint, fit.information)
             new = min(1.0, max(way / self.care.correlated, 0.02)) if not movable else 1.0
             self._told_joint = updated(told, new * own)
@@ -320,10 +329,18 @@ class Locator:
             self._seek(points, across, sweep)
             self._told = self._told and self._searched is None
 
+    def _drawn(self, fit: Fit, way: float) -> None:
+        """Learn how the map was drawn: a wall's surface is the middle of the cells that hits fell
+        into, or the edge of cells that were filled. Walls on either side show it, for what moves
+        the robot from one moves it to the other."""
+        most = self.known.resolution
+        new = self.care.offset + min(way / self.caution.drawn, 0.1) * fit.before
+        self.care = self.care._replace(offset=min(max(new, -most), most))
+
     def _believe(self, pose: Pose, covariance: Floats, share: float) -> None:
         """Track from here on."""
         self._cold, self._before = False, None
-        self._joint = joined(covariance, max(float(self._joint[3, 3]), 1e-6))
+        self._joint = joined(covariance, self._joint[3:, 3:])
         self._told_joint = self._joint
         self._keyframe, self._alarm, self._jolts = None, 0, 0
         self._left = None
@@ -339,9 +356,7 @@ class Locator:
         way, turned = math.hypot(self._leg.x, self._leg.y), abs(self._leg.psi)
         fresh = way + 0.5 * turned > 0.15  # a scan from the same spot says nothing new
         for one in self._hypotheses:
-            foretold, joint = moved(
-                one.pose, joined(one.covariance, float(self._joint[3, 3])), step
-            )
+            foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
             prior = inverted(joint[:3, :3])
             fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
             one.pose, one.covariance = fit.pose, updated(joint, fit.information)[:3, :3]
@@ -393,7 +408,7 @@ class Locator:
         free = free_at(self.known, fit.pose.x, fit.pose.y)
         if not free or judged.agree < 0.4 or judged.through > 0.35:
             return
-        joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, 1e-4)
+        joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, UNKNOWN)
         covariance = updated(joint, fit.information)[:3, :3]
         pose = compose(fit.pose, self._base)
         for other in self._hypotheses:

@@ -15,16 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Floats, Ints, Pose, wrap
 from cohelm.perceive.map.loop_closure import BESIDE, revisits
-from cohelm.perceive.map.pose_graph import Link, library, solved
+from cohelm.perceive.map.pose_graph import Link, consistent, library, off, solved, spread
 from cohelm.perceive.match.odometry_covariance import (
-    SCALE,
+    UNKNOWN,
+    Wheels,
     inverted,
     joined,
     moved as foretell,
@@ -58,15 +57,13 @@ class Care(NamedTuple):
     again: int = 35
     """A place is met again if so many lie between."""
     search: float = 1.0
-    """Old places are looked for within this [m],"""
-    astray: float = 0.05
-    """and this share of the way back to them along links;"""
-    turned: float = 1e-3
-    """the heading may be off by so much of that way [rad/m]."""
+    """Old places are looked for within this and three sigma of where they are [m];"""
+    lonely: float = 5.0
+    """within nine, each time that no loop was closed for so much way [m]."""
     behind: float = 8.0
     """What was seen from so much farther counts as well, for the submap is as long [m]."""
-    every: int = 3
-    """Every so many places a loop is looked for."""
+    every: float = 0.9
+    """After so much way a loop is looked for [m]."""
     fits: float = 0.65
     """A loop is closed if this share of the points lies on surfaces,"""
     rms: float = 0.05
@@ -75,8 +72,10 @@ class Care(NamedTuple):
     """no other place comes as near to that share,"""
     firm: float = 5e3
     """and the weaker direction has this information [1/m^2]."""
-    holds: float = 4.0
-    """What disagrees with the drive is believed after this way [m]."""
+    whole: float = 0.8
+    """What disagrees with the drive must explain this share: a corridor explains 0.7 of another;"""
+    holds: float = 2.0
+    """and it is believed where views so far apart say the same [m]."""
     others: float = 6.0
     """At the end, places are linked if so near to each other [m]."""
     far: float = 15.0
@@ -117,10 +116,13 @@ class Survey:
         self._scans: list[tuple[int, Pose]] = []  # of each scan: its place, and its pose there
         self._pose = Pose(0.0, 0.0, 0.0)
         self._odometry: Pose | None = None
-        self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), SCALE * SCALE)
-        self._stretch = 0.0
+        self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), UNKNOWN)
+        self._wheels = Wheels()
         self._ways: list[float] = []
-        self._maybe: list[Link] = []
+        # ways at which loops were looked for, far and wide, and one was found
+        self._looked = self._wide = self._met = 0.0
+        self._maybe: list[list[Link]] = []  # loops that say the same, not yet believed
+        self._outvoted: list[Link] = []
         self._submap: Surfaces | None = None
 
     @property
@@ -135,20 +137,17 @@ class Survey:
             self._odometry = glimpse.odometry
             self._found(points, across, None)
             return
-        step = between(self._odometry, glimpse.odometry)
+        step = self._wheels.corrected(between(self._odometry, glimpse.odometry))
         self._odometry = glimpse.odometry
-        longer = 1.0 + self._stretch
-        step = Pose(longer * step.x, longer * step.y, step.psi)
         foretold, joint = foretell(self._pose, self._joint, step)
         prior = inverted(joint[:3, :3])
         fit = align(self._submap, points, across, foretold, prior, self.matching)
         if len(points) < 20 or fit.share < 0.3:
             fit = Fit(foretold, np.zeros((3, 3)), 0.0, math.inf, False)
-        off = np.array([
+        shift = np.array([
             fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi)
         ])  # fmt: skip
-        self._stretch += float(joint[3, :3] @ np.linalg.solve(joint[:3, :3], off))
-        self._stretch = min(max(self._stretch, -0.1), 0.1)
+        self._wheels = self._wheels.learnt(joint, shift)
         self._joint = updated(joint, fit.information)
         self._pose = fit.pose
         since = between(self.poses[-1], fit.pose)
@@ -161,6 +160,8 @@ class Survey:
         """Link all places that see the same, twice, and place every scan."""
         if not self.places:
             raise CohelmError("there is no scan with a wall in it: nothing to map")
+        if any(link.loop for link in self.links):
+            self._agree_again()
         steps = [link for link in self.links if not link.loop]
         for turn in range(2):
             loops = [link for link in self.links if link.loop] if turn == 0 else []
@@ -176,13 +177,13 @@ class Survey:
         ]  # fmt: skip
         poses = [compose(self.poses[place], pose) for place, pose in self._scans]
         scans = [place.scan for place in self.places]
-        return Surveyed(poses, scans, pairs, 1.0 + self._stretch)
+        return Surveyed(poses, scans, pairs, 1.0 + self._wheels.scale)
 
     def _surfaces(self, glimpse: Glimpse) -> tuple[Floats, Floats]:
-        off = np.hypot(
+        gaps = np.hypot(
             glimpse.points[:, 0] - self.lidar.mount.x, glimpse.points[:, 1] - self.lidar.mount.y
         )
-        near = off < self.care.far
+        near = gaps < self.care.far
         return normals(glimpse.points[near], glimpse.beams[near], self.lidar.step)
 
     def _found(self, points: Floats, across: Floats, since: Pose | None) -> None:
@@ -201,11 +202,12 @@ class Survey:
         self.places.append(Place(len(self._scans), kept, sides))
         self.poses.append(self._pose)
         self._scans.append((k, Pose(0.0, 0.0, 0.0)))
-        if k > self.care.again and k % self.care.every == 0:
+        if k > self.care.again and self._ways[k] - self._looked >= self.care.every:
+            self._looked = self._ways[k]
             self._close(k)
         self._submap = self._around(range(max(0, k + 1 - self.care.submap), k + 1), None)
         # what follows is measured from here on
-        self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), float(self._joint[3, 3]))
+        self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), self._joint[3:, 3:])
 
     def _spread(self) -> Floats:
         return self._joint[:3, :3]
@@ -227,83 +229,111 @@ class Survey:
         Places that drift has hardly torn from here are looked at for themselves, so that what
         looks alike far off does not put them in doubt.
         """
-        ways = self._ways_back(k)
-        reach = self.care.search + self.care.astray * ways
-        close = reach < 2.0 * self.care.search
-        newest = self._around(range(max(0, k + 1 - self.care.submap), k + 1), self.poses[k])
+        c = self.care
+        unsure = spread(self.poses, self.links, k)[: k - c.again]
+        far = self._ways[k] - max(self._met, self._wide) > c.lonely
+        self._wide = self._ways[k] if far else self._wide
+        reach = c.search + (9.0 if far else 3.0) * np.sqrt(
+            np.linalg.eigvalsh(unsure[:, :2, :2])[:, -1]
+        )
+        close = reach < 2.0 * c.search
+        newest = self._around(range(max(0, k + 1 - c.submap), k + 1), self.poses[k])
         new: list[Link] = []
-        link = self._found_again(k, newest, ways, reach, close)
-        if link is not None and _agree(self._there(link), self.poses[k]):
-            new.append(link)
-        new += self._believed(k, self._found_again(k, newest, ways, reach, ~close))
-        if new:
+        for among in (close, ~close):
+            link, share = self._found_again(k, newest, unsure, reach, among)
+            if link is None:
+                continue
+            agrees = _agree(self._there(link), self.poses[k])
+            if agrees:
+                new.append(link)
+            elif share >= c.whole:
+                self._far(link)
+            if agrees and share >= c.whole:
+                self._met = self._ways[k]
+        if any(np.abs(off(self.poses, link) @ _PRECISE).max() > 2.0 for link in new):
             self.links += new
-            self.poses = solved(self.poses, self.links)
-            self._pose = self.poses[-1]
+            self._solve()
+        else:
+            self.links += new
+
+    def _solve(self) -> None:
+        self.poses = solved(self.poses, self.links)
+        self._pose = self.poses[-1]
 
     def _found_again(
-        self, k: int, newest: Surfaces, ways: Floats, reach: Floats, among: NDArray[np.bool_]
-    ) -> Link | None:
-        """Place k seen from an old one among some, where its submap fits there alone."""
-        here = self.poses[k]
+        self, k: int, newest: Surfaces, unsure: Floats, reach: Floats, among: NDArray[np.bool_]
+    ) -> tuple[Link | None, float]:
+        """Place k seen from an old one among some, where its submap fits there alone, and the share
+        of it that does."""
+        here, c = self.poses[k], self.care
         trail = np.array(self.poses[: len(reach)])[:, :2]
         gaps = np.hypot(trail[:, 0] - here.x, trail[:, 1] - here.y)
         near = among & (gaps < reach + BESIDE)
         if not near.any():
-            return None
-        old = np.flatnonzero(among & (gaps < reach[near].max() + self.care.behind))
+            return None, 0.0
+        old = np.flatnonzero(among & (gaps < reach[near].max() + c.behind))
         known = self._around(old.tolist(), None)
-        turn = 0.1 + self.care.turned * float(ways[near].max())
-        fits = revisits(
+        turn = 0.1 + 3.0 * math.sqrt(float(unsure[near, 2, 2].max()))
+        found: list[tuple[float, Fit, int]] = []
+        for fit in revisits(
             known, newest.points, newest.normals, trail[near], reach[near], here, turn
-        )  # fmt: skip
-        if not fits or fits[0].share < self.care.fits or fits[0].rms > self.care.rms:
-            return None
-        if len(fits) > 1 and fits[1].share > fits[0].share - self.care.alone:
-            return None
-        pose, information = fits[0].pose, fits[0].information
-        if np.linalg.eigvalsh(information[:2, :2])[0] < self.care.firm:
-            return None
-        a = int(old[np.hypot(trail[old, 0] - pose.x, trail[old, 1] - pose.y).argmin()])
-        return _link(a, k, between(self.poses[a], pose), information, pose.psi)
+        ):
+            a = int(old[np.hypot(trail[old, 0] - fit.pose.x, trail[old, 1] - fit.pose.y).argmin()])
+            # what drift makes unlikely has to fit better
+            there, seen = self.poses[a], compose(here, between(fit.pose, self.poses[a]))
+            d = np.array([seen.x - there.x, seen.y - there.y, wrap(seen.psi - there.psi)])
+            odd = float(d @ inverted(unsure[a] + np.diag(_ROUGH**2)) @ d)
+            found.append((fit.share - c.alone * min(odd / 9.0, 1.0), fit, a))
+        found.sort(key=lambda one: -one[0])
+        if not found or (len(found) > 1 and found[1][0] > found[0][0] - c.alone):
+            return None, 0.0
+        _, fit, a = found[0]
+        if fit.share < c.fits or fit.rms > c.rms:
+            return None, 0.0
+        if np.linalg.eigvalsh(fit.information[:2, :2])[0] < c.firm:
+            return None, 0.0
+        link = _link(a, k, between(self.poses[a], fit.pose), fit.information, fit.pose.psi)
+        return link, fit.share
 
-    def _believed(self, k: int, link: Link | None) -> list[Link]:
-        """The loops of which this is the newest, once they may be closed.
+    def _far(self, link: Link) -> None:
+        """A loop that disagrees with the drive: believed with others that say the same.
 
-        One that agrees with the drive may be at once, others when they have held for a way.
+        A scan in between that fits nowhere is no evidence against them. None is believed for
+        ever: where it comes to contradict others, those that can be true together are.
         """
-        before, self._maybe = self._maybe, []
-        if link is None:
-            return []
-        there, here = self._there(link), self.poses[k]
-        if _agree(there, here):
-            return [link]
-        if before:
-            since = between(self.poses[before[-1].b], here)
-            if not _agree(compose(self._there(before[-1]), since), there):
-                before = []
-        held = [*before, link]
-        if self._ways[k] - self._ways[held[0].b] < self.care.holds:
-            self._maybe = held
-            return []
+        there = self._there(link)
+        held = [link]
+        for one in self._maybe:
+            since = between(self.poses[one[-1].b], self.poses[link.b])
+            if _agree(compose(self._there(one[-1]), since), there):
+                self._maybe = [other for other in self._maybe if other is not one]
+                held = [*one, link]
+                break
+        if self._ways[link.b] - self._ways[held[0].b] < self.care.holds:
+            self._maybe.append(held)
+            return
         # far off, a robust kernel hardly pulls: first without, then all together with it
-        sure = [link._replace(loop=False) for link in held]
+        sure = [one._replace(loop=False) for one in held]
         self.poses = solved(self.poses, [*self.links, *sure])
-        return held
+        self.links += held
+        self._solve()
+        loops = [one for one in self.links if one.loop]
+        if any(_odd(self.poses, one) for one in loops) or self._outvoted:
+            self._agree_again()
+
+    def _agree_again(self) -> None:
+        """Sort out which of all loops that ever were believed can be true together."""
+        every = [*self.links, *self._outvoted]
+        self.links = consistent(self.poses, every)
+        kept = {id(link) for link in self.links}
+        self._outvoted = [link for link in every if id(link) not in kept]
+        sure = [link._replace(loop=False) for link in self.links]
+        self.poses = solved(self.poses, sure)
+        self._solve()
 
     def _there(self, link: Link) -> Pose:
         """Where a link puts its second place."""
         return compose(self.poses[link.a], link.pose)
-
-    def _ways_back(self, k: int) -> Floats:
-        """From place k, the shortest way along links to each that is old: drift grows with it."""
-        ways = [
-            0.01 if link.loop else 0.01 + math.hypot(link.pose.x, link.pose.y)
-            for link in self.links
-        ]
-        ends = [link.a for link in self.links], [link.b for link in self.links]
-        graph = csr_array((ways, ends), shape=(k + 1, k + 1))
-        return np.asarray(dijkstra(graph, False, [k]))[0, : k - self.care.again]
 
     def _linked(self, a: int, b: int, around: Surfaces, guess: Pose) -> Link | None:
         """Place b matched against the surroundings of a, if it fits."""
@@ -336,14 +366,22 @@ class Survey:
         return links
 
 
+_ROUGH = np.array([0.01, 0.01, 0.004])  # a match of two submaps is no better [m, rad]
+_PRECISE = np.diag(1.0 / _ROUGH)
+_CONTRADICTS = 16.3  # squared sigmas that one right loop in a thousand exceeds (chi square, 3)
 _FARTHEST = 20_000.0  # from one end of a drive's odometry to the other [m]
 
 
 def _link(a: int, b: int, pose: Pose, information: Floats, psi: float) -> Link:
     """A loop as matched; information: in axes in which place b has heading psi."""
-    rough = np.diag([0.01, 0.01, 0.004]) ** 2
+    rough = np.diag(_ROUGH**2)
     weak = _turned(Pose(0.0, 0.0, psi), information) + np.eye(3)
     return Link(a, b, pose, inverted(inverted(weak) + rough), True)
+
+
+def _odd(poses: list[Pose], link: Link) -> bool:
+    e = off(poses, link)
+    return float(e @ link.information @ e) > _CONTRADICTS
 
 
 def _agree(a: Pose, b: Pose) -> bool:

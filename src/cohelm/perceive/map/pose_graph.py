@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from cohelm.core.extras import missing
-from cohelm.core.types import Floats, Pose
+from cohelm.core.frames import between, compose
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Ints, Pose
+
+_CHANCE = 0.999  # of right loops, so many are taken for right where they stand alone
 
 
 class Link(NamedTuple):
@@ -33,17 +41,86 @@ def library() -> Any:
 def solved(poses: list[Pose], links: list[Link]) -> list[Pose]:
     """The poses that agree best with all links; the first stays where it is."""
     g = library()
+    cauchy = g.noiseModel.mEstimator.Cauchy.Create(1.0)
+    graph, values = _graph(poses, links, lambda noise: g.noiseModel.Robust.Create(cauchy, noise))
+    return _poses(g.LevenbergMarquardtOptimizer(graph, values).optimize(), len(poses))
+
+
+def consistent(poses: list[Pose], links: list[Link]) -> list[Link]:
+    """Those links that can be true together: all steps, and most of the loops.
+
+    Graduated non-convexity (Yang et al. 2020) on truncated squares: it finds the false loops
+    whatever the poses are to begin with, so that none is believed for having come first.
+    """
+    g = library()
+    graph, values = _graph(poses, links, lambda noise: noise)
+    params = g.GncLMParams(g.LevenbergMarquardtParams())
+    params.setKnownInliers([0, *(i + 1 for i, link in enumerate(links) if not link.loop)])
+    optimizer = g.GncLMOptimizer(graph, values, params)
+    optimizer.setInlierCostThresholdsAtProbability(_CHANCE)
+    optimizer.optimize()
+    weights = np.asarray(optimizer.getWeights())[1:]
+    return [link for link, weight in zip(links, weights, strict=True) if weight > 0.5]
+
+
+def _graph(poses: list[Pose], links: list[Link], loop: Callable[[Any], Any]) -> tuple[Any, Any]:
+    """Factors, the first place fixed and then the links in order, and values; `loop`: the noise of
+    loops, from that of their matches."""
+    g = library()
     graph, values = g.NonlinearFactorGraph(), g.Values()
     fixed = g.noiseModel.Diagonal.Sigmas(np.full(3, 1e-6))
     graph.add(g.PriorFactorPose2(0, g.Pose2(*poses[0]), fixed))
-    cauchy = g.noiseModel.mEstimator.Cauchy.Create(1.0)
     for link in links:
         noise = g.noiseModel.Gaussian.Information(0.5 * (link.information + link.information.T))
-        if link.loop:
-            noise = g.noiseModel.Robust.Create(cauchy, noise)
+        noise = loop(noise) if link.loop else noise
         graph.add(g.BetweenFactorPose2(link.a, link.b, g.Pose2(*link.pose), noise))
     for k, pose in enumerate(poses):
         values.insert(k, g.Pose2(*pose))
-    result = g.LevenbergMarquardtOptimizer(graph, values).optimize()
-    found = [result.atPose2(k) for k in range(len(poses))]
+    return graph, values
+
+
+def _poses(result: Any, count: int) -> list[Pose]:
+    found = [result.atPose2(k) for k in range(count)]
     return [Pose(float(p.x()), float(p.y()), float(p.theta())) for p in found]
+
+
+def off(poses: Sequence[Pose], link: Link) -> Floats:
+    """(3,): how far a link puts its second place from where it is, in the axes of that [m, rad]."""
+    return np.array(between(poses[link.b], compose(poses[link.a], link.pose)))
+
+
+def spread(poses: Sequence[Pose], links: Sequence[Link], k: int) -> Floats:
+    """(n, 3, 3): how unsure each place is as seen from place k, along the surest chain of links.
+
+    Covariances of x, y and heading, in the axes of the map.
+    """
+    n = len(poses)
+    own = np.asarray(np.linalg.inv(np.array([link.information for link in links])), np.float64)
+    ends = np.array([(link.a, link.b) for link in links], dtype=np.int64)
+    keys, number = np.unique(ends[:, 0] * n + ends[:, 1], return_index=True)
+    joined = np.divmod(keys, n)
+    weights = csr_array((own[number, 2, 2], joined), shape=(n, n))
+    which = csr_array((number + 1, joined), shape=(n, n))
+    lengths, before = dijkstra(weights, False, [k], return_predecessors=True)
+    order = np.argsort(np.asarray(lengths, np.float64)[0])[1:].astype(np.int64)
+    last = np.asarray(before, np.int64)[0, order]
+    along = np.asarray(which[last, order] + which[order, last], np.int64).ravel() - 1
+    return _spread(np.array(poses, dtype=np.float64), own, ends, order, last, along)
+
+
+@jit
+def _spread(
+    poses: Floats, own: Floats, ends: Ints, order: Ints, before: Ints, along: Ints
+) -> Floats:
+    out = np.zeros((len(poses), 3, 3))
+    for m in range(len(order)):
+        j, i = order[m], before[m]
+        lever = np.eye(3)
+        lever[0, 2] = -(poses[j, 1] - poses[i, 1])
+        lever[1, 2] = poses[j, 0] - poses[i, 0]
+        psi = poses[ends[along[m], 1], 2]
+        turn = np.eye(3)
+        turn[0, 0], turn[0, 1] = math.cos(psi), -math.sin(psi)
+        turn[1, 0], turn[1, 1] = math.sin(psi), math.cos(psi)
+        out[j] = lever @ out[i] @ lever.T + turn @ own[along[m]] @ turn.T
+    return out

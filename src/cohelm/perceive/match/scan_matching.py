@@ -32,18 +32,22 @@ class Care(NamedTuple):
     rounds: int = 20
     correlated: float = 1.0
     """A map errs alike along so much of a wall, and along so much of the way [m]."""
+    offset: float = 0.0
+    """So far before their surface, to where it is seen from, points lie in truth [m]."""
 
 
 class Fit(NamedTuple):
     """pose: where the sweep fits best. information: (3, 3) of the match alone, without the
     prior, in x, y, psi. share: of the points that lie within `least` of a surface of the same
-    direction. rms: of their distances [m]. converged: whether the last round changed nothing."""
+    direction. rms: of their distances [m]. converged: whether the last round changed nothing.
+    before: how far they lie before their surfaces, in the mean, beyond `Care.offset` [m]."""
 
     pose: Pose
     information: Floats
     share: float
     rms: float
     converged: bool
+    before: float = 0.0
 
 
 @jit
@@ -59,10 +63,10 @@ def align(
     reach = care.reach
     converged = False
     information, slope = np.empty((3, 3)), np.empty(3)
-    share, rms = 0.0, math.inf
+    share, rms, before = 0.0, math.inf, 0.0
     weights = np.full(len(points), care.share)
     for turn in range(care.rounds):
-        share, rms = _gather(
+        share, rms, before = _gather(
             known,
             points,
             across,
@@ -89,18 +93,19 @@ def align(
             break
         reach = max(care.least, 0.75 * reach) if turn > 0 else reach
     pose = Pose(x, y, psi)
-    share, rms = _gather(
+    share, rms, before = _gather(
         known, points, across, pose, care.least, care, information, slope, weights, care.sigma
     )
-    return Fit(pose, information, share, rms, converged)
+    return Fit(pose, information, share, rms, converged, before)
 
 
 @jit
 def _gather(
     known: Surfaces, points: Floats, across: Floats, pose: Pose, reach: float, care: Care,
     information: Floats, slope: Floats, weights: Floats, sigma: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Normal equations of one round, written into `information` and `slope`; share and rms.
+) -> tuple[float, float, float]:  # fmt: skip
+    """Normal equations of one round, written into `information` and `slope`; share, rms, and mean
+    of the distances, to where the surfaces are seen from.
 
     weights: (n,) of the points. sigma: standard deviation of a point from its surface [m].
     """
@@ -110,7 +115,7 @@ def _gather(
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     weight = 1.0 / (sigma * sigma)
     sided = len(known.back) > 0
-    square, count = 0.0, 0
+    square, count, mean, whole = 0.0, 0, 0.0, 0.0
     for k in range(len(points)):
         qx = c * points[k, 0] - s * points[k, 1]
         qy = s * points[k, 0] + c * points[k, 1]
@@ -139,7 +144,7 @@ def _gather(
         dx, dy = px - known.points[i, 0], py - known.points[i, 1]
         if dx * dx + dy * dy > reach * reach:
             continue
-        e = dx * nx + dy * ny
+        e = dx * nx + dy * ny - care.offset
         w = weight * weights[k] * min(1.0, sigma / max(abs(e), 1e-9))
         turn = ny * qx - nx * qy
         information[0, 0] += w * nx * nx
@@ -153,12 +158,14 @@ def _gather(
         slope[2] += w * e * turn
         square += e * e
         count += 1
+        mean += w * e
+        whole += w
     information[1, 0] = information[0, 1]
     information[2, 0] = information[0, 2]
     information[2, 1] = information[1, 2]
     if count == 0:
-        return 0.0, math.inf
-    return count / len(points), math.sqrt(square / count)
+        return 0.0, math.inf, 0.0
+    return count / len(points), math.sqrt(square / count), mean / max(whole, 1e-9)
 
 
 @jit
