@@ -1,8 +1,8 @@
 """Localizes the robot on a map by scan matching; detects being lost, and recovers.
 
 *Tracking*: odometry foretells, matching corrects, and the whole scan is judged against the map.
-What the wheels measure wrongly is estimated on the way (`odometry_covariance`): along a corridor without
-features that error alone would add up.
+What the wheels measure wrongly is estimated on the way (`odometry_covariance`): along a corridor
+without features that error alone would add up.
 *Lost*, when scans disagree with the map: all the map is searched, nearest places first, a slice
 at a time. What is found are hypotheses. Each is followed as the robot moves, and one is believed
 only when no other explains what was seen nearly as well: two rooms alike are not guessed between.
