@@ -102,7 +102,6 @@ def test_of_a_thick_wall_each_side_is_where_it_is_seen():
     assert (np.sum(made.normals[middle] * made.normals[back], axis=1) < -0.85).all()
 
 
-@pytest.mark.xfail(reason="both ways along a corridor look alike on a poor map: it may turn round")
 def test_moved_back_on_its_way_in_a_building_with_a_poor_map_it_is_found_again():
     place = building(1)
     poses, twists = along(tour(place, 4, 8.0))
