@@ -1,6 +1,6 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run reproduce test test-quick test-all package docs lint bench coverage clean
+.PHONY: help run reproduce test test-quick test-all warm package docs lint bench coverage clean
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -19,8 +19,12 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 	$(BIN)/cohelm reproduce --out out/reproduce
 	@echo "The figures are in out/reproduce (PNG and SVG)."
 
-test: lint $(WEB) $(GL) $(BROWSER) ## lint, then the tests
+test: $(WEB) $(GL) $(BROWSER) ## lint, then the tests
+	@$(MAKE) --no-print-directory -j2 --output-sync=target lint warm
 	$(BIN)/pytest -n auto --dist loadgroup
+
+warm: $(READY)   # compile once what every worker of the tests would compile for itself
+	@$(BIN)/python -m tests.warm
 
 test-quick: $(READY) ## the tests of law, gate, scenarios and API, in less than a minute
 	$(BIN)/pytest -m quick
