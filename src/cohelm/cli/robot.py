@@ -54,8 +54,8 @@ def robot(
         typer.Option(
             "--map",
             metavar="FILE",
-            help="Localise on this map, made by `cohelm map` from the same start; else on the "
-            "scenario's walls.",
+            help="Localise on this map: of map_server, in the scenario's frame, or made by "
+            "`cohelm map` from the same start; else on the scenario's walls.",
         ),
     ] = None,
     carry_on: Annotated[

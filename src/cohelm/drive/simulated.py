@@ -69,9 +69,12 @@ def simulated(
 
 
 def mapped(path: Path, start: Pose) -> LocalizationMap:
-    """A map as `cohelm map` makes it, whose axes are the robot's first pose, now `start`.
+    """A map to localise on, in the world's frame.
 
-    Raises CohelmError where the file can not be used.
+    A published map is in that frame already; the axes of one that `cohelm map` has made are the
+    robot's first pose, now `start`. Raises CohelmError where the file can not be used.
     """
     made = read_map(path)
-    return replace(made, origin=compose(start, made.origin)).known()
+    if made.from_start:
+        made = replace(made, origin=compose(start, made.origin), from_start=False)
+    return made.known()

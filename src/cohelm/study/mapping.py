@@ -176,7 +176,7 @@ def occupancy(drawn: Raster) -> OccupancyMap:
     """The grid as map_server publishes it."""
     occupied = drawn.occupied()
     cells = np.where(occupied, OCCUPIED, np.where(drawn.free(), FREE, UNKNOWN)).astype(np.int8)
-    return OccupancyMap(cells, drawn.resolution, drawn.origin)
+    return OccupancyMap(cells, drawn.resolution, drawn.origin, from_start=True)
 
 
 def _result(made: Surveyed, drawn: Raster, empty: int, whole: bool, seconds: float) -> Result:

@@ -37,7 +37,10 @@ class OccupancyMap:
     resolution: float
     """Side of a cell [m]."""
     origin: Pose
-    """World pose of the outer corner of cell (0, 0)."""
+    """Pose of the outer corner of cell (0, 0), in the map's frame."""
+    from_start: bool = False
+    """Whether that frame is the pose at which the robot that made it began, as `cohelm map` has it;
+    else it is the world's, as a published map's is."""
 
     def grid(self, unknown_is_solid: bool = False) -> Grid:
         """The same for the simulator: occupied cells are solid, and unknown ones on request."""
@@ -59,6 +62,7 @@ class _Description(BaseModel):
     image: Annotated[str, Field(min_length=1)]
     resolution: Annotated[Number, Field(gt=0.0)]
     origin: Annotated[list[Number], Field(min_length=2, max_length=3)]
+    cohelm_frame: Literal["map", "start"] = "map"
     negate: bool = False
     occupied_thresh: Share = 0.65
     free_thresh: Share = 0.196
@@ -105,7 +109,8 @@ def read_map(path: Path | str) -> OccupancyMap:
             cells = np.where(opaque, cells, UNKNOWN)
     x, y, yaw = (*about.origin, 0.0)[:3]
     # an image's first row is its top, a map's first row its bottom
-    return OccupancyMap(np.flipud(cells).astype(np.int8), about.resolution, Pose(x, y, yaw))
+    found = np.flipud(cells).astype(np.int8)
+    return OccupancyMap(found, about.resolution, Pose(x, y, yaw), about.cohelm_frame == "start")
 
 
 def write_map(folder: Path, made: OccupancyMap) -> None:
@@ -119,6 +124,7 @@ def write_map(folder: Path, made: OccupancyMap) -> None:
     about = {
         "image": "map.pgm", "mode": "trinary", "resolution": made.resolution,
         "origin": [x, y, yaw], "negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196,
+        "cohelm_frame": "start" if made.from_start else "map",
     }  # fmt: skip
     (folder / "map.yaml").write_text(yaml.safe_dump(about, sort_keys=False), encoding="utf-8")
 

@@ -1,0 +1,23 @@
+"""The frame of a map that is given with --map."""
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.drive.simulated import mapped
+from cohelm.perceive.localize.localization_map import free_at
+from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, write_map
+
+START = Pose(10.0, 5.0, np.pi / 2)
+
+
+@pytest.mark.parametrize(("from_start", "x", "y"), [(False, 1.0, 0.5), (True, 9.5, 6.0)])
+def test_a_published_map_is_in_the_worlds_frame_and_one_of_ours_begins_at_the_start(
+    tmp_path, from_start, x, y
+):
+    cells = np.full((20, 40), OCCUPIED, dtype=np.int8)
+    cells[5:15, 5:35] = FREE  # 1.5 m by 0.5 m round (1, 0.5)
+    write_map(tmp_path, OccupancyMap(cells, 0.05, Pose(0.0, 0.0, 0.0), from_start))
+    known = mapped(tmp_path / "map.yaml", START)
+    assert free_at(known, x, y)
+    assert not free_at(known, 10.5 - x, 6.5 - y)  # the other one's
