@@ -314,7 +314,7 @@ def _write_by_hand(path: Path, about: dict[str, str], definition: str, steps: li
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="cohelm")
-        given = {"version": "9.9", "status_version": "1", "dt": "0.01", "obstacles": "[]"}
+        given = {"version": "9.9", "status_version": "2", "dt": "0.01", "obstacles": "[]"}
         writer.add_metadata(METADATA, given | about)
         schema = writer.register_schema(status.TYPE, "ros2msg", definition.encode())
         channel = writer.register_channel(status.TOPIC, "cdr", schema)
@@ -325,9 +325,9 @@ def _write_by_hand(path: Path, about: dict[str, str], definition: str, steps: li
 
 def test_a_record_of_a_newer_cohelm_is_told(tmp_path: Path) -> None:
     steps = list(status.encoded(written()[0]))
-    _write_by_hand(tmp_path / "a.mcap", {"status_version": "2"}, status.DEFINITION, steps)
+    _write_by_hand(tmp_path / "a.mcap", {"status_version": "3"}, status.DEFINITION, steps)
     with pytest.raises(
-        CohelmError, match=r"written by cohelm 9\.9 in another form .*\(2, here 1\)"
+        CohelmError, match=r"written by cohelm 9\.9 in another form .*\(3, here 2\)"
     ):
         read(tmp_path / "a.mcap")
 

@@ -20,7 +20,7 @@ def straight(steps=101, speed=1.0, y=0.0, **columns):
     rows["t"] = DT * np.arange(steps)
     rows["x"] = rows["x_d"] = speed * rows["t"]
     rows["y"] = y
-    rows["u_d"] = rows["v"] = rows["applied_v"] = speed
+    rows["u_d"] = rows["safe_v"] = rows["applied_v"] = speed
     rows["authority_x"] = rows["authority_psi"] = 1.0
     rows["clearance"] = math.inf
     rows["e_p"] = abs(y)
@@ -168,7 +168,7 @@ def test_saturation_and_the_largest_command_are_what_was_asked():
     flags[:25] = True
     v, omega = np.ones(100), np.zeros(100)
     v[3], omega[5] = -4.6, -1.4
-    m = measure(trace(straight(steps=100, saturated=flags, v=v, omega=omega)))
+    m = measure(trace(straight(steps=100, saturated=flags, safe_v=v, safe_omega=omega)))
     assert m.saturated_share == 0.25
     assert (m.max_speed_mps, m.max_yaw_rate_radps) == (4.6, 1.4)
 

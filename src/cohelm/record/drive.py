@@ -145,9 +145,9 @@ class DriveFile:
         t = float(row["t"])
         self._say(t, "/period", STORE.types[PERIOD_TYPE](*row.tolist()))
         robot = Header(self._time(t), BASE)
-        given, asked = (_twist(float(row[f"v_{w}"]), float(row[f"omega_{w}"])) for w in _TWISTS)
-        self._say(t, "/cmd_vel", TwistStamped(robot, given))
-        self._say(t, "/cmd_vel_safe", TwistStamped(robot, asked))
+        applied, safe = (_twist(float(row[f"{s}_v"]), float(row[f"{s}_omega"])) for s in _TWISTS)
+        self._say(t, "/cmd_vel", TwistStamped(robot, applied))
+        self._say(t, "/cmd_vel_safe", TwistStamped(robot, safe))
         axes = np.array([row["stick_x"], row["stick_psi"]], dtype=np.float32)
         self._say(t, "/joy", Joy(robot, axes, np.empty(0, dtype=np.int32)))
         place = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
@@ -217,7 +217,7 @@ class DriveFile:
         self._mcap.add_message(self._channels[topic], stamp, data, stamp, sequence=count)
 
 
-_TWISTS = ("given", "asked")
+_TWISTS = ("applied", "safe")
 
 
 def _pose(pose: Pose) -> RosPose:

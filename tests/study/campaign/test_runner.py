@@ -66,9 +66,9 @@ def test_what_was_interrupted_goes_on_and_nothing_is_driven_twice(tmp_path, monk
 _KILLED = """
 import sys
 from pathlib import Path
-from cohelm.study.campaign.runner import Plan, run
+from cohelm.study.campaign.runner import CampaignConfig, run
 if __name__ == "__main__":
-    run(Plan("adversary", ("guard",), 7, 400), Path(sys.argv[1]), 2, None, lambda *_: None)
+    run(CampaignConfig("adversary", ("guard",), 7, 400), Path(sys.argv[1]), 2, None, lambda *_: None)
 """
 
 
