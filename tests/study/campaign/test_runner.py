@@ -68,7 +68,8 @@ import sys
 from pathlib import Path
 from cohelm.study.campaign.runner import CampaignConfig, run
 if __name__ == "__main__":
-    run(CampaignConfig("adversary", ("guard",), 7, 400), Path(sys.argv[1]), 2, None, lambda *_: None)
+    asked = CampaignConfig("adversary", ("guard",), 7, 400)
+    run(asked, Path(sys.argv[1]), 2, None, lambda *_: None)
 """
 
 
