@@ -19,7 +19,7 @@ PACKAGE = Path(cohelm.__file__).parent
 STEP = """
 from cohelm.core.types import Desired, Pose, Stick, discs
 from cohelm.law.step import step
-print(step(Pose(0.0, 0.0, 0.0), Desired(1.0, 0.0, 0.0, 0.5, 0.0), Stick(0.0, 0.0), discs()).v)
+print(step(Pose(0.0, 0.0, 0.0), Desired(1.0, 0.0, 0.0, 0.5, 0.0), Stick(0.0, 0.0), discs()).safe_v)
 """
 TRACK = """
 from cohelm.core.types import Desired, Pose
@@ -102,7 +102,7 @@ def imported(path):
             yield from (f"{node.module}.{name.name}" for name in node.names)
 
 
-@pytest.mark.parametrize("room", ["core", "robot", "law", "perceive", "pilot", "sim"])
+@pytest.mark.parametrize("room", ["core", "robot", "law", "perceive", "plan", "pilot", "sim"])
 def test_a_room_s_cache_depends_on_all_that_its_compiled_files_import(room):
     sources = jit._sources(room)
     assert {
@@ -117,7 +117,7 @@ def test_a_room_s_cache_depends_on_all_that_its_compiled_files_import(room):
 
 def test_an_edit_of_what_compiles_nothing_starts_no_new_cache():
     assert PACKAGE / "robot" / "keep" / "gated_robot.py" not in jit._sources("robot")
-    assert PACKAGE / "perceive" / "survey.py" not in jit._sources("law")
+    assert PACKAGE / "perceive" / "map" / "mapper.py" not in jit._sources("law")
 
 
 def test_an_edit_in_a_room_above_does_not_compile_the_rooms_below_again(checkout, tmp_path):
