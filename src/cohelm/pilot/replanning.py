@@ -187,8 +187,7 @@ def _rejoined(
 
 def _round(
     task: Task, points: Floats, route: Route, settings: Settings, manners: PathParams,
-    care: ReplanParams,
-    far: bool,
+    care: ReplanParams, far: bool,
 ) -> Plan | None:  # fmt: skip
     """A way from the robot back onto the route, and on along it.
 

@@ -25,14 +25,8 @@ Acceleration = Annotated[float, Field(gt=0.0, le=1e3)]
 Rate = Annotated[float, Field(gt=0.0, le=1e3)]
 Angle = Annotated[float, Field(gt=0.0, le=1.5707)]
 
-_PAPER, _RULES, _PACE, _CARE, _MANNERS = (
-    Gains(),
-    Rules(),
-    PaceParams(),
-    ReplanParams(),
-    PathParams(),
-)
-_EVASION = EvasionParams()
+_PAPER, _RULES, _PACE = Gains(), Rules(), PaceParams()
+_CARE, _MANNERS, _EVASION = ReplanParams(), PathParams(), EvasionParams()
 
 
 class Tracking(Schema):

@@ -131,7 +131,7 @@ def test_attackers_come_through_nothing():
     runners = [disc(-2.0, -2.0, 0.25, 0.1, 0.0), disc(-3.0, 1.0, 0.25, 0.1, 0.0)]
     robot = Twin(
         sally(), Pose(0.0, 0.0, 0.0), scene(*bodies, *runners, walls=walls.tolist()), seed=5,
-        hunters=Pursuers(np.array([0.0] * 5 + [1.0, 1.0]), 1.3, 5),
+        pursuers=Pursuers(np.array([0.0] * 5 + [1.0, 1.0]), 1.3, 5),
     )  # fmt: skip
     met = 0
     for _ in range(1500):

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed, turned
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.match.surfaces import Surfaces, surfaces, thinned
 from cohelm.robot.sensors import Lidar
@@ -150,16 +150,23 @@ def _one_each(points: Floats, across: Floats, side: float) -> tuple[Floats, Floa
     return np.vstack([p for p, _ in each]), np.vstack([a for _, a in each])
 
 
-@jit
-def gap_at(known: LocalizationMap, x: float, y: float) -> float:
-    """Distance of a world point to the nearest wall, 2 m at most; NaN outside the map [m]."""
+@jit_inline
+def _cell(known: LocalizationMap, x: float, y: float) -> tuple[int, int]:
+    """Row and column of a world point; (-1, -1) outside the map."""
     c, s = math.cos(known.origin.psi), math.sin(known.origin.psi)
     dx, dy = x - known.origin.x, y - known.origin.y
     u, v = (c * dx + s * dy) / known.resolution, (-s * dx + c * dy) / known.resolution
     rows, columns = known.gap.shape
     if not (0.0 <= u < columns and 0.0 <= v < rows):
-        return math.nan
-    return float(known.gap[int(v), int(u)])
+        return -1, -1
+    return int(v), int(u)
+
+
+@jit
+def gap_at(known: LocalizationMap, x: float, y: float) -> float:
+    """Distance of a world point to the nearest wall, 2 m at most; NaN outside the map [m]."""
+    row, column = _cell(known, x, y)
+    return math.nan if row < 0 else float(known.gap[row, column])
 
 
 @jit
@@ -297,10 +304,5 @@ def _cost(verdict: int, run: int, every: int) -> float:
 @jit
 def free_at(known: LocalizationMap, x: float, y: float) -> bool:
     """Whether the map shows free ground at a world point."""
-    c, s = math.cos(known.origin.psi), math.sin(known.origin.psi)
-    dx, dy = x - known.origin.x, y - known.origin.y
-    u, v = (c * dx + s * dy) / known.resolution, (-s * dx + c * dy) / known.resolution
-    rows, columns = known.gap.shape
-    if not (0.0 <= u < columns and 0.0 <= v < rows):
-        return False
-    return known.gap[int(v), int(u)] > 0.0 and not known.unknown[int(v), int(u)]
+    row, column = _cell(known, x, y)
+    return row >= 0 and known.gap[row, column] > 0.0 and not known.unknown[row, column]

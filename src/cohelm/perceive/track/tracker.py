@@ -85,7 +85,7 @@ class TrackerParams(NamedTuple):
 class Movers(NamedTuple):
     """tracks: (t, 17). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
     points, whether it belongs to a mover. ground: near the robot. worn: its clock [s]. loose:
-    (l, 3) as in `loose`."""
+    (l, 3) as in `potentially_dynamic`."""
 
     tracks: Floats
     looks: tuple[Look, ...]

@@ -79,8 +79,8 @@ class TwinRun(ABC):
     """One run on the twin between two steps: robot, pilot, person. Who asks what of the robot in a
     step is for those that drive it to say."""
 
-    def __init__(self, setup: Setup, hunters: Pursuers | None = None) -> None:
-        """hunters: those of the moving discs that are after the robot."""
+    def __init__(self, setup: Setup, pursuers: Pursuers | None = None) -> None:
+        """pursuers: those of the moving discs that are after the robot."""
         given = setup.twin
         if given is None:
             raise CohelmError("this setup has no twin: set simulation.plant to twin")
@@ -92,7 +92,7 @@ class TwinRun(ABC):
         self.robot = Twin(
             model, setup.start, around, grid=setup.grid, seed=setup.seed,
             settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
-            hunters=hunters,
+            pursuers=pursuers,
         )  # fmt: skip
         self.guarded = setup.pilot is not None
         self.piloted = setup.pilot or _unguarded(setup)

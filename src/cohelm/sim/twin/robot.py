@@ -85,12 +85,12 @@ class Twin(Paced):
         settings: TwinModel = _DEFAULT,
         step: float = STEP,
         camera: Kind = "auto",
-        hunters: Pursuers | None = None,
+        pursuers: Pursuers | None = None,
     ) -> None:
         """timeout: without a new command for so long the robot stops by itself [s].
 
         camera: who draws, if the robot has one. In real time it draws in a thread of its own.
-        hunters: those of the moving discs that are after the robot.
+        pursuers: those of the moving discs that are after the robot.
         """
         model = settings.fitted(model)
         super().__init__(model, pace)
@@ -102,9 +102,9 @@ class Twin(Paced):
         self._discs = np.empty((len(around.discs), 6))
         place(self._discs, around, 0.0)
         moving = [i for i in range(len(self._discs)) if moves(i, around)]
-        agility = np.zeros(len(moving)) if hunters is None else hunters.agility[moving]
+        agility = np.zeros(len(moving)) if pursuers is None else pursuers.agility[moving]
         hunt = Pursuit(
-            agility, hunters.fastest if hunters else 0.0, hunters.seed if hunters else 0,
+            agility, pursuers.fastest if pursuers else 0.0, pursuers.seed if pursuers else 0,
             np.zeros((len(moving), 2)),
         )  # fmt: skip
         self._movers = Movers(

@@ -107,7 +107,7 @@ def traced(case: Episode, law: Law, acted: Interventions) -> Iterator[Trace]:
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)
     if setup.twin is not None and setup.twin.known is not None and setup.pilot is not None:
-        from cohelm.study.campaign import loop_run  # needs MuJoCo, as above
+        from cohelm.study.campaign import loop_run  # needs MuJoCo, which is an extra
 
         return loop_run.pieces(setup, acted, _PIECE)
     return pieces(setup, _PIECE)
@@ -121,8 +121,8 @@ def _fought_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
     scene, attack = case.duel.scene, case.duel.attack
     agility = np.zeros(len(case.setup.around.discs))
     agility[: len(scene.agility)] = scene.agility
-    hunters = Pursuers(agility, scene.walk, attack.seed)
-    return loop_run.fought(case.setup, attack, hunters, acted, _PIECE)
+    pursuers = Pursuers(agility, scene.walk, attack.seed)
+    return loop_run.fought(case.setup, attack, pursuers, acted, _PIECE)
 
 
 def fought(case: Episode, law: Law) -> Trace:

@@ -63,17 +63,19 @@ def pieces(setup: Setup, acted: Interventions, length: int) -> Iterator[Trace]:
 
 
 def fought(
-    setup: Setup, attack: Attack, hunters: Pursuers, acted: Interventions, length: int
+    setup: Setup, attack: Attack, pursuers: Pursuers, acted: Interventions, length: int
 ) -> Iterator[Trace]:
     """The same with the stick in an attacker's hand; whom it drives among are after the robot."""
-    return stepped(_Attacked(setup, acted, attack, hunters), length)
+    return stepped(_Attacked(setup, acted, attack, pursuers), length)
 
 
 class _Looped(TwinRun):
     """The loop drives the robot, behind its gate."""
 
-    def __init__(self, setup: Setup, acted: Interventions, hunters: Pursuers | None = None) -> None:
-        super().__init__(setup, hunters)
+    def __init__(
+        self, setup: Setup, acted: Interventions, pursuers: Pursuers | None = None
+    ) -> None:
+        super().__init__(setup, pursuers)
         if setup.twin is None or not (self.guarded and self.seeing):
             raise CohelmError("the loop needs a twin with a LiDAR and a pilot")
         self.acted = acted
@@ -127,9 +129,9 @@ class _Attacked(_Looped):
     """The attacker drives alone, in manual. He centres the stick whenever it has to be armed."""
 
     def __init__(
-        self, setup: Setup, acted: Interventions, attack: Attack, hunters: Pursuers
+        self, setup: Setup, acted: Interventions, attack: Attack, pursuers: Pursuers
     ) -> None:
-        super().__init__(setup, acted, hunters)
+        super().__init__(setup, acted, pursuers)
         self.mode, self.attack, self.held = Mode.MANUAL, attack, self.stick
 
     def hand(self, k: int, things: Floats) -> Stick:
