@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, disc, discs
+from cohelm.perceive.scan.range_filter import steadied
 from cohelm.perceive.space.scan_memory import Care, renew, smoothed
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID
@@ -112,3 +113,46 @@ def test_what_is_too_near_to_be_measured_is_not_forgotten():
 def test_what_is_far_is_forgotten():
     points = np.array([[-3.0, 0.0], [-CARE.keep - 1.0, 0.0]])
     assert seen(points, AT, discs()).tolist() == [[-3.0, 0.0]]
+
+
+ROUND = LidarModel(beams=960, field_of_view_deg=360.0, noise_m=0.02)
+SHEET = np.array([[0.0, 0.0, 2.0, 0.0]])
+
+
+def lost_end(aside, seed):
+    """How far the nearest thing remembered ever was from the near end of a thin wall, when the
+    sensor crossed its line some 0.6 m away, by `aside` from scan to scan [m]."""
+    rng, lidar = np.random.default_rng(seed), ROUND.lidar()
+    ahead = rng.uniform(-1.0, 1.0)  # of what it comes nearer, while it goes aside by 1
+    points, worst = NOTHING, 0.0
+    for k, y in enumerate(np.arange(0.3, -0.1, -aside) - aside * rng.uniform()):
+        pose = Pose(-0.6 - ahead * y, y, rng.uniform(-0.01, 0.01))
+        ranges = np.empty(ROUND.beams)
+        scan(pose, lidar, discs(), SHEET, NO_GRID, seed, k, ranges)
+        points = renew(points, pose, lidar, steadied(ranges, lidar.noise), CARE)
+        if y < 0.2:
+            worst = max(worst, float(np.hypot(*points.T).min(initial=9.0)))
+    return worst
+
+
+@pytest.mark.parametrize("aside", [0.005, 0.01, 0.03])
+def test_a_thin_wall_that_points_at_the_sensor_is_not_forgotten(aside):
+    assert max(lost_end(aside, seed) for seed in range(40)) < 0.1
+
+
+def left_behind(seed):
+    """How far from somebody who walks away or aside anything is remembered [m]."""
+    rng, lidar = np.random.default_rng(seed), ROUND.lidar()
+    radius, speed, course = rng.uniform(0.05, 0.5), rng.uniform(0.1, 1.3), rng.uniform(-1.5, 1.5)
+    along = np.array([math.cos(course), math.sin(course)])
+    at, points = np.array([rng.uniform(0.8, 2.0) + radius, 0.0]), NOTHING
+    for k in range(40):
+        ranges = np.empty(ROUND.beams)
+        at = at + 0.1 * speed * along
+        scan(AT, lidar, discs(disc(*at, radius)), np.empty((0, 4)), NO_GRID, seed, k, ranges)
+        points = renew(points, AT, lidar, steadied(ranges, lidar.noise), CARE)
+    return float(np.hypot(*(points - at).T).max(initial=0.0)) - radius
+
+
+def test_nothing_stays_behind_whoever_walks_in_view():
+    assert max(left_behind(seed) for seed in range(300)) < 0.15

@@ -15,6 +15,9 @@ from cohelm.robot.sensors import Lidar
 _MOST = 12  # beams on either side that a range is averaged with
 _JUMP = 0.06  # neighbouring beams that differ by more than this are on different surfaces [m]
 
+_AROUND = 0.5  # how a surface lies is asked of what is so near [m]
+_LONG = 0.07  # and is told where that is spread so far, one standard deviation: 25 cm [m]
+
 
 class Care(NamedTuple):
     """What is kept of a scan, and for how long."""
@@ -62,7 +65,8 @@ def renew(points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, care: Care) 
     All that the scan sees is replaced by what it sees; what it can not see, outside the field of
     view or hidden, is remembered. A beam without a return (inf) has seen that nothing is there, if
     its neighbours saw no less: single ones are drop-outs; NaN has seen nothing. What is too near to
-    be measured (-inf) is put at the least range.
+    be measured (-inf) is put at the least range. A thin wall that points at the sensor hides
+    between two beams: beams that pass along it have not seen that it is gone.
     """
     n = len(ranges)
     c, s = math.cos(pose.psi), math.sin(pose.psi)
@@ -92,8 +96,13 @@ def renew(points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, care: Care) 
         if not square < care.keep * care.keep:
             continue
         beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
-        if 0 <= beam < n and _reaches(ranges, beam) + care.behind >= math.sqrt(square):
-            continue
+        far = math.sqrt(square)
+        reach = _reaches(ranges, beam) if 0 <= beam < n else -math.inf
+        if reach + care.behind >= far:
+            thin = far * lidar.step + 0.5 * lidar.noise
+            past = reach > far + lidar.noise
+            if not (past and _edge_on(points, i, wx / far, wy / far, thin)):
+                continue
         made[m, 0], made[m, 1] = points[i, 0], points[i, 1]
         m += 1
     return made[:m].copy()
@@ -107,3 +116,22 @@ def _reaches(ranges: Floats, beam: int) -> float:
         for other in range(max(beam - 1, 0), min(beam + 2, len(ranges))):
             reach = min(reach, ranges[other])
     return reach
+
+
+@jit
+def _edge_on(points: Floats, i: int, ux: float, uy: float, thin: float) -> bool:
+    """Whether point i is of a surface that runs along the beam (ux, uy), between it and the next.
+
+    So it is where the points around are spread far along the beam, and across it less than `thin`
+    [m], one standard deviation: a leg or a body is not as long, or not as thin.
+    """
+    n, a, aa, b, bb = 0, 0.0, 0.0, 0.0, 0.0
+    for j in range(len(points)):
+        dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+        if abs(dx) + abs(dy) > 1.5 * _AROUND or dx * dx + dy * dy > _AROUND * _AROUND:
+            continue
+        along, across = ux * dx + uy * dy, ux * dy - uy * dx
+        n += 1
+        a, aa = a + along, aa + along * along
+        b, bb = b + across, bb + across * across
+    return aa * n - a * a > (_LONG * n) ** 2 and bb * n - b * b < (thin * n) ** 2
