@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Twist
+from cohelm.robot.plausibility.match import Match
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from tests.robot.plausibility.watched import NOTHING, ROOM, SALLY, person, watched, without_noise
@@ -53,6 +54,26 @@ def test_no_alarm_when_someone_walks_beside_the_robot_in_a_corridor():
     corridor = np.array([[-50.0, -1.5, 80.0, -1.5], [-50.0, 1.5, 80.0, 1.5]])
     group = [person(1.5, 0.7, 0.5, 0.0), person(1.6, -0.7, 0.5, 0.0), person(2.4, 0.0, 0.5, 0.0)]
     assert watched(ahead, 7.0, walls=corridor, people=group) == []
+
+
+def test_no_alarm_beside_one_oblique_wall_along_which_people_walk():
+    """It tells the way aside only by the way ahead, and that is told by people."""
+    along = np.array([math.cos(math.radians(40.0)), math.sin(math.radians(40.0))])
+    middle = np.array([3.0, 0.0]) + 3.5 * np.array([along[1], -along[0]])
+    wall = np.array([[*(middle - 12.0 * along), *(middle + 12.0 * along)]])
+    people = [person(1.5 + 1.2 * k, 1.0 + 0.3 * k, *(-0.3 * along)) for k in range(3)]
+    assert watched(ahead, 9.0, walls=wall, people=people) == []
+
+
+def test_an_oblique_wall_tells_neither_the_way_ahead_nor_aside_and_a_corner_both():
+    square = np.array([math.cos(0.6), math.sin(0.6), 0.0])
+    other = np.array([-math.sin(0.6), math.cos(0.6), 0.0])
+    wall = 100.0 * np.outer(square, square)
+    corner = wall + 40.0 * np.outer(other, other)
+    for x, y in ((1.0, 0.0), (0.0, 1.0)):
+        assert Match(np.zeros(3), wall, 0.0, 0.0).told(x, y) < 3.0
+        assert Match(np.zeros(3), corner, 0.0, 0.0).told(x, y) > 40.0
+    assert Match(np.zeros(3), wall, 0.0, 0.0).told(*square[:2]) > 99.0
 
 
 @pytest.mark.parametrize("pace", [1.0, 2.0])

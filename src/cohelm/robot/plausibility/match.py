@@ -15,6 +15,8 @@ _WIDTHS = (0.5, 0.3, 0.15, 0.1, 0.08)
 """Residuals beyond this count no more, round after round [m]."""
 _PIECE, _FEW = 0.5, 4  # a piece of surface is so long [m], and has so many points
 _LEAST = 30  # points that look square at a direction, before anything is said of it
+_PRIOR = np.diag([0.5, 0.5, 0.2])
+"""What is not seen stays as odometry has it: as if half a point said so."""
 
 
 class Match(NamedTuple):
@@ -29,6 +31,13 @@ class Match(NamedTuple):
     """How much surface speaks for the correction, and against odometry [m]."""
     for_it: float
     """How much speaks for odometry, and against the correction [m]."""
+
+    def told(self, x: float, y: float) -> float:
+        """How many points' worth was seen of the way along a unit vector of the later body frame,
+        whatever the way across it and the turn may be: one wall that stands oblique tells neither
+        the way ahead nor the way aside, only one by the other."""
+        along = np.array([x, y, 0.0])
+        return 1.0 / float(along @ _solved(self.known + _PRIOR, along))
 
 
 def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match | None:
@@ -62,9 +71,8 @@ def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match 
         w[apart > 4.0 * width + 0.2] = 0.0
         jacobian = np.column_stack((n, p[:, 0] * n[:, 1] - p[:, 1] * n[:, 0]))
         known = (jacobian * w[:, None]).T @ jacobian
-        # what is not seen stays as odometry has it: as if half a point said so
         wanted: Floats = jacobian.T @ (w * d)
-        step = _solved(known + np.diag([0.5, 0.5, 0.2]), wanted)
+        step = _solved(known + _PRIOR, wanted)
         off = _added(off, step)
         if np.abs(step).max() < 1e-4 and width < 0.2:
             break

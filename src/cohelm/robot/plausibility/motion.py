@@ -154,7 +154,7 @@ class Motion:
         and more while it slows down: by the lag times the change of its speed."""
         self._lag *= _FORGET
         change = float(now.twist[0] - before.twist[0])
-        if abs(change) < _CHANGES or made.known[0, 0] < _TOLD or abs(float(now.twist[1])) > 0.5:
+        if abs(change) < _CHANGES or made.told(1.0, 0.0) < _TOLD or abs(float(now.twist[1])) > 0.5:
             return
         faster = 0 if change * float(now.twist[0] + before.twist[0]) > 0.0 else 1
         self._lag[faster] += (change * change, change * float(made.off[0]))
@@ -182,7 +182,7 @@ class Motion:
         if way < _PROVEN:
             return []
         made = match(probe, now, self._lidar)
-        shown = made is not None and made.known[0, 0] > _TOLD
+        shown = made is not None and made.told(1.0, 0.0) > _TOLD
         if made is not None and shown:
             off = math.hypot(*made.off[:2])
             if off <= _AGREED or made.for_it > made.against:
@@ -208,17 +208,17 @@ class Motion:
             self._leg = now
             made = match(leg, now, self._lidar)
             if made is not None:
-                self._sample(made.known, _scans(made.off, told), told, float(told[2]))
+                self._sample(made, _scans(made.off, told), told, float(told[2]))
         return self._judged()
 
-    def _sample(self, known: Floats, seen: Floats, told: Floats, turn: float) -> None:
+    def _sample(self, made: Match, seen: Floats, told: Floats, turn: float) -> None:
         ahead = told[:2] / math.hypot(told[0], told[1])
         aside = np.array([-ahead[1], ahead[0]])
-        u, w = turned(np.array([ahead, aside]), -turn)  # `known` is of the later body frame
+        u, w = turned(np.array([ahead, aside]), -turn).tolist()  # in the later body frame
         way = float(told[:2] @ ahead)
-        if u @ known[:2, :2] @ u > _TOLD:
+        if made.told(*u) > _TOLD:
             self._scales.append(float(seen[:2] @ ahead) / way)
-        if w @ known[:2, :2] @ w > _TOLD:
+        if made.told(*w) > _TOLD:
             self._angles.append(math.atan2(float(seen[:2] @ aside), way))
 
     def _judged(self) -> list[Finding]:
