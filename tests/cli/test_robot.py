@@ -45,6 +45,13 @@ def test_a_station_says_how_to_drive_or_the_command_line_does(cohelm):
     assert "leave out --mode, --arrive and --fast" in said.err
 
 
+def test_a_mode_that_there_is_not_starts_nothing(cohelm):
+    said = cohelm("robot", "--mode", "fly")
+    assert said.code == 2
+    assert "there is no mode 'fly'" in said.err
+    assert "starting" not in said.err
+
+
 def test_a_robot_of_ones_own_is_not_simulated(cohelm):
     said = cohelm("robot", "--driver", "tests.api.carts:Cart", "--fast")
     assert said.code == 2

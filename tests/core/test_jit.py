@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numba
@@ -129,3 +130,55 @@ def test_an_edit_in_a_room_above_does_not_compile_the_rooms_below_again(checkout
     answer(checkout, STEP, COHELM_CACHE_DIR=str(cache))
     assert {p.name for p in (cache / "numba" / "core").iterdir()} == before
     assert len(list((cache / "numba" / "law").iterdir())) == 2
+
+
+TWICE = """
+from cohelm.core.jit import jit
+
+@jit
+def twice(x):
+    return x + x
+"""
+SAID = """
+import os, sys, time
+from pathlib import Path
+writes, place = int(sys.argv[2]), os.replace
+
+def replace(*names):
+    global writes
+    if writes > 0:
+        Path("waits").touch()
+        while not Path("go").exists():
+            time.sleep(0.01)
+    place(*names)
+    writes -= 1
+    if writes == 0:
+        os._exit(9)
+
+os.replace = replace
+from twice import twice
+print(repr(twice(eval(sys.argv[1]))))
+"""
+
+
+@pytest.mark.parametrize("writes", [1, 2])
+def test_two_who_write_the_cache_leave_no_code_under_another_signature(tmp_path, writes):
+    """One has begun to write the code for whole numbers when another comes with that for real
+    ones, and dies after so many of its files."""
+    (tmp_path / "twice.py").write_text(TWICE, encoding="utf-8")
+
+    def asked(given, writes=0):
+        return subprocess.Popen(
+            [sys.executable, "-c", SAID, given, str(writes)], stdout=subprocess.PIPE, text=True,
+            cwd=tmp_path, env=os.environ | {"COHELM_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+
+    with asked("3", writes) as dying:
+        while not (tmp_path / "waits").exists():
+            assert dying.poll() is None
+            time.sleep(0.01)
+        assert asked("1.5").communicate()[0].strip() == "3.0"
+        (tmp_path / "go").touch()
+        assert dying.wait() == 9
+    assert asked("3").communicate()[0].strip() == "6"
+    assert asked("1.5").communicate()[0].strip() == "3.0"

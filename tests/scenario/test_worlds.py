@@ -436,11 +436,13 @@ def test_a_bad_image_is_refused_with_the_reason(tmp_path, image, words):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"resolution": 0.0}, "resolution: .*greater than 0"),
+        ({"resolution": 0.0}, "m.yaml: resolution must be greater than 0, not 0.0$"),
+        ({"resolution": None}, "m.yaml: resolution must be a valid number, not None$"),
+        ({"cohelm_frame": "moon"}, "m.yaml: cohelm_frame must be 'map' or 'start', not 'moon'$"),
         ({"resolution": math.nan}, "resolution"),
         ({"origin": [0.0]}, "origin"),
         ({"origin": [0.0, "west", 0.0]}, r"origin\.1"),
-        ({"free_thresh": 0.7}, "free_thresh must be smaller"),
+        ({"free_thresh": 0.7}, "m.yaml: free_thresh must be smaller than occupied_thresh$"),
         ({"mode": "colour"}, "mode"),
         ({"image": "gone.pgm"}, r"gone\.pgm: there is no such image, but .*m\.yaml names it"),
         ({"image": ""}, "image"),

@@ -103,11 +103,13 @@ def robot(
     plan = SessionConfig(
         made, rate, record, known, ways=LoopParams(carry_on=carry_on), pictures=pictures
     )
-    say(f"starting {plain(made.model.name)} in {plain(made.scenario.name)}")
+    begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
     if listen is not None:
+        say(begins)
         _told(made.scenario.name, _served(plan, listen, seconds), as_json)
         return
     chosen, operator = hands(made, mode)
+    say(begins)
     with (
         starting(made.model.name) as line,
         ended() as stop,

@@ -5,6 +5,9 @@ function it calls in another file: after changing `law/track.py` a cached `sim` 
 silently keep running the old formula. So a room's cache lies in a folder named after the files
 of the room that compile, and all they import, directly or not. An edit there starts a fresh cache,
 and old ones are swept away; an edit elsewhere costs nothing.
+
+Nor can a process that dies while it writes, or another that writes at the same time, leave a
+function's code under another of its signatures: see `Files`.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.caching import IndexDataCacheFile
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -103,6 +107,24 @@ def _room(function: Callable[..., Any]) -> str:
     return rest.partition(".")[0] if package == "cohelm" else ""
 
 
+class Files(IndexDataCacheFile):
+    """The cached code of one function, a file for each of its signatures, and their index.
+
+    numba counts these files, and writes the index first: where a process is killed between the
+    two, or two do it at once, the index leads from one signature to the code of another, which
+    takes its arguments for what they are not. Here a file is named after its signature, and
+    written before the index says so; both are put in place whole. What is lost is compiled anew.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """A signature more."""
+        own: Any = self
+        digest = hashlib.sha256(own._dump(key)).hexdigest()[:16]
+        name = f"{Path(own._index_name).stem}.{digest}.nbc"
+        own._save_data(name, data)
+        own._save_index(own._load_index() | {key: name})
+
+
 def _compile(function: F, **options: Any) -> F:
     chosen: Any = config
     before = chosen.CACHE_DIR
@@ -110,9 +132,15 @@ def _compile(function: F, **options: Any) -> F:
     chosen.CACHE_DIR = before or _cache_folder(_room(function))
     cached = bool(chosen.CACHE_DIR)  # with no folder numba would use its own, stale, or raise
     try:
-        made = numba.njit(cache=cached, error_model="numpy", **options)(function)
+        made: Any = numba.njit(cache=cached, error_model="numpy", **options)(function)
     finally:
         chosen.CACHE_DIR = before
+    if cached and not chosen.DISABLE_JIT:
+        files = made._cache
+        about = files._impl
+        files._cache_file = Files(
+            files.cache_path, about.filename_base, about.locator.get_source_stamp()
+        )
     return cast(F, made)
 
 
