@@ -28,8 +28,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
+from cohelm.drive.playback import Playback  # noqa: E402
 from cohelm.drive.replayed import Replaying  # noqa: E402
-from cohelm.drive.run_playback import film  # noqa: E402
 from cohelm.drive.session import SessionConfig  # noqa: E402
 from cohelm.drive.simulated import Simulated, simulated  # noqa: E402
 from cohelm.drive.teleop_server import Door, serve  # noqa: E402
@@ -200,7 +200,7 @@ def station_replay(robot: Robot, browser: Browser, take_it: Callable[[Page], Non
         records = page.get_by_role("button", name=re.compile(r"Records \([1-9]"))
         expect(records).to_be_visible(timeout=120_000)
         release(page)
-    shown = film(next(robot.records.glob("*.mcap")))
+    shown = Playback(next(robot.records.glob("*.mcap")))
     with served(lambda _: Replaying(shown)) as cinema:
         page = browser.new_context(viewport=SCREEN).new_page()  # type: ignore[arg-type]
         page.goto(cinema.address)

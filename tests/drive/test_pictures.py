@@ -12,7 +12,7 @@ from cohelm.drive.pictures import Pictures
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
-from cohelm.record.drive import IMAGE
+from cohelm.record.file import IMAGE
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed
 from cohelm.robot.keep.record_pipe import LARGEST

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from cohelm.core.period import PERIOD
+from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
 from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
 from cohelm.link.recorded_status import Shown, Told
-from cohelm.record.drive import DriveFile, Photo
+from cohelm.record.file import About, Photo, RecordFile
 from cohelm.record.replay import Replayed
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot as BaseRobot
@@ -72,10 +72,10 @@ SHOWN = (
 def recorded(path: Path, seconds: float) -> Path:
     """A drive on a curve, written down as the loop does it."""
     robot = Kinematic(sally(), START, room(), seed=4)
-    row = np.zeros((), dtype=PERIOD)
+    row = np.zeros((), dtype=ROW)
     row["applied_v"], row["applied_omega"] = 0.3, 0.4
     with path.open("wb") as file:
-        drive = DriveFile(file, sally(), 1_700_000_000_000_000_000)
+        drive = RecordFile(file, About("drive", 1_700_000_000_000_000_000), sally())
         last = -1
         while robot.now() < seconds:
             robot.send(Twist(0.3, 0.4))

@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import ROW
+from cohelm.core.trace import Trace
 from cohelm.core.types import discs
 from cohelm.law.barrier import HEADING, POWERLESS, SHAPED
 from cohelm.study.metrics import measure, spans, wheel_acceleration

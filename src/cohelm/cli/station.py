@@ -168,10 +168,10 @@ def drive(
 
 
 def _recorded(path: Path) -> Connect:
+    from cohelm.drive.playback import Playback
     from cohelm.drive.replayed import Replaying
-    from cohelm.drive.run_playback import film
 
-    shown = film(path / "record.mcap" if path.is_dir() else path)
+    shown = Playback(path / "record.mcap" if path.is_dir() else path)
     return lambda _: Replaying(shown)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.period import PERIOD
+from cohelm.core.row import ROW, values
 from cohelm.core.types import Twist, wrap
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.latency_speed_limit import FREE as NOTICED
@@ -109,7 +109,7 @@ class Loop:
         self._senses = SensorWatchdog(
             keeper.model, patience(keeper.model, ways.period + ways.patience)
         )
-        self._row = np.zeros((), dtype=PERIOD)
+        self._row = np.zeros((), dtype=ROW)
         self._number = 0
         self._due = -math.inf
         self._lost = False
@@ -485,19 +485,24 @@ class Loop:
         d, seen, gate, person = self.decision, self.seen, self.keeper.gate, self.person
         if seen is None:
             return
-        self._row[()] = (
-            now, *seen.pose, sigma(seen.covariance), seen.share, seen.lost, *seen.twist,
-            *person.stick, int(person.arming), person.age, int(gate.mode),
-            d.doing if d else -1, d.authority_x if d else nan, d.authority_psi if d else nan,
-            d.x_d if d else nan, d.y_d if d else nan, d.psi_d if d else nan, self._e_p(),
-            d.tau if d else nan, d.rate if d else nan,
-            d.nominal_v if d else 0.0, d.nominal_omega if d else 0.0, *self._asked, *passed.out,
-            d.verdict if d else 0, d.culprit if d else -1, d.gap if d else nan,
-            now - odometry.stamp if odometry else nan,
-            now - scan.stamp - scan.duration if scan else nan,
-            self._late, self._took, self.timing.overruns, gate.refused, self._record.dropped,
-            d.h if d else nan, *(culprit(d, seen) if d else (nan, nan)), self._progress(),
-        )  # fmt: skip
+        known = {"nominal_v": 0.0, "nominal_omega": 0.0} if d is None else d._asdict()
+        known |= {
+            "t": now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,
+            "sigma": sigma(seen.covariance), "share": seen.share, "lost": seen.lost,
+            "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
+            "e_p": self._e_p(), "progress": self._progress(),
+            "stick_x": person.stick.x, "stick_psi": person.stick.psi, "stick_age": person.age,
+            "arming": person.arming, "mode": gate.mode,
+            "safe_v": self._asked.v, "safe_omega": self._asked.omega,
+            "applied_v": passed.out.v, "applied_omega": passed.out.omega,
+            "odometry_age": now - odometry.stamp if odometry else nan,
+            "scan_age": now - scan.stamp - scan.duration if scan else nan,
+            "late": self._late, "took": self._took, "overruns": self.timing.overruns,
+            "refused": gate.refused, "dropped": self._record.dropped,
+        }  # fmt: skip
+        if d is not None:
+            known["culprit_x"], known["culprit_y"] = culprit(d, seen)
+        self._row[()] = values(known)
         self._record(self._row.tobytes())
 
     def _discs(self, seen: Seen) -> NDArray[np.float32]:

@@ -33,7 +33,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.core.types import Pose
 from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
 from cohelm.link.recorded_status import Told
-from cohelm.record.topics import OBSTACLE_COLOUR, SAFE_COLOUR, header, marker, pose
+from cohelm.record.markers import OBSTACLE_COLOUR, SAFE_COLOUR, header, marker, pose
 
 TOPICS = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.trace import ROW
+from cohelm.core.row import blank
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.perceive.pipeline import Perception
@@ -168,7 +168,7 @@ def _next(k: int, period: int, thinking: int) -> int:
 
 
 def _empty(n: int, m: int) -> Rows:
-    return Rows(np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6)))
+    return Rows(blank(n), np.empty((n, m)), np.empty((n, m, 6)))
 
 
 def near_walls(walls: Floats, pose: Pose) -> Floats:

@@ -77,6 +77,8 @@ def note(
     row.intent_x, row.intent_psi = s.intent_x, s.intent_psi
     row.I, row.J, row.h = s.I, s.J, s.h
     row.verdict, row.culprit = s.verdict, s.culprit
+    if 0 <= s.culprit < discs.shape[0]:
+        row.culprit_x, row.culprit_y = discs[s.culprit, X], discs[s.culprit, Y]
     row.applied_v, row.applied_omega = after.applied.v, after.applied.omega
     row.saturated = saturated
     row.energy = after.energy

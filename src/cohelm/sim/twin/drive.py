@@ -15,7 +15,8 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose, inverse
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import blank
+from cohelm.core.trace import Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import Surroundings
@@ -61,7 +62,7 @@ def stepped(run: TwinRun, length: int) -> Iterator[Trace]:
     setup, k = run.setup, 0
     while k < setup.steps and not run.arrived:
         n = min(length, setup.steps - k)
-        rows = np.zeros(n, dtype=ROW)
+        rows = blank(n)
         m = len(setup.around.discs)
         h, discs = np.empty((n, m)), np.empty((n, m, 6))
         done = 0
