@@ -56,7 +56,7 @@ def test_every_verdict_is_told_with_its_number():
     [
         ("mode", dict(Mode.__members__)),
         ("arming", dict(Arming.__members__)),
-        ("doing", {n: getattr(step, n) for n in ("FOLLOWING", "LED", "ESCAPING", "EVADING")}),
+        ("behavior", {n: getattr(step, n) for n in ("FOLLOWING", "LED", "ESCAPING", "EVADING")}),
     ],
 )
 def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(field, names):

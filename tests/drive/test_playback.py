@@ -64,10 +64,11 @@ def test_numbers_and_words_come_back_as_they_were_told(driven):
     for k in (-1, -20, -49):  # standing, braking, and being stopped
         t = seen._times[k]
         then, now = told[k], at(seen, t)[Status]
-        for name in ("pose", "given", "asked", "stick", "arming", "e_p", "reference", "progress",
-                     "mode", "stopped", "why", "localised", "sigma", "speed_cap"):  # fmt: skip
+        for name in ("pose", "applied", "nominal", "stick", "arming", "e_p", "reference",
+                     "progress", "mode", "stopped", "why", "localised", "sigma",
+                     "speed_cap"):  # fmt: skip
             assert repr(getattr(now, name)) == repr(getattr(then, name)), (k, name)
-        assert now.guarding.gap == pytest.approx(then.guarding.gap, nan_ok=True)
+        assert now.guarding.clearance == pytest.approx(then.guarding.clearance, nan_ok=True)
         assert [a for a in now.alarms if a.number < 10_000] == list(then.alarms)
 
 
@@ -76,7 +77,7 @@ def test_who_drove_and_what_happened_is_seen(driven):
     leading = at(seen, 2.9)[Status]
     assert (leading.lease.driver, leading.lease.driver_name) == (1, "script")
     assert leading.mode == Mode.SHARED
-    assert leading.automatic < 0.9
+    assert leading.authority < 0.9
     assert leading.stopped == ""
     stopped = at(seen, 4.5)[Status]
     assert stopped.stopped == "stop by script"

@@ -73,7 +73,7 @@ def test_a_period_comes_back_to_the_last_bit(tmp_path):
     row = np.zeros((), dtype=ROW)
     for i, name in enumerate(ROW.names):
         row[name] = i + 0.1 if ROW[name] == np.float64 else i % 2
-    row["sigma"], row["gap"] = np.nan, np.inf
+    row["sigma"], row["clearance_seen"] = np.nan, np.inf
     path = tmp_path / "one.mcap"
     with path.open("wb") as file:
         made = RecordFile(file, About("drive", EPOCH), sally())

@@ -199,8 +199,8 @@ class Playback:
             Twist(f("measured_v"), f("measured_omega")), Twist(f("nominal_v"), f("nominal_omega")),
             given, told.why,
             m.Guarding(
-                VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("gap"),
-                (f("culprit_x"), f("culprit_y")), f("h"),
+                VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("clearance_seen"),
+                (f("limiting_x"), f("limiting_y")), f("h"),
             ),
             f("e_p"), Pose(f("x_d"), f("y_d"), f("psi_d")), f("progress"), told.cap,
             told.cap_reason, self._localised(row), f("sigma"), False,
@@ -229,7 +229,7 @@ def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
     and wheels."""
     out = rows.copy()
     out["measured_v"], out["measured_omega"] = rows["applied_v"], rows["applied_omega"]
-    out["gap"], out["progress"] = rows["clearance"], np.linspace(0.0, 1.0, len(rows))
+    out["clearance_seen"], out["progress"] = rows["clearance"], np.linspace(0.0, 1.0, len(rows))
     out["arming"], out["mode"] = m.Arming.ARMED, GateMode.SHARED
     return out
 

@@ -21,7 +21,7 @@ class Told(NamedTuple):
     stopped: str
     """Why it is stopped; empty: it is not."""
     why: str
-    """Why given differs from asked; empty where it does not."""
+    """Why applied differs from nominal; empty where it does not."""
     cap: float
     """On the speed [m/s]; infinite where there is none."""
     cap_reason: str

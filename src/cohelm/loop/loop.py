@@ -24,7 +24,7 @@ from cohelm.loop.dropout import WAITING, Dropout, Then, followed
 from cohelm.loop.latency_limit import FREE, allowed, cap, crawl, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
-from cohelm.loop.status import Said, culprit, predicted, scan_parts, sigma, status
+from cohelm.loop.status import Said, limiting, predicted, scan_parts, sigma, status
 from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
 from cohelm.loop.timing import Timing
 from cohelm.perceive.pipeline import Perception, Seen
@@ -501,7 +501,7 @@ class Loop:
             "refused": gate.refused, "dropped": self._record.dropped,
         }  # fmt: skip
         if d is not None:
-            known["culprit_x"], known["culprit_y"] = culprit(d, seen)
+            known["limiting_x"], known["limiting_y"] = limiting(d, seen)
         self._row[()] = values(known)
         self._record(self._row.tobytes())
 

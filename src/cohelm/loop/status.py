@@ -52,7 +52,7 @@ class Said(NamedTuple):
     seen: Seen
     has_map: bool
     decision: Decision | None
-    given: Twist
+    applied: Twist
     why: str
     e_p: float
     progress: float
@@ -69,20 +69,20 @@ def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
     """The message; lease, answers and the link's part of the timing are filled in by the link."""
     d, seen = said.decision, said.seen
     nan = math.nan
-    asked = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
+    nominal = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
     return Status(
         lease=_NOBODY,
         mode=said.mode,
         stopped=said.stopped,
         arming=said.person.arming,
         stick=said.person.stick,
-        automatic=min(d.authority_x, d.authority_psi) if d else nan,
+        authority=min(d.authority_x, d.authority_psi) if d else nan,
         pose=seen.pose,
         odometry=seen.odometry,
         twist=seen.twist,
-        asked=asked,
-        given=said.given,
-        why=said.why or _unseen(said, asked),
+        nominal=nominal,
+        applied=said.applied,
+        why=said.why or _unseen(said, nominal),
         guarding=_guarding(d, said),
         e_p=said.e_p,
         reference=Pose(d.x_d, d.y_d, d.psi_d) if d else Pose(nan, nan, nan),
@@ -132,13 +132,13 @@ def sigma(covariance: Floats) -> float:
     return math.sqrt(max(0.5 * (a + c) + math.hypot(0.5 * (a - c), b), 0.0))
 
 
-def culprit(d: Decision, seen: Seen) -> tuple[float, float]:
+def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
     """Where in the map the thing is that the guard acted for [m]; NaN where there is none."""
-    if d.culprit < 0:
+    if d.limiting < 0:
         return (math.nan, math.nan)
     moving = len(seen.mobile)
-    things = seen.mobile if d.culprit < moving else seen.points
-    row = d.culprit if d.culprit < moving else d.culprit - moving
+    things = seen.mobile if d.limiting < moving else seen.points
+    row = d.limiting if d.limiting < moving else d.limiting - moving
     if row >= len(things):
         return (math.nan, math.nan)
     place = compose(seen.map_odom, Pose(float(things[row, 0]), float(things[row, 1]), 0.0))
@@ -148,16 +148,17 @@ def culprit(d: Decision, seen: Seen) -> tuple[float, float]:
 def _guarding(d: Decision | None, said: Said) -> Guarding:
     if d is None:
         return Guarding(Verdict.UNTOUCHED, math.nan, (math.nan, math.nan), math.nan)
-    verdict, gap = VERDICTS.get(d.verdict, Verdict.NO_FILTER), max(d.gap, said.clear)
-    return Guarding(verdict, gap, culprit(d, said.seen), d.h)
+    verdict = VERDICTS.get(d.verdict, Verdict.NO_FILTER)
+    clearance = max(d.clearance_seen, said.clear)
+    return Guarding(verdict, clearance, limiting(d, said.seen), d.h)
 
 
-def _unseen(said: Said, asked: Twist) -> str:
+def _unseen(said: Said, nominal: Twist) -> str:
     """That the guard holds the robot back for ground that may hold anything, where it does."""
-    d, seen, given = said.decision, said.seen, said.given
-    if d is None or d.culprit < len(seen.mobile) + len(seen.points) - seen.blind:
+    d, seen, applied = said.decision, said.seen, said.applied
+    if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.blind:
         return ""
-    if abs(asked.v - given.v) < _AS_ASKED and abs(asked.omega - given.omega) < _AS_ASKED:
+    if abs(nominal.v - applied.v) < _AS_ASKED and abs(nominal.omega - applied.omega) < _AS_ASKED:
         return ""
     return "held back: nothing looks there, it may not be free"
 

@@ -32,7 +32,7 @@ _CONSTANTS: dict[str, dict[str, int]] = {
         "UNTOUCHED": UNTOUCHED, "SHAPED": SHAPED, "POWERLESS": POWERLESS, "INVALID": INVALID,
         "BRAKING": BRAKING, "STANDING": STANDING,
     },
-    "doing": {"FOLLOWING": FOLLOWING, "LED": LED, "ESCAPING": ESCAPING, "EVADING": EVADING},
+    "behavior": {"FOLLOWING": FOLLOWING, "LED": LED, "ESCAPING": ESCAPING, "EVADING": EVADING},
     "arming": {arming.name: arming.value for arming in Arming},
     "mode": {mode.name: mode.value for mode in Mode},
 }  # fmt: skip

@@ -245,7 +245,7 @@ def _advance(
         pilot, d = pilot_step(
             pilot, pose, before, stick, around, course, line, settings, dt, sent, watched
         )
-        led = d.doing == LED
+        led = d.behavior == LED
         robot, saturated = moved(
             k,
             dt,
@@ -263,8 +263,8 @@ def _advance(
         note(row, h[j], k * dt, pose, stick, tracked, d, robot, saturated, there)
         row.h = h[j].min() if len(there) > 0 else math.inf
         row.clearance = clearance(pose, settings.outline, scene.reach, there, walls, NOWHERE)
-        row.gap, row.change = d.gap, d.change
-        row.doing, row.course = d.doing, number
+        row.clearance_seen, row.change = d.clearance_seen, d.change
+        row.behavior, row.course = d.behavior, number
         row.tau, row.rate = d.tau, d.rate
         row.to_go, row.arrived = away, arrived
         done = j + 1

@@ -101,8 +101,8 @@ def _advance(
         row = rows[j]
         note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)
         row.clearance = clearance(pose, outline, reach, now, around.walls, NOWHERE)
-        row.gap, row.change = math.inf, 0.0
-        row.doing, row.course = FOLLOWING, 0
+        row.clearance_seen, row.change = math.inf, 0.0
+        row.behavior, row.course = FOLLOWING, 0
         row.tau, row.rate = k * dt, 1.0
         row.to_go = math.hypot(pose.x - goal[0], pose.y - goal[1])
         row.arrived = math.hypot(pose.x - desired.x, pose.y - desired.y) < goal[2]

@@ -177,12 +177,12 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
             row[f"{name}_v"], row[f"{name}_omega"] = command
         row["authority_x"] = row["authority_psi"] = row["rate"] = 1.0
         row["h"] = h[k].min(initial=math.inf)
-        row["verdict"], row["culprit"] = UNTOUCHED if sound else INVALID, -1
+        row["verdict"], row["limiting"] = UNTOUCHED if sound else INVALID, -1
         row["applied_v"], row["applied_omega"] = after
         row["saturated"] = after != arriving
         row["clearance"] = clearance(pose, setup.outline, reach, there, setup.around.walls, NOWHERE)
-        row["gap"], row["tau"] = math.inf, t
-        row["doing"], row["course"] = FOLLOWING, 0
+        row["clearance_seen"], row["tau"] = math.inf, t
+        row["behavior"], row["course"] = FOLLOWING, 0
         row["to_go"], row["arrived"] = away, away < setup.near
         if arrive and away < setup.near and t > 0.5 * setup.reference.duration:
             done = k + 1

@@ -154,7 +154,7 @@ class TwinRun(ABC):
         row["x"], row["y"], row["psi"] = pose
         row["stick_x"], row["stick_psi"] = self.stick
         row["authority_x"] = row["authority_psi"] = 1.0
-        row["gap"] = math.inf
+        row["clearance_seen"] = math.inf
         self.last = last = d or self.last
         if last is not None:
             desired = Desired(last.x_d, last.y_d, last.psi_d, last.u_d, last.r_d)
@@ -234,8 +234,8 @@ _NO_POINTS: Floats = np.empty((0, 2))
 _DECIDED = (
     "safe_v", "safe_omega", "tracking_v", "tracking_omega", "operator_v", "operator_omega",
     "nominal_v", "nominal_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi",
-    "intent_x", "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau",
-    "rate",
+    "intent_x", "intent_psi", "I", "J", "verdict", "limiting", "clearance_seen", "change",
+    "behavior", "tau", "rate",
 )  # fmt: skip
 """Fields of a row that a decision has by the same name."""
 
