@@ -128,7 +128,7 @@ export interface State {
   reference: [number, number, number] | null
   /** Measured. */
   twist: [number, number]
-  /** What person and controller want together. */
+  /** What person and controller want together, before the filter. */
   nominal: [number, number]
   /** What the wheels get. */
   applied: [number, number]
