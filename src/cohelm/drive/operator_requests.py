@@ -90,7 +90,7 @@ class Desk:
             if len(line.points) or len(self._detour.points):
                 self._detour = line
                 self._operator.publish(line)
-                loop.note(line)
+                loop.log.show(line)
         said = None if loop.readings is None else loop.readings.health
         if said is not None:
             health = Health(round(said.battery, 2), said.faults)
@@ -108,7 +108,7 @@ class Desk:
         lines = way(reference)
         self._show(*self._map, *lines)
         for line in lines:
-            loop.note(line)
+            loop.log.show(line)
 
     def _show(self, *all_: Map | Polyline) -> None:
         """To the stations now, and to records that begin later."""

@@ -1,14 +1,14 @@
-"""What the operator is told of a period."""
+"""What is reported of a period: to the operator, and to the record."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cohelm.core.frames import compose
-from cohelm.core.types import Floats, Pose, Twist
+from cohelm.core.types import Floats, Pose, Twist, wrap
 from cohelm.law import verdict as verdicts
 from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import (
@@ -27,7 +27,7 @@ from cohelm.loop.stick_arming import Person
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.kinematics import arc
-from cohelm.robot.port import Scan
+from cohelm.robot.port import Readings, Scan
 from cohelm.robot.sensors import Lidar
 
 POOR = 0.1
@@ -43,8 +43,8 @@ VERDICTS = {
 """What the link calls the verdicts of `law.verdict`."""
 
 
-class Said(NamedTuple):
-    """What the loop knows at the end of a period."""
+class Report(NamedTuple):
+    """What the loop knows at the end of a period; status and record are made from it."""
 
     mode: Mode
     stopped: str
@@ -54,19 +54,45 @@ class Said(NamedTuple):
     decision: Decision | None
     applied: Twist
     why: str
-    e_p: float
     progress: float
     recording: bool
     late: float
     overruns: int
     alarms: tuple[Alarm, ...]
     cap: Cap
-    clear: float
-    """Gap to what is seen [m]; -inf where all that the guard knows is seen."""
+
+    @property
+    def e_p(self) -> float:
+        """E_P, pose error (51); NaN where nothing is followed."""
+        d, pose = self.decision, self.seen.pose
+        if d is None:
+            return math.nan
+        return math.hypot(d.x_d - pose.x, d.y_d - pose.y, wrap(d.psi_d - pose.psi))
 
 
-def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
-    """The message; lease, answers and the link's part of the timing are filled in by the link."""
+def known(said: Report, now: float, readings: Readings) -> dict[str, Any]:
+    """What the record keeps of it, by the names of `core.row.FIELDS`."""
+    d, seen, person = said.decision, said.seen, said.person
+    odometry, scan = readings.odometry, readings.scan
+    fields = {"nominal_v": 0.0, "nominal_omega": 0.0} if d is None else d._asdict()
+    at = (math.nan, math.nan) if d is None else limiting(d, seen)
+    return fields | {
+        "t": now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,
+        "sigma": sigma(seen.covariance), "share": seen.share, "lost": seen.lost,
+        "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
+        "e_p": said.e_p, "progress": said.progress, "limiting_x": at[0], "limiting_y": at[1],
+        "stick_x": person.stick.x, "stick_psi": person.stick.psi, "stick_age": person.age,
+        "arming": person.arming, "applied_v": said.applied.v, "applied_omega": said.applied.omega,
+        "odometry_age": now - odometry.stamp if odometry else math.nan,
+        "scan_age": now - scan.stamp - scan.duration if scan else math.nan,
+    }  # fmt: skip
+
+
+def status(
+    said: Report, ahead: tuple[tuple[float, float], ...], clear: float = -math.inf
+) -> Status:
+    """The message; lease, answers and the link's part of the timing are filled in by the link.
+    clear: clearance of what is seen [m]; -inf where all that the guard knows is seen."""
     d, seen = said.decision, said.seen
     nan = math.nan
     nominal = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
@@ -83,7 +109,7 @@ def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
         nominal=nominal,
         applied=said.applied,
         why=said.why or _unseen(said, nominal),
-        guarding=_guarding(d, said),
+        guarding=_guarding(said, clear),
         e_p=said.e_p,
         reference=Pose(d.x_d, d.y_d, d.psi_d) if d else Pose(nan, nan, nan),
         progress=said.progress,
@@ -145,15 +171,15 @@ def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
     return (place.x, place.y)
 
 
-def _guarding(d: Decision | None, said: Said) -> Guarding:
+def _guarding(said: Report, clear: float) -> Guarding:
+    d = said.decision
     if d is None:
         return Guarding(Verdict.UNTOUCHED, math.nan, (math.nan, math.nan), math.nan)
     verdict = VERDICTS.get(d.verdict, Verdict.NO_FILTER)
-    clearance = max(d.clearance_seen, said.clear)
-    return Guarding(verdict, clearance, limiting(d, said.seen), d.h)
+    return Guarding(verdict, max(d.clearance_seen, clear), limiting(d, said.seen), d.h)
 
 
-def _unseen(said: Said, nominal: Twist) -> str:
+def _unseen(said: Report, nominal: Twist) -> str:
     """That the guard holds the robot back for ground that may hold anything, where it does."""
     d, seen, applied = said.decision, said.seen, said.applied
     if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.blind:
@@ -163,7 +189,7 @@ def _unseen(said: Said, nominal: Twist) -> str:
     return "held back: nothing looks there, it may not be free"
 
 
-def _localised(said: Said) -> Localised:
+def _localised(said: Report) -> Localised:
     if said.seen.lost:
         return Localised.LOST
     if not said.has_map:
