@@ -32,7 +32,7 @@ from cohelm.drive.playback import Playback  # noqa: E402
 from cohelm.drive.replayed import Replaying  # noqa: E402
 from cohelm.drive.session import SessionConfig  # noqa: E402
 from cohelm.drive.simulated import Simulated, simulated  # noqa: E402
-from cohelm.drive.teleop_server import Door, serve  # noqa: E402
+from cohelm.drive.teleop_server import TeleopConfig, serve  # noqa: E402
 from cohelm.link import keys  # noqa: E402
 from cohelm.link.keys import Keys  # noqa: E402
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry  # noqa: E402
@@ -306,7 +306,7 @@ def _driven(line: Connection, own: Keys, when: str) -> None:
     robot = Lifted(scenario, made.kind, made.real_time, made.seed, when)
     known = map_from_geometry(np.array(walls), made.start)
     serve(
-        SessionConfig(robot, known=known, patience=PATIENCE), Door(own, "127.0.0.1"), line.send,
+        SessionConfig(robot, known=known, patience=PATIENCE), TeleopConfig(own, "127.0.0.1"), line.send,
         lambda: "enough" if line.poll() else "",
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ from cohelm.link.messages import (
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.record.file import About, Photo, RecordFile
+from cohelm.record.file import About, Photo, RecordWriter
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
 
@@ -126,7 +126,7 @@ def test_a_record_that_was_cut_short_is_shown_as_far_as_it_goes(driven, tmp_path
     assert 0.5 < Playback(cut).duration < Playback(driven[0]).duration
     empty = tmp_path / "empty.mcap"
     with empty.open("wb") as file:
-        RecordFile(file, About("drive", 0), sally()).finish()
+        RecordWriter(file, About("drive", 0), sally()).finish()
     with pytest.raises(CohelmError, match="before its first control period"):
         Playback(empty)
     assert not math.isnan(Playback(driven[0]).start)
@@ -136,7 +136,7 @@ def test_the_cameras_pictures_are_shown_from_where_they_were_taken(driven, tmp_p
     path = tmp_path / "pictures.mcap"
     row = np.zeros((), dtype=ROW)
     with path.open("wb") as file:
-        made = RecordFile(file, About("drive", 10**18), sally())
+        made = RecordWriter(file, About("drive", 10**18), sally())
         for k in range(20):
             row["t"], row["x"] = 5.0 + 0.1 * k, 0.05 * k
             made.period(row)

@@ -14,7 +14,7 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import Pose, disc
 from cohelm.drive.shown import way
 from cohelm.law.reference import through
-from cohelm.record.write import Recorder, Scene
+from cohelm.record.write import Recorder, RunScene
 from cohelm.robot.limits import unlimited
 from cohelm.sim.operator_model import Operator
 from cohelm.sim.run import pieces
@@ -52,8 +52,8 @@ def lab(duration: float | None = None) -> Setup:
     )
 
 
-def scene(setup: Setup) -> Scene:
-    return Scene(setup.outline, setup.around.walls, way(setup.reference))
+def scene(setup: Setup) -> RunScene:
+    return RunScene(setup.outline, setup.around.walls, way(setup.reference))
 
 
 def recorded(path: Path, setup: Setup) -> Trace:

@@ -9,7 +9,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
 from cohelm.record import period
-from cohelm.record.file import TOPICS, About, RecordFile
+from cohelm.record.file import TOPICS, About, RecordWriter
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed, recorded_model
 from cohelm.record.shown import TOPICS as SHOWN_TOPICS, understood
@@ -76,7 +76,7 @@ def test_a_period_comes_back_to_the_last_bit(tmp_path):
     row["sigma"], row["clearance_seen"] = np.nan, np.inf
     path = tmp_path / "one.mcap"
     with path.open("wb") as file:
-        made = RecordFile(file, About("drive", EPOCH), sally())
+        made = RecordWriter(file, About("drive", EPOCH), sally())
         made.period(row)
         made.write(Event(1.0, "gate", "AUTOMATIC -> STOPPED: why", True))
         made.finish()
@@ -91,7 +91,7 @@ def test_a_period_comes_back_to_the_last_bit(tmp_path):
 def test_what_was_flushed_stands_in_the_file_and_a_finished_one_has_its_end(tmp_path, buffering):
     path = tmp_path / "one.mcap"
     with path.open("wb", buffering=buffering) as file:
-        made = RecordFile(file, About("drive", EPOCH), sally())
+        made = RecordWriter(file, About("drive", EPOCH), sally())
         made.write(Event(1.0, "gate", "one", True))
         made.flush()
         assert [m.msg for _, _, m in messages(path, ("/rosout",))] == ["one"]
@@ -120,7 +120,7 @@ def test_what_is_no_record_is_said_so(tmp_path):
 def test_a_record_without_odometry_or_robot_is_refused_with_the_cure(drive, tmp_path):
     empty = tmp_path / "empty.mcap"
     with empty.open("wb") as file:
-        RecordFile(file, About("drive", EPOCH), sally()).finish()
+        RecordWriter(file, About("drive", EPOCH), sally()).finish()
     assert recorded_model(empty) == sally()
     with pytest.raises(CohelmError, match="holds no odometry"):
         Replayed(empty)
@@ -128,7 +128,7 @@ def test_a_record_without_odometry_or_robot_is_refused_with_the_cure(drive, tmp_
 
 def test_a_drive_holds_only_what_belongs_in_it(tmp_path):
     with (tmp_path / "x.mcap").open("wb") as file:
-        made = RecordFile(file, About("drive", EPOCH), sally())
+        made = RecordWriter(file, About("drive", EPOCH), sally())
         with pytest.raises(TypeError, match="does not hold a str"):
             made.write("nonsense")
         made.write(Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)))

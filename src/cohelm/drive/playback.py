@@ -18,7 +18,7 @@ from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.over_link import hello
 from cohelm.law import verdict as verdicts
 from cohelm.link import messages as m
-from cohelm.link.recorded_status import Told
+from cohelm.link.recorded_status import StatusWords
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import POOR, VERDICTS
 from cohelm.record import period
@@ -37,7 +37,7 @@ _NAN = math.nan
 _AHEAD, _AHEAD_STEP = 12, 0.15
 _EVENT = 4.0  # how long what happened stays on the screen [s]
 _MODES = {int(GateMode.SHARED): m.Mode.SHARED, int(GateMode.AUTOMATIC): m.Mode.AUTOMATIC}
-_UNTOLD = Told(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
+_UNTOLD = StatusWords(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
 _WHY = {
     verdicts.SHAPED: "an obstacle", verdicts.POWERLESS: "the filter could not act",
     verdicts.INVALID: "a number that is not finite",
@@ -186,7 +186,7 @@ class Playback:
             return float(row[name])
 
         now = f("t")
-        told: Told = self._newest("/diagnostics", now) or _untold(row)
+        told: StatusWords = self._newest("/diagnostics", now) or _untold(row)
         happened: list[m.Alarm] = []
         if "/rosout" in self._series:
             happened = self._series["/rosout"].between(now - _EVENT, now)
@@ -234,7 +234,7 @@ def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
     return out
 
 
-def _untold(row: np.void) -> Told:
+def _untold(row: np.void) -> StatusWords:
     """What the numbers alone tell of the words."""
     mode = _MODES.get(int(row["mode"]), m.Mode.HOLD)
     why = _WHY.get(int(row["verdict"]), "the wheels' limits" if row["saturated"] else "")

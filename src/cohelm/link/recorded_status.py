@@ -10,7 +10,7 @@ from typing import NamedTuple
 from cohelm.link.messages import Alarm, Discs, Map, Mode, Polyline
 
 
-class Told(NamedTuple):
+class StatusWords(NamedTuple):
     """Words beside the numbers of a period; kept where one of them changes."""
 
     driver: int
@@ -29,9 +29,9 @@ class Told(NamedTuple):
     """The worst first."""
 
 
-class Shown(NamedTuple):
+class Displayed(NamedTuple):
     """Something on the map, or words, since a time."""
 
     stamp: float
     """The robot's clock [s]."""
-    what: Told | Map | Polyline | Discs
+    what: StatusWords | Map | Polyline | Discs

@@ -10,7 +10,7 @@ import numpy as np
 
 from cohelm.core.row import ROW, values
 from cohelm.link.messages import Discs, Map, Polyline, Status
-from cohelm.link.recorded_status import Shown, Told
+from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.port import Readings, Scan
@@ -26,7 +26,7 @@ class DriveLog:
         """Why the recorder writes no more; empty while it does, or where there is none."""
         self._row = np.zeros((), dtype=ROW)
         self._odometry, self._scan = -math.inf, -1
-        self._words: Told | None = None
+        self._words: StatusWords | None = None
 
     def __call__(self, message: object) -> None:
         """Anything."""
@@ -64,7 +64,7 @@ class DriveLog:
 
     def show(self, what: Map | Polyline | Discs) -> None:
         """What the stations are shown, that the drive can be shown again."""
-        self._line(Shown(self._clock(), what))
+        self._line(Displayed(self._clock(), what))
 
     def readings(self, readings: Readings) -> Scan | None:
         """What is new among them; the scan, if that is."""
@@ -85,7 +85,7 @@ class DriveLog:
 
     def words(self, driver: tuple[int, str], s: Status) -> None:
         """The words of a status, where they are new. driver: number and name."""
-        told = Told(*driver, s.mode, s.stopped, s.why, s.speed_cap, s.cap_reason, s.alarms)
+        told = StatusWords(*driver, s.mode, s.stopped, s.why, s.speed_cap, s.cap_reason, s.alarms)
         if told != self._words:
             self._words = told
-            self._line(Shown(self._clock(), told))
+            self._line(Displayed(self._clock(), told))

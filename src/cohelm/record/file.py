@@ -39,7 +39,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm import __version__
 from cohelm.core.types import Floats, Pose, wrap
-from cohelm.link.recorded_status import Shown
+from cohelm.link.recorded_status import Displayed
 from cohelm.record import markers, period, shown
 from cohelm.record.period import NO_DISCS, NO_H, STORE
 from cohelm.robot.keep.gated_robot import Event
@@ -100,7 +100,7 @@ class Photo(NamedTuple):
     jpeg: bytes
 
 
-class RecordFile:
+class RecordWriter:
     """Writes a record into an open file. OSError where the file can not grow."""
 
     def __init__(
@@ -143,10 +143,10 @@ class RecordFile:
         self._odometry: Pose | None = None
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, a Photo, an Event, or what was Shown."""
+        """One message: an Odometry, a Scan, a Photo, an Event, or what was Displayed."""
         if isinstance(message, Odometry):
             self._odom(message)
-        elif isinstance(message, Shown):
+        elif isinstance(message, Displayed):
             for topic, what in shown.said(message.what, self._stamp(message.stamp), MAP):
                 self._say(message.stamp, topic, what)
         elif isinstance(message, Scan):

@@ -16,8 +16,8 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.link.messages import Discs, Line, Polyline
-from cohelm.link.recorded_status import Shown
-from cohelm.record.file import About, RecordFile
+from cohelm.link.recorded_status import Displayed
+from cohelm.record.file import About, RecordWriter
 from cohelm.record.walls import drawn
 from cohelm.robot.port import Odometry
 
@@ -35,7 +35,7 @@ _NO_WALLS: Floats = np.empty((0, 4))
 
 
 @dataclass(frozen=True)
-class Scene:
+class RunScene:
     """What stays as it is during a run and is drawn once.
 
     outline: (k, 2) corners of the robot, body frame [m]. walls: (s, 4), segments x1, y1, x2, y2
@@ -57,14 +57,14 @@ class Recorder:
     Raises CohelmError where the file can not be made or grown; an existing file is never touched.
     """
 
-    def __init__(self, path: Path, scene: Scene | None = None, epoch: int = EPOCH) -> None:
+    def __init__(self, path: Path, scene: RunScene | None = None, epoch: int = EPOCH) -> None:
         """Make the file at `path`. epoch: time stamp of t = 0 [ns]."""
         self.path = path
-        self._scene = Scene() if scene is None else scene
+        self._scene = RunScene() if scene is None else scene
         self._epoch = epoch
         self._steps = 0
         self._broken = False
-        self._record: RecordFile | None = None
+        self._record: RecordWriter | None = None
         try:
             self._file = path.open("xb")
         except OSError as error:
@@ -89,7 +89,7 @@ class Recorder:
                 if k % discs_every == 0 and _moved(piece.discs, j, discs_every):
                     with np.errstate(over="ignore"):  # what is too far for single precision
                         shown = Discs(k, discs.astype(np.float32))
-                    record.write(Shown(float(row["t"]), shown))
+                    record.write(Displayed(float(row["t"]), shown))
             record.flush()
             self._steps += len(piece)
 
@@ -113,14 +113,14 @@ class Recorder:
                 if not self._steps:
                     self.path.unlink(missing_ok=True)
 
-    def _begun(self, piece: Trace) -> RecordFile:
+    def _begun(self, piece: Trace) -> RecordWriter:
         about = About("run", self._epoch, piece.scenario, piece.names, piece.dt)
         scene, t = self._scene, float(piece.rows["t"][0])
-        self._record = RecordFile(self._file, about, outline=scene.outline, walls=scene.walls)
+        self._record = RecordWriter(self._file, about, outline=scene.outline, walls=scene.walls)
         route = [line.points for line in scene.lines if line.what is Line.REFERENCE]
         also = np.vstack([np.empty((0, 2)), *route]).astype(np.float64)
         for what in (drawn(scene.walls, also), *scene.lines):
-            self._record.write(Shown(t, what))
+            self._record.write(Displayed(t, what))
         return self._record
 
     @contextmanager

@@ -11,7 +11,7 @@ from pathlib import Path
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.drive.shown import way
-from cohelm.record.write import Recorder, Scene
+from cohelm.record.write import Recorder, RunScene
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
 from cohelm.study.experiments import Progress, Run
@@ -58,9 +58,9 @@ def recorded(setup: Setup, folder: Path, told: Progress) -> Metrics:
     return run.metrics
 
 
-def scene(setup: Setup) -> Scene:
+def scene(setup: Setup) -> RunScene:
     """What a record of a run draws once."""
-    return Scene(setup.outline, setup.around.walls, way(setup.reference))
+    return RunScene(setup.outline, setup.around.walls, way(setup.reference))
 
 
 def table(m: Metrics) -> list[tuple[str, str]]:
