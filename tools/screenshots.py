@@ -306,7 +306,8 @@ def _driven(line: Connection, own: Keys, when: str) -> None:
     robot = Lifted(scenario, made.kind, made.real_time, made.seed, when)
     known = map_from_geometry(np.array(walls), made.start)
     serve(
-        SessionConfig(robot, known=known, patience=PATIENCE), TeleopConfig(own, "127.0.0.1"), line.send,
+        SessionConfig(robot, known=known, patience=PATIENCE), TeleopConfig(own, "127.0.0.1"),
+        line.send,
         lambda: "enough" if line.poll() else "",
     )  # fmt: skip
 
