@@ -300,7 +300,7 @@ def test_a_collection_is_read_and_defaults_to_the_challenges_limits(tmp_path):
     [
         ('{"worlds": [', "JSON"),
         ("[]", "the file"),
-        ('{"world": []}', "worlds: Field required"),
+        ('{"world": []}', "worlds is missing"),
         ('{"worlds": [{"id": 1, "cyl": [[1]], "path": [[1, 2]]}]}', "worlds.0.cyl.0"),
         ('{"worlds": [{"id": 1, "cyl": [[1, NaN]], "path": [[1, 2]]}]}', "finite"),
         ('{"worlds": [{"id": 1, "cyl": [], "path": []}]}', "worlds.0.path"),
