@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist, disc
+from cohelm.law.govern import Clock
+from cohelm.law.guard.step import farthest, guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import EVADING, LED
-from cohelm.plan.evasion import EvasionParams
+from cohelm.plan.course import course
+from cohelm.plan.evasion import EvasionParams, _case, _leg, _Way
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.sim.run import run
@@ -156,3 +159,38 @@ def test_who_slows_down_is_foreseen_to_stop_and_not_to_come_back():
         went = max(went, math.hypot(pose.x, pose.y))
         x, v = x + v * DT, max(v - 0.7 * DT, 0.0)
     assert went < 0.05
+
+
+def _foretold_and_driven(rng):
+    """How far apart the robot is after 0.8 s beside somebody who sets off at it or speeds up, as
+    the planner foretells it and as the filter lets it go [m]."""
+    bearing, away = rng.uniform(-math.pi, math.pi), rng.uniform(1.0, 2.2)
+    x, y = away * math.cos(bearing), away * math.sin(bearing)
+    heads = bearing + math.pi + rng.uniform(-0.8, 0.8)
+    ax, ay, u = math.cos(heads), math.sin(heads), rng.uniform(0.0, 0.8)
+    start, before = Pose(0.0, 0.0, 0.0), Twist(float(rng.choice([0.0, 0.5, 1.0])), 0.0)
+    asked = Twist(float(rng.choice([-1.0, 0.5, 1.0])), rng.uniform(-1.0, 1.0))
+    movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay]])
+    around, reach = surroundings(np.empty((0, 6))), farthest(ON.outline)
+    e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
+    case = _case(movers, around, start, way, Clock(), ON.outline, reach, e)
+    leg = _leg(case, _Way(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9)
+    pose, twist = start, before
+    for k in range(40):
+        t = k * DT
+        at, v = u * t + 0.5 * t * t, u + t
+        who = disc(x + ax * at, y + ay * at, 0.4, 0.9, ax * v, ay * v)
+        passed = guard(
+            pose, twist, asked, surroundings([who], [1.0]), ON.outline, ON.limits, ON.rules
+        )
+        twist = Twist(passed.v, passed.omega)
+        pose = arc(pose, twist, DT)
+    return math.hypot(leg.pose.x - pose.x, leg.pose.y - pose.y)
+
+
+def test_what_the_filter_will_do_is_foretold_as_it_does_it():
+    """A planner that thinks that it will be stopped where it will not be gives up a way out."""
+    rng = np.random.default_rng(5)
+    apart = [_foretold_and_driven(rng) for _ in range(200)]
+    assert np.median(apart) < 0.05
+    assert np.quantile(apart, 0.9) < 0.1

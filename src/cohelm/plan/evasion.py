@@ -21,7 +21,7 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, Twist, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Clock, PaceParams, govern, governed
-from cohelm.law.guard.bounds import brake_steps, coasting
+from cohelm.law.guard.bounds import brake_steps, braked, coasting
 from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
 from cohelm.law.guard.contact import gap
 from cohelm.law.guard.step import Rules, farthest
@@ -67,10 +67,12 @@ class EvasionParams(NamedTuple):
     clearance: float = 0.25
     """Clearance to a moving obstacle below which a motion is the worse the nearer it comes [m]."""
     standing_growth: float = 0.05
-    growth_per_speed: float = 0.25
-    most_growth: float = 0.3
-    """Doubt of where it will be grows by the first, and by the second for each m/s of its speed,
-    but by no more than the third [m/s]: who stands, sways; who walks, turns."""
+    moving_growth: float = 0.3
+    growth_per_speed: float = 0.4
+    most_growth: float = 0.6
+    """Doubt of where it will be grows by the first if it stands; else by the second, and by the
+    third for each m/s of its speed, but by no more than the fourth [m/s]: who stands, sways; who
+    walks, turns."""
     social_clearance: float = 0.4
     """Clearance below which the course is not simply followed [m]."""
     risk_weight: float = 3.0
@@ -88,7 +90,7 @@ class EvasionParams(NamedTuple):
     static_clearance: float = 0.03
     """Clearance to what stands [m]."""
     certified_for: float = 3.0
-    """For so long the filter must find a way to stop at every moment of a motion [s]."""
+    """For so long a motion is foretold as the filter will let it be [s]."""
     certified_growth: float = 0.0
     """Share of the doubt that is counted in for that."""
     pass_right: float = 0.0
@@ -256,7 +258,9 @@ def _gathered(
             ax, ay = ax - back * vx, ay - back * vy
         found[n, 0], found[n, 1], found[n, 2], found[n, 3] = d[X], d[Y], vx, vy
         found[n, 4], found[n, 5] = d[RADIUS], around.agility[i]
-        found[n, 6] = min(e.standing_growth + e.growth_per_speed * speed, e.most_growth)
+        found[n, 6] = e.standing_growth
+        if moving:
+            found[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
         found[n, 7], found[n, 8] = ax, ay
         n += 1
         if e.pass_right > 0.0 and far < math.inf:
@@ -283,12 +287,13 @@ def _clearance(
 ) -> float:  # fmt: skip
     """Least clearance of the outline to where the movers will be after t, at most `most` [m].
 
-    growth: share of the doubt that they are larger by; agile: for so long they may have done
-    anything that they are capable of [s].
+    growth: share of the doubt that they are larger by; agile: for so long before t they have kept
+    their velocity, and may have done anything else that they are capable of [s].
     """
     least = most
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    goes = _goes(t, turning)
+    since = t - agile
+    goes = _goes(since, turning) + agile * min(since, turning)
     for i in range(len(movers)):
         dx = movers[i, 0] + movers[i, 2] * t + movers[i, 7] * goes - pose.x
         dy = movers[i, 1] + movers[i, 3] * t + movers[i, 8] * goes - pose.y
@@ -527,9 +532,16 @@ def _leg(
     on. What risks more than `most` ends too."""
     pose, twist, t, risk = way.pose, way.twist, way.t, way.risk
     while t < until - 0.5 * _H:
-        twist = achievable(to, twist, limits, _H)
-        here, pose = pose, arc(pose, twist, _H)
+        before, here, spare = twist, pose, 1.0
+        twist = achievable(to, before, limits, _H)
+        pose = arc(here, twist, _H)
         t += _H
+        if t <= e.certified_for:
+            spare = _spare(case.movers, case.outline, case.reach, pose, twist, t, limits, e)
+            spare -= e.static_clearance
+            if spare <= 0.0:  # the filter brakes, for now
+                twist = braked(before, limits, _H)
+                pose = arc(here, twist, _H)
         if _blocked(case, pose):  # it stops before, and is stood there when others come
             return _Way(here, twist, t, risk, _waiting(case, here, t - _H, risk, e) + 0.5)
         uneasy, g = _risk(case, pose, t, e)
@@ -538,13 +550,10 @@ def _leg(
             cost = _TOUCH * (e.horizon - t + 2.0 * _H) + 10.0 * abs(twist.v) + risk
             return _Way(pose, twist, t, risk, cost + 0.05 * _to_go(case, pose))
         if t <= e.certified_for:
-            spare = _spare(case.movers, case.outline, case.reach, pose, twist, t, limits, e)
-            spare -= e.static_clearance
-            if spare <= 0.0:  # the filter would brake from here on
-                return _Way(pose, twist, t, risk, _waiting(case, pose, t, risk, e) + 0.5)
             least = e.slack + e.slack_growth * t
             if spare < least:
-                risk += e.risk_weight * _H * (1.0 - spare / least) * (1.0 - spare / least)
+                short = 1.0 - max(spare, 0.0) / least
+                risk += e.risk_weight * _H * short * short
         if risk > most:
             return _Way(pose, twist, t, risk, math.inf)
     return _Way(pose, twist, t, risk, -1.0)
