@@ -23,7 +23,7 @@ from pathlib import Path
 from cohelm.core.types import Stick, Twist
 from cohelm.drive.session import SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
-from cohelm.drive.teleop_server import Door, serve
+from cohelm.drive.teleop_server import TeleopConfig, serve
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.station_end import StationEnd
@@ -58,7 +58,8 @@ class _Noting:
 def drive(line: Connection, made: Timed, rate: float, keys: Keys) -> None:
     """The robot's process."""
     serve(
-        SessionConfig(made, rate), Door(keys, "127.0.0.1", 0), lambda address: line.send(address),
+        SessionConfig(made, rate), TeleopConfig(keys, "127.0.0.1", 0),
+        lambda address: line.send(address),
         lambda: "measured" if line.poll() else "",
     )  # fmt: skip
 

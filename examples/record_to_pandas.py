@@ -16,7 +16,7 @@ def main(path: str) -> pd.DataFrame:
     record = cohelm.read_record(path)
     table = pd.DataFrame(record.table).set_index("t")
     table["verdict"] = table["verdict"].map(lambda number: cohelm.Verdict(number).name)
-    print(table.groupby("verdict")["gap"].describe()[["count", "min", "mean"]])
+    print(table.groupby("verdict")["clearance_seen"].describe()[["count", "min", "mean"]])
     for when, what in record.events[:10]:
         print(f"{when:8.2f} s  {what}")
     return table

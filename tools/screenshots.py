@@ -28,11 +28,11 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
+from cohelm.drive.playback import Playback  # noqa: E402
 from cohelm.drive.replayed import Replaying  # noqa: E402
-from cohelm.drive.run_playback import film  # noqa: E402
 from cohelm.drive.session import SessionConfig  # noqa: E402
 from cohelm.drive.simulated import Simulated, simulated  # noqa: E402
-from cohelm.drive.teleop_server import Door, serve  # noqa: E402
+from cohelm.drive.teleop_server import TeleopConfig, serve  # noqa: E402
 from cohelm.link import keys  # noqa: E402
 from cohelm.link.keys import Keys  # noqa: E402
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry  # noqa: E402
@@ -200,7 +200,7 @@ def station_replay(robot: Robot, browser: Browser, take_it: Callable[[Page], Non
         records = page.get_by_role("button", name=re.compile(r"Records \([1-9]"))
         expect(records).to_be_visible(timeout=120_000)
         release(page)
-    shown = film(next(robot.records.glob("*.mcap")))
+    shown = Playback(next(robot.records.glob("*.mcap")))
     with served(lambda _: Replaying(shown)) as cinema:
         page = browser.new_context(viewport=SCREEN).new_page()  # type: ignore[arg-type]
         page.goto(cinema.address)
@@ -306,7 +306,8 @@ def _driven(line: Connection, own: Keys, when: str) -> None:
     robot = Lifted(scenario, made.kind, made.real_time, made.seed, when)
     known = map_from_geometry(np.array(walls), made.start)
     serve(
-        SessionConfig(robot, known=known, patience=PATIENCE), Door(own, "127.0.0.1"), line.send,
+        SessionConfig(robot, known=known, patience=PATIENCE), TeleopConfig(own, "127.0.0.1"),
+        line.send,
         lambda: "enough" if line.poll() else "",
     )  # fmt: skip
 

@@ -79,16 +79,9 @@ def units() -> list[str]:
 
 
 def period() -> list[str]:
-    """Every field of a period."""
-    from cohelm.core.period import MEANINGS, PERIOD
-
-    return _fields(PERIOD, MEANINGS, str.lower)
-
-
-def status() -> list[str]:
-    """Every field of a control step."""
-    from cohelm.core.trace import ROW
-    from cohelm.record.status import ARRAYS, MEANINGS
+    """Every field of a control period."""
+    from cohelm.core.row import MEANINGS, ROW
+    from cohelm.record.period import ARRAYS
 
     rows = [f"| `{name}` | float64[] | {_cell(said)} |" for name, said in ARRAYS.items()]
     return [*_fields(ROW, MEANINGS, str.lower), *rows]
@@ -115,7 +108,7 @@ def _unit(name: str) -> str:
 
 
 TABLES: dict[str, Callable[[], list[str]]] = {
-    "robot": robot, "units": units, "period": period, "status": status,
+    "robot": robot, "units": units, "period": period,
 }  # fmt: skip
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cohelm.drive.library import drive
     from cohelm.law.verdict import Verdict
     from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
-    from cohelm.record.table import Record, read_record
+    from cohelm.record.read import Record, read_record
     from cohelm.robot.base import Robot
     from cohelm.robot.limits import Limits
     from cohelm.robot.model import RobotModel
@@ -42,7 +42,7 @@ _HOME = {
     "Odometry": "robot.port",
     "Pose": "core.types",
     "Readings": "robot.port",
-    "Record": "record.table",
+    "Record": "record.read",
     "Robot": "robot.base",
     "RobotModel": "robot.model",
     "RunResult": "study.controlled",
@@ -54,7 +54,7 @@ _HOME = {
     "drive": "drive.library",
     "load_robot": "scenario.load",
     "load_scenario": "scenario.load",
-    "read_record": "record.table",
+    "read_record": "record.read",
     "run": "study.controlled",
 }
 """Where each name lives."""

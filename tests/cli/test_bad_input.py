@@ -158,9 +158,9 @@ def test_nothing_that_is_in_the_folder_already_is_overwritten(cohelm, tmp_path, 
     ("content", "words"),
     [
         (None, ["can not be read", "check the name"]),
-        (b"", ["no run of cohelm"]),
+        (b"", ["no record of cohelm"]),
         (b"t,x,psi\n0,0,0\n", ["is not an MCAP file"]),
-        (b"\x89MCAP0\r\n", ["no run of cohelm"]),
+        (b"\x89MCAP0\r\n", ["no record of cohelm"]),
         (np.random.default_rng(0).bytes(5000), ["is not an MCAP file"]),
     ],
 )

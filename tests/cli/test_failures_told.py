@@ -10,7 +10,7 @@ import pytest
 
 from cohelm.cli.robot import failures, rows
 from cohelm.core.types import Pose, Twist
-from cohelm.record.drive import DriveFile
+from cohelm.record.file import About, RecordWriter
 from cohelm.robot.port import Odometry, Scan
 from cohelm.scenario import load
 
@@ -81,7 +81,7 @@ def _drive(path, ranges, finish=True):
     lidar = model.lidar
     assert lidar is not None
     with path.open("wb") as file:
-        made = DriveFile(file, model, 946_684_800_000_000_000)
+        made = RecordWriter(file, About("drive", 946_684_800_000_000_000), model)
         for k in range(40):
             made.write(Odometry(0.1 * k, Pose(0.02 * k, 0.0, 0.0), Twist(0.2, 0.0)))
             made.write(Scan(0.1 * k, k, np.full(lidar.beams, ranges), 0.0))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cohelm.perceive.pipeline import Perception
-from cohelm.record.drive import DriveFile
+from cohelm.record.file import About, RecordWriter
 from cohelm.scenario import load
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, read_map
 from cohelm.study import mapping
@@ -20,7 +20,7 @@ class Written:
     """A record into which the readings of a drive go, each scan once."""
 
     def __init__(self, file) -> None:
-        self.made = DriveFile(file, SALLY, 946_684_800_000_000_000)
+        self.made = RecordWriter(file, About("drive", 946_684_800_000_000_000), SALLY)
         self._number = None
 
     def __call__(self, moment) -> None:

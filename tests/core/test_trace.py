@@ -1,6 +1,7 @@
 import numpy as np
 
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import ROW
+from cohelm.core.trace import Trace
 
 
 def test_joining_two_pieces_keeps_every_step_in_order():

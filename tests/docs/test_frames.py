@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from cohelm.record import drive, status, topics
+from cohelm.record import file, period
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -11,17 +11,13 @@ DOCS = Path(__file__).parents[2] / "docs"
 def test_the_frames_are_those_of_the_records():
     page = (DOCS / "frames.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \|", page.split("## Frames")[1].split("\n## ")[0], re.M)
-    frames = {drive.MAP, drive.ODOM, drive.BASE, drive.LASER, drive.CAMERA}
-    assert {*rows} == frames | {topics.WORLD, topics.ROBOT}
+    assert {*rows} == {file.MAP, file.ODOM, file.BASE, file.LASER, file.CAMERA}
 
 
 def test_every_field_the_glossary_names_is_in_a_record():
     page = (DOCS / "glossary.md").read_text(encoding="utf-8")
     rows = page.split("## From the person")[1].split("\n## ")[0].splitlines()
-    rows = [[re.findall(r"`(\w+)`", cell) for cell in row.split("|")[5:7]] for row in rows[4:]]
-    texts = (status.DEFINITION, drive.DEFINITION)
-    fields = [re.findall(r"^\w+ (\w+)  #", text, re.M) for text in texts]
-    assert len([row for row in rows if row]) >= 5
-    for row in rows:
-        for names, there in zip(row, fields, strict=False):
-            assert {*names} <= {*there}
+    named = [re.findall(r"`(\w+)`", row.split("|")[5]) for row in rows[4:] if "|" in row]
+    fields = set(re.findall(r"^\w+ (\w+)  #", period.DEFINITION, re.M))
+    assert len([names for names in named if names]) == 5
+    assert {name for names in named for name in names} <= fields

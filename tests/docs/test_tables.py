@@ -8,7 +8,7 @@ import cohelm
 from cohelm.law.verdict import Verdict
 from cohelm.link.messages import Arming
 from cohelm.pilot import step
-from cohelm.record import drive, status, topics
+from cohelm.record import file, period
 from cohelm.robot.gate.modes import Mode
 from tools.tables import DOCS, TABLES, written
 
@@ -41,13 +41,9 @@ def section(title: str) -> str:
     return re.split(r"^##+ ", RECORDS.split(f" {title}\n", 1)[1], maxsplit=1, flags=re.M)[0]
 
 
-def test_every_topic_is_told_with_its_type_of_a_run_and_of_a_drive():
-    for title, there in {
-        "Of a run": topics.TOPICS | {status.TOPIC: status.TYPE},
-        "Of a drive": drive.TOPICS,
-    }.items():
-        rows = re.findall(r"^\| `(/[\w/]+)` \| `([\w/]+)` \|", section(title), re.M)
-        assert dict(rows) == there
+def test_every_topic_is_told_with_its_type():
+    rows = re.findall(r"^\| `(/[\w/]+)` \| `([\w/]+)` \|", section("Topics"), re.M)
+    assert dict(rows) == file.TOPICS
 
 
 def test_every_verdict_is_told_with_its_number():
@@ -60,23 +56,25 @@ def test_every_verdict_is_told_with_its_number():
     [
         ("mode", dict(Mode.__members__)),
         ("arming", dict(Arming.__members__)),
-        ("doing", {n: getattr(step, n) for n in ("FOLLOWING", "LED", "ESCAPING", "EVADING")}),
+        ("behavior", {n: getattr(step, n) for n in ("FOLLOWING", "LED", "ESCAPING", "EVADING")}),
     ],
 )
 def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(field, names):
     (row,) = re.findall(rf"^\| `{field}` \| (.*) \|$", section("Verdicts"), re.M)
     assert {n: int(v) for n, v in re.findall(r"([A-Z]+) (\d)", row)} == names
-    (said,) = re.findall(rf"^int64 {field}  # (.*)$", drive.DEFINITION, re.M)
-    assert {n: int(v) for n, v in re.findall(r"([A-Z]+) (\d)", said)} == names
+    (constants,) = re.findall(
+        rf"((?:^int64 [A-Z]+=\d\n)+)^int64 {field}  #", period.DEFINITION, re.M
+    )
+    assert {n: int(v) for n, v in re.findall(r"([A-Z]+)=(\d)", constants)} == names
 
 
 def test_every_status_of_the_diagnostics_is_told_with_its_values():
     from cohelm.link.messages import Alarm, Mode as Chosen, Severity
-    from cohelm.link.recorded_status import Told
+    from cohelm.link.recorded_status import StatusWords
     from cohelm.record.shown import said
 
     alarm = Alarm(1, Severity.WARNING, True, False, "a")
-    told = Told(1, "anna", Chosen.HOLD, "", "", 1.0, "", (alarm,))
+    told = StatusWords(1, "anna", Chosen.HOLD, "", "", 1.0, "", (alarm,))
     ((_, message),) = said(told, 0, "map")
     rows = re.findall(r"^\| `([\w ]+)`.*?\|.*?\| (.*?)\|", section("The diagnostics message"), re.M)
     assert {name: set(re.findall(r"`(\w+)`", values)) for name, values in rows} == {

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from cohelm.core.types import Twist
 from cohelm.drive.checking import CheckingHere
-from cohelm.drive.operator_requests import Desk
+from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.proposed import NONE, Judged
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
@@ -116,7 +116,7 @@ class FakeRecording:
         return True
 
 
-class Beside:
+class SessionJobs:
     """What works beside the loop, in the test's hands."""
 
     def __init__(self, judge, real_time: bool) -> None:
@@ -214,8 +214,8 @@ class Drive:
         self.wheels: Wheels = self.keeper._robot
         self.rule = Rule()
         self.moved = 0
-        self.desk = Desk(self.session, self.link, known, folder, beside=Beside)
-        self.beside: Beside = self.desk._beside
+        self.desk = OperatorRequests(self.session, self.link, known, folder, beside=SessionJobs)
+        self.beside: SessionJobs = self.desk._beside
         self._build = self.desk._rerouting._build
         self.desk._rerouting._build = self._built
         self.periods = itertools.count()

@@ -32,8 +32,8 @@ def test_nobody_backs_it_into_what_it_has_never_seen_and_the_screen_says_so():
         assert -0.3 < backed < began + 0.01
         held = operator.statuses[-1]
         assert "nothing looks there" in held.why
-        assert held.guarding.gap > 0.5  # the walls are; that ground is not shown as a thing
-        assert math.dist(held.guarding.culprit, (backed, 0.0)) < 0.8
+        assert held.guarding.clearance > 0.5  # the walls are; that ground is not shown as a thing
+        assert math.dist(held.guarding.limiting, (backed, 0.0)) < 0.8
         ahead = drive(10.0)
         assert ahead > backed + 1.5
         assert "nothing looks there" not in operator.statuses[-1].why

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 
 import numpy as np
@@ -74,3 +75,27 @@ def test_a_check_that_never_ends_is_given_up_and_no_call_waits(monkeypatch):
         assert not process.ready
     finally:
         process.close()
+
+
+def test_a_process_that_comes_up_after_the_end_is_ended(monkeypatch):
+    """On a busy machine `close` does not wait for it."""
+    process = CheckingElsewhere(Sleepy())
+    monkeypatch.setattr(checking, "_AGAIN", 0.0)
+    began, goes_on, ended = threading.Event(), threading.Event(), threading.Event()
+
+    class Late:
+        def end(self) -> None:
+            ended.set()
+
+    def slowly(_: object) -> Late:
+        began.set()
+        goes_on.wait(STARTED)
+        return Late()
+
+    monkeypatch.setattr(checking, "_started", slowly)
+    process._replace(process._child)
+    assert began.wait(STARTED)
+    process._jobs.close = lambda within: False  # as where a second is not enough
+    process.close()
+    goes_on.set()
+    assert ended.wait(STARTED)

@@ -20,7 +20,7 @@ from cohelm.link.robot_end import STALE
 from cohelm.link.station_end import StationEnd
 from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.stick_arming import ArmingParams
-from cohelm.record.drive import periods
+from cohelm.record import period
 from cohelm.record.messages import messages
 from cohelm.robot.gate.modes import Mode as GateMode
 from tests.drive.far import PORT, FarRobot
@@ -73,7 +73,7 @@ class Row(NamedTuple):
 
 def rows(record: Path) -> list[Row]:
     found = [(stamp * 1e-9, m) for _, stamp, m in messages(record, ("/period",))]
-    table = periods([m for _, m in found])
+    table = period.rows([m for _, m in found])
     return [
         Row(stamp, GateMode(int(p["mode"])), float(p["stick_x"]), float(p["measured_v"]),
             float(p["applied_v"]))

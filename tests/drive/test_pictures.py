@@ -12,7 +12,7 @@ from cohelm.drive.pictures import Pictures
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
-from cohelm.record.drive import IMAGE
+from cohelm.record.file import IMAGE
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed
 from cohelm.robot.keep.record_pipe import LARGEST
@@ -33,7 +33,7 @@ def test_a_drive_of_the_twin_holds_its_pictures(rate, tmp_path):
     with Session(SessionConfig(made, record=record, pictures=rate)) as session:
         end = session.loop.keeper.now() + 2.0
         session.run(lambda loop: loop.keeper.now() >= end, Mode.AUTOMATIC)
-        assert session.loop.dropped == 0
+        assert session.loop.log.dropped == 0
     seen = [(stamp, m) for _, stamp, m in messages(record, (IMAGE,))]
     assert len(seen) == pytest.approx(2.0 * rate, abs=1)
     for stamp, m in seen:

@@ -73,10 +73,10 @@ def test_only_who_drives_records(tmp_path):
         assert not bert.answers[number][0]
         bert.ask(Ask.RECORD, 1)
         yield from range(10)
-        assert drive.loop.recording
+        assert drive.loop.log.open
         bert.ask(Ask.RECORD, 0)
         yield from range(10)
-        assert not drive.loop.recording
+        assert not drive.loop.log.open
 
     with Drive(tmp_path) as drive:
         drive.run(script(drive))

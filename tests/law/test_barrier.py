@@ -87,7 +87,7 @@ def test_a_wish_that_B_tolerates_passes_untouched(pose, wish, gains, data):
     if out.I <= out.J:
         assert out.verdict == UNTOUCHED
         assert out.input == (0.0, 0.0)
-        assert out.culprit == -1
+        assert out.limiting == -1
     else:
         assert out.verdict in (SHAPED, POWERLESS)
 
@@ -118,7 +118,7 @@ def test_without_power_over_B_the_filter_only_steers(quarter):
     assert out.verdict == POWERLESS
     assert out.input.v == 0.0
     assert out.input.omega == pytest.approx(-PAPER.k_cbf * math.tanh(1 / out.h))
-    assert out.culprit == 0
+    assert out.limiting == 0
 
 
 @given(
@@ -150,9 +150,9 @@ def test_steering_turns_right_of_an_obstacle_dead_ahead():
 
 
 def test_a_fast_turn_in_free_space_sets_the_filter_off():
-    """E6: for no obstacle at all; the heading term is the culprit, and no steering is added."""
+    """E6: for no obstacle at all; the heading term is the limiting, and no steering is added."""
     out = barrier(Pose(0.0, 0.0, -math.pi / 4), Twist(0.5, 2.0), discs(), PAPER)
-    assert (out.verdict, out.culprit) == (SHAPED, HEADING)
+    assert (out.verdict, out.limiting) == (SHAPED, HEADING)
     assert out.h == math.inf
     assert out.I == pytest.approx(2.0)
     assert out.J == pytest.approx(0.5 * 0.5 + 0.5)
@@ -203,7 +203,7 @@ def test_the_culprit_is_the_obstacle_that_asks_most(pose, wish, data):
         I, _ = paper.I_and_J(np.array(pose), np.array([wish.v, 0.0]), alone, p)
         parts.append(I)
     heading = -math.sin(2 * pose.psi) * wish.omega
-    named = heading if out.culprit == HEADING else parts[out.culprit]
+    named = heading if out.limiting == HEADING else parts[out.limiting]
     most = max([heading, *parts])
     assert named == pytest.approx(most, rel=1e-9, abs=1e-9 * (1 + abs(most)))
 
@@ -213,7 +213,7 @@ def test_the_culprit_is_found_wherever_it_is_in_the_list():
     for k in range(4):
         rows = [far] * 4
         rows[k] = near
-        assert barrier(Pose(0.0, 0.0, 0.1), Twist(0.5, 0.0), discs(*rows), PAPER).culprit == k
+        assert barrier(Pose(0.0, 0.0, 0.1), Twist(0.5, 0.0), discs(*rows), PAPER).limiting == k
 
 
 @pytest.mark.parametrize(("omega", "verdict"), [(0.7499, UNTOUCHED), (0.7501, SHAPED)])
@@ -229,4 +229,4 @@ def test_the_heading_is_to_blame_though_an_obstacle_draws_near_when_it_asks_more
     turning, going = Twist(0.5, 2.0), Twist(0.5, 0.0)
     assert growth(Pose(0.0, 0.0, -math.pi / 4), going, ahead) > 0.0
     out = barrier(Pose(0.0, 0.0, -math.pi / 4), turning, ahead, PAPER)
-    assert (out.verdict, out.culprit) == (SHAPED, HEADING)
+    assert (out.verdict, out.limiting) == (SHAPED, HEADING)

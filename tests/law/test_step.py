@@ -88,7 +88,7 @@ def test_with_the_barrier_off_obstacles_are_not_even_read():
     bad[:] = math.nan
     s = step(POSE, DESIRED, STICK, bad, PAPER._replace(barrier=False))
     assert (s.safe_v, s.safe_omega) == (s.nominal_v, s.nominal_omega)
-    assert (s.verdict, s.culprit, s.h) == (UNTOUCHED, -1, math.inf)
+    assert (s.verdict, s.limiting, s.h) == (UNTOUCHED, -1, math.inf)
 
 
 def test_paper_gains_are_the_default():

@@ -12,8 +12,8 @@ from cohelm.link import messages as m
 NAN = math.nan
 STATUS = m.Status(
     lease=m.Lease(0, 0, "", 0, "", NAN), mode=m.Mode.SHARED, stopped="", arming=m.Arming.ABSENT,
-    stick=Stick(0.0, 0.0), automatic=1.0, pose=Pose(1.0, 2.0, 0.5), odometry=Pose(0.0, 0.0, 0.0),
-    twist=Twist(0.1, 0.0), asked=Twist(0.5, 0.1), given=Twist(0.3, 0.1), why="too near",
+    stick=Stick(0.0, 0.0), authority=1.0, pose=Pose(1.0, 2.0, 0.5), odometry=Pose(0.0, 0.0, 0.0),
+    twist=Twist(0.1, 0.0), nominal=Twist(0.5, 0.1), applied=Twist(0.3, 0.1), why="too near",
     guarding=m.Guarding(m.Verdict.SHAPED, 0.2, (1.5, 2.0), 0.1), e_p=0.01,
     reference=Pose(1.1, 2.0, 0.5), progress=0.25, speed_cap=math.inf, cap_reason="",
     localised=m.Localised.GOOD, sigma=0.01, recording=False,

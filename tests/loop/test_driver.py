@@ -22,5 +22,5 @@ def test_by_hand_with_the_stick_centred_it_makes_way_for_nobody(gently):
         driver.moved(Twist(0.0, 0.0))
         d = driver.by_hand(k * DT, Pose(0.0, 0.0, math.pi / 2), Stick(0.0, 0.0), seen, gently)
         assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
-        assert d.doing != EVADING
+        assert d.behavior != EVADING
         driver.given(Twist(d.safe_v, d.safe_omega))

@@ -68,7 +68,9 @@ def looped(model, setup, steps: int) -> np.ndarray:
 
     def until(loop: Loop) -> bool:
         truth = plant.truth()
-        rows.append((*truth.pose, *keeper.gate.out, loop.decision.doing if loop.decision else -1))
+        rows.append(
+            (*truth.pose, *keeper.gate.out, loop.decision.behavior if loop.decision else -1)
+        )
         assert loop.mode == Mode.AUTOMATIC, keeper.gate.reason
         return len(rows) == steps
 

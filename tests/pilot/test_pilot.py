@@ -49,7 +49,7 @@ def test_the_reference_waits_for_a_person_who_leads_and_takes_over_without_a_jum
         return (1.0, 0.6 if t < 3.0 else -0.6) if 2.0 <= t < 4.5 else (0.0, 0.0)
 
     d = drive(STRAIGHT, hand=hand)
-    doing = np.array([s.doing for s in d.decisions])
+    doing = np.array([s.behavior for s in d.decisions])
     assert (doing[110:220] == LED).all()
     assert (doing[230:] == FOLLOWING).all()
     ahead = np.array([s.x_d for s in d.decisions]) - d.poses[:, 0]
@@ -64,7 +64,7 @@ def test_a_stick_that_is_not_a_number_stops_the_robot():
     d = pilot.step(0.0, pose, twist, Stick(math.nan, 0.0), NOTHING_NEAR)
     assert d.verdict == INVALID
     assert 0.0 <= d.safe_v < 0.3
-    assert all(math.isfinite(value) for value in d._replace(h=0.0, gap=0.0))
+    assert all(math.isfinite(value) for value in d._replace(h=0.0, clearance_seen=0.0))
 
 
 def test_a_pose_that_is_not_a_number_stops_it_and_leaves_no_trace():

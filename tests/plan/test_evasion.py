@@ -63,7 +63,7 @@ def test_where_nobody_moves_nothing_is_changed():
 
 def test_who_passes_far_away_is_not_minded():
     done = drive(WAY, [coming(3.0, 4.0, 0.5, 0.0)], seconds=30.0, settings=ON)
-    assert EVADING not in {d.doing for d in done.decisions}
+    assert EVADING not in {d.behavior for d in done.decisions}
 
 
 def test_it_comes_back_to_its_path():
@@ -114,9 +114,9 @@ def test_a_person_who_leads_is_not_overruled():
         return 1.0, 0.0
 
     done = drive(WAY, [ENCOUNTERS["head-on"]], seconds=5.0, hand=hand, settings=ON)
-    led = [d for d in done.decisions if d.doing == LED]
+    led = [d for d in done.decisions if d.behavior == LED]
     assert led
-    assert EVADING not in {d.doing for d in done.decisions[50:]}
+    assert EVADING not in {d.behavior for d in done.decisions[50:]}
     for d in led[50:]:
         assert d.nominal_v == pytest.approx(d.operator_v, abs=0.1)
 

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from cohelm.core.period import PERIOD
+from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
 from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
-from cohelm.link.recorded_status import Shown, Told
-from cohelm.record.drive import DriveFile, Photo
+from cohelm.link.recorded_status import Displayed, StatusWords
+from cohelm.record.file import About, Photo, RecordWriter
 from cohelm.record.replay import Replayed
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot as BaseRobot
@@ -58,7 +58,7 @@ START = Pose(0.0, 0.0, 0.0)
 
 
 SHOWN = (
-    Told(3, "ann", Mode.SHARED, "", "near a wall", 0.4, "the link is slow",
+    StatusWords(3, "ann", Mode.SHARED, "", "near a wall", 0.4, "the link is slow",
          (Alarm(7, Severity.WARNING, True, False, "the stick is lost"),)),
     Map(1, Pose(-4.0, -3.0, 0.5), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(bytes([0, 100, 255] * 2))),
     Polyline(Line.REFERENCE, np.array([[0.0, 0.0], [1.0, 0.5]], dtype=np.float32)),
@@ -72,10 +72,10 @@ SHOWN = (
 def recorded(path: Path, seconds: float) -> Path:
     """A drive on a curve, written down as the loop does it."""
     robot = Kinematic(sally(), START, room(), seed=4)
-    row = np.zeros((), dtype=PERIOD)
+    row = np.zeros((), dtype=ROW)
     row["applied_v"], row["applied_omega"] = 0.3, 0.4
     with path.open("wb") as file:
-        drive = DriveFile(file, sally(), 1_700_000_000_000_000_000)
+        drive = RecordWriter(file, About("drive", 1_700_000_000_000_000_000), sally())
         last = -1
         while robot.now() < seconds:
             robot.send(Twist(0.3, 0.4))
@@ -88,7 +88,7 @@ def recorded(path: Path, seconds: float) -> Path:
             drive.period(row)
             robot.wait(robot.now() + 0.02)
         for what in SHOWN:
-            drive.write(Shown(robot.now(), what))
+            drive.write(Displayed(robot.now(), what))
         grey = io.BytesIO()
         Image.new("RGB", (8, 6), (99, 99, 99)).save(grey, "JPEG")
         drive.write(Photo(robot.now(), 0, grey.getvalue()))

@@ -9,11 +9,12 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import ROW
+from cohelm.core.trace import Trace
 from cohelm.core.types import Pose, disc
-from cohelm.law.reference import tabulate, through
-from cohelm.record.topics import Scene
-from cohelm.record.write import Recorder
+from cohelm.drive.shown import way
+from cohelm.law.reference import through
+from cohelm.record.write import Recorder, RunScene
 from cohelm.robot.limits import unlimited
 from cohelm.sim.operator_model import Operator
 from cohelm.sim.run import pieces
@@ -51,9 +52,8 @@ def lab(duration: float | None = None) -> Setup:
     )
 
 
-def scene(setup: Setup) -> Scene:
-    every_tenth = tabulate(setup.reference, 10 * setup.dt, setup.steps // 10, False)
-    return Scene(setup.outline, setup.around.walls, every_tenth[:, :3])
+def scene(setup: Setup) -> RunScene:
+    return RunScene(setup.outline, setup.around.walls, way(setup.reference))
 
 
 def recorded(path: Path, setup: Setup) -> Trace:

@@ -6,9 +6,10 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.period import PERIOD
+from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
-from cohelm.record.drive import TOPICS, DriveFile, periods
+from cohelm.record import period
+from cohelm.record.file import TOPICS, About, RecordWriter
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed, recorded_model
 from cohelm.record.shown import TOPICS as SHOWN_TOPICS, understood
@@ -69,17 +70,17 @@ def test_what_was_shown_comes_back(drive):
 
 
 def test_a_period_comes_back_to_the_last_bit(tmp_path):
-    row = np.zeros((), dtype=PERIOD)
-    for i, name in enumerate(PERIOD.names):
-        row[name] = i + 0.1 if PERIOD[name] == np.float64 else i % 2
-    row["sigma"], row["gap"] = np.nan, np.inf
+    row = np.zeros((), dtype=ROW)
+    for i, name in enumerate(ROW.names):
+        row[name] = i + 0.1 if ROW[name] == np.float64 else i % 2
+    row["sigma"], row["clearance_seen"] = np.nan, np.inf
     path = tmp_path / "one.mcap"
     with path.open("wb") as file:
-        made = DriveFile(file, sally(), EPOCH)
+        made = RecordWriter(file, About("drive", EPOCH), sally())
         made.period(row)
         made.write(Event(1.0, "gate", "AUTOMATIC -> STOPPED: why", True))
         made.finish()
-    (back,) = periods([m for _, _, m in messages(path, ("/period",))])
+    (back,) = period.rows([m for _, _, m in messages(path, ("/period",))])
     assert back.tobytes() == row.tobytes()
     ((_, stamp, said),) = messages(path, ("/rosout",))
     assert (stamp, said.name, said.level) == (EPOCH + 10**9, "gate", 40)
@@ -90,7 +91,7 @@ def test_a_period_comes_back_to_the_last_bit(tmp_path):
 def test_what_was_flushed_stands_in_the_file_and_a_finished_one_has_its_end(tmp_path, buffering):
     path = tmp_path / "one.mcap"
     with path.open("wb", buffering=buffering) as file:
-        made = DriveFile(file, sally(), EPOCH)
+        made = RecordWriter(file, About("drive", EPOCH), sally())
         made.write(Event(1.0, "gate", "one", True))
         made.flush()
         assert [m.msg for _, _, m in messages(path, ("/rosout",))] == ["one"]
@@ -119,7 +120,7 @@ def test_what_is_no_record_is_said_so(tmp_path):
 def test_a_record_without_odometry_or_robot_is_refused_with_the_cure(drive, tmp_path):
     empty = tmp_path / "empty.mcap"
     with empty.open("wb") as file:
-        DriveFile(file, sally(), EPOCH).finish()
+        RecordWriter(file, About("drive", EPOCH), sally()).finish()
     assert recorded_model(empty) == sally()
     with pytest.raises(CohelmError, match="holds no odometry"):
         Replayed(empty)
@@ -127,7 +128,7 @@ def test_a_record_without_odometry_or_robot_is_refused_with_the_cure(drive, tmp_
 
 def test_a_drive_holds_only_what_belongs_in_it(tmp_path):
     with (tmp_path / "x.mcap").open("wb") as file:
-        made = DriveFile(file, sally(), EPOCH)
+        made = RecordWriter(file, About("drive", EPOCH), sally())
         with pytest.raises(TypeError, match="does not hold a str"):
             made.write("nonsense")
         made.write(Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)))

@@ -22,9 +22,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from cohelm.cli.interrupt import interrupted
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.record import status
+from cohelm.record import period
+from cohelm.record.file import METADATA
 from cohelm.record.read import IncompleteRecord, read
-from cohelm.record.write import METADATA, Recorder
+from cohelm.record.write import Recorder
 from cohelm.sim.run import pieces
 from tests.record.runs import bits, lab, parts, recorded, scene
 
@@ -293,7 +294,7 @@ def test_a_file_of_another_kind_is_told(tmp_path: Path, content: bytes) -> None:
 def test_a_record_that_never_began_is_told(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(content)
-    with pytest.raises(CohelmError, match=r"run\.mcap holds no run of cohelm: give"):
+    with pytest.raises(CohelmError, match=r"run\.mcap is no record of cohelm: give"):
         read(path)
 
 
@@ -303,31 +304,38 @@ def test_a_record_of_another_program_is_told(tmp_path: Path) -> None:
         writer = Writer(file)
         writer.start(profile="ros2", library="their robot 3")
         schema = writer.register_schema("std_msgs/msg/Bool", "ros2msg", b"bool data\n")
-        channel = writer.register_channel("/status", "cdr", schema)
+        channel = writer.register_channel("/period", "cdr", schema)
         writer.add_message(channel, time.time_ns(), b"\x00\x01\x00\x00\x01", 0)
         writer.finish()
-    with pytest.raises(CohelmError, match=r"no run of cohelm \(it was written by their robot 3\)"):
+    with pytest.raises(CohelmError, match=r"no record of cohelm \(it was written by their"):
         read(path)
+
+
+def encoded(piece: Trace) -> list[bytes]:
+    """Every step as one serialised message."""
+    said = zip(piece.rows.tolist(), piece.h, piece.discs, strict=True)
+    return [bytes(period.STORE.serialize_cdr(period.message(*one), period.TYPE)) for one in said]
 
 
 def _write_by_hand(path: Path, about: dict[str, str], definition: str, steps: list[bytes]) -> None:
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="cohelm")
-        given = {"version": "9.9", "status_version": "2", "dt": "0.01", "obstacles": "[]"}
+        given = {"kind": "run", "version": "9.9", "period_version": str(period.VERSION)}
+        given |= {"dt": "0.01", "obstacles": "[]", "epoch_ns": "0"}
         writer.add_metadata(METADATA, given | about)
-        schema = writer.register_schema(status.TYPE, "ros2msg", definition.encode())
-        channel = writer.register_channel(status.TOPIC, "cdr", schema)
+        schema = writer.register_schema(period.TYPE, "ros2msg", definition.encode())
+        channel = writer.register_channel(period.TOPIC, "cdr", schema)
         for k, step in enumerate(steps):
             writer.add_message(channel, k, step, k, sequence=k)
         writer.finish()
 
 
 def test_a_record_of_a_newer_cohelm_is_told(tmp_path: Path) -> None:
-    steps = list(status.encoded(written()[0]))
-    _write_by_hand(tmp_path / "a.mcap", {"status_version": "3"}, status.DEFINITION, steps)
+    steps = encoded(written()[0])
+    _write_by_hand(tmp_path / "a.mcap", {"period_version": "99"}, period.DEFINITION, steps)
     with pytest.raises(
-        CohelmError, match=r"written by cohelm 9\.9 in another form .*\(3, here 2\)"
+        CohelmError, match=r"written by cohelm 9\.9 in another form .*\(99, here 3\)"
     ):
         read(tmp_path / "a.mcap")
 
@@ -341,21 +349,21 @@ def test_a_record_that_lacks_a_field_names_it(tmp_path: Path) -> None:
 
 def test_fields_of_a_later_cohelm_do_not_disturb(tmp_path: Path) -> None:
     names = '["cone_1", "cone_2", "cone_3", "mover"]'
-    later = status.DEFINITION + "float64 tomorrow\n"
+    later = period.DEFINITION + "float64 tomorrow\n"
     store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(later, status.TYPE))
-    decode = status.decoder(status.DEFINITION)
+    store.register(get_types_from_msg(later, period.TYPE))
+    decode = period.decoder(period.DEFINITION)
     steps: list[bytes] = []
-    for step in status.encoded(written()[0]):
-        message = store.types[status.TYPE](**vars(decode(step)), tomorrow=1.0)
-        steps.append(bytes(store.serialize_cdr(message, status.TYPE)))
+    for step in encoded(written()[0]):
+        message = store.types[period.TYPE](**vars(decode(step)), tomorrow=1.0)
+        steps.append(bytes(store.serialize_cdr(message, period.TYPE)))
     _write_by_hand(tmp_path / "a.mcap", {"obstacles": names}, later, steps)
     assert read(tmp_path / "a.mcap").rows.tobytes() == written()[0].rows.tobytes()
 
 
 def test_a_record_without_a_step_is_told(tmp_path: Path) -> None:
-    _write_by_hand(tmp_path / "a.mcap", {}, status.DEFINITION, [])
-    with pytest.raises(CohelmError, match="ends before the first step of the run"):
+    _write_by_hand(tmp_path / "a.mcap", {}, period.DEFINITION, [])
+    with pytest.raises(CohelmError, match="ends before its first control period"):
         read(tmp_path / "a.mcap")
 
 
@@ -363,7 +371,7 @@ def test_a_record_without_a_step_is_told(tmp_path: Path) -> None:
     "about", [{"dt": "soon"}, {"obstacles": "cone"}, {"obstacles": "3"}, {"obstacles": '["one"]'}]
 )
 def test_a_record_with_a_spoilt_description_is_told(tmp_path: Path, about: dict[str, str]) -> None:
-    steps = list(status.encoded(written()[0]))
-    _write_by_hand(tmp_path / "a.mcap", about, status.DEFINITION, steps)
+    steps = encoded(written()[0])
+    _write_by_hand(tmp_path / "a.mcap", about, period.DEFINITION, steps)
     with pytest.raises(CohelmError, match="description of the run is damaged"):
         read(tmp_path / "a.mcap")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.trace import ROW
+from cohelm.core.row import ROW
 from cohelm.core.types import disc
 from cohelm.robot.limits import Limits
 from cohelm.sim.judge import FAR, Judged, judge

@@ -164,7 +164,7 @@ def test_fast_turns_in_free_space_are_blamed_on_the_heading_and_no_obstacle():
     rows = run(setup).rows
     acting = rows[rows["verdict"] != 0]
     assert len(acting) > 3
-    assert (acting["culprit"] == -1).all()
+    assert (acting["limiting"] == -1).all()
 
 
 def test_a_number_that_is_not_finite_stops_the_robot_and_says_so():

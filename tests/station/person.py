@@ -13,7 +13,7 @@ from playwright.sync_api import Error, Locator, Page, expect
 
 LEFT = re.compile(r"m/s\s*(?!0\.00)\d\.\d\d rad/s")
 RIGHT = re.compile(r"m/s\s*−\d\.\d\d rad/s")
-STILL = re.compile(r"given\s*0\.00 m/s\s*0\.00 rad/s")
+STILL = re.compile(r"applied\s*0\.00 m/s\s*0\.00 rad/s")
 """What the wheels are given, as the screen says it."""
 SOON = 4_000
 """When a person would press again [ms]."""
@@ -26,7 +26,7 @@ def who(page: Page) -> Locator:
 
 
 def given(page: Page) -> Locator:
-    return page.get_by_role("row", name="given")
+    return page.get_by_role("row", name="applied")
 
 
 def device(page: Page) -> Locator:

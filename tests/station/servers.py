@@ -10,8 +10,8 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.drive.robot_process import Beside
-from cohelm.drive.teleop_server import Door
+from cohelm.drive.robot_process import RobotProcess
+from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
 from cohelm.link.messages import Ask, Device, Mode, Status
 from cohelm.link.station_end import StationEnd
@@ -33,8 +33,8 @@ class Robot:
     def __init__(self, scenario: str, twin: bool, records: Path) -> None:
         of_robot, self.keys = keys.pair_here()
         self.records = records
-        self._made = Beside(
-            scenario, twin, Door(of_robot, "127.0.0.1", 0, records), False, PATIENCE
+        self._made = RobotProcess(
+            scenario, twin, TeleopConfig(of_robot, "127.0.0.1", 0, records), False, PATIENCE
         )
         self.pid = self._made.pid
         self.watcher = StationEnd(self.keys, self._made.host, self._made.port)

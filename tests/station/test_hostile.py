@@ -104,7 +104,7 @@ def test_whatever_comes_over_the_websocket_nothing_breaks_and_nothing_moves(
             time.sleep(0.2)  # let go, or too many operators for the moment
         now = robot.status()
         assert now is not None
-        assert now.given == (0.0, 0.0), f"seed {seed}"
+        assert now.applied == (0.0, 0.0), f"seed {seed}"
         assert now.lease.driver == 0, f"seed {seed}"
         assert now.pose[:2] == pytest.approx(before.pose[:2], abs=0.1), f"seed {seed}"
     assert said > seconds
@@ -164,7 +164,7 @@ def driven(server: Server, robot: Robot) -> Iterator[None]:
             asks("manual", lambda: robot.status().mode == Mode.MANUAL)
             until(lambda: robot.status().arming == 2, WITHIN)
             armed.set()
-            until(lambda: robot.status().given.omega > 0.2, WITHIN)
+            until(lambda: robot.status().applied.omega > 0.2, WITHIN)
             yield
         finally:
             end.set()
@@ -198,7 +198,7 @@ def test_who_drives_goes_on_while_the_port_is_flooded(
             time.sleep(0.01)
         status = robot.status()
         assert status.stopped == ""
-        assert status.given.omega > 0.2
+        assert status.applied.omega > 0.2
         until(lambda: abs(robot.status().pose.psi - turned) > 0.2, WITHIN)
         for one in left:
             one.close()

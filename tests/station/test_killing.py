@@ -53,7 +53,7 @@ STARTS = 60.0
 """A station, or a page, on a busy machine [s]."""
 HELD_UP = 0.25
 """A loop may be held up by the watchdog's 0.1 s, and the clock that is read here by as much [s]."""
-FAST = re.compile(r"given\s*−?0\.[3-9]")
+FAST = re.compile(r"applied\s*−?0\.[3-9]")
 LOST = re.compile(r"lost: (the stick vanished|no command for|nobody drives|the newest command)")
 
 TIMES = 4

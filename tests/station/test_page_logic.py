@@ -102,9 +102,9 @@ def test_the_ghost_goes_along_an_arc(asked) -> None:
     quarter, straight, along, alone = asked(
         "map/ghost.ts",
         "m.arc([1, 2, 0], [1, Math.PI / 2], 1)", "m.arc([1, 2, Math.PI / 2], [2, 0], 1.5)",
-        "m.ghost({pose: [0, 0, 0], given: [1, 0], ahead: [[0, 0], [1, 0], [2, 1]],"
+        "m.ghost({pose: [0, 0, 0], applied: [1, 0], ahead: [[0, 0], [1, 0], [2, 1]],"
         " ahead_step_s: 1}, 1.5)",
-        "m.ghost({pose: [0, 0, 0], given: [1, 0], ahead: [], ahead_step_s: 0}, 0.5)",
+        "m.ghost({pose: [0, 0, 0], applied: [1, 0], ahead: [], ahead_step_s: 0}, 0.5)",
     )  # fmt: skip
     r = 2 / 3.141592653589793
     assert quarter == pytest.approx([1 + r, 2 + r, 3.141592653589793 / 2])

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
+from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
-from cohelm.drive.run_playback import RunFilm
 from cohelm.scenario import build, load
 from cohelm.station import app
 from cohelm.station.serve import Server
@@ -181,8 +181,8 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def cinema(record: Path) -> Iterator[Server]:
-    film = RunFilm(record)
-    with served(lambda _: Replaying(film)) as server:
+    played = Playback(record)
+    with served(lambda _: Replaying(played)) as server:
         yield server
 
 

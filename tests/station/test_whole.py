@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
+from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
-from cohelm.drive.run_playback import film
 from cohelm.record.messages import messages
 from tests.station.person import (
     LEFT,
@@ -79,7 +79,7 @@ def test_a_drive_is_recorded_from_the_screen_fetched_and_shown_again(
     file = tmp_path / "record.mcap"
     download.value.save_as(file)
     release(page)
-    shown = film(file)
+    shown = Playback(file)
     rows = [m for _, _, m in messages(file, ("/period",))]
     led = min((m for m in rows if m.authority_x < 0.99), key=lambda m: m.authority_x).t
     with served(lambda _: Replaying(shown)) as cinema:

@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import ROW
+from cohelm.core.trace import Trace
 from cohelm.core.types import discs
 from cohelm.law.barrier import HEADING, POWERLESS, SHAPED
 from cohelm.study.metrics import measure, spans, wheel_acceleration
@@ -153,11 +154,11 @@ def test_the_longest_stall_is_the_longest_stand_while_the_reference_moves():
 
 
 def test_filter_activity_is_split_by_its_cause():
-    verdict, culprit = np.zeros(100, dtype=int), np.full(100, HEADING)
+    verdict, limiting = np.zeros(100, dtype=int), np.full(100, HEADING)
     verdict[:30] = SHAPED
-    culprit[:10] = 0
+    limiting[:10] = 0
     verdict[50:55] = POWERLESS
-    m = measure(trace(straight(steps=100, verdict=verdict, culprit=culprit), at(3.0, 0.5)))
+    m = measure(trace(straight(steps=100, verdict=verdict, limiting=limiting), at(3.0, 0.5)))
     assert m.filter_share == pytest.approx(0.3)
     assert m.heading_share == pytest.approx(0.2)
     assert m.powerless_share == pytest.approx(0.05)

@@ -148,7 +148,7 @@ def _served(plan: SessionConfig, where: str, seconds: float | None) -> dict[str,
     import time
 
     from cohelm.drive.operate import ended
-    from cohelm.drive.teleop_server import Door, serve
+    from cohelm.drive.teleop_server import TeleopConfig, serve
     from cohelm.link import keys
     from cohelm.link.udp import PORT, address
 
@@ -169,7 +169,7 @@ def _served(plan: SessionConfig, where: str, seconds: float | None) -> dict[str,
             late = seconds is not None and time.monotonic() - begun >= seconds
             return stop.asked or ("its time is over" if late else "")
 
-        return serve(plan, Door(own, host, port), ready, over)
+        return serve(plan, TeleopConfig(own, host, port), ready, over)
 
 
 def _line(session: Session) -> Any:

@@ -120,8 +120,8 @@ def drive(
     from cohelm.core.errors import CohelmError
     from cohelm.drive.awaited import Awaited
     from cohelm.drive.factory import own_robot
-    from cohelm.drive.robot_process import Beside
-    from cohelm.drive.teleop_server import Door
+    from cohelm.drive.robot_process import RobotProcess
+    from cohelm.drive.teleop_server import TeleopConfig
     from cohelm.link import keys
     from cohelm.link.local_credentials import lent
     from cohelm.scenario import load
@@ -135,10 +135,10 @@ def drive(
         twin = False
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
-    door = Door(of_robot, "127.0.0.1", 0, records)
+    door = TeleopConfig(of_robot, "127.0.0.1", 0, records)
     with (
         ExitStack() as joined,
-        Beside(
+        RobotProcess(
             scenario, twin, door, carry_on, pictures=pictures, wait=False, driver=driver
         ) as robot,
         starting(f"the robot in {scenario}") as begun,
@@ -168,10 +168,10 @@ def drive(
 
 
 def _recorded(path: Path) -> Connect:
+    from cohelm.drive.playback import Playback
     from cohelm.drive.replayed import Replaying
-    from cohelm.drive.run_playback import film
 
-    shown = film(path / "record.mcap" if path.is_dir() else path)
+    shown = Playback(path / "record.mcap" if path.is_dir() else path)
     return lambda _: Replaying(shown)
 
 

@@ -129,8 +129,11 @@ class CheckingElsewhere:
         def again() -> None:
             child.end()
             time.sleep(_AGAIN)
-            if not self._closed:
-                self._child = _started(self._judge)
+            if self._closed:
+                return
+            self._child = made = _started(self._judge)
+            if self._closed:  # it took so long that `close` did not wait for it
+                made.end()
 
         self._jobs.do(again)
 

@@ -11,7 +11,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import Make, own_robot
 from cohelm.drive.operate import End, ended, hands
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.teleop_server import Door, serve
+from cohelm.drive.teleop_server import TeleopConfig, serve
 from cohelm.link import keys
 from cohelm.link.udp import PORT, address
 from cohelm.loop.loop import Loop, LoopParams
@@ -76,7 +76,7 @@ def drive(
 
 def _served(plan: SessionConfig, where: str, seconds: float | None, stop: End) -> dict[str, Any]:
     host, port = address(where, PORT)
-    door = Door(keys.robot(), host, port)
+    door = TeleopConfig(keys.robot(), host, port)
     over = threading.Event()
     timer = threading.Timer(seconds if seconds is not None else 0.0, over.set)
     timer.daemon = True

@@ -33,7 +33,7 @@ _LEAVE = 5.0
 """A driver that is still being made at the end of the drive is left to itself [s]."""
 
 
-class Beside:
+class SessionJobs:
     """What works beside the loop: in real time threads and a process, else at once."""
 
     def __init__(self, judge: Judge, real_time: bool) -> None:
@@ -43,12 +43,12 @@ class Beside:
         self.make: Make = Recording
 
 
-class Desk:
+class OperatorRequests:
     """Of one session. `close` after it."""
 
     def __init__(
         self, session: Session, operator: OverLink, known: LocalizationMap | None, records: Path,
-        beside: Callable[[Judge, bool], Beside] = Beside,
+        beside: Callable[[Judge, bool], SessionJobs] = SessionJobs,
     ) -> None:  # fmt: skip
         """known: the map. records: the folder for records."""
         self._session, self._operator = session, operator
@@ -90,7 +90,7 @@ class Desk:
             if len(line.points) or len(self._detour.points):
                 self._detour = line
                 self._operator.publish(line)
-                loop.note(line)
+                loop.log.show(line)
         said = None if loop.readings is None else loop.readings.health
         if said is not None:
             health = Health(round(said.battery, 2), said.faults)
@@ -108,7 +108,7 @@ class Desk:
         lines = way(reference)
         self._show(*self._map, *lines)
         for line in lines:
-            loop.note(line)
+            loop.log.show(line)
 
     def _show(self, *all_: Map | Polyline) -> None:
         """To the stations now, and to records that begin later."""

@@ -75,7 +75,7 @@ class RecordSwitch:
             loop.record_into(Line(made.loop))
             loop.keeper.record_into(made.keeper)
             for one in self._drawn():
-                loop.note(one)
+                loop.log.show(one)
 
     def close(self) -> None:
         """Finish the record there is. The loop turns no more."""

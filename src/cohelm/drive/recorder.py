@@ -20,8 +20,8 @@ from typing import IO, Any
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.period import PERIOD
-from cohelm.record.drive import DriveFile
+from cohelm.core.row import ROW
+from cohelm.record.file import About, RecordWriter
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.keep.processes import left_alone, started
 from cohelm.robot.keep.record_pipe import ALIVE, LARGEST, line
@@ -130,7 +130,7 @@ class _Desk:
 
     def __init__(self, file: IO[bytes], log: Log, model: RobotModel, scenario: str) -> None:
         self._file, self._log, self._model, self._scenario = file, log, model, scenario
-        self._drive: DriveFile | None = None
+        self._drive: RecordWriter | None = None
         self.full = ""
         """Why nothing more is written; empty while it is."""
         self._latest = 0.0
@@ -165,7 +165,9 @@ class _Desk:
 
     def _take(self, message: Any, who: str, loop: socket.socket) -> None:
         if isinstance(message, int):
-            self._drive = DriveFile(self._file, self._model, message, self._scenario)
+            self._drive = RecordWriter(
+                self._file, About("drive", message, self._scenario), self._model
+            )
             return
         if isinstance(message, Event):
             self._log(message)
@@ -174,7 +176,7 @@ class _Desk:
         if drive is None or self.full:
             return
         if isinstance(message, bytes):
-            row = np.frombuffer(message, dtype=PERIOD).reshape(())
+            row = np.frombuffer(message, dtype=ROW).reshape(())
             self._try(lambda: drive.period(row), loop)
         else:
             self._try(lambda: drive.write(message), loop)

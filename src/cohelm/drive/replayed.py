@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from cohelm.core.types import Stick
-from cohelm.drive.run_playback import Film
+from cohelm.drive.playback import Playback
 from cohelm.link.messages import Answer, Ask, Checked, Device
 from cohelm.station.robot_link import News, Place, Quality
 
@@ -15,10 +15,10 @@ _NO = "this is a record; nothing can be done to it any more"
 
 
 class Replaying:
-    """Plays a film, from the beginning at first; at the end it stops."""
+    """Plays a record, from the beginning at first; at the end it stops."""
 
-    def __init__(self, film: Film, clock: Callable[[], float] = time.monotonic) -> None:
-        self._film, self._clock = film, clock
+    def __init__(self, played: Playback, clock: Callable[[], float] = time.monotonic) -> None:
+        self._played, self._clock = played, clock
         self._place = Place(0.0, True, 1.0)
         self._since = clock()
         self._told_at = -1.0
@@ -30,13 +30,13 @@ class Replaying:
 
     @property
     def duration(self) -> float:
-        """Of the film [s]."""
-        return self._film.duration
+        """Of the record [s]."""
+        return self._played.duration
 
     @property
     def start(self) -> float:
         """The robot's clock at its beginning [s]."""
-        return self._film.start
+        return self._played.start
 
     @property
     def place(self) -> Place:
@@ -65,12 +65,12 @@ class Replaying:
         out, self._refused = self._refused, []
         if self._first:
             self._first = False
-            out += [News(message, self.start, 0.0) for message in self._film.first()]
+            out += [News(message, self.start, 0.0) for message in self._played.first()]
         now = self._clock()
         if self._new or now - self._told_at >= _EVERY:
             self._new = False
             self._told_at = now
-            out += [news for news in self._film.at(self.place.at) if self._is_new(news.message)]
+            out += [news for news in self._played.at(self.place.at) if self._is_new(news.message)]
         return out
 
     def _is_new(self, message: object) -> bool:

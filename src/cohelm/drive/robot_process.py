@@ -10,7 +10,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.teleop_server import Door
+from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.robot.keep.processes import bound, started
 
 _START = 900.0
@@ -19,7 +19,7 @@ _END = 15.0
 """... and one that is not gone so long after it was told to is ended [s]."""
 
 
-class Beside:
+class RobotProcess:
     """A robot in a process of its own; it ends when this one does, however it does.
 
     A context manager. The robot is stopped before its process ends. When that ends by itself, or is
@@ -27,8 +27,8 @@ class Beside:
     """
 
     def __init__(
-        self, name: str, twin: bool, door: Door, carry_on: bool = False, patience: float = 0.0,
-        pictures: float = 5.0, wait: bool = True, driver: str | None = None,
+        self, name: str, twin: bool, door: TeleopConfig, carry_on: bool = False,
+        patience: float = 0.0, pictures: float = 5.0, wait: bool = True, driver: str | None = None,
     ) -> None:  # fmt: skip
         """name: of a scenario. patience, pictures: as in `session.Plan`. wait: until the robot can
         be driven; else see `ready`, and `over` where it can not be started. driver: of a robot that
@@ -73,7 +73,7 @@ class Beside:
             raise CohelmError(answer)
         self.host, self.port = str(answer[0]), int(answer[1])
 
-    def __enter__(self) -> Beside:
+    def __enter__(self) -> RobotProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -151,7 +151,7 @@ class Beside:
 
 
 def _drive(
-    line: Connection, name: str, twin: bool, door: Door, carry_on: bool, patience: float,
+    line: Connection, name: str, twin: bool, door: TeleopConfig, carry_on: bool, patience: float,
     pictures: float, driver: str | None,
 ) -> None:  # fmt: skip
     """The robot's process."""

@@ -27,7 +27,7 @@ from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception, rehearse
 from cohelm.pilot.margin_inflation import SLOP, inflated, noise
 from cohelm.pilot.pilot import Pilot
-from cohelm.record.drive import Photo
+from cohelm.record.file import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
@@ -113,9 +113,9 @@ class Session:
                 _ways(plan), has_map=where is not None,
             )  # fmt: skip
             for one in () if where is None else (drawn(where),):
-                self.loop.note(one)
+                self.loop.log.show(one)
             for line in way(robot.scenario.reference.spline()):
-                self.loop.note(line)
+                self.loop.log.show(line)
             self._warm()
             if real_time:
                 self._urgent, self.scheduling = True, urgent()
@@ -135,12 +135,12 @@ class Session:
         A stop, hold or fault meanwhile ends the wish, and so does a mode that a person chooses.
         """
         keeper, begun = self.loop.keeper, self.loop.keeper.now()
-        wanted, ended = mode, self.loop.ended
+        wanted, ended = mode, self.loop.rights.ended
 
         def chosen(loop: Loop) -> bool:
             nonlocal wanted
             if wanted != Mode.HOLD:
-                over = loop.ended != ended or loop.mode not in (Mode.HOLD, wanted)
+                over = loop.rights.ended != ended or loop.mode not in (Mode.HOLD, wanted)
                 over = over or latched(keeper.gate.mode)
                 late = keeper.now() - begun > _READY
                 if over or late or not loop.choose(wanted):
@@ -160,7 +160,7 @@ class Session:
         frame = loop.readings.frame if loop.readings is not None else None
         if frame is None or loop.seen is None:
             return
-        due = rate > 0.0 and loop.recording and frame.stamp - self._recorded > 0.9 / rate
+        due = rate > 0.0 and loop.log.open and frame.stamp - self._recorded > 0.9 / rate
         if due or self.shown is not None:
             self.pictures.give(frame, loop.seen.pose)
         packed = self.pictures.take()
@@ -168,7 +168,7 @@ class Session:
             return
         if due:
             self._recorded = packed.stamp
-            loop.record(Photo(packed.stamp, packed.number, packed.data))
+            loop.log(Photo(packed.stamp, packed.number, packed.data))
         if self.shown is not None:
             self.shown(packed, loop.keeper.now() - packed.stamp)
 
@@ -220,14 +220,14 @@ class Session:
 
     def record_summary(self) -> dict[str, Any]:
         """What became of the record: all of it is only known once the session is closed."""
-        path, fault = self.plan.record, self.loop.record_fault
+        path, fault = self.plan.record, self.loop.log.fault
         if not self._whole:
             fault = fault or "the recorder did not finish the file"
         return {
             "record": str(path) if path else None,
             "record_whole": None if path is None else fault == "",
             "record_fault": fault or None,
-            "record_dropped": self.loop.dropped,
+            "record_dropped": self.loop.log.dropped,
         }
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cohelm.drive.operator_requests import Desk
+from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.keys import Keys
@@ -21,7 +21,7 @@ _log = logging.getLogger("cohelm.drive")
 
 
 @dataclass(frozen=True)
-class Door:
+class TeleopConfig:
     """Where a robot listens to stations, and what it lends them."""
 
     keys: Keys
@@ -34,7 +34,7 @@ class Door:
 
 def serve(
     plan: SessionConfig,
-    door: Door,
+    door: TeleopConfig,
     ready: Callable[[tuple[Any, ...]], None],
     over: Callable[[], str],
 ) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def serve(
     )  # fmt: skip
     try:
         with Session(plan, operator) as session:
-            desk = Desk(session, operator, plan.known, door.records)
+            desk = OperatorRequests(session, operator, plan.known, door.records)
             try:
                 ready(operator.address)
                 said = ""

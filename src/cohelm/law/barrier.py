@@ -12,7 +12,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.verdict import INVALID, POWERLESS, SHAPED, UNTOUCHED
 
 HEADING = -1
-"""`culprit` when no obstacle, but the cos^2 psi of (22), asked most of the filter (E6)."""
+"""`limiting` when no obstacle, but the cos^2 psi of (22), asked most of the filter (E6)."""
 
 _H_MIN = 1e-9  # |h| is kept above this [m^2], so that 1/h^2 stays finite on the boundary
 _POWERLESS_BELOW = 1e-12  # of ||L_gB||^2
@@ -33,7 +33,7 @@ class Avoidance(NamedTuple):
     """UNTOUCHED: I <= J. SHAPED: the input is added. POWERLESS: I > J but ||L_gB|| vanishes, no
     input can change B along its gradient (E5); only the steering term acts. INVALID: a number
     that is not finite came in, and the input is not one either; the command is a stop."""
-    culprit: int
+    limiting: int
     """Row of the obstacle that asked most of the filter, or HEADING; -1 while untouched."""
 
 
@@ -77,7 +77,7 @@ def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
         return Avoidance(Twist(math.nan, math.nan), I, J, smallest, INVALID, -1)
     if I <= J:
         return Avoidance(Twist(0.0, 0.0), I, J, smallest, UNTOUCHED, -1)
-    culprit = HEADING
+    limiting = HEADING
     most = across * wish.omega
     for i in range(discs.shape[0]):
         dx, dy = pose.x - discs[i, X], pose.y - discs[i, Y]
@@ -85,10 +85,10 @@ def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
         moved = sign * (dx * discs[i, VX] + dy * discs[i, VY])
         part = 2.0 / (h * h) * (moved - (dx * at.cos + dy * at.sin) * wish.v)
         if part > most:
-            most, culprit = part, i
+            most, limiting = part, i
     steer = gains.k_cbf * math.tanh(1.0 / smallest)
     square = along * along + across * across
     if square < _POWERLESS_BELOW:
-        return Avoidance(Twist(0.0, -steer), I, J, smallest, POWERLESS, culprit)
+        return Avoidance(Twist(0.0, -steer), I, J, smallest, POWERLESS, limiting)
     gain = (I - J) / square
-    return Avoidance(Twist(-gain * along, -gain * across - steer), I, J, smallest, SHAPED, culprit)
+    return Avoidance(Twist(-gain * along, -gain * across - steer), I, J, smallest, SHAPED, limiting)

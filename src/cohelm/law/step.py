@@ -47,7 +47,7 @@ class Step(NamedTuple):
     """Smallest h_i [m^2]; infinite without obstacles."""
     verdict: int
     """UNTOUCHED, SHAPED, POWERLESS or INVALID, see `law.verdict`."""
-    culprit: int
+    limiting: int
     """Row of the obstacle that the filter acted for; -1 for none (or the heading term, E6)."""
 
 
@@ -94,7 +94,7 @@ def decided(tau_c: Twist, hand: Hand, tau: Twist, avoid: Avoidance) -> Step:
         _or_0(sound, hand.share.x), _or_0(sound, hand.share.psi),
         _or_0(sound, hand.energy.x), _or_0(sound, hand.energy.psi),
         _or_0(sound, avoid.I), _or_0(sound, avoid.J), _or_0(sound, avoid.h),
-        avoid.verdict if sound else INVALID, avoid.culprit if sound else -1,
+        avoid.verdict if sound else INVALID, avoid.limiting if sound else -1,
     )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ class _Handshake(NamedTuple):
     since: float
 
 
-class Door:
+class Listener:
     """One listening socket."""
 
     def __init__(self, made: SSL.Context, host: str, port: int, clock: Callable[[], float]) -> None:

@@ -173,10 +173,10 @@ class Guarding(NamedTuple):
     """What the filter says of the last step."""
 
     verdict: Verdict
-    gap: float
-    """Smallest gap of the outline to anything [m]."""
-    culprit: tuple[float, float]
-    """Where in the map the thing is that held the wish back; NaN: nothing did."""
+    clearance: float
+    """Smallest clearance of the outline to anything [m]."""
+    limiting: tuple[float, float]
+    """Where in the map the thing is that held the command back; NaN: nothing did."""
     h: float
     """Least value of the paper's barrier (22) [m^2]."""
 
@@ -208,7 +208,7 @@ class Status(NamedTuple):
     arming: Arming
     stick: Stick
     """The deflection in use."""
-    automatic: float
+    authority: float
     """The automatic part's share of the command, exp(-V_h) (34), in [0, 1]."""
     pose: Pose
     """In the map."""
@@ -216,12 +216,12 @@ class Status(NamedTuple):
     """In the odometry frame, which is smooth."""
     twist: Twist
     """Measured."""
-    asked: Twist
-    """What person and automatic ask for together."""
-    given: Twist
+    nominal: Twist
+    """What person and automatic ask for together, before the filter."""
+    applied: Twist
     """What the wheels get."""
     why: str
-    """Why given differs from asked; empty where it does not."""
+    """Why applied differs from nominal; empty where it does not."""
     guarding: Guarding
     e_p: float
     """Tracking error E_P of the paper."""

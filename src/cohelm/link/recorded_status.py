@@ -10,7 +10,7 @@ from typing import NamedTuple
 from cohelm.link.messages import Alarm, Discs, Map, Mode, Polyline
 
 
-class Told(NamedTuple):
+class StatusWords(NamedTuple):
     """Words beside the numbers of a period; kept where one of them changes."""
 
     driver: int
@@ -21,7 +21,7 @@ class Told(NamedTuple):
     stopped: str
     """Why it is stopped; empty: it is not."""
     why: str
-    """Why given differs from asked; empty where it does not."""
+    """Why applied differs from nominal; empty where it does not."""
     cap: float
     """On the speed [m/s]; infinite where there is none."""
     cap_reason: str
@@ -29,9 +29,9 @@ class Told(NamedTuple):
     """The worst first."""
 
 
-class Shown(NamedTuple):
+class Displayed(NamedTuple):
     """Something on the map, or words, since a time."""
 
     stamp: float
     """The robot's clock [s]."""
-    what: Told | Map | Polyline | Discs
+    what: StatusWords | Map | Polyline | Discs

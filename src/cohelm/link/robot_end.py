@@ -24,7 +24,7 @@ from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Refused, context
 from cohelm.link.io_thread import Turning
 from cohelm.link.keys import Keys
-from cohelm.link.listener import Door, Guest
+from cohelm.link.listener import Guest, Listener
 from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
 from cohelm.link.operator_input import Asked, OperatorInput
 from cohelm.link.pending import Pending
@@ -64,7 +64,7 @@ class RobotEnd(Turning):
         """host, port: where to listen; port 0 takes a free one. stale: an older command is not
         used [s]. Raises CohelmError."""
         self.clock, self._stale = clock, stale
-        self._door = Door(context(keys, server=True), host, port, clock)
+        self._door = Listener(context(keys, server=True), host, port, clock)
         self.address = self._door.address
         self._session = secrets.randbits(64)
         super().__init__("link robot")

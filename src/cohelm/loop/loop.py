@@ -10,21 +10,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.period import PERIOD
-from cohelm.core.types import Twist, wrap
+from cohelm.core.types import Twist
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.latency_speed_limit import FREE as NOTICED
-from cohelm.link.messages import Arming, Ask, Discs, Map, Mode, Polyline, Status
+from cohelm.link.messages import Arming, Ask, Discs, Mode
 from cohelm.link.operator_input import Asked, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
-from cohelm.link.recorded_status import Shown, Told
 from cohelm.loop.alarms import Alarms
+from cohelm.loop.authorization import Authorization
+from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.dropout import WAITING, Dropout, Then, followed
 from cohelm.loop.latency_limit import FREE, allowed, cap, crawl, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
-from cohelm.loop.status import Said, culprit, predicted, scan_parts, sigma, status
+from cohelm.loop.status import Report, known, predicted, scan_parts, status
 from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
 from cohelm.loop.timing import Timing
 from cohelm.perceive.pipeline import Perception, Seen
@@ -32,7 +32,7 @@ from cohelm.pilot.step import Decision
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import Mode as GateMode, driving, latched
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.gated_robot import Event, Keeper
+from cohelm.robot.keep.gated_robot import Keeper
 from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.port import Readings
 
@@ -48,8 +48,6 @@ _DISCS = 40  # shown, at most
 _NO_PLANNER = "what plans ways round is gone: the robot keeps to the course it has"
 _MOST_REQUESTS = 8
 """Done for one client in one period, as many as one command carries; a stop always."""
-_REMEMBERED = 10.0
-"""No request is done that is so old [s]."""
 _LATE_PLANNER = "what plans ways round does not answer: the robot keeps to the course it has"
 _MUTE_RECORDER = "the recorder gives no sign of life: what it has no room for is lost"
 
@@ -90,12 +88,8 @@ class Loop:
         self._led = False  # a person chose the mode, and must go on being heard
         self.lease = (0, 0)
         """Who drives, 0: nobody; and a count of the leases."""
-        self.ended = 0
-        """How often a mode was ended, or forbidden: by a stop, hold, fault, or the lease's end."""
-        self._stood: dict[int, int] = {}
-        """The number of each client's newest request to stand."""
-        self._ended: dict[int, float] = {}
-        """When each client did that last, 0: the robot itself [s]."""
+        self.rights = Authorization()
+        self.log = DriveLog(record, keeper.now)
         self._latched = (GateMode.IDLE, "")
         self._scale = 1.0
         self._delay = math.nan
@@ -104,27 +98,21 @@ class Loop:
         self.turning = False
         """Whether `run` is at work."""
         self.decision: Decision | None = None
-        self._record = record
         self._has_map = has_map
         self._senses = SensorWatchdog(
             keeper.model, patience(keeper.model, ways.period + ways.patience)
         )
-        self._row = np.zeros((), dtype=PERIOD)
         self._number = 0
         self._due = -math.inf
         self._lost = False
         self._arrived = False
-        self._odometry = -math.inf
-        self._scan = -1
         self._asked = STANDING
         self._told = -math.inf
         self._garbage: Sweeper | None = None
         self._late = self._took = 0.0
-        self._recorder = ""
         self._trouble: dict[str, str] = {}
         """With what works for the loop, by name."""
         self._driven_by = (0, "")
-        self._kept: Told | None = None
 
     def run(self, until: Callable[[Loop], bool]) -> None:
         """Turn until `until` says so; it is asked after every period."""
@@ -144,34 +132,11 @@ class Loop:
             sys.setswitchinterval(switch)
             self._garbage.end()
 
-    @property
-    def dropped(self) -> int:
-        """Messages the recorder had no room for."""
-        return self._record.dropped
-
-    @property
-    def record_fault(self) -> str:
-        """Why the recorder writes no more; empty while it does, or where there is none."""
-        return self._recorder
-
-    @property
-    def recording(self) -> bool:
-        """Whether there is a recorder that still writes."""
-        return self._record.open and not self._recorder
-
-    def record(self, message: object) -> None:
-        """Something that is not the loop's own, to its recorder, if that has room for it."""
-        self._record(message)
-
     def record_into(self, line: Line) -> None:
         """Another recorder from now on, or none; the one before is not closed."""
-        self._record, self._recorder, self._kept = line, "", None
+        self.log.into(line)
         self._trouble.pop("recorder", "")
         self.alarms.off("recorder")
-
-    def note(self, what: Map | Polyline) -> None:
-        """Into the record, that a drive can be shown again."""
-        self._record(Shown(self.keeper.now(), what))
 
     def choose(self, mode: Mode) -> str:
         """Who drives from now on; why not, or nothing. Not for what a person asks for: `_mode`."""
@@ -189,7 +154,7 @@ class Loop:
             self._forget_dropout()
             self._event(f"mode {mode.name}")
             if mode == Mode.HOLD:
-                self._end(who)
+                self.rights.end(who, self.keeper.now())
         return said
 
     def pause(self, name: str, why: str) -> None:
@@ -228,8 +193,9 @@ class Loop:
         self.decision = decision
         self._late, self._took = late, keeper.now() - began
         self._watch(now)
-        self._write(now, readings, passed)
-        self._tell(now, passed)
+        said = self._said(passed)
+        self._write(now, readings, said)
+        self._tell(now, said)
         self._keep_time(now)
 
     def _look(self, now: float, readings: Readings) -> None:
@@ -332,11 +298,11 @@ class Loop:
         what, value = asked.request.what, asked.request.value
         said = "the loop does not do that"
         if what == Ask.STOP:
-            self._end(asked.client)
-            self._stood[asked.client] = asked.request.number
+            self.rights.end(asked.client, self.keeper.now())
+            self.rights.stand(asked)
             said = ""
         elif what == Ask.RESET:
-            said = self._not_now(asked, driver) or self.problem or self.keeper.reset()
+            said = self._refusal(asked, driver) or self.problem or self.keeper.reset()
         elif what == Ask.ACKNOWLEDGE:
             said = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == Ask.MODE:
@@ -355,38 +321,16 @@ class Loop:
 
     def _mode(self, asked: Asked, driver: int) -> str:
         mode = Mode(asked.request.value)
-        hold = mode == Mode.HOLD  # to stand is never too late
-        said = self._not_now(asked, driver, hold) or self._choose(mode, asked.client)
+        hold = mode == Mode.HOLD
+        said = self._refusal(asked, driver, hold) or self._choose(mode, asked.client)
         if not said:
             self._led = not hold
             if hold:
-                self._stood[asked.client] = asked.request.number
+                self.rights.stand(asked)
         return said
 
-    def _not_now(self, asked: Asked, driver: int, hold: bool = False) -> str:
-        """Why a request may not lead to driving; empty: it may.
-
-        Whoever asked must drive still, and must have asked after everything that ended a mode or
-        forbade one; what he did himself counts by the order of his requests.
-        """
-        if asked.client != driver:
-            return "you do not drive"
-        now, who, number = self.keeper.now(), asked.client, asked.request.number
-        made, own = now - asked.age, self._ended.get(who, -math.inf)
-        others = (at for other, at in self._ended.items() if other != who)
-        if not hold and now - own < _REMEMBERED and number < self._stood.get(who, 0):
-            return "you told the robot to stand after that: ask again"
-        if not hold and (math.isnan(made) or made <= max(others, default=-math.inf)):
-            return "the robot was told to stand after you asked: ask again"
-        return ""
-
-    def _end(self, who: int) -> None:
-        """No mode, and no request made before, leads on from here. who: client; 0: the robot."""
-        now = self.keeper.now()
-        self.ended += 1
-        self._ended = {w: at for w, at in self._ended.items() if now - at < _REMEMBERED}
-        self._stood = {w: number for w, number in self._stood.items() if w in self._ended}
-        self._ended[who] = now
+    def _refusal(self, asked: Asked, driver: int, hold: bool = False) -> str:
+        return self.rights.refusal(asked, driver, self.keeper.now(), hold)
 
     def _notice(self) -> None:
         """What the gate latched by itself ends all modes; it is heeded before any request."""
@@ -395,7 +339,7 @@ class Loop:
         if state != self._latched:
             self._latched = state
             if latched(gate.mode):
-                self._end(0)
+                self.rights.end(0, self.keeper.now())
         if not driving(gate.mode) and self.mode != Mode.HOLD:
             self.mode = Mode.HOLD
 
@@ -442,13 +386,11 @@ class Loop:
             self.alarms.on("stopped", gate.reason)
         else:
             self.alarms.off("stopped")
-        said = self._record.heard() or self._record.broken
-        if said and said != self._recorder:
-            self._recorder = str(said)
+        if self.log.failed():
             self.alarms.off("recorder")
-            self.alarms.on("recorder", self._recorder)
-        elif not said and not self._recorder:
-            self._heed("recorder", _MUTE_RECORDER if self._record.mute else "")
+            self.alarms.on("recorder", self.log.fault)
+        elif not self.log.fault:
+            self._heed("recorder", _MUTE_RECORDER if self.log.mute else "")
         late = _LATE_PLANNER if self.driver.planless and self.mode in _PLANNED else ""
         self._heed("planner", _NO_PLANNER if self.driver.stuck else late)
         if self.driver.arrived != self._arrived:
@@ -467,38 +409,25 @@ class Loop:
             self.alarms.on(helper, trouble)
         self._event(trouble or f"over: {before}", bool(trouble))
 
-    def _write(self, now: float, readings: Readings, passed: Passed) -> None:
+    def _write(self, now: float, readings: Readings, said: Report | None) -> None:
         """To the recorder, as much as it has room for."""
-        odometry, scan = readings.odometry, readings.scan
-        if odometry is not None and odometry.stamp != self._odometry:
-            self._odometry = odometry.stamp
-            self._record(odometry)
-        if scan is not None and scan.number != self._scan:
-            self._scan = scan.number
-            self._record(scan)
-            if self.seen is not None:
-                self.operator.show(*scan_parts(scan, self.perception.lidar, self.seen.pose))
-                discs = Discs(scan.number, self._discs(self.seen))
-                self.operator.show(discs)
-                self._record(Shown(now, discs))
-        nan = math.nan
-        d, seen, gate, person = self.decision, self.seen, self.keeper.gate, self.person
-        if seen is None:
+        scan = self.log.readings(readings)
+        if said is None:
             return
-        self._row[()] = (
-            now, *seen.pose, sigma(seen.covariance), seen.share, seen.lost, *seen.twist,
-            *person.stick, int(person.arming), person.age, int(gate.mode),
-            d.doing if d else -1, d.authority_x if d else nan, d.authority_psi if d else nan,
-            d.x_d if d else nan, d.y_d if d else nan, d.psi_d if d else nan, self._e_p(),
-            d.tau if d else nan, d.rate if d else nan,
-            d.nominal_v if d else 0.0, d.nominal_omega if d else 0.0, *self._asked, *passed.out,
-            d.verdict if d else 0, d.culprit if d else -1, d.gap if d else nan,
-            now - odometry.stamp if odometry else nan,
-            now - scan.stamp - scan.duration if scan else nan,
-            self._late, self._took, self.timing.overruns, gate.refused, self._record.dropped,
-            d.h if d else nan, *(culprit(d, seen) if d else (nan, nan)), self._progress(),
+        if scan is not None:
+            self.operator.show(*scan_parts(scan, self.perception.lidar, said.seen.pose))
+            discs = Discs(scan.number, self._discs(said.seen))
+            self.operator.show(discs)
+            self.log.show(discs)
+        gate = self.keeper.gate
+        self.log.period(
+            known(said, now, readings)
+            | {
+                "mode": gate.mode, "refused": gate.refused, "dropped": self.log.dropped,
+                "safe_v": self._asked.v, "safe_omega": self._asked.omega,
+                "late": self._late, "took": self._took, "overruns": self.timing.overruns,
+            }
         )  # fmt: skip
-        self._record(self._row.tobytes())
 
     def _discs(self, seen: Seen) -> NDArray[np.float32]:
         """The nearest round things, in the map, as `core.types` has them, (n, 6)."""
@@ -506,30 +435,25 @@ class Loop:
         far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
         return rows[np.argsort(far)[:_DISCS]].astype(np.float32)
 
-    def _tell(self, now: float, passed: Passed) -> None:
-        if now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period or self.seen is None:
-            return
-        self._told = now
-        gate, clear = self.keeper.gate, -math.inf
-        if self.seen.blind:
-            around = self.driver.around(self.seen)
-            clear = self.driver.clear(self.seen.pose, around, self.seen.blind)
-        said = Said(
-            self.mode, gate.reason, self.person, self.seen, self._has_map, self.decision,
-            passed.out, passed.reason or self.paused, self._e_p(), self._progress(),
-            self.recording, self.timing.recent, self.timing.overruns,
-            self.alarms.worst(), self.cap, clear,
+    def _said(self, passed: Passed) -> Report | None:
+        """What there is to say of this period; None before the robot has seen anything."""
+        if self.seen is None:
+            return None
+        return Report(
+            self.mode, self.keeper.gate.reason, self.person, self.seen, self._has_map,
+            self.decision, passed.out, passed.reason or self.paused, self._progress(),
+            self.log.open, self.timing.recent, self.timing.overruns, self.alarms.worst(), self.cap,
         )  # fmt: skip
-        told = status(said, predicted(self.seen.pose, passed.out))
-        self.operator.tell(told)
-        self._note(now, told)
 
-    def _note(self, now: float, s: Status) -> None:
-        """The words of a status to the recorder, where they are new."""
-        told = Told(*self._driven_by, s.mode, s.stopped, s.why, s.speed_cap, s.cap_reason, s.alarms)
-        if told != self._kept:
-            self._kept = told
-            self._record(Shown(now, told))
+    def _tell(self, now: float, said: Report | None) -> None:
+        if said is None or now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period:
+            return
+        self._told, seen, clear = now, said.seen, -math.inf
+        if seen.blind:
+            clear = self.driver.clear(seen.pose, self.driver.around(seen), seen.blind)
+        told = status(said, predicted(seen.pose, said.applied), clear)
+        self.operator.tell(told)
+        self.log.words(self._driven_by, told)
 
     def _keep_time(self, now: float) -> None:
         """When the next period is due. Missed ones are counted, never made up for in a burst."""
@@ -545,13 +469,6 @@ class Loop:
         if self._garbage is not None and following - end > 0.5 * period:
             self._garbage.sweep(now)
 
-    def _e_p(self) -> float:
-        d, seen = self.decision, self.seen
-        if d is None or seen is None:
-            return math.nan
-        dx, dy = d.x_d - seen.pose.x, d.y_d - seen.pose.y
-        return math.sqrt(dx * dx + dy * dy + wrap(d.psi_d - seen.pose.psi) ** 2)
-
     def _progress(self) -> float:
         pilot = self.driver.pilot
         if pilot is None:
@@ -559,4 +476,4 @@ class Loop:
         return pilot.state.row / max(len(pilot.planner.route.line) - 1, 1)
 
     def _event(self, text: str, serious: bool = False) -> None:
-        self._record(Event(self.keeper.now(), "loop", text, serious))
+        self.log.event(text, serious)

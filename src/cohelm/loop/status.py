@@ -1,14 +1,14 @@
-"""What the operator is told of a period."""
+"""What is reported of a period: to the operator, and to the record."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cohelm.core.frames import compose
-from cohelm.core.types import Floats, Pose, Twist
+from cohelm.core.types import Floats, Pose, Twist, wrap
 from cohelm.law import verdict as verdicts
 from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import (
@@ -27,7 +27,7 @@ from cohelm.loop.stick_arming import Person
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.kinematics import arc
-from cohelm.robot.port import Scan
+from cohelm.robot.port import Readings, Scan
 from cohelm.robot.sensors import Lidar
 
 POOR = 0.1
@@ -43,8 +43,8 @@ VERDICTS = {
 """What the link calls the verdicts of `law.verdict`."""
 
 
-class Said(NamedTuple):
-    """What the loop knows at the end of a period."""
+class Report(NamedTuple):
+    """What the loop knows at the end of a period; status and record are made from it."""
 
     mode: Mode
     stopped: str
@@ -52,38 +52,64 @@ class Said(NamedTuple):
     seen: Seen
     has_map: bool
     decision: Decision | None
-    given: Twist
+    applied: Twist
     why: str
-    e_p: float
     progress: float
     recording: bool
     late: float
     overruns: int
     alarms: tuple[Alarm, ...]
     cap: Cap
-    clear: float
-    """Gap to what is seen [m]; -inf where all that the guard knows is seen."""
+
+    @property
+    def e_p(self) -> float:
+        """E_P, pose error (51); NaN where nothing is followed."""
+        d, pose = self.decision, self.seen.pose
+        if d is None:
+            return math.nan
+        return math.hypot(d.x_d - pose.x, d.y_d - pose.y, wrap(d.psi_d - pose.psi))
 
 
-def status(said: Said, ahead: tuple[tuple[float, float], ...]) -> Status:
-    """The message; lease, answers and the link's part of the timing are filled in by the link."""
+def known(said: Report, now: float, readings: Readings) -> dict[str, Any]:
+    """What the record keeps of it, by the names of `core.row.FIELDS`."""
+    d, seen, person = said.decision, said.seen, said.person
+    odometry, scan = readings.odometry, readings.scan
+    fields = {"nominal_v": 0.0, "nominal_omega": 0.0} if d is None else d._asdict()
+    at = (math.nan, math.nan) if d is None else limiting(d, seen)
+    return fields | {
+        "t": now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,
+        "sigma": sigma(seen.covariance), "share": seen.share, "lost": seen.lost,
+        "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
+        "e_p": said.e_p, "progress": said.progress, "limiting_x": at[0], "limiting_y": at[1],
+        "stick_x": person.stick.x, "stick_psi": person.stick.psi, "stick_age": person.age,
+        "arming": person.arming, "applied_v": said.applied.v, "applied_omega": said.applied.omega,
+        "odometry_age": now - odometry.stamp if odometry else math.nan,
+        "scan_age": now - scan.stamp - scan.duration if scan else math.nan,
+    }  # fmt: skip
+
+
+def status(
+    said: Report, ahead: tuple[tuple[float, float], ...], clear: float = -math.inf
+) -> Status:
+    """The message; lease, answers and the link's part of the timing are filled in by the link.
+    clear: clearance of what is seen [m]; -inf where all that the guard knows is seen."""
     d, seen = said.decision, said.seen
     nan = math.nan
-    asked = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
+    nominal = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
     return Status(
         lease=_NOBODY,
         mode=said.mode,
         stopped=said.stopped,
         arming=said.person.arming,
         stick=said.person.stick,
-        automatic=min(d.authority_x, d.authority_psi) if d else nan,
+        authority=min(d.authority_x, d.authority_psi) if d else nan,
         pose=seen.pose,
         odometry=seen.odometry,
         twist=seen.twist,
-        asked=asked,
-        given=said.given,
-        why=said.why or _unseen(said, asked),
-        guarding=_guarding(d, said),
+        nominal=nominal,
+        applied=said.applied,
+        why=said.why or _unseen(said, nominal),
+        guarding=_guarding(said, clear),
         e_p=said.e_p,
         reference=Pose(d.x_d, d.y_d, d.psi_d) if d else Pose(nan, nan, nan),
         progress=said.progress,
@@ -132,37 +158,38 @@ def sigma(covariance: Floats) -> float:
     return math.sqrt(max(0.5 * (a + c) + math.hypot(0.5 * (a - c), b), 0.0))
 
 
-def culprit(d: Decision, seen: Seen) -> tuple[float, float]:
+def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
     """Where in the map the thing is that the guard acted for [m]; NaN where there is none."""
-    if d.culprit < 0:
+    if d.limiting < 0:
         return (math.nan, math.nan)
     moving = len(seen.mobile)
-    things = seen.mobile if d.culprit < moving else seen.points
-    row = d.culprit if d.culprit < moving else d.culprit - moving
+    things = seen.mobile if d.limiting < moving else seen.points
+    row = d.limiting if d.limiting < moving else d.limiting - moving
     if row >= len(things):
         return (math.nan, math.nan)
     place = compose(seen.map_odom, Pose(float(things[row, 0]), float(things[row, 1]), 0.0))
     return (place.x, place.y)
 
 
-def _guarding(d: Decision | None, said: Said) -> Guarding:
+def _guarding(said: Report, clear: float) -> Guarding:
+    d = said.decision
     if d is None:
         return Guarding(Verdict.UNTOUCHED, math.nan, (math.nan, math.nan), math.nan)
-    verdict, gap = VERDICTS.get(d.verdict, Verdict.NO_FILTER), max(d.gap, said.clear)
-    return Guarding(verdict, gap, culprit(d, said.seen), d.h)
+    verdict = VERDICTS.get(d.verdict, Verdict.NO_FILTER)
+    return Guarding(verdict, max(d.clearance_seen, clear), limiting(d, said.seen), d.h)
 
 
-def _unseen(said: Said, asked: Twist) -> str:
+def _unseen(said: Report, nominal: Twist) -> str:
     """That the guard holds the robot back for ground that may hold anything, where it does."""
-    d, seen, given = said.decision, said.seen, said.given
-    if d is None or d.culprit < len(seen.mobile) + len(seen.points) - seen.blind:
+    d, seen, applied = said.decision, said.seen, said.applied
+    if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.blind:
         return ""
-    if abs(asked.v - given.v) < _AS_ASKED and abs(asked.omega - given.omega) < _AS_ASKED:
+    if abs(nominal.v - applied.v) < _AS_ASKED and abs(nominal.omega - applied.omega) < _AS_ASKED:
         return ""
     return "held back: nothing looks there, it may not be free"
 
 
-def _localised(said: Said) -> Localised:
+def _localised(said: Report) -> Localised:
     if said.seen.lost:
         return Localised.LOST
     if not said.has_map:

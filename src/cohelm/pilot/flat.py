@@ -116,6 +116,6 @@ def _flat(
         after.evasion.turns, after.evasion.after, after.evasion.left,
         d.safe_v, d.safe_omega, d.tracking_v, d.tracking_omega, d.operator_v, d.operator_omega,
         d.nominal_v, d.nominal_omega, d.avoid_v, d.avoid_omega, d.authority_x, d.authority_psi,
-        d.intent_x, d.intent_psi, d.I, d.J, d.h, d.verdict, d.culprit, d.gap, d.change, d.doing,
-        d.tau, d.rate, d.waited, d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d,
+        d.intent_x, d.intent_psi, d.I, d.J, d.h, d.verdict, d.limiting, d.clearance_seen,
+        d.change, d.behavior, d.tau, d.rate, d.waited, d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d,
     )  # fmt: skip

@@ -65,7 +65,7 @@ class Pilot:
         self.course: Course = course(reference, 0, True, settings.pace)
         self.sent: Floats = np.zeros((whole, 2))
         self.watched: Floats = nobody_watched()
-        self.doing = FOLLOWING
+        self.behavior = FOLLOWING
         self._now = -math.inf
         self._taken = 0.0
         self._step: Flat = step_of(settings, self.planner.route.line)
@@ -96,13 +96,13 @@ class Pilot:
             self.watched,
             min(fastest, self.settings.fastest),
         )
-        self.doing = decision.doing
+        self.behavior = decision.behavior
         return decision
 
     def task(self, pose: Pose, twist: Twist, seen: Surroundings) -> Task:
         """A snapshot to plan from."""
         since = self.state.time - self._taken
-        return Task(self.state, pose, twist, seen, self.course, since, self.doing == LED)
+        return Task(self.state, pose, twist, seen, self.course, since, self.behavior == LED)
 
     def plan(self, pose: Pose, twist: Twist, seen: Surroundings) -> Plan:
         """The slow part here and now: `planner` on a snapshot. `take` it afterwards."""

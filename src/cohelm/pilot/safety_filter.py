@@ -182,7 +182,7 @@ def _filtered(
     g = guard(pose, before, nominal, around, outline, limits, rules)
     sent[k % d, 0], sent[k % d, 1] = g.v, g.omega
     count[0] = k + 1
-    return g.v, g.omega, g.verdict, g.change, g.gap, g.culprit
+    return g.v, g.omega, g.verdict, g.change, g.gap, g.limiting
 
 
 _NONE = Obstacles()

@@ -111,14 +111,14 @@ class Decision(NamedTuple):
     """Smallest h_i of the discs [m^2]; infinite without any, and with another filter."""
     verdict: int
     """See `law.verdict`."""
-    culprit: int
+    limiting: int
     """What held the wish back: discs, then segments, then points of the surroundings; -1 for
     nothing (or the barrier's heading term, E6)."""
-    gap: float
+    clearance_seen: float
     """Smallest gap of the outline that the guard saw; infinite with nothing near [m]."""
     change: float
     """Distance of the command from the blend in the guard's metric [m/s]."""
-    doing: int
+    behavior: int
     """FOLLOWING, LED, ESCAPING or EVADING."""
     tau: float
     """The course's clock [s]."""
@@ -178,7 +178,7 @@ def pilot_step(
         u = Twist(passed.v - tau.v, passed.omega - tau.omega)
         step = decided(
             tau_c, hand, tau,
-            Avoidance(u, 0.0, 0.0, math.inf, passed.verdict, passed.culprit),
+            Avoidance(u, 0.0, 0.0, math.inf, passed.verdict, passed.limiting),
         )  # fmt: skip
         v, omega = passed.v, passed.omega  # also when a number was none: it brakes
     else:
@@ -191,12 +191,12 @@ def pilot_step(
         left = rest(left, Twist(v, omega), s.rules.dt)
     left, held, refused = _given_up(state, left, Twist(v, omega), clock.rate, dt)
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
-    doing = LED if led else (EVADING if evasion.on else (ESCAPING if escaping else FOLLOWING))
+    behavior = LED if led else (EVADING if evasion.on else (ESCAPING if escaping else FOLLOWING))
     return State(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion), Decision(
         v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
         step.nominal_v, step.nominal_omega, step.avoid_v, step.avoid_omega,
         step.authority_x, step.authority_psi, step.intent_x, step.intent_psi,
-        step.I, step.J, step.h, step.verdict, step.culprit, gap, change, doing,
+        step.I, step.J, step.h, step.verdict, step.limiting, gap, change, behavior,
         clock.tau, clock.rate, clock.waited,
         target.x, target.y, target.psi, target.u, target.r,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""ROS 2 messages of any MCAP file, decoded by the definitions that travel in it."""
+"""Any MCAP file, as far as it is whole, and its ROS 2 messages by the definitions in it."""
 
 from __future__ import annotations
 
@@ -19,71 +19,62 @@ from cohelm.core.files import check_regular
 _DAMAGED = (
     McapError, struct.error, ValueError, OverflowError, MemoryError, zstandard.ZstdError
 )  # fmt: skip
+"""What mcap raises on bytes that are cut off or changed (a changed length may be immense)."""
+
+
+def records(path: Path, damaged: Callable[[str], None] = lambda _: None) -> Iterator[Any]:
+    """All that stands in the file before the end of its data, or before where it is damaged: then
+    `damaged` is told how.
+
+    Raises CohelmError where there is no such file, or it is no MCAP.
+    """
+    check_regular(path)
+    try:
+        with path.open("rb") as file:
+            for record in StreamReader(file, validate_crcs=True).records:
+                if isinstance(record, DataEnd):
+                    return
+                yield record
+            damaged("it ends too early")
+    except InvalidMagic as error:
+        raise CohelmError(f"{path} is not an MCAP file: give a record of cohelm") from error
+    except EndOfFile:
+        damaged("it ends too early")
+    except _DAMAGED as error:
+        damaged(f"damaged: {error}")
+    except OSError as error:
+        raise CohelmError(f"{path} can not be read ({error.strerror}): check the name") from error
 
 
 def messages(
-    path: Path, topics: Sequence[str], damaged: Callable[[], None] = lambda: None
+    path: Path, topics: Sequence[str], damaged: Callable[[str], None] = lambda _: None
 ) -> Iterator[tuple[str, int, Any]]:
     """Topic, stamp [ns] and message of all messages on `topics`, in the file's order.
 
-    A file that was cut short, or is damaged, is read up to there, and `damaged` is called. Raises
-    CohelmError where there is no such file, it is no MCAP, or a definition in it can not be read.
+    A file that was cut short, or is damaged, is read up to there. Raises CohelmError as `records`
+    does, and for a definition that can not be read.
     """
     decoders: dict[int, Callable[[bytes], Any]] = {}
     names: dict[int, str] = {}
     schemas: dict[int, Schema] = {}
-    check_regular(path)
-    try:
-        with path.open("rb") as file:
-            for record in _records(file):
-                match record:
-                    case Schema():
-                        schemas[record.id] = record
-                    case Channel() if record.topic in topics:
-                        names[record.id] = record.topic
-                        decoders[record.id] = _decoder(schemas[record.schema_id], path)
-                    case Message() if record.channel_id in names:
-                        decode = decoders[record.channel_id]
-                        yield names[record.channel_id], record.log_time, decode(record.data)
-                    case DataEnd():
-                        return
-                    case _:
-                        pass
-        damaged()
-    except InvalidMagic as error:
-        raise CohelmError(f"{path} is not an MCAP file: give a record in that format") from error
-    except OSError as error:
-        raise CohelmError(f"{path} can not be read ({error.strerror}): check the name") from error
+    for record in records(path, damaged):
+        match record:
+            case Schema():
+                schemas[record.id] = record
+            case Channel() if record.topic in topics:
+                names[record.id] = record.topic
+                decoders[record.id] = _decoder(schemas[record.schema_id], path)
+            case Message() if record.channel_id in names:
+                decode = decoders[record.channel_id]
+                yield names[record.channel_id], record.log_time, decode(record.data)
+            case _:
+                pass
 
 
 def attachment(path: Path, name: str) -> bytes | None:
     """An attachment of an MCAP file, None where it has none of that name."""
-    check_regular(path)
-    try:
-        with path.open("rb") as file:
-            for record in _records(file):
-                if isinstance(record, Attachment) and record.name == name:
-                    return record.data
-    except InvalidMagic as error:
-        raise CohelmError(f"{path} is not an MCAP file: give a record in that format") from error
-    except OSError as error:
-        raise CohelmError(f"{path} can not be read ({error.strerror}): check the name") from error
-    return None
-
-
-def _records(file: Any) -> Iterator[Any]:
-    """All records, up to the end or to where the file is damaged."""
-    reader = StreamReader(file).records
-    while True:
-        try:
-            record = next(reader, None)
-        except InvalidMagic:
-            raise
-        except (EndOfFile, *_DAMAGED):
-            return
-        if record is None:
-            return
-        yield record
+    found = (r.data for r in records(path) if isinstance(r, Attachment) and r.name == name)
+    return next(found, None)
 
 
 def _decoder(schema: Schema, path: Path) -> Callable[[bytes], Any]:

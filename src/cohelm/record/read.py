@@ -1,49 +1,92 @@
-"""Reading a recorded run back, exactly as it was."""
+"""Reads a record back: a run exactly as it was, and any record as arrays by name."""
 
 from __future__ import annotations
 
 import json
-import struct
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import Any, NamedTuple
 
-import zstandard
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError
-from mcap.records import Attachment, Channel, DataEnd, Header, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+import numpy as np
+from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
+from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import check_regular
 from cohelm.core.trace import Trace
-from cohelm.record import status
-from cohelm.record.write import METADATA, SCENARIO, STOPPED
-
-_DAMAGED = (
-    McapError, struct.error, ValueError, OverflowError, MemoryError, zstandard.ZstdError
-)  # fmt: skip
-"""What mcap raises on bytes that are cut off or changed (a changed length may be immense)."""
+from cohelm.core.types import Floats
+from cohelm.record import period
+from cohelm.record.file import METADATA, SCENARIO, STOPPED
+from cohelm.record.messages import messages, records
 
 
 class IncompleteRecord(UserWarning):
     """The file ends in the middle of a run, or is damaged: only the steps before are there."""
 
 
-@dataclass
-class _Found:
-    """What a walk through the file came across."""
+class Record(NamedTuple):
+    """What stands in a record.
 
-    library: str = ""
-    about: dict[str, str] | None = None
+    >>> import cohelm
+    >>> record = cohelm.read_record("drive.mcap")                  # doctest: +SKIP
+    >>> pandas.DataFrame(record.table).plot("t", ["safe_v", "safe_omega"])   # doctest: +SKIP
+    """
+
+    kind: str
+    """run: by `cohelm run`. drive: by `cohelm robot` or from the screen."""
+    table: dict[str, NDArray[Any]]
+    """Every number of every control period (`core.row.FIELDS`), by name, (n,); `t` is in seconds.
+    SI units and radians; NaN, or -1 of a number that counts or names: not known."""
+    scans: list[tuple[float, Floats]]
+    """Of a drive: when a scan began [s], on the clock of `t`, and its ranges [m]."""
+    events: list[tuple[float, str]]
+    """Of a drive: when [s], and what the loop and the gate did."""
+    scenario: str
+    """The YAML text it was made by; empty if there was none."""
+
+
+@dataclass
+class Found:
+    """The control periods of a record, and what it says of itself."""
+
+    about: dict[str, str]
     scenario: str = ""
-    definition: str = ""
-    steps: list[bytes] = field(default_factory=list[bytes])
-    stopped: str = ""
-    damage: str = "it ends too early"
-    """Empty if the run is whole."""
+    periods: list[object] = field(default_factory=list[object])
+    """Messages of `/period`."""
+    damage: str = ""
+    """Empty if it is whole."""
+
+    @property
+    def kind(self) -> str:
+        """run or drive."""
+        return self.about.get("kind", "")
+
+    @property
+    def epoch(self) -> int:
+        """Time stamp of t = 0 [ns]."""
+        return int(self.about["epoch_ns"])
+
+
+def read_record(path: str | Path) -> Record:
+    """What stands in a record. One that was cut short is read up to there.
+
+    Raises CohelmError for a file that is no record of cohelm.
+    """
+    file = Path(path)
+    found = periods(file)
+    rows = period.rows(found.periods)
+    table = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
+    scans: list[tuple[float, Floats]] = []
+    events: list[tuple[float, str]] = []
+    for topic, stamp, m in messages(file, ("/scan", "/rosout")):
+        t = (stamp - found.epoch) * 1e-9
+        if topic == "/scan":
+            scans.append((t, np.asarray(m.ranges, dtype=np.float64)))
+        else:
+            events.append((t, f"{m.name}: {m.msg}"))
+    return Record(found.kind, table, scans, events, found.scenario)
 
 
 def read(path: Path) -> Trace:
@@ -54,17 +97,17 @@ def read(path: Path) -> Trace:
 
     Raises CohelmError where there is no such file, or no run of cohelm in it.
     """
-    check_regular(path)
+    found = periods(path)
+    if found.kind != "run":
+        raise CohelmError(f"{path} is the record of a drive: give one that `cohelm run` wrote")
     try:
-        with path.open("rb") as file:
-            found = _walk(file)
-    except InvalidMagic as error:
+        names, dt = tuple(json.loads(found.about["obstacles"])), float(found.about["dt"])
+        h, discs = period.obstacles(found.periods, len(names))
+    except (KeyError, TypeError, ValueError) as error:
         raise CohelmError(
-            f"{path} is not an MCAP file: give one that `cohelm run` wrote"
+            f"{path}: its description of the run is damaged ({error}): run it again"
         ) from error
-    except OSError as error:
-        raise CohelmError(f"{path} can not be read ({error.strerror}): check the name") from error
-    trace = _trace(path, found)
+    trace = Trace(period.rows(found.periods), h, discs, names, dt, found.scenario)
     if found.damage:
         t = float(trace.rows["t"][-1])
         warnings.warn(
@@ -75,74 +118,70 @@ def read(path: Path) -> Trace:
     return trace
 
 
-def _walk(file: IO[bytes]) -> _Found:
-    """All that concerns us, up to the end of the data or to where it is damaged."""
-    found = _Found()
-    status_channel = 0
-    following = -1  # number of the step that must come next
-    try:
-        for record in StreamReader(file, validate_crcs=True).records:
-            match record:
-                case Header():
-                    found.library = record.library
-                case Metadata(name=name) if name == METADATA:
-                    found.about = record.metadata
-                case Attachment(name=name) if name == SCENARIO:
-                    found.scenario = record.data.decode()
-                case Schema(name=name) if name == status.TYPE:
-                    found.definition = record.data.decode()
-                case Channel(topic=topic) if topic == status.TOPIC:
-                    status_channel = record.id
-                case Message(channel_id=channel) if channel == status_channel:
-                    if following not in (-1, record.sequence):
-                        found.damage = f"step {following} is missing"
-                        break
-                    found.steps.append(record.data)
-                    following = record.sequence + 1
-                case Metadata(name=name) if name == STOPPED:
-                    found.stopped = f"the run was stopped by {record.metadata.get('by')}"
-                case DataEnd():
-                    found.damage = found.stopped
+def periods(path: Path) -> Found:
+    """All control periods up to the end of the data, or to where it is damaged.
+
+    Raises CohelmError where there is no such file, it is no record of cohelm or one by another
+    version, or has no period.
+    """
+    found, library, definition = Found({}), "", ""
+    channel, data, steps = 0, list[bytes](), 0
+    damage: list[str] = []
+    for record in records(path, damage.append):
+        match record:
+            case Header():
+                library = record.library
+            case Metadata(name=name) if name == METADATA:
+                found.about = record.metadata
+            case Metadata(name=name) if name == STOPPED:
+                damage.append(f"the run was stopped by {record.metadata.get('by')}")
+            case Attachment(name=name) if name == SCENARIO:
+                found.scenario = record.data.decode(errors="replace")
+            case Schema(name=name) if name == period.TYPE:
+                definition = record.data.decode(errors="replace")
+            case Channel(topic=topic) if topic == period.TOPIC:
+                channel = record.id
+            case Message(channel_id=which) if which == channel and found.about:
+                if record.sequence != steps:
+                    damage.append(f"period {steps} is missing")
                     break
-                case _:
-                    pass
-    except InvalidMagic:
-        raise
-    except EndOfFile:
-        pass
-    except _DAMAGED as error:
-        found.damage = f"damaged: {error}"
+                data.append(record.data)
+                steps += 1
+            case _:
+                pass
+    found.damage = damage[0] if damage else ""
+    _check(path, found.about, library, steps)
+    try:
+        decode = period.decoder(definition)
+        found.periods = [decode(one) for one in data]
+        period.rows(found.periods[:1])
+    except AttributeError as error:
+        raise CohelmError(
+            f"{path} was written by cohelm {found.about.get('version', '?')}, which did not record "
+            f"{error.name!r} yet: read it with that version"
+        ) from error
+    except (TypeError, ValueError, SerdeError, TypesysError) as error:
+        raise CohelmError(
+            f"{path}: its periods can not be read ({error}): make it again"
+        ) from error
     return found
 
 
-def _trace(path: Path, found: _Found) -> Trace:
-    """The trace in what was found, or a word about why there is none."""
-    about = found.about
-    if about is None:
-        by = f" (it was written by {found.library})" if found.library else ""
-        raise CohelmError(f"{path} holds no run of cohelm{by}: give a file that `cohelm run` wrote")
-    version = about.get("version", "?")
-    if about.get("status_version") != str(status.VERSION):
+def _check(path: Path, about: dict[str, str], library: str, steps: int) -> None:
+    """Raises CohelmError where this can not be a record that is understood here."""
+    if "version" not in about:
+        by = f" (it was written by {library})" if library else ""
         raise CohelmError(
-            f"{path} was written by cohelm {version} in another form of {status.TOPIC} "
-            f"({about.get('status_version')}, here {status.VERSION}): read it with that version"
+            f"{path} is no record of cohelm{by}: give a file that `cohelm run` or `cohelm robot` "
+            "wrote"
         )
-    if not found.steps:
-        raise CohelmError(f"{path} ends before the first step of the run: run it again")
-    try:
-        decode = status.decoder(found.definition)
-        return status.decoded(
-            [decode(step) for step in found.steps],
-            tuple(json.loads(about["obstacles"])),
-            float(about["dt"]),
-            found.scenario,
+    written = about.get("period_version")
+    if written != str(period.VERSION):
+        raise CohelmError(
+            f"{path} was written by cohelm {about['version']} in another form of {period.TOPIC} "
+            f"({written or 'an older one'}, here {period.VERSION}): read it with that version"
         )
-    except AttributeError as error:
-        raise CohelmError(
-            f"{path} was written by cohelm {version}, which did not record {error.name!r} yet: "
-            "read it with that version"
-        ) from error
-    except (KeyError, TypeError, ValueError, SerdeError, TypesysError) as error:
-        raise CohelmError(
-            f"{path}: its description of the run is damaged ({error}): run it again"
-        ) from error
+    if not steps:
+        raise CohelmError(f"{path} ends before its first control period: make it again")
+    if not about.get("epoch_ns", "").lstrip("-").isdigit():
+        raise CohelmError(f"{path}: its description is damaged (epoch_ns): make it again")

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, wrap
-from cohelm.record.drive import IMAGE, Photo
+from cohelm.record.file import IMAGE, ROBOT, Photo
 from cohelm.record.messages import attachment, messages
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
@@ -48,7 +48,7 @@ class Replayed(Paced):
         self._taken = [photo.stamp for photo in self._photos]
         self._frame: Frame | None = None
 
-    def _damaged(self) -> None:
+    def _damaged(self, _: str) -> None:
         self.whole = False
 
     @property
@@ -100,7 +100,7 @@ class Replayed(Paced):
 
 def recorded_model(path: Path) -> RobotModel:
     """The robot that a record describes. CohelmError where it describes none."""
-    data = attachment(path, "robot.json")
+    data = attachment(path, ROBOT)
     if data is None:
         raise CohelmError(f"{path} does not say which robot it is of: name the robot's YAML file")
     try:
@@ -110,7 +110,7 @@ def recorded_model(path: Path) -> RobotModel:
 
 
 def _read(
-    path: Path, damaged: Callable[[], None]
+    path: Path, damaged: Callable[[str], None]
 ) -> tuple[list[Odometry], list[Scan], list[tuple[float, Twist]], list[Photo]]:
     odometry: list[Odometry] = []
     scans: list[Scan] = []

@@ -2,7 +2,7 @@
 
 | topic | type | what |
 |---|---|---|
-| `/diagnostics` | `DiagnosticArray` | driver, mode, stop, why, speed cap, alarms: `Told` |
+| `/diagnostics` | `DiagnosticArray` | driver, mode, stop, why, speed cap, alarms: `StatusWords` |
 | `/map` | `OccupancyGrid` | the map |
 | `/reference`, `/waypoints` | `Path` | the way |
 | `/obstacles` | `MarkerArray` | round obstacles: body, safe distance, velocity |
@@ -32,8 +32,8 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm.core.types import Pose
 from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
-from cohelm.link.recorded_status import Told
-from cohelm.record.topics import OBSTACLE_COLOUR, SAFE_COLOUR, header, marker, pose
+from cohelm.link.recorded_status import StatusWords
+from cohelm.record.markers import OBSTACLE_COLOUR, SAFE_COLOUR, header, marker, pose
 
 TOPICS = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
@@ -50,11 +50,13 @@ _LEVELS = {Severity.NOTICE: 0, Severity.WARNING: 1, Severity.ALARM: 2}
 _UNKNOWN = 255
 
 
-def said(what: Told | Map | Polyline | Discs, stamp: int, frame: str) -> Iterator[tuple[str, Any]]:
+def said(
+    what: StatusWords | Map | Polyline | Discs, stamp: int, frame: str
+) -> Iterator[tuple[str, Any]]:
     """Topics and messages for it. stamp: [ns]. frame: of the map."""
     head = header(stamp, frame)
     match what:
-        case Told():
+        case StatusWords():
             yield "/diagnostics", DiagnosticArray(head, list(_words(what)))
         case Map():
             yield "/map", _grid(what, head)
@@ -68,7 +70,7 @@ def said(what: Told | Map | Polyline | Discs, stamp: int, frame: str) -> Iterato
             pass
 
 
-def understood(topic: str, message: Any) -> Told | Map | Polyline | Discs:
+def understood(topic: str, message: Any) -> StatusWords | Map | Polyline | Discs:
     """What a message on one of `TOPICS` said."""
     match topic:
         case "/diagnostics":
@@ -83,7 +85,7 @@ def understood(topic: str, message: Any) -> Told | Map | Polyline | Discs:
             return Polyline(line, np.array(at, dtype=np.float32).reshape(-1, 2))
 
 
-def _words(told: Told) -> Iterator[Any]:
+def _words(told: StatusWords) -> Iterator[Any]:
     ok, error = DiagnosticStatus.OK, DiagnosticStatus.ERROR
     yield _word(ok, "driver", told.name, number=told.driver)
     yield _word(ok, "mode", told.mode.name)
@@ -102,7 +104,7 @@ def _word(level: int, name: str, text: str, **values: float) -> DiagnosticStatus
     return DiagnosticStatus(level, name, text, "", pairs)
 
 
-def _told(message: Any) -> Told:
+def _told(message: Any) -> StatusWords:
     by_name: dict[str, Any] = {}
     alarms: list[Alarm] = []
     severities = {level: severity for severity, level in _LEVELS.items()}
@@ -125,7 +127,7 @@ def _told(message: Any) -> Told:
         return _values(by_name[name]).get(key, default) if name in by_name else default
 
     mode = text("mode")
-    return Told(
+    return StatusWords(
         int(value("driver", "number", 0)), text("driver"),
         Mode[mode] if mode in Mode.__members__ else Mode.HOLD, text("stopped"), text("why"),
         value("speed cap", "metres_per_second", math.inf), text("speed cap"), tuple(alarms),

@@ -1,33 +1,50 @@
-"""Writing a run down as it goes, into one MCAP file."""
+"""Writes a simulated run down as it goes."""
 
 from __future__ import annotations
 
-import json
 import signal
 import threading
 from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 
-from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
-from mcap.writer import CompressionType, Writer
+import numpy as np
 
-from cohelm import __version__
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.record import status, topics
-from cohelm.record.topics import Scene
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.link.messages import Discs, Line, Polyline
+from cohelm.link.recorded_status import Displayed
+from cohelm.record.file import About, RecordWriter
+from cohelm.record.walls import drawn
+from cohelm.robot.port import Odometry
 
 EPOCH = 946_684_800_000_000_000
 """2000-01-01T00:00:00Z [ns]: where t = 0 of a simulated run is put on the time line of a file.
 Not 0, which ROS 2 takes for "no time" and viewers for "the newest"."""
 
-METADATA = "cohelm"
-STOPPED = "cohelm stopped"
-SCENARIO = "scenario.yaml"
-"""Names in the file: of the metadata records, about the run and about a run that was stopped
-before its end, and of the attachment."""
+RATE = 50.0
+"""Of all that goes on during a run but obstacles [Hz]; `/period` is every control step."""
+
+OBSTACLE_RATE = 10.0
+"""Of `/obstacles`, while one moves [Hz]."""
+
+_NO_WALLS: Floats = np.empty((0, 4))
+
+
+@dataclass(frozen=True)
+class RunScene:
+    """What stays as it is during a run and is drawn once.
+
+    outline: (k, 2) corners of the robot, body frame [m]. walls: (s, 4), segments x1, y1, x2, y2
+    in the map [m]. lines: the reference, its way-points.
+    """
+
+    outline: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    walls: Floats = field(default_factory=lambda: _NO_WALLS)
+    lines: tuple[Polyline, ...] = ()
 
 
 class Recorder:
@@ -40,19 +57,18 @@ class Recorder:
     Raises CohelmError where the file can not be made or grown; an existing file is never touched.
     """
 
-    def __init__(self, path: Path, scene: Scene | None = None, epoch: int = EPOCH) -> None:
+    def __init__(self, path: Path, scene: RunScene | None = None, epoch: int = EPOCH) -> None:
         """Make the file at `path`. epoch: time stamp of t = 0 [ns]."""
         self.path = path
-        self._scene = Scene() if scene is None else scene
+        self._scene = RunScene() if scene is None else scene
         self._epoch = epoch
-        self._channels: dict[str, int] = {}
         self._steps = 0
         self._broken = False
+        self._record: RecordWriter | None = None
         try:
             self._file = path.open("xb")
         except OSError as error:
             raise CohelmError(_unmade(path, error)) from error
-        self._mcap = Writer(self._file, compression=CompressionType.ZSTD, enable_data_crcs=True)
 
     def __enter__(self) -> Recorder:
         return self
@@ -62,16 +78,19 @@ class Recorder:
         if not len(piece):
             return
         with _undisturbed(), self._growing():
-            if self._steps == 0:
-                self._begin(piece)
-            stamps = [self._epoch + round(t * 1e9) for t in piece.rows["t"].tolist()]
-            said = topics.steps(piece, self._steps, stamps)
-            rows = zip(stamps, status.encoded(piece), said, strict=True)
-            for k, (stamp, row, messages) in enumerate(rows, self._steps):
-                self._add(k, stamp, status.TOPIC, row)
-                for topic, message in messages:
-                    self._say(k, stamp, topic, message)
-            self._mcap.flush()
+            record = self._record or self._begun(piece)
+            every, discs_every = _every(RATE, piece.dt), _every(OBSTACLE_RATE, piece.dt)
+            for j, row in enumerate(piece.rows):
+                k, discs = self._steps + j, piece.discs[j]
+                beside = k % every == 0
+                if beside:
+                    record.write(_odometry(row))
+                record.period(row, piece.h[j], discs, beside)
+                if k % discs_every == 0 and _moved(piece.discs, j, discs_every):
+                    with np.errstate(over="ignore"):  # what is too far for single precision
+                        shown = Discs(k, discs.astype(np.float32))
+                    record.write(Displayed(float(row["t"]), shown))
+            record.flush()
             self._steps += len(piece)
 
     def __exit__(
@@ -83,50 +102,26 @@ class Recorder:
         """Finish the file, also after Ctrl-C or an error elsewhere, and then say so in it."""
         with _undisturbed():
             try:
-                if self._steps and not self._broken:
+                if self._steps and self._record is not None and not self._broken:
                     with self._growing():
                         if kind is not None:
-                            self._mcap.add_metadata(STOPPED, {"by": kind.__name__})
-                        self._mcap.finish()
-                        self._file.flush()
+                            self._record.stopped(kind.__name__)
+                        self._record.finish()
             finally:
                 # The raw file: the buffer of a file on a full disk would be written once more.
                 self._file.raw.close()
                 if not self._steps:
                     self.path.unlink(missing_ok=True)
 
-    def _begin(self, piece: Trace) -> None:
-        """What stands at the file's start: how to read it, where it came from, what stays."""
-        self._mcap.start(profile=Profile.ROS2, library=f"cohelm {__version__}")
-        about = {
-            "version": __version__,
-            "status_version": str(status.VERSION),
-            "dt": repr(piece.dt),
-            "obstacles": json.dumps(piece.names),
-            "epoch_ns": str(self._epoch),
-        }
-        self._mcap.add_metadata(METADATA, about)
-        self._mcap.add_attachment(
-            self._epoch, self._epoch, SCENARIO, "application/yaml", piece.scenario.encode()
-        )
-        self._register(status.TOPIC, status.TYPE, status.DEFINITION)
-        for topic, name in topics.TOPICS.items():
-            definition, _ = status.STORE.generate_msgdef(name, ros_version=2)
-            self._register(topic, name, definition)
-        start = self._epoch + round(float(piece.rows["t"][0]) * 1e9)
-        for topic, message in topics.once(self._scene, start):
-            self._say(0, start, topic, message)
-
-    def _register(self, topic: str, name: str, definition: str) -> None:
-        schema = self._mcap.register_schema(name, SchemaEncoding.ROS2, definition.encode())
-        self._channels[topic] = self._mcap.register_channel(topic, MessageEncoding.CDR, schema)
-
-    def _say(self, k: int, stamp: int, topic: str, message: object) -> None:
-        data = status.STORE.serialize_cdr(message, topics.TOPICS[topic])
-        self._add(k, stamp, topic, bytes(data))
-
-    def _add(self, k: int, stamp: int, topic: str, data: bytes) -> None:
-        self._mcap.add_message(self._channels[topic], stamp, data, stamp, sequence=k)
+    def _begun(self, piece: Trace) -> RecordWriter:
+        about = About("run", self._epoch, piece.scenario, piece.names, piece.dt)
+        scene, t = self._scene, float(piece.rows["t"][0])
+        self._record = RecordWriter(self._file, about, outline=scene.outline, walls=scene.walls)
+        route = [line.points for line in scene.lines if line.what is Line.REFERENCE]
+        also = np.vstack([np.empty((0, 2)), *route]).astype(np.float64)
+        for what in (drawn(scene.walls, also), *scene.lines):
+            self._record.write(Displayed(t, what))
+        return self._record
 
     @contextmanager
     def _growing(self) -> Generator[None]:
@@ -140,6 +135,23 @@ class Recorder:
                 f"{self.path}: recording stopped ({error.strerror}) and {left}: "
                 "free some space, or record in another folder"
             ) from error
+
+
+def _every(rate: float, dt: float) -> int:
+    return max(1, round(1.0 / (rate * dt)))
+
+
+def _moved(discs: Floats, j: int, since: int) -> bool:
+    """Whether to draw the discs of step j: where they moved, and once at a piece's start."""
+    return j < since or not np.array_equal(discs[j], discs[j - since])
+
+
+def _odometry(row: np.void) -> Odometry:
+    """Exact, as a run's robot has it: where it is, and the command that reached its wheels."""
+    pose = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
+    return Odometry(
+        float(row["t"]), pose, Twist(float(row["applied_v"]), float(row["applied_omega"]))
+    )
 
 
 def _unmade(path: Path, error: OSError) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.trace import ROW
+from cohelm.core.row import ROW
 from cohelm.core.types import VX, VY, Pose
 from cohelm.law.reference import Reference, desired, tabulate
 from cohelm.link import stick as sticks

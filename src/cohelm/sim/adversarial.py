@@ -90,19 +90,19 @@ def duel(
     for k in range(steps):
         stick = deflection(attack, stick, k, dt, pose, now, scene.walls)
         wish = Twist(stick.x * limits.speed, stick.psi * limits.yaw_rate)
-        verdict, culprit = 0, -1
+        verdict, limiting = 0, -1
         if law == GUARD:
             around = Surroundings(now[:n], scene.agility, scene.walls, scene.points)
             passed = guard(pose, applied, wish, around, outline, limits, rules)
             command = Twist(passed.v, passed.omega)
-            verdict, culprit = passed.verdict, passed.culprit
+            verdict, limiting = passed.verdict, passed.limiting
             twist = command
         else:
             command = wish
             if law == PAPER:
                 avoid = barrier(pose, wish, now, gains)
                 command = Twist(wish.v + avoid.input.v, wish.omega + avoid.input.omega)
-                verdict, culprit = avoid.verdict, avoid.culprit
+                verdict, limiting = avoid.verdict, avoid.limiting
             twist = achievable(command, applied, limits, dt)
         for i in range(n):
             if scene.agility[i] > 0.0:
@@ -110,7 +110,7 @@ def duel(
                     choose(push, i, scene.agility[i], pose, now[i], attack.seed, k)
                 walk_on(after[i], now[i], push[i, 0], push[i, 1], scene.walk, dt)
         if len(rows) > 0:
-            note(rows[k], k * dt, pose, stick, wish, command, twist, verdict, culprit)
+            note(rows[k], k * dt, pose, stick, wish, command, twist, verdict, limiting)
             for i in range(m):
                 discs[k, i] = now[i]
                 dx, dy = pose.x - now[i, X], pose.y - now[i, Y]
@@ -200,7 +200,7 @@ def walk_on(after: Floats, now: Floats, ax: float, ay: float, walk: float, dt: f
 @jit_inline
 def note(
     row: Any, t: float, pose: Pose, stick: Stick, wish: Twist, command: Twist, twist: Twist,
-    verdict: int, culprit: int,
+    verdict: int, limiting: int,
 ) -> None:  # fmt: skip
     """One step into the trace; there is no reference, so the desired pose is the robot's own."""
     row.t = t
@@ -211,6 +211,6 @@ def note(
     row.operator_v, row.operator_omega = wish.v, wish.omega
     row.nominal_v, row.nominal_omega = wish.v, wish.omega
     row.avoid_v, row.avoid_omega = command.v - wish.v, command.omega - wish.omega
-    row.verdict, row.culprit = verdict, culprit
+    row.verdict, row.limiting = verdict, limiting
     row.applied_v, row.applied_omega = twist.v, twist.omega
     row.saturated = twist.v != command.v or twist.omega != command.omega

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.trace import ROW
+from cohelm.core.row import blank
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.perceive.pipeline import Perception
@@ -168,7 +168,7 @@ def _next(k: int, period: int, thinking: int) -> int:
 
 
 def _empty(n: int, m: int) -> Rows:
-    return Rows(np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6)))
+    return Rows(blank(n), np.empty((n, m)), np.empty((n, m, 6)))
 
 
 def near_walls(walls: Floats, pose: Pose) -> Floats:
@@ -245,7 +245,7 @@ def _advance(
         pilot, d = pilot_step(
             pilot, pose, before, stick, around, course, line, settings, dt, sent, watched
         )
-        led = d.doing == LED
+        led = d.behavior == LED
         robot, saturated = moved(
             k,
             dt,
@@ -263,8 +263,8 @@ def _advance(
         note(row, h[j], k * dt, pose, stick, tracked, d, robot, saturated, there)
         row.h = h[j].min() if len(there) > 0 else math.inf
         row.clearance = clearance(pose, settings.outline, scene.reach, there, walls, NOWHERE)
-        row.gap, row.change = d.gap, d.change
-        row.doing, row.course = d.doing, number
+        row.clearance_seen, row.change = d.clearance_seen, d.change
+        row.behavior, row.course = d.behavior, number
         row.tau, row.rate = d.tau, d.rate
         row.to_go, row.arrived = away, arrived
         done = j + 1

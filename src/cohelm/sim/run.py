@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import blank
+from cohelm.core.trace import Trace
 from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.reference import evaluate, tabulate
 from cohelm.law.step import control_step
 from cohelm.pilot.pilot import Planner
+from cohelm.pilot.step import FOLLOWING
 from cohelm.plan.course import nearly_done, route
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import Piloted, Scene, stretches
@@ -65,7 +67,7 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     goal = (end.x, end.y, setup.near)
     for k in range(0, setup.steps, length):
         n = min(length, setup.steps - k)
-        rows = np.zeros(n, dtype=ROW)
+        rows = blank(n)
         h, discs = np.empty((n, m)), np.empty((n, m, 6))
         state, person = _advance(
             k, setup.dt, state, person, desired, goal, setup.around, setup.hands, setup.operator,
@@ -99,7 +101,8 @@ def _advance(
         row = rows[j]
         note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)
         row.clearance = clearance(pose, outline, reach, now, around.walls, NOWHERE)
-        row.gap, row.change = math.inf, 0.0
+        row.clearance_seen, row.change = math.inf, 0.0
+        row.behavior, row.course = FOLLOWING, 0
         row.tau, row.rate = k * dt, 1.0
         row.to_go = math.hypot(pose.x - goal[0], pose.y - goal[1])
         row.arrived = math.hypot(pose.x - desired.x, pose.y - desired.y) < goal[2]

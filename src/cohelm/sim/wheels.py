@@ -76,7 +76,9 @@ def note(
     row.authority_x, row.authority_psi = s.authority_x, s.authority_psi
     row.intent_x, row.intent_psi = s.intent_x, s.intent_psi
     row.I, row.J, row.h = s.I, s.J, s.h
-    row.verdict, row.culprit = s.verdict, s.culprit
+    row.verdict, row.limiting = s.verdict, s.limiting
+    if 0 <= s.limiting < discs.shape[0]:
+        row.limiting_x, row.limiting_y = discs[s.limiting, X], discs[s.limiting, Y]
     row.applied_v, row.applied_omega = after.applied.v, after.applied.omega
     row.saturated = saturated
     row.energy = after.energy

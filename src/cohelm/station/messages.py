@@ -169,9 +169,9 @@ class State(Schema):
     reference: Where | None
     twist: Motion
     """Measured."""
-    asked: Motion
-    """What person and controller want together."""
-    given: Motion
+    nominal: Motion
+    """What person and controller want together, before the filter."""
+    applied: Motion
     """What the wheels get."""
     why: str
     """Why the two differ, or empty."""
@@ -179,13 +179,13 @@ class State(Schema):
     stick: Motion
     """In use on the robot: fore-aft, left-right."""
     arming: Literal["absent", "waiting", "armed"]
-    automatic: float | None
+    authority: float | None
     """e^{-V_h}: the controller's share."""
     e_p: float | None
     h_m2: float | None
-    gap_m: float | None
+    clearance_m: float | None
     """From the outline to the nearest thing."""
-    culprit: Point | None
+    limiting: Point | None
     """What held the wish back."""
     progress: float | None
     ahead: list[Point]

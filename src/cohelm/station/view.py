@@ -75,19 +75,19 @@ _LINES = get_args(page.Line.model_fields["what"].annotation)
 
 def state(s: robot.Status, stamp: float, age: float) -> page.State:
     """The robot now. stamp: its clock [s]. age: how old that is [s]."""
-    culprit = s.guarding.culprit
+    limiting = s.guarding.limiting
     reference = _where(s.reference) if all(map(math.isfinite, s.reference)) else None
     return page.State(
         t_s=stamp, age_ms=_ms(age) or 0.0, pose=_where(s.pose), odometry=_where(s.odometry),
         localised=_LOCALISED[s.localised], sigma_m=known(s.sigma), reference=reference,
         twist=(_or_0(s.twist.v), _or_0(s.twist.omega)),
-        asked=(_or_0(s.asked.v), _or_0(s.asked.omega)),
-        given=(_or_0(s.given.v), _or_0(s.given.omega)),
+        nominal=(_or_0(s.nominal.v), _or_0(s.nominal.omega)),
+        applied=(_or_0(s.applied.v), _or_0(s.applied.omega)),
         why=s.why, verdict=_VERDICTS[s.guarding.verdict],
         stick=(_or_0(s.stick.x), _or_0(s.stick.psi)), arming=_ARMING[s.arming],
-        automatic=known(s.automatic), e_p=known(s.e_p), h_m2=known(s.guarding.h),
-        gap_m=known(s.guarding.gap),
-        culprit=culprit if all(map(math.isfinite, culprit)) else None,
+        authority=known(s.authority), e_p=known(s.e_p), h_m2=known(s.guarding.h),
+        clearance_m=known(s.guarding.clearance),
+        limiting=limiting if all(map(math.isfinite, limiting)) else None,
         progress=known(s.progress), ahead=_points(np.array(s.ahead, dtype=float).reshape(-1, 2)),
         ahead_step_s=_or_0(s.ahead_step), mode=_MODES[s.mode], stopped=s.stopped,
         speed_cap_mps=known(s.speed_cap), cap_reason=s.cap_reason, recording=s.recording,

@@ -13,12 +13,14 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.obstacles import Obstacles
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import blank
+from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.human import human, limited
 from cohelm.law.reference import desired, evaluate
 from cohelm.law.track import pose_error
 from cohelm.law.verdict import INVALID, UNTOUCHED
+from cohelm.pilot.step import FOLLOWING
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
@@ -94,7 +96,7 @@ class RunResult:
         return self.judged.moving
 
     def table(self) -> dict[str, Floats]:
-        """Every number of every step, by name, for pandas.DataFrame; `core.trace.ROW` has units."""
+        """Every number of every step, by name, for pandas; `core.row.FIELDS` has units."""
         return {name: self.trace.rows[name] for name in self.trace.rows.dtype.names or ()}
 
 
@@ -138,7 +140,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
             "set simulation.plant=kinematic and senses=truth"
         )
     n, m, dt = setup.steps, len(setup.around.discs), setup.dt
-    rows, h, discs = np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6))
+    rows, h, discs = blank(n), np.empty((n, m)), np.empty((n, m, 6))
     end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
     goal, reach = (float(end.x), float(end.y)), float(np.hypot(*setup.outline.T).max())
     moving = _moving(setup)
@@ -175,11 +177,12 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
             row[f"{name}_v"], row[f"{name}_omega"] = command
         row["authority_x"] = row["authority_psi"] = row["rate"] = 1.0
         row["h"] = h[k].min(initial=math.inf)
-        row["verdict"], row["culprit"] = UNTOUCHED if sound else INVALID, -1
+        row["verdict"], row["limiting"] = UNTOUCHED if sound else INVALID, -1
         row["applied_v"], row["applied_omega"] = after
         row["saturated"] = after != arriving
         row["clearance"] = clearance(pose, setup.outline, reach, there, setup.around.walls, NOWHERE)
-        row["gap"], row["tau"] = math.inf, t
+        row["clearance_seen"], row["tau"] = math.inf, t
+        row["behavior"], row["course"] = FOLLOWING, 0
         row["to_go"], row["arrived"] = away, away < setup.near
         if arrive and away < setup.near and t > 0.5 * setup.reference.duration:
             done = k + 1

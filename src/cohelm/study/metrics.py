@@ -130,7 +130,7 @@ def measure(trace: Trace) -> Metrics:
         max_yaw_acceleration_radps2=_steepest(r["applied_omega"], trace.dt),
         saturated_share=float(r["saturated"].mean()),
         filter_share=float((verdict == SHAPED).mean()),
-        heading_share=float(((verdict == SHAPED) & (r["culprit"] == HEADING)).mean()),
+        heading_share=float(((verdict == SHAPED) & (r["limiting"] == HEADING)).mean()),
         powerless_share=float((verdict == POWERLESS).mean()),
         invalid_share=float((verdict == INVALID).mean()),
         human_share=float(1.0 - 0.5 * (r["authority_x"].mean() + r["authority_psi"].mean())),

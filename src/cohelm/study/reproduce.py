@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from cohelm.core.errors import CohelmError
-from cohelm.record.topics import Scene
 from cohelm.record.write import Recorder
 from cohelm.study.experiments import SETTLED, Experiments, Progress, Run, perform
 from cohelm.study.metrics import Metrics, plain, wheel_acceleration
+from cohelm.study.single import scene
 
 _RUNS, _RECORDS = 0.25, 0.55
 """Shares of the whole at which runs and records are done."""
@@ -79,10 +77,8 @@ def _write(ex: Experiments, out: Path, progress: Progress) -> list[Path]:
 
 def record(run: Run, path: Path) -> Path:
     """Write a run as MCAP, in place of an earlier record at `path`."""
-    r = run.trace.rows[:: max(round(0.1 / run.trace.dt), 1)]
-    reference = np.column_stack((r["x_d"], r["y_d"], r["psi_d"]))
     path.unlink(missing_ok=True)
-    with Recorder(path, Scene(run.setup.outline, run.setup.around.walls, reference)) as file:
+    with Recorder(path, scene(run.setup)) as file:
         file.write(run.trace)
     return path
 

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.law.reference import tabulate
-from cohelm.record.topics import Scene
-from cohelm.record.write import Recorder
+from cohelm.drive.shown import way
+from cohelm.record.write import Recorder, RunScene
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
 from cohelm.study.experiments import Progress, Run
@@ -43,11 +42,9 @@ def recorded(setup: Setup, folder: Path, told: Progress) -> Metrics:
     """
     make(folder)
     _check_free(folder)
-    desired = tabulate(setup.reference, 0.1, int(setup.reference.duration / 0.1) + 1, False)
-    scene = Scene(setup.outline, setup.around.walls, desired[:, :3])
     told("running (the first time, compiling)", 0.0)
     steps, done = 0, list[Trace]()
-    with Recorder(folder / RECORD, scene) as recorder:
+    with Recorder(folder / RECORD, scene(setup)) as recorder:
         for piece in pieces(setup):
             recorder.write(piece)
             done.append(piece)
@@ -59,6 +56,11 @@ def recorded(setup: Setup, folder: Path, told: Progress) -> Metrics:
     told("drawing", _SIMULATED)
     _draw(run, folder)
     return run.metrics
+
+
+def scene(setup: Setup) -> RunScene:
+    """What a record of a run draws once."""
+    return RunScene(setup.outline, setup.around.walls, way(setup.reference))
 
 
 def table(m: Metrics) -> list[tuple[str, str]]:

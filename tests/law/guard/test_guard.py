@@ -65,7 +65,7 @@ def test_a_wish_far_from_every_bound_passes_to_the_last_bit(outline, state, arou
     )
     got = guard_step(HERE, before, wish, far, outline, lim)
     assert (got.v, got.omega) == wish
-    assert (got.verdict, got.culprit) == (UNTOUCHED, NOTHING)
+    assert (got.verdict, got.limiting) == (UNTOUCHED, NOTHING)
 
 
 @given(outlines(), driving(), still_things())
@@ -75,7 +75,7 @@ def test_the_verdict_says_what_was_done_and_the_change_by_how_much(outline, stat
     change = math.hypot(got.v - wish.v, RULES.steer_weight * (got.omega - wish.omega))
     assert got.change == pytest.approx(change, abs=1e-12)
     count = len(around.discs) + len(around.segments) + len(around.points)
-    assert -1 <= got.culprit < count
+    assert -1 <= got.limiting < count
     if got.verdict == UNTOUCHED:
         assert (got.v, got.omega) == pytest.approx(wish, abs=1e-8)
     elif got.verdict == SHAPED:
@@ -160,7 +160,7 @@ def test_a_scan_with_drop_outs_is_a_scan_of_the_rest():
     scan = np.array([[math.nan, math.nan], [math.inf, 0.0], [0.39, 0.0], [1.0, math.nan]])
     got = guard_step(HERE, REST, Twist(1.0, 0.0), surroundings(points=scan), SALLY, SALLY_LIMITS)
     assert got.v == pytest.approx(0.0, abs=1e-12)
-    assert got.culprit == 2
+    assert got.limiting == 2
     assert got.gap == pytest.approx(0.03)
 
 
@@ -210,7 +210,7 @@ def test_it_backs_out_and_turns_where_it_is_boxed_in():
     )
     forward = guard_step(HERE, REST, Twist(1.0, 0.0), pen, SALLY, SALLY_LIMITS)
     assert forward.v == 0.0
-    assert forward.culprit in (0, 1, 2)
+    assert forward.limiting in (0, 1, 2)
     back = guard_step(HERE, REST, Twist(-1.0, 0.0), pen, SALLY, SALLY_LIMITS)
     assert back.v == pytest.approx(-0.04)
     mirrored = surroundings(segments=-pen.segments)

@@ -89,7 +89,7 @@ def test_what_is_not_limited_has_no_bound():
     assert len(bounds_of(Twist(0.3, -0.2), unlimited(0.5))) == 0
     assert len(bounds_of(Twist(0.3, -0.2), unlimited(0.5)._replace(speed=1.0))) == 2
     got = guard_step(HERE, REST, Twist(7.0, -9.0), EMPTY, SALLY, unlimited(0.5))
-    assert (got.v, got.omega, got.verdict, got.culprit) == (7.0, -9.0, UNTOUCHED, NOTHING)
+    assert (got.v, got.omega, got.verdict, got.limiting) == (7.0, -9.0, UNTOUCHED, NOTHING)
 
 
 @given(twists(ALL))

@@ -118,7 +118,7 @@ def test_where_the_origin_of_the_world_is_makes_no_difference(
     pose = Pose(x, y, psi)
     there = guard_step(pose, before, wish, turned(around, pose), outline, lim)
     assert (there.v, there.omega) == pytest.approx((here.v, here.omega), abs=1e-7)
-    assert (there.verdict, there.culprit) == (here.verdict, here.culprit)
+    assert (there.verdict, there.limiting) == (here.verdict, here.limiting)
     if here.gap < RULES.soft_margin:  # a far one may or may not be looked at, by the last digit
         assert there.gap == pytest.approx(here.gap, abs=1e-9)
 
@@ -131,20 +131,20 @@ AHEAD = {
 }
 
 
-@pytest.mark.parametrize("culprit", AHEAD)
-def test_the_culprit_is_counted_through_discs_walls_and_points(culprit):
+@pytest.mark.parametrize("limiting", AHEAD)
+def test_the_culprit_is_counted_through_discs_walls_and_points(limiting):
     """The shaping names it; and the certificate does where the shaping is blind (margin 0)."""
-    around = AHEAD[culprit]
+    around = AHEAD[limiting]
     shaped = guard_step(HERE, Twist(0.0, 0.0), Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
-    assert (shaped.verdict, shaped.culprit) == (SHAPED, culprit)
+    assert (shaped.verdict, shaped.limiting) == (SHAPED, limiting)
     fast = guard_step(HERE, Twist(0.9, 0.0), Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
-    assert (fast.verdict, fast.culprit) == (BRAKING, culprit)
+    assert (fast.verdict, fast.limiting) == (BRAKING, limiting)
     assert fast.v == pytest.approx(0.86)
     blind = Rules(soft_margin=-1.0)
     for speed, verdict, left in ((0.3, SHAPED, 0.27), (0.5, BRAKING, 0.46)):  # a quarter; none
         was = Twist(speed, 0.0)
         got = guard_step(HERE, was, was, around, SALLY, SALLY_LIMITS, blind)
-        assert (got.v, got.verdict, got.culprit) == (pytest.approx(left), verdict, culprit)
+        assert (got.v, got.verdict, got.limiting) == (pytest.approx(left), verdict, limiting)
 
 
 def test_standing_is_told_from_braking():

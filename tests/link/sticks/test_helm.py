@@ -50,7 +50,7 @@ class Robot:
             self.end.tell(
                 STATUS._replace(
                     mode=self.side.mode, stopped=self.side.stopped, arming=self.side.person.arming,
-                    asked=Twist(1.0, 0.0), given=Twist(0.5, 0.0),
+                    nominal=Twist(1.0, 0.0), applied=Twist(0.5, 0.0),
                 )
             )  # fmt: skip
             time.sleep(0.02)

@@ -51,14 +51,15 @@ def test_on_ice_the_guard_counts_on_no_more_than_the_floor_holds():
 
 def test_the_same_seed_makes_the_same_run():
     changes = ("senses=lidar", "simulation.duration_s=4")
-    assert (driven("lab-avoid", *changes).rows == driven("lab-avoid", *changes).rows).all()
+    first, again = (driven("lab-avoid", *changes).rows.tobytes() for _ in range(2))
+    assert first == again
 
 
 def test_a_run_in_pieces_is_the_run_at_once():
     setup = build.setup(load.scenario("lab-avoid", [*ON_THE_TWIN, "simulation.duration_s=3"]))
     parts: Iterator[Trace] = pieces(setup, 40)
     first, *rest = parts
-    assert (first.joined(*rest).rows == run(setup).rows).all()
+    assert first.joined(*rest).rows.tobytes() == run(setup).rows.tobytes()
     assert len(first) == 40
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.trace import ROW
+from cohelm.core.row import ROW
 from cohelm.robot.gate.gate import Passed
 from cohelm.robot.port import Health
 from cohelm.sim.twin.robot import Twin

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.trace import ROW
+from cohelm.core.row import ROW
 from cohelm.study.campaign.scoring import recovery
 
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import ROW
+from cohelm.core.trace import Trace
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.episode import Episode, Goal

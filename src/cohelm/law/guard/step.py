@@ -21,7 +21,7 @@ from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
 from cohelm.robot.limits import Limits, achievable, checked_limits
 
 NOTHING = -1
-"""`culprit` when no obstacle changed the wish; the wheels' own limits may have."""
+"""`limiting` when no obstacle changed the wish; the wheels' own limits may have."""
 
 _TRIES = 4  # the projected wish, then a half, a quarter and an eighth of it from full braking
 
@@ -41,7 +41,7 @@ class Guarded(NamedTuple):
     """Distance from the wish in the metric of the least change [m/s]."""
     gap: float
     """Smallest gap of the outline now, of what is near enough to matter; else infinite [m]."""
-    culprit: int
+    limiting: int
     """What held the wish back: discs first, then segments, then points, by row; or NOTHING."""
 
 
@@ -81,7 +81,7 @@ def guard(
         return Guarded(stop.v, stop.omega, INVALID, 0.0, math.inf, NOTHING)
     asked = Twist(_sane(wish.v), _sane(wish.omega))
     nearest = project(asked, rows, n, rules.steer_weight)
-    culprit = nearest.owner
+    limiting = nearest.owner
     if nearest.feasible and is_finite(nearest.twist.v) and is_finite(nearest.twist.omega):
         goal = achievable(nearest.twist, before, limits, rules.dt)
         share = 1.0
@@ -93,12 +93,12 @@ def guard(
             m = manoeuvre(pose, part, limits, rules.dt, reach)
             thing = in_the_way(m, outline, reach, around, rules.hard_margin)
             if thing == CLEAR:
-                return _passed(part, asked, rules.steer_weight, least, culprit)
-            culprit = thing
+                return _passed(part, asked, rules.steer_weight, least, limiting)
+            limiting = thing
             share *= 0.5
     verdict = STANDING if stop.v == 0.0 and stop.omega == 0.0 else BRAKING
     change = _distance(stop, asked, rules.steer_weight)
-    return Guarded(stop.v, stop.omega, verdict, change, least, culprit)
+    return Guarded(stop.v, stop.omega, verdict, change, least, limiting)
 
 
 @jit
@@ -109,12 +109,12 @@ def _sane(speed: float) -> float:
 
 @jit
 def _passed(
-    command: Twist, wish: Twist, steer_weight: float, least: float, culprit: int
+    command: Twist, wish: Twist, steer_weight: float, least: float, limiting: int
 ) -> Guarded:
     change = _distance(command, wish, steer_weight)
     if change <= 1e-9:
         return Guarded(command.v, command.omega, UNTOUCHED, change, least, NOTHING)
-    return Guarded(command.v, command.omega, SHAPED, change, least, culprit)
+    return Guarded(command.v, command.omega, SHAPED, change, least, limiting)
 
 
 @jit
@@ -175,4 +175,4 @@ def _flat(
         Surroundings(discs, agility, segments, points), outline,
         Limits(s[0], s[1], s[2], s[3], s[4], s[5], s[6]), Rules(s[7], s[8], s[9], s[10], s[11]),
     )  # fmt: skip
-    return g.v, g.omega, g.verdict, g.change, g.gap, g.culprit
+    return g.v, g.omega, g.verdict, g.change, g.gap, g.limiting

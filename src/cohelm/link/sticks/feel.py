@@ -40,14 +40,14 @@ def spring(k_s: float) -> float:
     return min(max(k_s / STIFFEST, 0.0), 1.0)
 
 
-def wanted(asked: Twist, given: Twist, speed: float, yaw_rate: float, rules: CueRules) -> Stick:
-    """The push for what is held back now: from what is asked to what is given.
+def wanted(nominal: Twist, applied: Twist, speed: float, yaw_rate: float, rules: CueRules) -> Stick:
+    """The push for what is held back now: from the nominal command to what is applied.
 
     speed, yaw_rate: the robot's largest, > 0 [m/s, rad/s].
     """
     return Stick(
-        _bounded(rules.gain * (given.v - asked.v) / speed, rules.strongest),
-        _bounded(rules.gain * (given.omega - asked.omega) / yaw_rate, rules.strongest),
+        _bounded(rules.gain * (applied.v - nominal.v) / speed, rules.strongest),
+        _bounded(rules.gain * (applied.omega - nominal.omega) / yaw_rate, rules.strongest),
     )
 
 

@@ -56,7 +56,7 @@ class Helm:
         push = STILL
         if told is not None and told.status.lease.you == told.status.lease.driver:
             speed, yaw_rate = self._limits
-            push = wanted(told.status.asked, told.status.given, speed, yaw_rate, self._rules)
+            push = wanted(told.status.nominal, told.status.applied, speed, yaw_rate, self._rules)
             push = faded(push, told.age, self._rules)
         self._push = damped(self._push, push, dt, self._rules)
         return Feel(self._spring, self._push)

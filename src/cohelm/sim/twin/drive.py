@@ -15,7 +15,8 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose, inverse
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import blank
+from cohelm.core.trace import Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import Surroundings
@@ -61,7 +62,7 @@ def stepped(run: TwinRun, length: int) -> Iterator[Trace]:
     setup, k = run.setup, 0
     while k < setup.steps and not run.arrived:
         n = min(length, setup.steps - k)
-        rows = np.zeros(n, dtype=ROW)
+        rows = blank(n)
         m = len(setup.around.discs)
         h, discs = np.empty((n, m)), np.empty((n, m, 6))
         done = 0
@@ -153,7 +154,7 @@ class TwinRun(ABC):
         row["x"], row["y"], row["psi"] = pose
         row["stick_x"], row["stick_psi"] = self.stick
         row["authority_x"] = row["authority_psi"] = 1.0
-        row["gap"] = math.inf
+        row["clearance_seen"] = math.inf
         self.last = last = d or self.last
         if last is not None:
             desired = Desired(last.x_d, last.y_d, last.psi_d, last.u_d, last.r_d)
@@ -233,8 +234,8 @@ _NO_POINTS: Floats = np.empty((0, 2))
 _DECIDED = (
     "safe_v", "safe_omega", "tracking_v", "tracking_omega", "operator_v", "operator_omega",
     "nominal_v", "nominal_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi",
-    "intent_x", "intent_psi", "I", "J", "verdict", "culprit", "gap", "change", "doing", "tau",
-    "rate",
+    "intent_x", "intent_psi", "I", "J", "verdict", "limiting", "clearance_seen", "change",
+    "behavior", "tau", "rate",
 )  # fmt: skip
 """Fields of a row that a decision has by the same name."""
 

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.trace import ROW, Trace
+from cohelm.core.row import blank
+from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules
@@ -130,13 +131,13 @@ def fought(case: Episode, law: Law) -> Trace:
     assert case.duel is not None
     chosen = case.duel
     n, m = case.setup.steps, len(chosen.scene.discs) + len(chosen.scene.points)
-    rows, h, discs = np.zeros(n, dtype=ROW), np.empty((n, m)), np.empty((n, m, 6))
+    rows, h, discs = blank(n), np.empty((n, m)), np.empty((n, m, 6))
     _duel(case, law, chosen, rows, h, discs)
     return Trace(rows, h, discs, tuple(f"thing_{i}" for i in range(m)), DT)
 
 
 _RULES = Rules(dt=DT)
-_NO_ROWS, _NO_H, _NO_DISCS = np.zeros(0, dtype=ROW), np.empty((0, 0)), np.empty((0, 0, 6))
+_NO_ROWS, _NO_H, _NO_DISCS = blank(0), np.empty((0, 0)), np.empty((0, 0, 6))
 
 
 def least_gap(case: Episode, law: Law, chosen: AdversarialRollout) -> float:

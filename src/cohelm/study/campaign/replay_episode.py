@@ -11,8 +11,6 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.law.reference import tabulate
-from cohelm.record.topics import Scene
 from cohelm.record.write import Recorder
 from cohelm.study.campaign.adversary import scripted
 from cohelm.study.campaign.episode import Episode, Law, traced
@@ -24,7 +22,7 @@ from cohelm.study.campaign.rvo import PEERS, peer_trace
 from cohelm.study.campaign.scoring import scored
 from cohelm.study.campaign.store import read_plan, read_rows
 from cohelm.study.metrics import plain
-from cohelm.study.single import RECORD, make
+from cohelm.study.single import RECORD, make, scene
 
 ROW, PICTURE = "row.json", "episode.png"
 
@@ -120,9 +118,7 @@ def record(found: Again, folder: Path) -> None:
             "another folder with --out"
         )
     setup = found.case.setup
-    desired = tabulate(setup.reference, 0.1, int(setup.reference.duration / 0.1) + 1, False)
-    scene = Scene(setup.outline, setup.around.walls, desired[:, :3])
-    with Recorder(folder / RECORD, scene) as recorder:
+    with Recorder(folder / RECORD, scene(setup)) as recorder:
         recorder.write(found.trace)
     try:
         text = json.dumps(plain(found.row._asdict()), indent=2, allow_nan=False)

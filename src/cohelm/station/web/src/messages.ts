@@ -128,10 +128,10 @@ export interface State {
   reference: [number, number, number] | null
   /** Measured. */
   twist: [number, number]
-  /** What person and controller want together. */
-  asked: [number, number]
+  /** What person and controller want together, before the filter. */
+  nominal: [number, number]
   /** What the wheels get. */
-  given: [number, number]
+  applied: [number, number]
   /** Why the two differ, or empty. */
   why: string
   verdict: 'untouched' | 'shaped' | 'braking' | 'standing' | 'invalid' | 'no_filter'
@@ -139,13 +139,13 @@ export interface State {
   stick: [number, number]
   arming: 'absent' | 'waiting' | 'armed'
   /** e^{-V_h}: the controller's share. */
-  automatic: number | null
+  authority: number | null
   e_p: number | null
   h_m2: number | null
   /** From the outline to the nearest thing. */
-  gap_m: number | null
+  clearance_m: number | null
   /** What held the wish back. */
-  culprit: [number, number] | null
+  limiting: [number, number] | null
   progress: number | null
   /** Predicted path, in steps of `ahead_step_s`. */
   ahead: Array<[number, number]>

@@ -112,7 +112,7 @@ function turn(now: number): void {
     psi: present ? reading.psi : 0, valid: present, armed: arming === 'armed',
     device, speed_scale: speedScale.value,
   })
-  if (drives && device === 'gamepad') rumble(s.state.value?.gap_m ?? null, now)
+  if (drives && device === 'gamepad') rumble(s.state.value?.clearance_m ?? null, now)
 }
 
 function reason(reading: Reading): string {

@@ -185,6 +185,6 @@ function described(): string {
   if (state === null) return 'Map; the robot has not been heard yet'
   const [x, y, psi] = state.pose
   const degrees = Math.round((psi * 180) / Math.PI)
-  const gap = state.gap_m === null ? '' : `, nearest thing ${state.gap_m.toFixed(1)} m away`
+  const gap = state.clearance_m === null ? '' : `, nearest thing ${state.clearance_m.toFixed(1)} m away`
   return `Map; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${gap}`
 }

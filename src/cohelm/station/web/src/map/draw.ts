@@ -193,7 +193,7 @@ function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   ctx.lineWidth = 2.5
   ctx.stroke()
   drawNose(ctx, v, size, state.pose, robot.outline)
-  if (state.culprit !== null) drawCulprit(ctx, v, size, state.culprit)
+  if (state.limiting !== null) drawLimiting(ctx, v, size, state.limiting)
 }
 
 function drawNose(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): void {
@@ -213,7 +213,7 @@ function drawReference(ctx: Ctx, v: View, size: Size, pose: Pose): void {
   ctx.stroke()
 }
 
-function drawCulprit(ctx: Ctx, v: View, size: Size, at: Point): void {
+function drawLimiting(ctx: Ctx, v: View, size: Size, at: Point): void {
   const [x, y] = toPixel(v, size, at)
   ctx.strokeStyle = colour.warning
   ctx.lineWidth = 3

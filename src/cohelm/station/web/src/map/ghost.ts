@@ -20,13 +20,13 @@ export function arc(pose: Pose, [v, omega]: [number, number], t: number): Pose {
 /** The pose `delay` seconds after the state was true, along the robot's own prediction if it tells one. */
 export function ghost(s: State, delay: number): Pose {
   const path = s.ahead
-  if (path.length < 2 || s.ahead_step_s <= 0) return arc(s.pose, s.given, delay)
+  if (path.length < 2 || s.ahead_step_s <= 0) return arc(s.pose, s.applied, delay)
   // point 0 is one step ahead or the place itself: the robot says "from now on"
   const at = Math.min(delay / s.ahead_step_s, path.length - 1)
   const i = Math.min(Math.floor(at), path.length - 2)
   const [a, b] = [path[i], path[i + 1]]
   if (a === undefined || b === undefined) return s.pose
   const share = at - i
-  const heading = arc(s.pose, s.given, delay)[2]
+  const heading = arc(s.pose, s.applied, delay)[2]
   return [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), heading]
 }

@@ -1,4 +1,4 @@
-// Person and controller: who leads, what was asked, what was given, and why.
+// Person and controller: who leads, the nominal command, the applied one, and why they differ.
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
 import { hand, idle } from '../input/drive'
@@ -13,28 +13,32 @@ const NEAR_M = 0.7
 
 export function Authority() {
   const state = s.state.value
-  const automatic = state?.automatic ?? null
-  const given = state?.given ?? [0, 0]
-  const asked = state?.asked ?? [0, 0]
+  const authority = state?.authority ?? null
+  const applied = state?.applied ?? [0, 0]
+  const nominal = state?.nominal ?? [0, 0]
   return (
     <section class="authority" aria-label="Person and controller">
       <Dial />
       <div class="facts">
         <div class="share" role="meter" aria-label="Share of the person in the command" aria-valuemin={0}
-          aria-valuemax={100} aria-valuenow={automatic === null ? 0 : Math.round((1 - automatic) * 100)}>
+          aria-valuemax={100} aria-valuenow={authority === null ? 0 : Math.round((1 - authority) * 100)}>
           <span>you</span>
-          <div class="bar"><i style={{ width: `${(1 - (automatic ?? 1)) * 100}%` }} /></div>
+          <div class="bar"><i style={{ width: `${(1 - (authority ?? 1)) * 100}%` }} /></div>
           <span>auto</span>
         </div>
         <table>
           <tbody>
-            <tr class="asked"><th scope="row">asked</th><td>{speed(asked[0])}</td><td>{yaw(asked[1])}</td></tr>
-            <tr><th scope="row">given</th><td>{speed(given[0])}</td><td>{yaw(given[1])}</td></tr>
+            <tr class="nominal" title="what you and the controller want together">
+              <th scope="row">nominal</th><td>{speed(nominal[0])}</td><td>{yaw(nominal[1])}</td>
+            </tr>
+            <tr title="what the wheels get">
+              <th scope="row">applied</th><td>{speed(applied[0])}</td><td>{yaw(applied[1])}</td>
+            </tr>
           </tbody>
         </table>
         <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{why(state)}</p>
         <p class="nearest">
-          nearest <b class={near(state?.gap_m ?? null)}>{metres(state?.gap_m)}</b>
+          nearest <b class={near(state?.clearance_m ?? null)}>{metres(state?.clearance_m)}</b>
         </p>
         {!s.isReplay.value && <Stick />}
       </div>
@@ -49,12 +53,12 @@ const GUARDED: Partial<Record<State['verdict'], string>> = {
   invalid: 'standing: a number is not finite',
 }
 
-/** Whether what is given is visibly not what was asked. */
-function other({ asked, given }: State): boolean {
-  return Math.abs(asked[0] - given[0]) > 0.02 || Math.abs(asked[1] - given[1]) > 0.05
+/** Whether the applied command is visibly not the nominal one. */
+function other({ nominal, applied }: State): boolean {
+  return Math.abs(nominal[0] - applied[0]) > 0.02 || Math.abs(nominal[1] - applied[1]) > 0.05
 }
 
-/** Why what is given is not what was asked: the gate's word, the guard's, or the wheels' inertia. */
+/** Why the applied command is not the nominal one: the gate's word, the guard's, or the wheels' inertia. */
 function why(state: State | null): string {
   if (state === null) return '–'
   if (state.why !== '') return state.why

@@ -29,16 +29,16 @@ const CHARTS: Chart[] = [
   {
     title: 'v [m/s]',
     curves: [
-      { name: 'asked', of: (x) => x.asked[0], stroke: colour.faint, dash: [5, 4] },
-      { name: 'given', of: (x) => x.given[0], stroke: colour.ink },
+      { name: 'nominal', of: (x) => x.nominal[0], stroke: colour.faint, dash: [5, 4] },
+      { name: 'applied', of: (x) => x.applied[0], stroke: colour.ink },
     ],
     shown: [0, 0.5],
   },
   {
     title: 'ω [rad/s]',
     curves: [
-      { name: 'asked', of: (x) => x.asked[1], stroke: colour.faint, dash: [5, 4] },
-      { name: 'given', of: (x) => x.given[1], stroke: colour.ink },
+      { name: 'nominal', of: (x) => x.nominal[1], stroke: colour.faint, dash: [5, 4] },
+      { name: 'applied', of: (x) => x.applied[1], stroke: colour.ink },
     ],
     shown: [-0.5, 0.5],
   },
@@ -46,12 +46,12 @@ const CHARTS: Chart[] = [
   {
     title: '',
     curves: [
-      { name: 'clearance [m]', of: (x) => x.gap_m, stroke: colour.ink },
+      { name: 'clearance [m]', of: (x) => x.clearance_m, stroke: colour.ink },
       { name: 'h [m²]', of: (x) => x.h_m2, stroke: colour.faint, dash: [5, 4] },
     ],
     shown: [0, 1],
   },
-  { title: 'automatic e^(−V_h)', curves: [{ name: 'share', of: (x) => x.automatic, stroke: colour.ink }], shown: [0, 1] },
+  { title: 'authority e^(−V_h)', curves: [{ name: 'share', of: (x) => x.authority, stroke: colour.ink }], shown: [0, 1] },
 ]
 
 const kept: State[] = []

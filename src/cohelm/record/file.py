@@ -1,4 +1,4 @@
-"""A drive as it goes, into one MCAP file of ROS 2's own messages: what a robot's loop records.
+"""One MCAP file of ROS 2's own messages, written as a run or a drive goes.
 
 `/odom` in the odometry frame, `/scan`, `/tf` (map, odom, base_link), `/cmd_vel` and
 `/cmd_vel_safe`, `/joy`, `/camera/image/compressed`, `/rosout` for what happened, and `/period`:
@@ -8,6 +8,7 @@ every number of a period; besides, what the stations were shown (`shown.TOPICS`)
 from __future__ import annotations
 
 import io
+import json
 import math
 from typing import IO, Any, NamedTuple
 
@@ -15,7 +16,6 @@ import numpy as np
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
-from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as Time,
     geometry_msgs__msg__Point as Point,
@@ -38,21 +38,23 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm import __version__
-from cohelm.core.period import MEANINGS, PERIOD
-from cohelm.core.types import Pose, wrap
-from cohelm.link.recorded_status import Shown
-from cohelm.record import shown
-from cohelm.record.status import STORE
+from cohelm.core.types import Floats, Pose, wrap
+from cohelm.link.recorded_status import Displayed
+from cohelm.record import markers, period, shown
+from cohelm.record.period import NO_DISCS, NO_H, STORE
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan
 
-PERIOD_TYPE = "cohelm_msgs/msg/Period"
-METADATA = "cohelm drive"
+METADATA, SCENARIO, ROBOT = "cohelm", "scenario.yaml", "robot.json"
+"""Names in the file: of the metadata about it, and of its attachments."""
+STOPPED = "cohelm stopped"
+"""... and of the metadata of one that was stopped before its end."""
 MAP, ODOM, BASE, LASER, CAMERA = "map", "odom", "base_link", "laser", "camera"
 IMAGE = "/camera/image/compressed"
 
 TOPICS = {
+    period.TOPIC: period.TYPE,
     "/odom": "nav_msgs/msg/Odometry",
     "/scan": "sensor_msgs/msg/LaserScan",
     "/tf": "tf2_msgs/msg/TFMessage",
@@ -62,21 +64,30 @@ TOPICS = {
     "/joy": "sensor_msgs/msg/Joy",
     IMAGE: "sensor_msgs/msg/CompressedImage",
     "/rosout": "rcl_interfaces/msg/Log",
-    "/period": PERIOD_TYPE,
+    "/scene": "visualization_msgs/msg/MarkerArray",
     **shown.TOPICS,
 }
+"""Every topic, with its type. `/cmd_vel` is what the wheels try, `/cmd_vel_safe` what the law asked
+for; `/joy` has axes fore-aft and left-right; `/scene` holds the robot's outline and a run's walls.
+"""
 
 
-def _definition() -> str:
-    lines = ["# One period of cohelm's loop; see docs/records.md. Numbers in () are equations."]
-    lines += [
-        f"{PERIOD[name].name} {name.lower()}  # {MEANINGS[name]}" for name in PERIOD.names or ()
-    ]
-    return "\n".join(lines) + "\n"
+_NO_WALLS: Floats = np.empty((0, 4))
 
 
-DEFINITION = _definition()
-STORE.register(get_types_from_msg(DEFINITION, PERIOD_TYPE))
+class About(NamedTuple):
+    """What a file is of."""
+
+    kind: str
+    """run: a simulated one, by its compiled stepper. drive: of a robot, by its loop."""
+    epoch: int
+    """Time stamp of t = 0 [ns]."""
+    scenario: str = ""
+    """YAML; empty if there was none."""
+    names: tuple[str, ...] = ()
+    """Of a run's obstacles."""
+    dt: float = math.nan
+    """Of a run [s]."""
 
 
 class Photo(NamedTuple):
@@ -89,44 +100,53 @@ class Photo(NamedTuple):
     jpeg: bytes
 
 
-class DriveFile:
-    """Writes a drive into an open file. OSError where the file can not grow."""
+class RecordWriter:
+    """Writes a record into an open file. OSError where the file can not grow."""
 
-    def __init__(self, file: IO[bytes], model: RobotModel, epoch: int, scenario: str = "") -> None:
-        """epoch: wall-clock time when the robot's clock was 0 [ns]; a label only."""
+    def __init__(
+        self, file: IO[bytes], about: About, robot: RobotModel | None = None,
+        outline: Floats | None = None, walls: Floats = _NO_WALLS,
+    ) -> None:  # fmt: skip
+        """robot: whose drive it is. outline: (k, 2) of a run's robot, body frame; walls: (s, 4)."""
         # the MCAP writer would buffer a bare file itself, where no flush of ours reaches
         self._file = io.BufferedWriter(file) if isinstance(file, io.RawIOBase) else file
-        self._epoch = epoch
-        self._count = 0
-        self._mcap = Writer(self._file, chunk_size=1 << 16, compression=CompressionType.ZSTD)
+        self._epoch = about.epoch
+        self._count = self._periods = 0
+        # a run is flushed piece by piece, each whole; a drive may be cut off anywhere
+        chunk = 1 << (16 if about.kind == "drive" else 20)
+        self._mcap = Writer(
+            self._file, chunk, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
         self._mcap.start(profile=Profile.ROS2, library=f"cohelm {__version__}")
-        about = {"version": __version__, "robot": model.name, "epoch_ns": str(epoch)}
-        self._mcap.add_metadata(METADATA, about)
-        robot = model.model_dump_json().encode()
-        self._mcap.add_attachment(epoch, epoch, "robot.json", "application/json", robot)
-        if scenario:
-            said = scenario.encode()
-            self._mcap.add_attachment(epoch, epoch, "scenario.yaml", "application/yaml", said)
+        self._mcap.add_metadata(METADATA, _described(about, robot))
+        if robot is not None:
+            self._attach(ROBOT, "application/json", robot.model_dump_json())
+        if about.scenario or robot is None:
+            self._attach(SCENARIO, "application/yaml", about.scenario)
         self._channels: dict[str, int] = {}
         for topic, name in TOPICS.items():
-            if name == PERIOD_TYPE:
-                definition = DEFINITION
+            if name == period.TYPE:
+                definition = period.DEFINITION
             else:
                 definition, _ = STORE.generate_msgdef(name, ros_version=2)
             schema = self._mcap.register_schema(name, SchemaEncoding.ROS2, definition.encode())
             channel = self._mcap.register_channel(topic, MessageEncoding.CDR, schema)
             self._channels[topic] = channel
-        self._lidar = model.lidar
+        self._lidar = robot.lidar if robot is not None else None
         if self._lidar is not None:
             mount = self._lidar.lidar().mount
             self._say(0.0, "/tf_static", TFMessage([self._frame(0.0, BASE, LASER, mount)]))
+        corners = robot.outline if robot is not None else outline
+        if corners is not None:
+            start = self._stamp(0.0)
+            self._say(0.0, "/scene", markers.scene(corners, BASE, walls, MAP, start))
         self._odometry: Pose | None = None
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, a Photo, an Event, or what was Shown."""
+        """One message: an Odometry, a Scan, a Photo, an Event, or what was Displayed."""
         if isinstance(message, Odometry):
             self._odom(message)
-        elif isinstance(message, Shown):
+        elif isinstance(message, Displayed):
             for topic, what in shown.said(message.what, self._stamp(message.stamp), MAP):
                 self._say(message.stamp, topic, what)
         elif isinstance(message, Scan):
@@ -138,12 +158,18 @@ class DriveFile:
         elif isinstance(message, Event):
             self._event(message)
         else:
-            raise TypeError(f"a drive does not hold a {type(message).__name__}")
+            raise TypeError(f"a record does not hold a {type(message).__name__}")
 
-    def period(self, row: NDArray[np.void]) -> None:
-        """One period: a row of PERIOD, shape ()."""
+    def period(
+        self, row: NDArray[np.void], h: Floats = NO_H, discs: Floats = NO_DISCS, beside: bool = True
+    ) -> None:
+        """One period: a row of ROW, shape (), of a run with h_i and the discs. beside: whether what
+        it says is said in ROS 2's own messages too."""
         t = float(row["t"])
-        self._say(t, "/period", STORE.types[PERIOD_TYPE](*row.tolist()))
+        self._say(t, period.TOPIC, period.message(row.tolist(), h, discs), self._periods)
+        self._periods += 1
+        if not beside:
+            return
         robot = Header(self._time(t), BASE)
         applied, safe = (_twist(float(row[f"{s}_v"]), float(row[f"{s}_omega"])) for s in _TWISTS)
         self._say(t, "/cmd_vel", TwistStamped(robot, applied))
@@ -155,6 +181,10 @@ class DriveFile:
             at = self._frame(t, MAP, ODOM, _under(place, self._odometry))
             self._say(t, "/tf", TFMessage([at]))
 
+    def stopped(self, by: str) -> None:
+        """It was stopped before its end."""
+        self._mcap.add_metadata(STOPPED, {"by": by})
+
     def flush(self) -> None:
         """Everything so far stands in the file."""
         self._mcap.flush()
@@ -164,6 +194,9 @@ class DriveFile:
         """The file is whole."""
         self._mcap.finish()
         self._file.flush()
+
+    def _attach(self, name: str, kind: str, text: str) -> None:
+        self._mcap.add_attachment(self._epoch, self._epoch, name, kind, text.encode())
 
     def _odom(self, odometry: Odometry) -> None:
         t, pose, twist = odometry
@@ -220,6 +253,19 @@ class DriveFile:
 _TWISTS = ("applied", "safe")
 
 
+def _described(about: About, robot: RobotModel | None) -> dict[str, str]:
+    """What stands at the file's start: how to read it, and where it came from."""
+    return {
+        "kind": about.kind,
+        "version": __version__,
+        "period_version": str(period.VERSION),
+        "robot": robot.name if robot is not None else "",
+        "dt": repr(about.dt),
+        "obstacles": json.dumps(about.names),
+        "epoch_ns": str(about.epoch),
+    }
+
+
 def _pose(pose: Pose) -> RosPose:
     half = 0.5 * pose.psi if math.isfinite(pose.psi) else math.nan
     quaternion = Quaternion(0.0, 0.0, math.sin(half), math.cos(half))
@@ -237,9 +283,3 @@ def _under(place: Pose, odometry: Pose) -> Pose:
     return Pose(
         place.x - c * odometry.x + s * odometry.y, place.y - s * odometry.x - c * odometry.y, psi
     )
-
-
-def periods(rows: list[Any]) -> NDArray[np.void]:
-    """Messages of `/period` as rows of PERIOD."""
-    names = [name.lower() for name in PERIOD.names or ()]
-    return np.array([tuple(getattr(m, name) for name in names) for m in rows], dtype=PERIOD)

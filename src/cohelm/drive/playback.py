@@ -1,4 +1,4 @@
-"""Plays a recorded drive back as what the robot reported to its stations."""
+"""Plays a record back, of a run or a drive, as what the robot reported to its stations."""
 
 from __future__ import annotations
 
@@ -16,22 +16,34 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.over_link import hello
+from cohelm.law import verdict as verdicts
 from cohelm.link import messages as m
-from cohelm.link.recorded_status import Told
+from cohelm.link.recorded_status import StatusWords
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import POOR, VERDICTS
-from cohelm.record.drive import IMAGE, periods
+from cohelm.record import period
+from cohelm.record.file import IMAGE
 from cohelm.record.messages import messages
+from cohelm.record.read import Found, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, understood
 from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.model import RobotModel
+from cohelm.scenario import load
+from cohelm.scenario.model import Scenario
 from cohelm.station.robot_link import News
 
 _NAN = math.nan
 _AHEAD, _AHEAD_STEP = 12, 0.15
 _EVENT = 4.0  # how long what happened stays on the screen [s]
-_MODES = {GateMode.SHARED: m.Mode.SHARED, GateMode.AUTOMATIC: m.Mode.AUTOMATIC}
-_UNTOLD = Told(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
+_MODES = {int(GateMode.SHARED): m.Mode.SHARED, int(GateMode.AUTOMATIC): m.Mode.AUTOMATIC}
+_UNTOLD = StatusWords(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
+_WHY = {
+    verdicts.SHAPED: "an obstacle", verdicts.POWERLESS: "the filter could not act",
+    verdicts.INVALID: "a number that is not finite",
+    verdicts.BRAKING: "braking: nothing else is certain",
+    verdicts.STANDING: "standing: nothing else is certain",
+}  # fmt: skip
 
 
 class _Series:
@@ -72,26 +84,34 @@ class _Jpeg(NamedTuple):
     size: int
 
 
-class DriveFilm:
-    """A `film.Film` of a drive: of `cohelm robot --record`, or started from the screen."""
+class Playback:
+    """What can be shown of a record."""
 
     def __init__(self, path: Path) -> None:
-        """Raises CohelmError where there is no drive in the file."""
-        self._model = recorded_model(path)
+        """Raises CohelmError where there is no record in the file."""
+        found = periods(path)
+        # as much as there is of a record that was cut short is worth seeing
+        rows = period.rows(found.periods)
+        self._simulated = found.kind == "run"
+        self._rows = _filled(rows) if self._simulated else rows
+        self._model = _robot(path, found)
         lidar = self._model.lidar
         self._mount = lidar.lidar().mount if lidar is not None else Pose(0.0, 0.0, 0.0)
         self._series: dict[str, _Series] = {}
-        self._pictures = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the film
+        self._pictures = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as this
         weakref.finalize(self, self._pictures.close)
         self._scan: WholeScan | None = None
         self._picture: m.Picture | None = None
-        self._rows = self._read(path)
+        for topic, stamp, message in messages(path, ("/scan", "/rosout", IMAGE, *SHOWN)):
+            self._add(topic, (stamp - found.epoch) * 1e-9, message)
         self._times: list[float] = self._rows["t"].tolist()
         self.start = self._times[0]
+        """The robot's clock at the beginning [s]."""
         self.duration = self._times[-1] - self.start
+        """[s]"""
 
     def first(self) -> list[m.FromRobot]:
-        """The robot."""
+        """What does not change: the robot."""
         camera = IMAGE in self._series
         model = self._model if camera else self._model.model_copy(update={"camera": None})
         return [hello(model, "", _NAN)]
@@ -116,19 +136,6 @@ class DriveFilm:
         return out
 
     # ---- reading ------------------------------------------------------------------------
-
-    def _read(self, path: Path) -> NDArray[np.void]:
-        begin = next(messages(path, ("/period",)), None)
-        if begin is None:
-            raise CohelmError(f"{path} holds no drive (/period): give the record of one")
-        zero = begin[1] - round(begin[2].t * 1e9)  # stamp of the robot's clock 0 [ns]
-        rows: list[Any] = []
-        for topic, stamp, message in messages(path, ("/period", "/scan", "/rosout", IMAGE, *SHOWN)):
-            if topic == "/period":
-                rows.append(message)
-            else:
-                self._add(topic, (stamp - zero) * 1e-9, message)
-        return periods(rows)
 
     def _add(self, topic: str, t: float, message: Any) -> None:
         series = self._series.setdefault(topic, _Series())
@@ -179,9 +186,7 @@ class DriveFilm:
             return float(row[name])
 
         now = f("t")
-        told: Told = self._newest("/diagnostics", now) or _UNTOLD._replace(
-            mode=_MODES.get(GateMode(int(row["mode"])), m.Mode.HOLD)
-        )
+        told: StatusWords = self._newest("/diagnostics", now) or _untold(row)
         happened: list[m.Alarm] = []
         if "/rosout" in self._series:
             happened = self._series["/rosout"].between(now - _EVENT, now)
@@ -194,11 +199,11 @@ class DriveFilm:
             Twist(f("measured_v"), f("measured_omega")), Twist(f("nominal_v"), f("nominal_omega")),
             given, told.why,
             m.Guarding(
-                VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("gap"),
-                (f("culprit_x"), f("culprit_y")), f("h"),
+                VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("clearance_seen"),
+                (f("limiting_x"), f("limiting_y")), f("h"),
             ),
             f("e_p"), Pose(f("x_d"), f("y_d"), f("psi_d")), f("progress"), told.cap,
-            told.cap_reason, _localised(row), f("sigma"), False,
+            told.cap_reason, self._localised(row), f("sigma"), False,
             m.Timing(f("late"), int(row["overruns"]), f("stick_age"), _NAN, _NAN, 0),
             (*told.alarms, *reversed(happened))[:8], (), self._ahead(now), _AHEAD_STEP,
         )  # fmt: skip
@@ -208,11 +213,39 @@ class DriveFilm:
         then = [now + (i + 1) * _AHEAD_STEP for i in range(_AHEAD)]
         return tuple(self._pose(t)[:2] for t in then if t <= self._times[-1])
 
+    def _localised(self, row: np.void) -> m.Localised:
+        if self._simulated:
+            return m.Localised.EXACT
+        if row["lost"]:
+            return m.Localised.LOST
+        sigma = float(row["sigma"])
+        if math.isnan(sigma):
+            return m.Localised.UNKNOWN
+        return m.Localised.POOR if sigma > POOR else m.Localised.GOOD
 
-def _localised(row: np.void) -> m.Localised:
-    if row["lost"]:
-        return m.Localised.LOST
-    sigma = float(row["sigma"])
-    if math.isnan(sigma):
-        return m.Localised.UNKNOWN
-    return m.Localised.POOR if sigma > POOR else m.Localised.GOOD
+
+def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
+    """Rows of a run with what it leaves out: all is exact there, and nothing stands between stick
+    and wheels."""
+    out = rows.copy()
+    out["measured_v"], out["measured_omega"] = rows["applied_v"], rows["applied_omega"]
+    out["clearance_seen"], out["progress"] = rows["clearance"], np.linspace(0.0, 1.0, len(rows))
+    out["arming"], out["mode"] = m.Arming.ARMED, GateMode.SHARED
+    return out
+
+
+def _untold(row: np.void) -> StatusWords:
+    """What the numbers alone tell of the words."""
+    mode = _MODES.get(int(row["mode"]), m.Mode.HOLD)
+    why = _WHY.get(int(row["verdict"]), "the wheels' limits" if row["saturated"] else "")
+    return _UNTOLD._replace(mode=mode, why=why)
+
+
+def _robot(path: Path, found: Found) -> RobotModel:
+    """The robot of a drive, or of a run's scenario."""
+    if found.kind != "run":
+        return recorded_model(path)
+    robot = load.parse(found.scenario, Scenario, str(path)).robot
+    if not isinstance(robot, RobotModel):
+        raise CohelmError(f"{path}: its scenario names a robot without describing it")
+    return robot

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.period import PERIOD
+from cohelm.core.row import ROW
 from cohelm.core.types import Stick
-from cohelm.drive.drive_playback import DriveFilm
+from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
-from cohelm.drive.run_playback import film
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import drawn, way
 from cohelm.drive.simulated import simulated
@@ -28,7 +27,7 @@ from cohelm.link.messages import (
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.record.drive import DriveFile, Photo
+from cohelm.record.file import About, Photo, RecordWriter
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
 
@@ -51,7 +50,7 @@ def driven(tmp_path_factory):
     return path, told, shown
 
 
-def at(seen: DriveFilm, t: float) -> dict:
+def at(seen: Playback, t: float) -> dict:
     """The messages at a time of the robot's clock, by type; of lines, by what they are."""
     out = {}
     for news in seen.at(t - seen.start):
@@ -61,23 +60,24 @@ def at(seen: DriveFilm, t: float) -> dict:
 
 def test_numbers_and_words_come_back_as_they_were_told(driven):
     path, told, _ = driven
-    seen = DriveFilm(path)
+    seen = Playback(path)
     for k in (-1, -20, -49):  # standing, braking, and being stopped
         t = seen._times[k]
         then, now = told[k], at(seen, t)[Status]
-        for name in ("pose", "given", "asked", "stick", "arming", "e_p", "reference", "progress",
-                     "mode", "stopped", "why", "localised", "sigma", "speed_cap"):  # fmt: skip
+        for name in ("pose", "applied", "nominal", "stick", "arming", "e_p", "reference",
+                     "progress", "mode", "stopped", "why", "localised", "sigma",
+                     "speed_cap"):  # fmt: skip
             assert repr(getattr(now, name)) == repr(getattr(then, name)), (k, name)
-        assert now.guarding.gap == pytest.approx(then.guarding.gap, nan_ok=True)
+        assert now.guarding.clearance == pytest.approx(then.guarding.clearance, nan_ok=True)
         assert [a for a in now.alarms if a.number < 10_000] == list(then.alarms)
 
 
 def test_who_drove_and_what_happened_is_seen(driven):
-    seen = DriveFilm(driven[0])
+    seen = Playback(driven[0])
     leading = at(seen, 2.9)[Status]
     assert (leading.lease.driver, leading.lease.driver_name) == (1, "script")
     assert leading.mode == Mode.SHARED
-    assert leading.automatic < 0.9
+    assert leading.authority < 0.9
     assert leading.stopped == ""
     stopped = at(seen, 4.5)[Status]
     assert stopped.stopped == "stop by script"
@@ -89,7 +89,7 @@ def test_who_drove_and_what_happened_is_seen(driven):
 
 def test_map_way_scan_and_obstacles_are_those_of_the_drive(driven):
     path, _, (grid, line, points) = driven
-    seen = at(DriveFilm(path), 2.0)
+    seen = at(Playback(path), 2.0)
     assert seen[Map] == grid
     assert np.array_equal(seen[Line.REFERENCE].points, line.points)
     assert np.array_equal(seen[Line.WAYPOINTS].points, points.points)
@@ -107,7 +107,7 @@ def test_map_way_scan_and_obstacles_are_those_of_the_drive(driven):
 
 def test_what_is_not_new_is_not_told_again_and_a_jump_back_tells_what_was(driven):
     now = [0.0]
-    link = Replaying(film(driven[0]), lambda: now[0])
+    link = Replaying(Playback(driven[0]), lambda: now[0])
     first = [type(news.message) for news in link.news()]
     assert Map in first
     assert Polyline in first
@@ -120,37 +120,34 @@ def test_what_is_not_new_is_not_told_again_and_a_jump_back_tells_what_was(driven
     assert status.stopped == ""
 
 
-def test_a_file_is_shown_for_what_it_is(driven, tmp_path):
-    assert isinstance(film(driven[0]), DriveFilm)
+def test_a_record_that_was_cut_short_is_shown_as_far_as_it_goes(driven, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(driven[0].read_bytes()[: driven[0].stat().st_size // 2])
-    assert 0.5 < film(cut).duration < film(driven[0]).duration
+    assert 0.5 < Playback(cut).duration < Playback(driven[0]).duration
     empty = tmp_path / "empty.mcap"
     with empty.open("wb") as file:
-        DriveFile(file, sally(), 0).finish()
-    with pytest.raises(CohelmError, match="no run of cohelm"):
-        film(empty)
-    with pytest.raises(CohelmError, match="holds no drive"):
-        DriveFilm(empty)
-    assert not math.isnan(film(driven[0]).start)
+        RecordWriter(file, About("drive", 0), sally()).finish()
+    with pytest.raises(CohelmError, match="before its first control period"):
+        Playback(empty)
+    assert not math.isnan(Playback(driven[0]).start)
 
 
 def test_the_cameras_pictures_are_shown_from_where_they_were_taken(driven, tmp_path):
     path = tmp_path / "pictures.mcap"
-    row = np.zeros((), dtype=PERIOD)
+    row = np.zeros((), dtype=ROW)
     with path.open("wb") as file:
-        made = DriveFile(file, sally(), 10**18)
+        made = RecordWriter(file, About("drive", 10**18), sally())
         for k in range(20):
             row["t"], row["x"] = 5.0 + 0.1 * k, 0.05 * k
             made.period(row)
             if k % 5 == 0:
                 made.write(Photo(5.0 + 0.1 * k, k, b"picture %d" % k))
         made.finish()
-    seen = film(path)
+    seen = Playback(path)
     (hello,) = seen.first()
     assert not math.isnan(hello.camera[0])
     for t, k in ((0.1, 0), (0.72, 5), (0.2, 0), (1.6, 15)):
         picture = at(seen, seen.start + t)[Picture]
         assert picture.jpeg == b"picture %d" % k
         assert picture.pose.x == pytest.approx(0.05 * k, abs=0.051)
-    assert math.isnan(DriveFilm(driven[0]).first()[0].camera[0])
+    assert math.isnan(Playback(driven[0]).first()[0].camera[0])
