@@ -5,7 +5,8 @@ Published maps are read where they are there, beside the checkout; such a map is
 at once, as in a simulator. Buildings are drawn by `tests/perceive/buildings.py`; seeds below 100
 may be tuned on, those from 100 on are for the table in docs/perceive.md.
 
-    python -m benchmarks.places [drives] [kidnaps] [cold] [mapping] [--only NAME] [--seeds 100:105]
+    python -m benchmarks.places [drives] [beside] [kidnaps] [cold] [mapping] [--only NAME]
+        [--seeds 100:105]
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ sys.path.insert(0, str(ROOT))
 
 from scipy import ndimage  # noqa: E402
 
+from benchmarks.other_localizers import Other, ParticleFilter, PlainIcp  # noqa: E402
 from cohelm.core.frames import between  # noqa: E402
 from cohelm.core.types import Floats, Pose  # noqa: E402
 from cohelm.perceive.map.mapper import Survey  # noqa: E402
@@ -78,14 +80,14 @@ class Result(NamedTuple):
     """Error at the end [m]; inf if lost."""
 
 
-def published() -> dict[str, Callable[[], Place]]:
+def published() -> dict[str, Callable[[], OccupancyMap]]:
     """The maps by others that are there."""
-    found: dict[str, Callable[[], Place]] = {}
+    found: dict[str, Callable[[], OccupancyMap]] = {}
     for file in sorted(DATA.glob("*.yaml")):
-        found[file.stem] = lambda file=file: laid(file.stem, read_map(file))
+        found[file.stem] = lambda file=file: read_map(file)
     listed = DATA / "maps.json"
     for name, about in json.loads(listed.read_text()).items() if listed.exists() else ():
-        found[name] = lambda name=name, about=about: laid(name, pictured(about))
+        found[name] = lambda about=about: pictured(about)
     return found
 
 
@@ -110,13 +112,17 @@ def laid(name: str, made: OccupancyMap) -> Place:
 def followed(
     place: Place, way: list[tuple[float, float]], seed: int, *, boxed: int = 0,
     model: LidarModel = LIDAR, error: float = 0.015, speed: float = 0.5,
-    start: Callable[[Pose], Pose | None] = lambda pose: pose, name: str = "",
+    other: type[Other] | None = None, name: str = "",
 ) -> Result:  # fmt: skip
+    """A drive that the robot has the start of, by our perception or by another method."""
     poses, twists = along(way, speed)
     walls = place.walls
     if boxed:
         walls = np.vstack((walls, boxes(place, poses, boxed, seed)))
-    perception = Perception(SALLY.model_copy(update={"lidar": model}), place.known, start(poses[0]))
+    perception = (
+        Perception(SALLY.model_copy(update={"lidar": model}), place.known, poses[0])
+        if other is None else other(model.lidar(), place.known, poses[0])
+    )  # fmt: skip
     off, lost, sigmas, times = [], [], [], []
     number, trace = None, []
     for moment in drive(
@@ -189,6 +195,9 @@ def main() -> None:
     parser.add_argument("--seeds", default="100:104", help="of buildings")
     parser.add_argument("--drives", type=int, default=3, help="on each published map")
     parser.add_argument("--length", type=float, default=120.0)
+    parser.add_argument(
+        "--seed", type=int, default=907, help="of cold starts, and of drives beside others"
+    )
     given = parser.parse_args()
     first, last = (int(n) for n in given.seeds.split(":"))
     rehearse(SALLY, mapped=True)
@@ -198,7 +207,7 @@ def main() -> None:
         for name, make in published().items():
             if given.only and given.only not in name:
                 continue
-            place = make()
+            place = laid(name, make())
             length = given.length if place.clear.size > 20_000 else 20.0
             for seed in range(given.drives):
                 for variant, (artefacts, how) in VARIANTS.items():
@@ -224,6 +233,8 @@ def main() -> None:
             rows = [r for r in all_ if r.name.endswith(variant)]
             if rows:
                 print(told(summed(variant, rows)))
+    if "beside" in given.tables:
+        beside(given, first, last)
     if "kidnaps" in given.tables:
         kidnaps(given, first, last)
     if "cold" in given.tables:
@@ -263,6 +274,29 @@ def mapping(first: int, last: int, alike: bool) -> None:
         )
 
 
+def beside(given: argparse.Namespace, first: int, last: int) -> None:
+    """The same drives by our perception, a particle filter and plain ICP."""
+    print(HEAD)
+    methods = {"cohelm": None, "particle filter (AMCL)": ParticleFilter, "plain ICP": PlainIcp}
+    rows: dict[tuple[str, str], list[Result]] = {}
+    for place in places_of(given, first, last, small=True):
+        large = place.clear.size > 20_000
+        length, room = (given.length, 0.38) if large else (20.0, 0.3)
+        way = tour(place, given.seed, length, room)
+        for variant in ("as drawn", "ten new boxes"):
+            if given.variant and given.variant not in variant:
+                continue
+            for name, method in methods.items():
+                found = followed(
+                    place, way, given.seed, other=method, name=f"{place.name}, {variant}, {name}",
+                    **VARIANTS[variant][1],
+                )  # fmt: skip
+                rows.setdefault((variant, name), []).append(found)
+                print(told(found), flush=True)
+    for (variant, name), found in rows.items():
+        print(told(summed(f"{variant}, {name}", found)))
+
+
 def summed(name: str, rows: list[Result]) -> Result:
     """Of many drives: means of the shares, and the worst of the rest."""
     a = np.array([r[1:] for r in rows])
@@ -274,9 +308,9 @@ def summed(name: str, rows: list[Result]) -> Result:
     )  # fmt: skip
 
 
-def places_of(given: argparse.Namespace, first: int, last: int) -> list[Place]:
-    found = [make() for name, make in published().items() if given.only in name]
-    found = [p for p in found if p.clear.size > 20_000]
+def places_of(given: argparse.Namespace, first: int, last: int, small: bool = False) -> list[Place]:
+    found = [laid(name, make()) for name, make in published().items() if given.only in name]
+    found = [p for p in found if small or p.clear.size > 20_000]
     return found + [building(s) for s in range(first, last) if given.only in f"building {s}"]
 
 
@@ -342,34 +376,46 @@ def _clear(place: Place, x: float, y: float) -> float:
 
 
 def cold(given: argparse.Namespace, first: int, last: int) -> None:
-    """Switched on with no idea where it is, and driven."""
+    """Switched on with no idea where it is, and driven: twelve times on each map, four times in
+    each building."""
     print(f"{'':44s} {'right within 10 s':>18s} {'median':>7s} ever wrong and sure")
-    for place in places_of(given, first, last):
-        way = tour(place, 51, 80.0 if given.quick else 160.0)
+    times, wrongs = [], 0
+    for place in places_of(given, first, last, small=True):
+        large = place.clear.size > 20_000
+        way = tour(place, given.seed, 160.0, 0.38 if large else 0.3)
         poses, twists = along(way, 0.5)
-        rng, count = np.random.default_rng(10), 4 if given.quick else 10
-        times, wrong = [], 0
+        rng, count = np.random.default_rng([given.seed, 10]), 4 if place.walls.size else 12
+        own, wrong = [], 0
         for _ in range(count):
             k = int(rng.integers(0, len(poses) - 750))
-            perception, first_right, bad = Perception(SALLY, place.known), math.inf, False
+            perception, first_right, bad = Perception(SALLY, place.known), math.inf, 0.0
+            seed = int(rng.integers(1_000_000))
             for moment in drive(
-                poses[k : k + 750], twists[k : k + 749], int(rng.integers(1_000_000)),
+                poses[k : k + 750], twists[k : k + 749], seed,
                 around=NO_DISCS, walls=place.walls, grid=place.grid,
             ):  # fmt: skip
                 seen = perception.take(moment.now, moment.readings)
                 if seen.lost:
                     continue
                 e = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
-                bad |= e > WRONG
+                bad += DT if e > WRONG else 0.0
                 if e < 0.2:
                     first_right = min(first_right, moment.now)
-            times.append(first_right)
-            wrong += bad
-        t = np.array(times)
+            own.append(first_right)
+            wrong += bad > 0.0
+            if bad > 0.0 or first_right > 10.0:
+                print(
+                    f"    {place.name}, {seed}, from {k}: right at {first_right:.1f} s, wrong and "
+                    f"sure for {bad:.1f} s; {seen.reason}"
+                )
+        t = np.array(own)
         print(
             f"{place.name:44s} {(t <= 10.0).sum():8d} of {count:3d} {np.median(t):9.2f}s {wrong}",
             flush=True,
         )
+        times, wrongs = [*times, *own], wrongs + wrong
+    t = np.array(times)
+    print(f"{'all':44s} {(t <= 10.0).sum():8d} of {len(t):3d} {np.median(t):9.2f}s {wrongs}")
 
 
 if __name__ == "__main__":

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.localization_map import known
+from cohelm.perceive.localize.localization_map import judge, known
 from cohelm.perceive.pipeline import Perception
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
+from cohelm.sim.lidar import scan as cast
 from tests.perceive.buildings import NO_DISCS, Artefacts, building, tour
 from tests.perceive.drives import DT, LIDAR, along, drive
 
@@ -131,3 +132,39 @@ def test_where_a_wall_is_drawn_within_its_cells_is_learnt(drawn):
     rows = followed(made, poses, twists, 3, walls)
     assert not rows[:, 1].any()
     assert math.sqrt((rows[20:, 0] ** 2).mean()) < 0.008
+
+
+def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
+    """A place that explains a quarter of the scan, without a contradiction, is not likelier than
+    the one that explains all but a wall that stands no more."""
+    cell = 0.05
+    drawn = np.zeros((240, 240), dtype=bool)
+    drawn[[40, 160], 40:161] = drawn[40:161, [40, 160]] = True  # a room of 6 m
+    free = np.zeros_like(drawn)
+    free[41:160, 41:160] = True
+    free[41:160, 165:175] = True  # and a strip beside it, of which no more was seen
+    drawn[41:160, 164] = True
+    made = known(drawn, free, cell, Pose(0.0, 0.0, 0.0))
+    stands = drawn.copy()
+    stands[50:90, 160] = False
+    lidar = LIDAR.lidar()
+    here, there = Pose(5.0, 5.0, 0.3), Pose(8.5, 5.0, math.pi)
+    ranges = np.empty(len(lidar.beams))
+    cast(here, lidar, NO_DISCS, NO_WALLS, grid(stands, cell, Pose(0.0, 0.0, 0.0)), 0, 0, ranges)
+    right, beside = (judge(made, lidar, pose, ranges, 1) for pose in (here, there))
+    assert beside.told < 0.5 * right.told
+    assert right.weighed > beside.weighed + 6.0
+
+
+@pytest.mark.parametrize("start", [16, 24, 33, 41])
+def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(start):
+    """More places look like this one than can be followed: what is left of some is no proof."""
+    occupied, free, cell, origin = dotted(4, length=60.0)
+    poses, twists = along([(start + 0.7 * k, 0.05 * (-1) ** k) for k in range(8)])
+    perception = Perception(SALLY, known(occupied, free, cell, origin))
+    for moment in drive(
+        poses, twists, start, NO_DISCS, NO_WALLS, grid=grid(occupied, cell, origin)
+    ):
+        seen = perception.take(moment.now, moment.readings)
+        off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+        assert seen.lost or off < 0.2

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from cohelm.core.frames import compose
-from cohelm.core.types import Pose
+from cohelm.core.types import Floats, Pose
 from cohelm.drive.factory import beginning, described
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.model import RobotModel
@@ -16,10 +18,12 @@ from cohelm.robot.port import Robot
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.worlds.maps import read_map
+from cohelm.sim.grid import NO_GRID
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.twin.settings import TwinModel, lag
 
 Kind = Literal["kinematic", "twin"]
+NO_WALLS: Floats = np.empty((0, 4))
 
 
 @dataclass(frozen=True)
@@ -50,12 +54,15 @@ class Simulated:
 
     def __call__(self) -> Robot:
         """A new one, standing at the start."""
-        around, clock = self.scenario.around(), pace(self.real_time)
+        scenery, clock = self.scenario.scenery(), pace(self.real_time)
+        if scenery.grid is not NO_GRID:  # its borders come with the map, and a LiDAR sees its cells
+            scenery = scenery._replace(walls=NO_WALLS)
+        around, grid = self.scenario.around(scenery), scenery.grid
         if self.kind == "kinematic":
-            return Kinematic(self.model, self.start, around, seed=self.seed, pace=clock)
+            return Kinematic(self.model, self.start, around, grid=grid, seed=self.seed, pace=clock)
         from cohelm.sim.twin.robot import Twin  # MuJoCo takes half a second to import
 
-        return Twin(self.model, self.start, around, seed=self.seed, pace=clock)
+        return Twin(self.model, self.start, around, grid=grid, seed=self.seed, pace=clock)
 
 
 def simulated(

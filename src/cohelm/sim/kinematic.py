@@ -15,7 +15,7 @@ from cohelm.robot.limits import Limits, achievable
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan
-from cohelm.sim.grid import NO_GRID, Grid
+from cohelm.sim.grid import NO_GRID, Grid, borders
 from cohelm.sim.lidar import scan
 from cohelm.sim.odometer import Odometer
 from cohelm.sim.world import NOWHERE, World, clearance, place, world
@@ -81,8 +81,10 @@ class Kinematic(Paced):
         self._step = step
         self._limits = model.bounds()
         self._outline, self._reach = model.outline, model.reach
-        self._world = world(([], np.empty((0, 4)))) if around is None else around
-        self._discs = np.empty((len(self._world.discs), 6))
+        around = world(([], np.empty((0, 4)))) if around is None else around
+        self._seen_walls = around.walls  # a LiDAR sees the grid itself
+        self._world = around._replace(walls=np.vstack((around.walls, borders(grid))))
+        self._discs = np.empty((len(around.discs), 6))
         self._grid, self._seed = grid, seed
         self._timeout = max(round(timeout / self._step), 1)
         self._delay = round(model.delay_s / self._step)
@@ -188,7 +190,7 @@ class Kinematic(Paced):
         ranges = np.empty(len(self._lidar.beams))
         place(self._discs, self._world, tick * self._step)
         scan(
-            self._motion.pose, self._lidar, self._discs, self._world.walls, self._grid,
+            self._motion.pose, self._lidar, self._discs, self._seen_walls, self._grid,
             self._seed, number, ranges,
         )  # fmt: skip
         ranges.flags.writeable = False

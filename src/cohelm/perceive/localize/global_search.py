@@ -8,27 +8,43 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.types import Floats, Ints, Pose, wrap
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.surfaces import moved
 
 _POINTS = 64
 _TURNS = 120
-_BEST = 4  # headings kept of each place
+_BEST = 4  # headings kept of each block
 _TOLERANCE = 0.2  # of a point from its wall, at the raster of places and headings [m]
+_BLOCK = 0.4  # places in one square of this side are looked at as one, at first [m];
+_WITHIN = 0.15  # none is farther from the middle of its block [m]
+_SHARE, _LEAST = 0.15, 200  # of blocks and headings, so many are looked at place by place
+_AT_ONCE = 10  # of which so many take the time of a block
 _APART, _TURNED = 0.35, 0.3  # candidates nearer to each other than both are one [m, rad]
 
 
 class Search(NamedTuple):
-    """points: (t, p, 2), a sweep turned by each heading. places: (k, 2) still as on the map.
-    scores: (k, 4) of the best headings of each place, turns: (k, 4) which ones. done: places
-    looked at so far. The arrays are filled in as it goes."""
+    """points: (t, p, 2), a sweep turned by each heading. places: (n, 2) still as on the map, by
+    blocks: those of block b are first[b] up to first[b + 1]. middles: (k, 2). scores: (k, 4) of the
+    best headings of each block, turns: (k, 4) which ones. done: blocks looked at so far. best:
+    (m,), which of those scores are looked at place by place, found: (m, 4) score, x, y, heading of
+    the best there, refined: how many so far. The arrays are filled in as it goes."""
 
     points: Floats
     places: Floats
+    first: Ints
+    middles: Floats
     scores: Floats
-    turns: Floats
+    turns: Ints
     done: int
+    best: Ints
+    found: Floats
+    refined: int
+
+    @property
+    def over(self) -> bool:
+        """Whether all has been looked at."""
+        return self.done == len(self.middles) and self.refined == len(self.best)
 
 
 def search(points: Floats, places: Floats) -> Search:
@@ -37,51 +53,51 @@ def search(points: Floats, places: Floats) -> Search:
     turned = np.stack([
         moved(Pose(0.0, 0.0, 2.0 * math.pi * t / _TURNS), chosen, False) for t in range(_TURNS)
     ])  # fmt: skip
-    k = len(places)
-    return Search(turned, places, np.full((k, _BEST), -math.inf), np.zeros((k, _BEST)), 0)
+    cells = np.floor(places / _BLOCK).astype(np.int64)
+    order = np.lexsort(cells.T)
+    places, cells = places[order], cells[order]
+    new = np.ones(len(places), dtype=bool)
+    new[1:] = (np.diff(cells, axis=0) != 0).any(axis=1)
+    first = np.append(np.flatnonzero(new), len(places)).astype(np.int64)
+    sums = np.add.reduceat(places, first[:-1], axis=0) if len(places) else places
+    middles = sums / np.diff(first)[:, None]
+    k = len(middles)
+    return Search(
+        turned, places, first, middles, np.full((k, _BEST), -math.inf),
+        np.zeros((k, _BEST), dtype=np.int64), 0, np.empty(0, np.int64), np.empty((0, 4)), 0,
+    )  # fmt: skip
 
 
 def looked(state: Search, known: LocalizationMap, count: int) -> Search:
-    """Look at the next `count` places."""
-    end = min(state.done + count, len(state.places))
-    _look(state.points, state.places, known, state.done, end, state.scores, state.turns)
-    return state._replace(done=end)
+    """Look at the next `count` blocks, or at as many of the best place by place."""
+    if state.done < len(state.middles):
+        end = min(state.done + count, len(state.middles))
+        _look(state.points, state.middles, known, state.done, end, state.scores, state.turns)
+        state = state._replace(done=end)
+        if end == len(state.middles):
+            flat = state.scores.ravel()
+            most = max(round(_SHARE * len(flat)), _LEAST)
+            best = np.argsort(-flat)[:most]
+            best = best[np.isfinite(flat[best])]
+            state = state._replace(best=best, found=np.empty((len(best), 4)))
+        return state
+    end = min(state.refined + _AT_ONCE * count, len(state.best))
+    _refine(state, known, state.refined, end)
+    return state._replace(refined=end)
 
 
 @jit
 def _look(
-    points: Floats, places: Floats, known: LocalizationMap, first: int, end: int, scores: Floats,
-    turns: Floats,
+    points: Floats, middles: Floats, known: LocalizationMap, first: int, end: int, scores: Floats,
+    turns: Ints,
 ) -> None:  # fmt: skip
-    headings, m = points.shape[0], points.shape[1]
-    sums = np.empty(headings)
-    scale = -0.5 / (_TOLERANCE * _TOLERANCE)
-    likely = np.empty(64)
-    for k in range(64):
-        likely[k] = math.exp(scale * (k / 64.0) ** 2)
-    # All in cells of the map from its corner: this is looked up half a million times a slice.
-    c, s = (
-        math.cos(known.origin.psi) / known.resolution,
-        math.sin(known.origin.psi) / known.resolution,
-    )
-    cells = np.empty((headings, m, 2))
-    for t in range(headings):
-        for p in range(m):
-            x, y = points[t, p, 0], points[t, p, 1]
-            cells[t, p, 0], cells[t, p, 1] = c * x + s * y, -s * x + c * y
-    rows, columns = known.gap.shape
+    """What no place of a block can exceed by much: a distance to walls changes by no more than the
+    place does."""
+    headings = points.shape[0]
+    sums, likely, cells = np.empty(headings), _likelihoods(_WITHIN), _cells(points, known)
     for k in range(first, end):
-        x, y = places[k, 0] - known.origin.x, places[k, 1] - known.origin.y
-        column, row = c * x + s * y, -s * x + c * y
         for t in range(headings):
-            total = 0.0
-            for p in range(m):
-                u, v = column + cells[t, p, 0], row + cells[t, p, 1]
-                if 0.0 <= u < columns and 0.0 <= v < rows:
-                    gap = known.gap[int(v), int(u)]
-                    if gap < 1.0:
-                        total += likely[int(64.0 * gap)]
-            sums[t] = total / m
+            sums[t] = _score(cells, t, middles[k, 0], middles[k, 1], known, likely)
         for t in range(headings):
             before, after = sums[t - 1], sums[(t + 1) % headings]
             if not (sums[t] >= before and sums[t] > after):
@@ -94,16 +110,74 @@ def _look(
                 scores[k, worst], turns[k, worst] = sums[t], t
 
 
+@jit
+def _refine(state: Search, known: LocalizationMap, first: int, end: int) -> None:
+    """The best place and heading of a block, near the heading that the whole of it had."""
+    headings = state.points.shape[0]
+    likely, cells = _likelihoods(0.0), _cells(state.points, known)
+    for i in range(first, end):
+        k, b = state.best[i] // _BEST, state.best[i] % _BEST
+        state.found[i, 0] = -math.inf
+        for j in range(state.first[k], state.first[k + 1]):
+            x, y = state.places[j, 0], state.places[j, 1]
+            for beside in range(-1, 2):
+                t = (state.turns[k, b] + beside) % headings
+                score = _score(cells, t, x, y, known, likely)
+                if score > state.found[i, 0]:
+                    state.found[i, 0], state.found[i, 1], state.found[i, 2] = score, x, y
+                    state.found[i, 3] = 2.0 * math.pi * t / headings
+
+
+@jit
+def _likelihoods(nearer: float) -> Floats:
+    """Of a point by its distance to a wall, in 64ths of a metre, taken to be so much nearer."""
+    likely = np.empty(64)
+    for k in range(64):
+        likely[k] = math.exp(-0.5 * (max(k / 64.0 - nearer, 0.0) / _TOLERANCE) ** 2)
+    return likely
+
+
+@jit
+def _cells(points: Floats, known: LocalizationMap) -> Floats:
+    """All in cells of the map from its corner: this is looked up half a million times a slice."""
+    c, s = (
+        math.cos(known.origin.psi) / known.resolution,
+        math.sin(known.origin.psi) / known.resolution,
+    )
+    cells = np.empty(points.shape)
+    for t in range(points.shape[0]):
+        for p in range(points.shape[1]):
+            x, y = points[t, p, 0], points[t, p, 1]
+            cells[t, p, 0], cells[t, p, 1] = c * x + s * y, -s * x + c * y
+    return cells
+
+
+@jit
+def _score(
+    cells: Floats, t: int, x: float, y: float, known: LocalizationMap, likely: Floats
+) -> float:
+    """Mean likelihood of a sweep's points from a place, turned by heading t."""
+    c, s = (
+        math.cos(known.origin.psi) / known.resolution,
+        math.sin(known.origin.psi) / known.resolution,
+    )
+    dx, dy = x - known.origin.x, y - known.origin.y
+    column, row = c * dx + s * dy, -s * dx + c * dy
+    rows, columns = known.gap.shape
+    total, m = 0.0, cells.shape[1]
+    for p in range(m):
+        u, v = column + cells[t, p, 0], row + cells[t, p, 1]
+        if 0.0 <= u < columns and 0.0 <= v < rows:
+            gap = known.gap[int(v), int(u)]
+            if gap < 1.0:
+                total += likely[int(64.0 * gap)]
+    return total / m
+
+
 def candidates(state: Search, count: int) -> list[Pose]:
     """The best poses found, best first, each some way from all better ones."""
-    flat = state.scores.ravel()
-    order = np.argsort(-flat)[: 60 * count]
-    order = order[np.isfinite(flat[order])]
-    poses = np.column_stack((
-        state.places[order // _BEST],
-        2.0 * math.pi / _TURNS * state.turns.ravel()[order],
-    ))  # fmt: skip
-    return [Pose(*row) for row in _apart(poses, count)[:, :].tolist()]
+    found = state.found[np.argsort(-state.found[:, 0])]
+    return [Pose(*row) for row in _apart(found[:, 1:].copy(), count).tolist()]
 
 
 @jit

@@ -216,7 +216,9 @@ class Judgement(NamedTuple):
     agree: ends at a wall. short: something is in front of it, a person perhaps. through: it
     passed where the map has a wall, or did not return from one. log: how likely the scan is, by
     the number of things that contradict, not of their beams: one wide wall is one error of the
-    map, three are a wrong place. told: number of beams.
+    map, three are a wrong place. told: number of beams. weighed: log as it compares with that of
+    other places: what ends where the map knows nothing is explained by nothing there, and any range
+    was as likely.
     """
 
     agree: float
@@ -224,6 +226,7 @@ class Judgement(NamedTuple):
     through: float
     log: float
     told: int
+    weighed: float
 
 
 _NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
@@ -270,10 +273,13 @@ def judge(
     log += _cost(before, run, every)
     told = counts[_AGREE] + counts[_IN_FRONT] + counts[_BEHIND]
     if told == 0:
-        return Judgement(0.0, 0.0, 0.0, -1e3, 0)
+        return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3)
+    log += near_log * _INDEPENDENT / told
+    known_ = math.log(max(lidar.range_max / (math.sqrt(2.0 * math.pi) * _SPREAD), 1.0))
+    blank = counts[_BEYOND] / (told + counts[_BEYOND])
     return Judgement(
-        counts[_AGREE] / told, counts[_IN_FRONT] / told, counts[_BEHIND] / told,
-        log + near_log * _INDEPENDENT / told, told,
+        counts[_AGREE] / told, counts[_IN_FRONT] / told, counts[_BEHIND] / told, log, told,
+        log - blank * _INDEPENDENT * known_,
     )  # fmt: skip
 
 

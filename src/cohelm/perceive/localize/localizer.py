@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.frames import between, compose
+from cohelm.core.frames import between, compose, inverse
 from cohelm.core.types import Floats, Pose, wrap
 from cohelm.perceive.localize.global_search import Search, candidates, looked, search
 from cohelm.perceive.localize.keyframe import Keyframe, agreement, usable
@@ -30,7 +30,7 @@ from cohelm.perceive.match.odometry_covariance import (
     updated,
 )
 from cohelm.perceive.match.scan_matching import Care, Fit, align, independent
-from cohelm.perceive.match.surfaces import facing, normals
+from cohelm.perceive.match.surfaces import facing, moved as shifted, normals
 from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
@@ -70,7 +70,12 @@ class Caution(NamedTuple):
     """A pose that has fitted for this way [m] is not given up for what the map shows wrong, while
     scans agree with each other,"""
     unheld: float = 5.0
-    """before it has been so for this way [m]."""
+    """before it has been so for this way [m]: then the whole map is searched for a better place,"""
+    elsewhere: int = 2
+    """and that one must be better in so many searches in a row."""
+    poor: float = 0.25
+    """Where less than this share of what is unblocked fits, there is no map to speak of: then no
+    search is needed to be lost, and none is enough to be found."""
     rivals: int = 4
     """Nor for another place, unless that fitted better by `margin` in so many checks in a row,"""
     rivalled: float = 1.5
@@ -91,6 +96,10 @@ class Caution(NamedTuple):
     """through as many scans: a robot that stands would else be lost for ever."""
     views: int = 4
     """Switched on with no idea where it is, it must hold from so many places some way apart."""
+    view: float = 0.5
+    """Until then views so far apart [m, rad] are kept,"""
+    kept: int = 6
+    """so many, and what is found must fit them as well."""
     whole: float = 0.75
     """Far from where it was, or with no idea where that was, this share of all beams must agree:
     people near by hide less than a quarter of what is around,"""
@@ -103,6 +112,17 @@ class Caution(NamedTuple):
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40
+    """So many places of a search near by are matched, best first, and"""
+    everywhere: int = 160
+    """of a search of the whole map. Where one of the last"""
+    last: int = 10
+    """fits, there were more."""
+    followed: int = 64
+    """So many are followed,"""
+    judged: int = 8
+    """so many at each scan, in turn. Where more are left out that are not"""
+    refuted: float = 20.0
+    """less likely than the best by this, as log likelihood, nothing far off is believed."""
     places: int = 80
     """Places looked at in one slice."""
     points: int = 360
@@ -120,16 +140,29 @@ class Located(NamedTuple):
     reason: str
 
 
+class _View(NamedTuple):
+    """A scan from where the robot was, `back` from where it is now: points in the body frame then,
+    and the whole scan's ranges."""
+
+    back: Pose
+    points: Floats
+    ranges: Floats
+
+
 @dataclass
 class _Hypothesis:
     pose: Pose
     covariance: Floats
     """(3, 3)"""
     log: float
-    """Likelihood of all scans before, from places some way apart."""
+    """Likelihood of all scans before, from places some way apart, weighed."""
     latest: float
     """And of the newest."""
     judged: Judgement
+    age: int = 0
+    """Scans since it was judged."""
+    stale: bool = False
+    """Whether it has not been judged from here, where others have."""
 
     @property
     def total(self) -> float:
@@ -158,7 +191,13 @@ class Locator:
         self._way = self._turned = 0.0
         self._leg = Pose(0.0, 0.0, 0.0)  # on from where hypotheses were last judged afresh
         self._views = 0  # places some way apart that they were judged from before
-        self._answered = False  # whether they are those of a whole search
+        self._answered = False  # whether they are those of a whole search,
+        self._all = False  # and that of the whole map
+        self._tried: list[float] = []  # likelihoods of all that were matched
+        self._full = False  # whether there may have been more
+        self._behind: list[_View] = []  # of the last metres, the newest last; while cold only
+        self._earlier: list[_View] = []  # of them, those that a search goes by beside its own
+        self._complete = True  # whether no place that fits as well was left out
         self._waited = 0  # scans since then
         self._everywhere = self._cold = self.start is None
         self._told = False  # whether somebody has just said where it is
@@ -179,6 +218,8 @@ class Locator:
         self._fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
         self._rivals = 0
         self._rival, self._rivalled = Pose(0.0, 0.0, 0.0), 0.0
+        self._checked = 0.0  # log likelihood of the believed pose by the scan it is checked with
+        self._elsewhere = 0  # searches of the whole map that found a better place
         pose = self.start or Pose(0.0, 0.0, 0.0)
         lost = self.start is None
         wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
@@ -216,6 +257,8 @@ class Locator:
         mount = self.lidar.mount
         across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
         self._ranges = sweep.ranges
+        if self._cold:
+            self._look_back(step, sweep)
         self._compare(odometry, sweep.ranges)
         if self.located.lost:
             self._follow(step, sweep, points, across)
@@ -230,19 +273,39 @@ class Locator:
         points, across, ranges = self._searched
         if self._search is not None:
             self._search = looked(self._search, self.known, self.caution.places)
-            if self._search.done == len(self._search.places):
-                self._found += candidates(self._search, self.caution.hypotheses)
+            if self._search.over:
+                c = self.caution
+                most = c.everywhere if self._everywhere else c.hypotheses
+                found = candidates(self._search, most)
+                self._full = len(found) == most
+                self._found += found
                 self._search = None
             return self.located
         for pose in self._found[:4]:
-            self._consider(pose, points, across, ranges)
+            self._tried.append(self._consider(pose, points, across, ranges))
         self._found = self._found[4:]
         if not self._found:
             self._searched, self._answered, self._waited = None, True, 0
+            self._all = self._everywhere
+            self._views = len(self._earlier) if self._cold else self._views
+            # more places were found than were tried, where the last of them fit as well as the best
+            last = self._tried[-self.caution.last :]
+            close = 2.0 * self.caution.margin
+            self._complete = not self._full or max(last) < max(self._tried) - close
             self._settle()
             if self.located.lost and not any(self._plausible(h.judged) for h in self._hypotheses):
                 self._everywhere = self._cold or not self._everywhere
         return self.located
+
+    def _look_back(self, step: Pose, sweep: DeskewedScan) -> None:
+        """Keep the views of the last metres: a place that is thought of only now must fit them."""
+        c, turn = self.caution, inverse(step)
+        seen = [view._replace(back=compose(turn, view.back)) for view in self._behind]
+        last = seen[-1].back if seen else None
+        near = last and math.hypot(last.x, last.y) < c.view and abs(last.psi) < c.view
+        if not near and usable(self.lidar, sweep.ranges):
+            seen.append(_View(Pose(0.0, 0.0, 0.0), sweep.points, sweep.ranges))
+        self._behind = seen[-c.kept :]
 
     def _compare(self, odometry: Pose, ranges: Floats) -> None:
         """Ask whether this scan contradicts the keyframe; take a newer one where it does not."""
@@ -287,7 +350,9 @@ class Locator:
             fits = self._fits(judged)
         self._fitting = self._fitting + way if fits else self._fitting
         self._unheld = 0.0 if fits else self._unheld + way
-        self._doubts = self._doubts + 1 if not fits and (movable or self._unheld > c.unheld) else 0
+        astray = self._unheld > c.unheld
+        doubtful = movable or (astray and not self._fair(judged, c.poor))
+        self._doubts = self._doubts + 1 if not fits and doubtful else 0
         if self._doubts >= c.patience:
             self._forget()
             self._everywhere = False
@@ -314,7 +379,7 @@ class Locator:
             self.located = Located(
                 fit.pose, self._told_joint[:3, :3].copy(), judged.agree, False, ""
             )
-        self._likely = judged.log
+        self._likely = judged.weighed
         odd = judged.log < max(c.odd, self._usual - max(c.drop, 3.0 * self._spread))
         if self._usual == -math.inf:
             self._usual = judged.log
@@ -324,8 +389,9 @@ class Locator:
         self._odd = self._odd + 1 if odd else 0
         self._rivalled += way
         due = self._odd >= c.patience and self._odd % c.pause == c.patience
-        if (due or self._told) and not self._searched:
-            self._everywhere, self._checking = False, True
+        if (due or self._told or astray) and not self._searched:
+            self._everywhere, self._checking = astray, True
+            self._checked = judged.weighed
             self._seek(points, across, sweep)
             self._told = self._told and self._searched is None
 
@@ -337,15 +403,16 @@ class Locator:
         new = self.care.offset + min(way / self.caution.drawn, 0.1) * fit.before
         self.care = self.care._replace(offset=min(max(new, -most), most))
 
-    def _believe(self, pose: Pose, covariance: Floats, share: float) -> None:
-        """Track from here on."""
+    def _believe(self, pose: Pose, covariance: Floats, share: float, proven: bool = False) -> None:
+        """Track from here on. proven: nothing else on the map comes near it."""
         self._cold, self._before = False, None
+        self._behind, self._earlier = [], []
         self._joint = joined(covariance, self._joint[3:, 3:])
         self._told_joint = self._joint
         self._keyframe, self._alarm, self._jolts = None, 0, 0
         self._left = None
-        self._fitting = self._unheld = 0.0
-        self._rivals = 0
+        self._fitting, self._unheld = self.caution.proven if proven else 0.0, 0.0
+        self._rivals = self._elsewhere = 0
         self.located = Located(pose, covariance, share, False, "")
 
     def _follow(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
@@ -354,25 +421,34 @@ class Locator:
         self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
         self._leg = compose(self._leg, step)
         way, turned = math.hypot(self._leg.x, self._leg.y), abs(self._leg.psi)
-        fresh = way + 0.5 * turned > 0.15  # a scan from the same spot says nothing new
+        # a scan from the same spot says nothing new
+        fresh = way + 0.5 * turned > 0.15 and not any(h.stale for h in self._hypotheses)
+        oldest = sorted(self._hypotheses, key=lambda h: -h.age)[: self.caution.judged]
         for one in self._hypotheses:
+            one.age += 1
+            if fresh:
+                one.log, one.stale = one.log + one.latest, True
             foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
-            prior = inverted(joint[:3, :3])
-            fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
+            one.pose, one.covariance = foretold, joint[:3, :3].copy()
+        for one in oldest:
+            prior = inverted(one.covariance)
+            fit = align(self.known.surfaces, points, across, one.pose, prior, self.care)
+            joint = joined(one.covariance, self._joint[3:, 3:])
             one.pose, one.covariance = fit.pose, updated(joint, fit.information)[:3, :3]
             one.judged = self._judge(fit.pose, sweep.ranges)
-            if fresh:
-                one.log, one.latest = one.log + one.latest, one.judged.log
-            else:
-                one.latest = max(0.9 * one.latest + 0.1 * one.judged.log, one.judged.log)
+            new = one.judged.weighed
+            one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
+            one.age, one.stale = 0, False
         if fresh:
             self._way, self._turned = self._way + way, self._turned + turned
             self._leg = Pose(0.0, 0.0, 0.0)
-            self._views += 1
+            self._views += bool(self._hypotheses)
         self._waited += 1
         if self._answered and self._hypotheses:
             self._settle()
         tired = not self._hypotheses or self._waited >= self.caution.pause
+        if self._cold and self._complete and self._hypotheses:
+            tired = False  # all that can be are followed
         if self.located.lost and self._searched is None and tired:
             self._seek(points, across, sweep)
 
@@ -385,60 +461,74 @@ class Locator:
             return
         places = self.known.places
         if not self._everywhere:
-            here = self.located.pose
+            # not by the likeliest of what was found, which may be anywhere
+            here = self._left or self.located.pose
             near = np.hypot(places[:, 0] - here.x, places[:, 1] - here.y) < self.caution.near
             places = places[near]
-        self._search = search(sweep.points, places)
+        # what was seen from nearer by than this says nothing more
+        self._earlier = [
+            v for v in self._behind if math.hypot(v.back.x, v.back.y) + 0.5 * abs(v.back.psi) > 0.15
+        ]
+        all_ = [sweep.points, *(shifted(v.back, v.points, True) for v in self._earlier)]
+        self._search = search(np.vstack(all_), places)
         # where it is taken to be competes with all others
         self._found = [] if self._cold else [self.located.pose]
         self._found += [self._before] if self._before else []
         self._searched = (points, across, sweep.ranges)
+        self._tried = []
+        if self._cold and not self._complete:  # some that can be are not followed: anew
+            self._hypotheses = []
         self._base = Pose(0.0, 0.0, 0.0)
         if not self._hypotheses:
             self._way = self._turned = 0.0
             self._leg = Pose(0.0, 0.0, 0.0)
             self._views = 0
 
-    def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> None:
-        """Match a candidate of the search; keep it as a hypothesis where it fits."""
+    def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> float:
+        """Match a candidate, and keep it as a hypothesis where it fits. How likely it is."""
         loose = np.diag([1.0, 1.0, 4.0])
         wide = self.care._replace(reach=0.6, rounds=30)
         fit = align(self.known.surfaces, points, across, guess, loose, wide)
         judged = self._judge(fit.pose, ranges)
-        free = free_at(self.known, fit.pose.x, fit.pose.y)
-        if not free or judged.agree < 0.4 or judged.through > 0.35:
-            return
+        if not self._possible(compose(fit.pose, self._base), judged, 0.05):
+            return -1e3
         joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, UNKNOWN)
         covariance = updated(joint, fit.information)[:3, :3]
         pose = compose(fit.pose, self._base)
         for other in self._hypotheses:
             if _same(other.pose, pose):
-                if judged.log > other.latest:
+                if judged.weighed > other.latest:
                     other.pose, other.covariance = pose, covariance
-                    other.latest, other.judged = judged.log, judged
-                return
-        # as unlikely from the places before as from this one: to come late is no advantage
-        before = self._views * judged.log
-        self._hypotheses.append(_Hypothesis(pose, covariance, before, judged.log, judged))
+                    other.latest, other.judged = judged.weighed, judged
+                return -1e3  # nothing new
+        # as unlikely from the places before as it is, or else as from this one: to come late is no
+        # advantage
+        before = self._views * judged.weighed
+        if self._cold:
+            before = sum(
+                self._judge(compose(fit.pose, view.back), view.ranges).weighed
+                for view in self._earlier
+            )
+        self._hypotheses.append(_Hypothesis(pose, covariance, before, judged.weighed, judged))
+        return before + judged.weighed
 
     def _settle(self) -> None:
         """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
-        alive = [
-            h for h in self._hypotheses
-            if h.judged.agree > 0.35 and h.judged.through < 0.4
-            and free_at(self.known, h.pose.x, h.pose.y)
-        ]  # fmt: skip
+        alive = [h for h in self._hypotheses if self._possible(h.pose, h.judged)]
         alive.sort(key=lambda h: -h.total)
         kept: list[_Hypothesis] = []
         for one in alive:
-            close = kept and kept[0].total - one.total > 20.0
+            close = kept and kept[0].total - one.total > self.caution.refuted
             if not close and not any(_same(one.pose, other.pose) for other in kept):
                 kept.append(one)
-        self._hypotheses = kept[:8]
+        self._hypotheses = kept[: self.caution.followed]
+        self._complete = self._complete and len(kept) <= self.caution.followed
         best = kept[0] if kept else None
         if self._checking and self._holds(best):
             return
-        if best is None or not self._fair(best.judged, self.caution.fair):
+        unsure = self._cold or not self._all
+        least = self.caution.fair if unsure else self.caution.poor
+        if best is None or not self._fair(best.judged, least):
             self._hypotheses = []
             why = "no place on the map looks like what the LiDAR sees"
             self.located = self.located._replace(lost=True, reason=why)
@@ -452,16 +542,19 @@ class Locator:
             wanted = self._wanted(best, lead)
         sigma = math.sqrt(float(np.linalg.eigvalsh(best.covariance[:2, :2])[-1]))
         far = self._far(best.pose)
-        glimpsed = far and self._views < c.views
+        # the map may be wrong here, where all of it has been searched and nothing comes near
+        only = self._all and not far and lead >= 2.0 * c.margin
+        glimpsed = far and (self._views < c.views or not self._complete)
         if lead < wanted or glimpsed:
-            why = f"{len(kept)} places on the map look alike: drive on a little"
+            some = f"{len(kept)}" if self._complete else "many"
+            why = f"{some} places on the map look alike: drive on a little"
             if self._moved:
                 why = "the robot was moved, or something new stands here"
-            elif lead >= wanted:
+            elif lead >= wanted and self._complete:
                 why = "one view is not enough to be sure: drive on a little"
         elif (
-            not self._fair(best.judged, c.good)
-            or best.judged.agree < (c.whole if far else c.seen)
+            not self._fair(best.judged, c.poor if only else c.good)
+            or best.judged.agree < (c.whole if far else c.poor if only else c.seen)
             or (best.judged.log < c.least and (far or lead < 3.0 * c.margin))
             or best.judged.told < 0.5 * len(self.lidar.beams)
         ):
@@ -470,9 +563,19 @@ class Locator:
             why = "too few features are in view to say where along them the robot is"
         else:
             self._forget()
-            self._believe(best.pose, best.covariance, best.judged.agree)
+            self._believe(best.pose, best.covariance, best.judged.agree, only)
             return
         self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
+
+    def _possible(self, pose: Pose, judged: Judgement, more: float = 0.0) -> bool:
+        """Whether the robot may be there, by one scan alone; where it last was, the map may be
+        wrong. more: that is asked of a new one."""
+        left = self._left
+        here = left is not None and math.hypot(left.x - pose.x, left.y - pose.y) < 0.5
+        fits = judged.agree > 0.35 + more and judged.through < 0.4 - more
+        return (fits or (here and judged.agree > self.caution.poor)) and free_at(
+            self.known, pose.x, pose.y
+        )
 
     def _far(self, pose: Pose) -> bool:
         """Whether the robot can hardly have been moved there: then nothing else speaks for it."""
@@ -487,9 +590,13 @@ class Locator:
         """Whether the believed pose stands up to what a check of it has found; that ends it."""
         c = self.caution
         self._checking = False
+        if self._everywhere:
+            return self._holds_on_the_map(best)
         if best is not None and not _same(best.pose, self.located.pose):
             better = best.latest > self._likely + c.margin
-            as_before = best.latest > max(self._likely + c.drop, self._usual - c.alike)
+            as_before = (
+                best.latest > self._likely + c.drop and best.judged.log > self._usual - c.alike
+            )
             if self._movable:
                 if self._agrees(best.pose) and (better or as_before):
                     self._moved = as_before and not better
@@ -500,6 +607,24 @@ class Locator:
             self._rivals = 0
         self._hypotheses, self._before = [], None
         return True
+
+    def _holds_on_the_map(self, best: _Hypothesis | None) -> bool:
+        """Whether no place of the whole map fits better, now that this one has not for a while.
+
+        Where the map is as wrong everywhere else, it is the map that is wrong.
+        """
+        c = self.caution
+        better = best is not None and best.latest > self._checked + c.margin
+        if better and best is not None and not _same(best.pose, self.located.pose):
+            self._elsewhere += 1
+        else:
+            self._elsewhere = 0
+        if self._elsewhere < c.elsewhere:
+            self._unheld = c.unheld - 1.0 if self._elsewhere else 0.0
+            self._hypotheses, self._before = [], None
+            return True
+        self._left = self.located.pose
+        return False
 
     def _agrees(self, pose: Pose) -> bool:
         """Whether the newest scan, had the robot been moved to this pose, agrees with the keyframe,

@@ -1,0 +1,245 @@
+"""The whole loop on maps by others, in simulated time: `python -m benchmarks.closed_loop`.
+
+The plant is the twin, and what drives it is what drives robots: `Session`, with gate, monitors,
+planner and guard. The robot has the published map and its start, and the sensors that it has in
+campaigns (LiDAR 2 cm, wheels 1.5 % wrong, drifting gyro). A published map is world and map at once;
+*gone* takes 30 % of the walls out of the world, *missing* out of the map, *boxes* puts ten boxes by
+the way that are on no map. Seeds below 100 may be tuned on; the tables count from 907 on.
+
+    python -m benchmarks.closed_loop [--variant drawn,gone] [--only NAME] [--seeds 907:910]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.places import WRONG, laid, published  # noqa: E402
+from cohelm.core.types import Floats  # noqa: E402
+from cohelm.drive.session import Session, SessionConfig  # noqa: E402
+from cohelm.drive.simulated import Simulated  # noqa: E402
+from cohelm.link.messages import Mode  # noqa: E402
+from cohelm.perceive.localize.localization_map import LocalizationMap  # noqa: E402
+from cohelm.robot.gate.modes import Mode as GateMode  # noqa: E402
+from cohelm.scenario.load import robot  # noqa: E402
+from cohelm.scenario.model import Scenario  # noqa: E402
+from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, write_map  # noqa: E402
+from cohelm.study.campaign.plant import sensing  # noqa: E402
+from tests.perceive.buildings import Artefacts, boxes, building, tour  # noqa: E402
+from tests.perceive.drives import along  # noqa: E402
+
+SPEED = 0.5  # [m/s]
+ROOM, TIGHT = 0.38, 0.33  # from the way to what stands; where there is no other way [m]
+
+
+class Site(NamedTuple):
+    """scenario: with the world as it is. known: the map that the robot has."""
+
+    name: str
+    scenario: Scenario
+    known: LocalizationMap
+
+
+class Result(NamedTuple):
+    name: str
+    arrived: bool
+    way: float
+    """Really driven [m]."""
+    time: float
+    """[s]"""
+    least: float
+    """Smallest clearance while the robot moved [m]."""
+    rms: float
+    """Errors while not lost [m]."""
+    at_99: float
+    largest: float
+    lost: float
+    """Share of the time."""
+    wrong: float
+    """Share of the time, farther off than WRONG and sure."""
+    longest: float
+    """That at a stretch [s]."""
+    mode: str
+    spells: tuple[str, ...]
+    """What was said while lost, each time."""
+
+
+def sally() -> dict[str, object]:
+    """With the sensors of campaigns; nobody looks through a camera."""
+    model = robot("sally")
+    fitted = sensing(model).fitted(model).model_copy(update={"camera": None})
+    return fitted.model_dump(mode="json", exclude_none=True)
+
+
+def on_a_map(
+    name: str, made: OccupancyMap, seed: int, variant: str, length: float, folder: Path
+) -> Site:
+    """A drive through a published map."""
+    place = laid(name, made)
+    size = int((place.clear > ROOM).sum())
+    way = tour(place, seed, length, ROOM if size > 20_000 else TIGHT)
+    world, known = made, made
+    if variant == "gone":
+        world = without_walls(made, 0.3, seed)
+    elif variant == "missing":
+        known = without_walls(made, 0.3, seed)
+    walls = boxes(place, along(way, SPEED)[0], 10, seed) if variant == "boxes" else []
+    write_map(folder, world)
+    about = {"world": {"kind": "map", "file": str(folder / "map.yaml")}}
+    return Site(f"{name}, {seed}", scenario(name, way, walls, seed, about), known.known())
+
+
+def in_a_building(seed: int, variant: str, length: float) -> Site:
+    """A drive through a generated one."""
+    share = {"gone": {"gone": 0.3}, "missing": {"missing": 0.3}}
+    place = building(seed, Artefacts(**share.get(variant, {})))
+    way = tour(place, seed, length, ROOM)
+    walls = place.walls
+    if variant == "boxes":
+        walls = np.vstack((walls, boxes(place, along(way, SPEED)[0], 10, seed)))
+    return Site(place.name, scenario(place.name, way, walls, seed, {}), place.known)
+
+
+def scenario(
+    name: str, way: list[tuple[float, float]], walls: Floats | list[float], seed: int,
+    about: dict[str, object],
+) -> Scenario:  # fmt: skip
+    return Scenario.model_validate({
+        "name": name, "robot": sally(),
+        "reference": {"speed_mps": SPEED, "waypoints_m": way},
+        "law": {"filter": "guard", "tracking": {"k_x": 0.9, "k_psi": 2.0}},
+        "walls_m": [tuple(w) for w in np.asarray(walls).tolist()],
+        "simulation": {"step_s": 0.02, "seed": seed}, **about,
+    })  # fmt: skip
+
+
+def without_walls(made: OccupancyMap, share: float, seed: int) -> OccupancyMap:
+    """The same with a share of what is occupied taken out, in pieces of 0.3 to 2 m: free there."""
+    rng = np.random.default_rng([seed, 4])
+    cells = made.cells.copy()
+    solid = np.argwhere(cells >= OCCUPIED)
+    there = np.ones(len(solid), dtype=bool)
+    while there.mean() > 1.0 - share:
+        middle = solid[rng.choice(np.flatnonzero(there))]
+        half = 0.5 * rng.uniform(0.3, 2.0) / made.resolution
+        there &= np.hypot(*(solid - middle).T) > half
+    cells[tuple(solid[~there].T)] = FREE
+    return OccupancyMap(cells, made.resolution, made.origin)
+
+
+def driven(site: Site) -> Result:
+    """Until it arrives, the time is over, or it stops by itself."""
+    made = Simulated(site.scenario, "twin", real_time=False, seed=site.scenario.simulation.seed)
+    limit = 2.0 * site.scenario.reference.spline().duration + 30.0
+    rows: list[tuple[float, float, float, float, bool]] = []
+    said: list[tuple[float, str]] = []
+    with Session(SessionConfig(made, known=site.known)) as session:
+        keeper, loop = session.loop.keeper, session.loop
+
+        def until(_: object) -> bool:
+            now, truth, seen = keeper.now(), keeper.truth(), loop.seen
+            assert seen is not None
+            off = math.hypot(seen.pose.x - truth.pose.x, seen.pose.y - truth.pose.y)
+            rows.append((now, *truth.pose[:2], off, seen.lost))
+            if seen.lost:
+                said.append((now, f"{truth.pose.x:.1f} {truth.pose.y:.1f}: {seen.reason}"))
+            stopped = GateMode(keeper.gate.mode) == GateMode.FAULTED
+            return loop.driver.arrived or now > limit or stopped
+
+        session.run(until, Mode.AUTOMATIC)
+        arrived, least = loop.driver.arrived, keeper.truth().least_moving
+        mode = "" if arrived else f"{GateMode(keeper.gate.mode).name} {keeper.gate.reason}"
+    t = np.array(rows)
+    off, lost = t[:, 3], t[:, 4] > 0.0
+    sure = off[~lost] if (~lost).any() else np.array([math.nan])
+    wrong = (off > WRONG) & ~lost
+    return Result(
+        site.name, arrived, float(np.hypot(*np.diff(t[:, 1:3], axis=0).T).sum()), t[-1, 0], least,
+        float(np.sqrt((sure**2).mean())), float(np.quantile(sure, 0.99)), float(sure.max()),
+        float(lost.mean()), float(wrong.mean()), longest(wrong) * session.plan.period, mode,
+        spells(said),
+    )  # fmt: skip
+
+
+def longest(flags: Floats) -> int:
+    """How many in a row are set, at most."""
+    most = run = 0
+    for flag in flags:
+        run = run + 1 if flag else 0
+        most = max(most, run)
+    return most
+
+
+def spells(said: list[tuple[float, str]]) -> tuple[str, ...]:
+    """When it was lost, for how long, where, and why at first."""
+    found: list[str] = []
+    begun = last = -math.inf
+    why = ""
+    for now, reason in [*said, (math.inf, "")]:
+        if now > last + 0.05:
+            if why:
+                found.append(f"{begun:.1f} s, for {last - begun:.1f} s, at {why}")
+            begun, why = now, reason
+        last = now
+    return tuple(found)
+
+
+HEAD = (
+    f"{'':34s} {'arrived':>7s} {'way':>5s} {'time':>6s} {'gap':>5s} {'rms':>6s} {'99 %':>6s} "
+    f"{'max':>7s} {'lost':>6s} {'wrong':>6s} {'longest':>7s}"
+)
+
+
+def told(r: Result) -> str:
+    return (
+        f"{r.name:34s} {'yes' if r.arrived else 'NO':>7s} {r.way:5.0f} {r.time:6.0f} "
+        f"{100 * r.least:5.1f} {100 * r.rms:6.2f} {100 * r.at_99:6.1f} {100 * r.largest:7.1f} "
+        f"{100 * r.lost:5.1f}% {100 * r.wrong:5.2f}% {r.longest:6.1f}s {r.mode}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--only", default="")
+    parser.add_argument("--variant", default="drawn", help="drawn,gone,missing,boxes")
+    parser.add_argument("--seeds", default="907:910", help="of drives on each map")
+    parser.add_argument("--buildings", default="0:0", help="seeds of generated ones")
+    parser.add_argument("--length", type=float, default=110.0, help="of a drive [m]")
+    parser.add_argument("--why", action="store_true", help="tell each time that it was lost")
+    given = parser.parse_args()
+    seeds, numbers = (
+        range(*(int(n) for n in text.split(":"))) for text in (given.seeds, given.buildings)
+    )
+    for variant in given.variant.split(","):
+        print(f"\n{variant}, in cm\n{HEAD}", flush=True)
+        with TemporaryDirectory() as folder:
+            sites = (
+                on_a_map(name, make(), seed, variant, given.length, Path(folder))
+                for name, make in published().items() for seed in seeds if given.only in name
+            )  # fmt: skip
+            for site in sites:
+                shown(site, given.why)
+        for seed in numbers:
+            shown(in_a_building(seed, variant, given.length), given.why)
+
+
+def shown(site: Site, why: bool) -> None:
+    begun = time.process_time()
+    found = driven(site)
+    print(f"{told(found)}  ({time.process_time() - begun:.0f} s)", flush=True)
+    for spell in found.spells if why else ():
+        print(f"    lost at {spell}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
