@@ -16,7 +16,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.odometry_covariance import inverted
-from cohelm.perceive.match.scan_matching import Care, align
+from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import facing, normals
 from cohelm.perceive.scan.deskew import DeskewedScan, sweep
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
@@ -76,7 +76,9 @@ class PlainIcp(Other):
         mount = self.lidar.mount
         across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
         weak = 1e-3 * np.eye(3)
-        fit = align(self.known.surfaces, points, across, compose(self.pose, step), weak, Care())
+        fit = align(
+            self.known.surfaces, points, across, compose(self.pose, step), weak, MatchParams()
+        )
         self.pose, self.covariance = fit.pose, inverted(fit.information + weak)
 
 

@@ -7,14 +7,14 @@ import pytest
 
 from cohelm.core.types import Pose, disc, discs
 from cohelm.perceive.scan.range_filter import steadied
-from cohelm.perceive.space.scan_memory import Care, renew, smoothed
+from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew, smoothed
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from tests.perceive.scenes import NOTHING
 
 MODEL = LidarModel(beams=720, field_of_view_deg=270.0, noise_m=0.01, mount_x_m=0.1)
-CARE = Care()
+CARE = ScanMemoryParams()
 
 
 def look(pose, world, number=0, model=MODEL):

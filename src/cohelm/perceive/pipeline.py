@@ -18,7 +18,7 @@ from cohelm.perceive.scan.clusters import looked
 from cohelm.perceive.scan.deskew import DeskewedScan, all_round, sweep
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.perceive.scan.range_filter import steadied
-from cohelm.perceive.space.scan_memory import Care as Remembering, renew
+from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
 from cohelm.perceive.space.unobserved import Blind
 from cohelm.perceive.track.tracker import (
     MOVES,
@@ -92,7 +92,7 @@ class Perception:
     def __init__(
         self, model: RobotModel | Lidar, known: LocalizationMap | None = None,
         start: Pose | None = None,
-        remembering: Remembering | None = None, watching: TrackerParams | None = None,
+        remembering: ScanMemoryParams | None = None, watching: TrackerParams | None = None,
         outline: Floats | None = None,
     ) -> None:  # fmt: skip
         """Of a robot, or of a LiDAR alone. Raises CohelmError for a robot without a LiDAR.
@@ -109,7 +109,7 @@ class Perception:
         self._blind = None
         if outline is not None and not all_round(self.lidar):
             self._blind = Blind(self.lidar, outline)
-        self._care = remembering or Remembering()
+        self._care = remembering or ScanMemoryParams()
         self._known = known
         self._locator = Locator(known, self.lidar, start) if known is not None else None
         self._trail = EMPTY

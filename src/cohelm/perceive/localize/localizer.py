@@ -29,7 +29,7 @@ from cohelm.perceive.match.odometry_covariance import (
     moved,
     updated,
 )
-from cohelm.perceive.match.scan_matching import Care, Fit, align, independent
+from cohelm.perceive.match.scan_matching import Fit, MatchParams, align, independent
 from cohelm.perceive.match.surfaces import facing, moved as shifted, normals
 from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
@@ -177,7 +177,7 @@ class Locator:
     known: LocalizationMap
     lidar: Lidar
     start: Pose | None = None
-    care: Care = field(default_factory=Care)
+    care: MatchParams = field(default_factory=MatchParams)
     caution: Caution = field(default_factory=Caution)
 
     def __post_init__(self) -> None:

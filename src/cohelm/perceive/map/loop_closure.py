@@ -13,7 +13,7 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, wrap
-from cohelm.perceive.match.scan_matching import Care, Fit, align
+from cohelm.perceive.match.scan_matching import Fit, MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces
 
 _SIDE, _STEP = 0.3, math.radians(3.0)  # the fine raster of places and headings
@@ -65,7 +65,7 @@ def revisits(
         starts.append(_finest(known, few, sides, places[place], headings[heading]))
         scores[np.ix_(near, beside)] = 0.0
     starts.sort(key=lambda start: -start[0])
-    care = Care(reach=0.6, rounds=30)
+    care = MatchParams(reach=0.6, rounds=30)
     fits = [align(known, points, across, start, _LOOSE, care) for _, start in starts[:_BEST]]
     fits.sort(key=lambda fit: -fit.share)
     return [f for i, f in enumerate(fits) if not any(_same(f.pose, g.pose) for g in fits[:i])]

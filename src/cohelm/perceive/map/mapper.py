@@ -29,7 +29,7 @@ from cohelm.perceive.match.odometry_covariance import (
     moved as foretell,
     updated,
 )
-from cohelm.perceive.match.scan_matching import Care as Matching, Fit, align
+from cohelm.perceive.match.scan_matching import Fit, MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces, moved, normals, surfaces, thinned
 from cohelm.perceive.scan.deskew import sweep
 from cohelm.perceive.scan.odometry_buffer import pose_at
@@ -47,7 +47,7 @@ class Glimpse(NamedTuple):
     beams: Ints
 
 
-class Care(NamedTuple):
+class MapperParams(NamedTuple):
     """How a drive is put together."""
 
     apart: float = 0.3
@@ -105,8 +105,8 @@ class Survey:
     """Takes glimpses in order; `finished` puts the last hand to it."""
 
     lidar: Lidar
-    care: Care = field(default_factory=Care)
-    matching: Matching = field(default_factory=Matching)
+    care: MapperParams = field(default_factory=MapperParams)
+    matching: MatchParams = field(default_factory=MatchParams)
 
     def __post_init__(self) -> None:
         library()  # said before the work, not after

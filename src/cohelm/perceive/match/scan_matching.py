@@ -17,7 +17,7 @@ from cohelm.core.types import Floats, Pose, wrap
 from cohelm.perceive.match.surfaces import Surfaces
 
 
-class Care(NamedTuple):
+class MatchParams(NamedTuple):
     """How a sweep is matched."""
 
     reach: float = 0.4
@@ -40,7 +40,7 @@ class Fit(NamedTuple):
     """pose: where the sweep fits best. information: (3, 3) of the match alone, without the
     prior, in x, y, psi. share: of the points that lie within `least` of a surface of the same
     direction. rms: of their distances [m]. converged: whether the last round changed nothing.
-    before: how far they lie before their surfaces, in the mean, beyond `Care.offset` [m]."""
+    before: how far they lie before their surfaces, in the mean, beyond `MatchParams.offset` [m]."""
 
     pose: Pose
     information: Floats
@@ -52,7 +52,7 @@ class Fit(NamedTuple):
 
 @jit
 def align(
-    known: Surfaces, points: Floats, across: Floats, start: Pose, prior: Floats, care: Care
+    known: Surfaces, points: Floats, across: Floats, start: Pose, prior: Floats, care: MatchParams
 ) -> Fit:
     """Match points (n, 2) with normals (n, 2), in the body frame, from a first guess.
 
@@ -101,7 +101,7 @@ def align(
 
 @jit
 def _gather(
-    known: Surfaces, points: Floats, across: Floats, pose: Pose, reach: float, care: Care,
+    known: Surfaces, points: Floats, across: Floats, pose: Pose, reach: float, care: MatchParams,
     information: Floats, slope: Floats, weights: Floats, sigma: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Normal equations of one round, written into `information` and `slope`; share, rms, and mean
@@ -170,7 +170,7 @@ def _gather(
 
 @jit
 def independent(
-    known: Surfaces, points: Floats, across: Floats, pose: Pose, care: Care, rms: float
+    known: Surfaces, points: Floats, across: Floats, pose: Pose, care: MatchParams, rms: float
 ) -> Floats:
     """(3, 3) information of a match, as far as what it rests on errs independently.
 

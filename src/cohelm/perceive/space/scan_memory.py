@@ -19,7 +19,7 @@ _AROUND = 0.5  # how a surface lies is asked of what is so near [m]
 _LONG = 0.07  # and is told where that is spread so far, one standard deviation: 25 cm [m]
 
 
-class Care(NamedTuple):
+class ScanMemoryParams(NamedTuple):
     """What is kept of a scan, and for how long."""
 
     half_width: float = 0.02
@@ -59,7 +59,9 @@ def smoothed(ranges: Floats, step: float, half_width: float) -> Floats:
 
 
 @jit
-def renew(points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, care: Care) -> Floats:
+def renew(
+    points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, care: ScanMemoryParams
+) -> Floats:
     """The points after a scan from `pose`, world frame, (p, 2) [m].
 
     All that the scan sees is replaced by what it sees; what it can not see, outside the field of
