@@ -1,5 +1,7 @@
 """A record, of a run or of a drive, into pandas: when did the filter act, and how near was it?
 
+pip install pandas
+
 cohelm robot lab-guard --fast --for 30 --record drive.mcap
 python examples/record_to_pandas.py drive.mcap
 """
@@ -15,6 +17,7 @@ def main(path: str) -> pd.DataFrame:
     """The table, with a column that names the verdict."""
     record = cohelm.read_record(path)
     table = pd.DataFrame(record.table).set_index("t")
+    table = table[table["verdict"] >= 0]  # -1: nothing was decided, the robot stood
     table["verdict"] = table["verdict"].map(lambda number: cohelm.Verdict(number).name)
     print(table.groupby("verdict")["clearance_seen"].describe()[["count", "min", "mean"]])
     for when, what in record.events[:10]:

@@ -174,3 +174,26 @@ def test_no_robot_without_a_model_passes():
         RobotAdapter(Bare())
     with pytest.raises(cohelm.CohelmError, match="must be a subclass"):
         RobotAdapter(object())
+
+
+class Seldom(Cart):
+    """Its wheels speak 20 times a second; in between it gives the last reading with its age, which
+    is worked out a moment before it is stamped."""
+
+    def read(self) -> cohelm.Readings:
+        k = math.floor(self.t / 0.05 + 1e-9)
+        moment = 3e-4 if round(self.t / 0.02) % 2 else 0.0
+        age = self.t - 0.05 * k + moment
+        return cohelm.Readings(self.odometry(cohelm.Pose(0.01 * k, 0.0, 0.0), REST, age))
+
+
+def test_a_reading_that_is_given_again_with_its_age_is_the_same_reading():
+    port = RobotAdapter(Seldom())
+    stamps, where = [], []
+    for k in range(50):
+        port.wait(0.02 * k)
+        reading = port.read().odometry
+        stamps.append(reading.stamp)
+        where.append(reading.pose.x)
+    assert stamps == sorted(stamps)
+    assert len(set(stamps)) == len(set(where)) == 20

@@ -175,9 +175,10 @@ def _served(plan: SessionConfig, where: str, seconds: float | None) -> dict[str,
 
 
 def _line(session: Session) -> Any:
-    """A line on the terminal that lives as long as the drive; from a thread of its own."""
+    """What the gate does, as it happens, and on a terminal a line that lives as long as the drive;
+    from a thread of its own."""
     import threading
-    from contextlib import contextmanager
+    from contextlib import contextmanager, nullcontext
 
     screen = console(stderr=True)
 
@@ -186,19 +187,24 @@ def _line(session: Session) -> Any:
         over = threading.Event()
 
         def show() -> None:
-            with screen.status("") as status:
+            last = ""
+            with screen.status("") if screen.is_terminal else nullcontext() as status:
                 while not over.wait(0.5):
-                    status.update(plain(session.line()))
+                    gate = session.loop.keeper.gate
+                    now = gate.mode.name.lower() + (f": {gate.reason}" if gate.reason else "")
+                    if now != last:
+                        last = now
+                        say(plain(now))
+                    if status is not None:
+                        status.update(plain(session.line()))
 
         thread = threading.Thread(target=show, name="live line", daemon=True)
-        if screen.is_terminal:
-            thread.start()
+        thread.start()
         try:
             yield
         finally:
             over.set()
-            if thread.is_alive():
-                thread.join(1.0)
+            thread.join(1.0)
 
     return shown()
 

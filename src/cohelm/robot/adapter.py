@@ -11,12 +11,19 @@ from cohelm.core.types import Twist, is_finite
 from cohelm.robot.base import Robot
 from cohelm.robot.limits import Limits, achievable
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Health, Readings
+from cohelm.robot.port import Health, Odometry, Readings
 
 _STILL = Twist(0.0, 0.0)
+_SAME = 0.005  # one reading, asked for twice, is stamped so differently where its age is given [s]
 _AGAIN = 0.1  # a stop is said again after so long, should the first have been lost [s]
 _LOOK = 0.05  # from one look of the watchdog to the next [s]
 _HANGS = 0.1  # a call that is not back by then is not waited for before stopping [s]
+
+
+def _again(new: Odometry, old: Odometry | None) -> bool:
+    """Whether it is the reading that was there already."""
+    same = old is not None and (new.pose, new.twist) == (old.pose, old.twist)
+    return same and old is not None and abs(new.stamp - old.stamp) < _SAME
 
 
 class RobotAdapter:
@@ -68,6 +75,8 @@ class RobotAdapter:
         with self._calls:
             try:
                 given = self._robot.read()
+                if given.odometry is not None and _again(given.odometry, self._newest.odometry):
+                    given = given._replace(odometry=None)
                 self._newest = Readings._make(
                     new if new is not None else old
                     for new, old in zip(given, self._newest, strict=True)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
+from cohelm.robot.plausibility.arrival import Arrival
 from cohelm.robot.plausibility.bow import RangeBias, bows
 from cohelm.robot.plausibility.content import CAREFUL, CRAWL
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
@@ -63,7 +64,9 @@ IMPOSSIBLE = {
     "number stays": of_scan(lambda scan, old: scan._replace(number=old.number)),
     "numbers went back": of_scan(lambda scan, old: scan._replace(number=scan.number - 10)),
     "stamps stand still": of_scan(lambda scan, old: scan._replace(stamp=old.stamp)),
-    "more often": of_scan(lambda scan, old: scan._replace(stamp=old.stamp + 0.01)),
+    "more often": of_scan(
+        lambda scan, old: scan._replace(stamp=old.stamp + 0.01 * (scan.number - old.number))
+    ),
 }
 last: list = [np.full(720, 3.0)]
 
@@ -77,12 +80,19 @@ IMPOSSIBLE["repeats, mirrored"] = of_scan(_mirrored)
 
 
 @pytest.mark.parametrize("said", list(IMPOSSIBLE))
-def test_a_scan_that_can_not_be_is_a_fault_within_two_scans(said):
+def test_a_scan_that_can_not_be_is_a_fault_within_two_scans_or_three(said):
     found = watched(ahead, AT + 1.0, told=IMPOSSIBLE[said])
     faults = [(t, one.reason) for t, one in found if one.fault]
     assert faults
-    assert faults[0][0] <= AT + 2.5 * SCAN
+    assert faults[0][0] <= AT + (3.5 if said == "more often" else 2.5) * SCAN
     assert said in faults[0][1]
+
+
+def test_one_scan_that_was_read_late_and_stamped_when_it_was_read_is_no_fault():
+    arrival = Arrival(SALLY.lidar)
+    for k, stamp in enumerate((0.0, 0.1, 0.277, 0.3, 0.4, 0.58, 0.6, 0.7)):
+        scan = Scan(stamp, k, np.full(720, 3.0), 0.0)
+        assert arrival.take(stamp, scan) == []
 
 
 def test_a_quarter_that_goes_blind_stops_the_robot_at_once_and_faults_it():

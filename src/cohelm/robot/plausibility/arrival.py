@@ -12,6 +12,8 @@ from cohelm.robot.sensors import LidarModel
 _SLACK = 0.1
 """A scan may come so much later than its LiDAR takes [s]: the loop reads every 20 to 100 ms."""
 _PATIENCE = 5  # scans in a row
+_TOO_OFTEN = 3
+"""... so many of which no robot that stamps them as they come can have read late."""
 
 
 class Arrival:
@@ -21,11 +23,11 @@ class Arrival:
         self._usual = lidar.latency_s + _SLACK
         self._period = 1.0 / lidar.rate_hz
         self._last: Scan | None = None
-        self._late = 0
+        self._late = self._often = 0
 
     def forget(self) -> None:
         """As if none had come."""
-        self._last, self._late = None, 0
+        self._last, self._late, self._often = None, 0, 0
 
     def new(self, scan: Scan) -> bool:
         """Whether this is another one than the last."""
@@ -45,7 +47,9 @@ class Arrival:
             if scan.stamp <= last.stamp:
                 return [fault("the scans' stamps stand still or went back")]
             skipped = scan.number - last.number
-            if scan.stamp - last.stamp < 0.4 * self._period * skipped:
+            often = scan.stamp - last.stamp < 0.4 * self._period * skipped
+            self._often = self._often + 1 if often else 0
+            if self._often >= _TOO_OFTEN:
                 step = 1000.0 * (scan.stamp - last.stamp) / skipped
                 return [fault(f"scans are stamped {step:.0f} ms apart, more often than they come")]
         if self._late >= _PATIENCE:
