@@ -153,10 +153,6 @@ class _Case(NamedTuple):
     """Clearance to what stands that is asked for: no more than there is now [m]."""
 
 
-_SURE = 0.3
-"""Who seems to move more slowly may be a thing that stands, seen from another side [m/s]."""
-
-
 @jit
 def evade(
     was: Evasion, pose: Pose, twist: Twist, around: Surroundings, course: Course, clock: Clock,
@@ -264,9 +260,7 @@ def _gathered(
         found[n, 4], found[n, 5] = d[RADIUS], around.agility[i]
         found[n, 6] = e.standing_growth
         if moving:
-            sure = min(speed / _SURE, 1.0)
-            found[n, 6] += sure * (e.moving_growth - e.standing_growth) + e.growth_per_speed * speed
-            found[n, 6] = min(found[n, 6], e.most_growth)
+            found[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
         found[n, 7], found[n, 8] = ax, ay
         n += 1
         if e.pass_right > 0.0 and far < math.inf:
