@@ -352,10 +352,11 @@ def test_fields_of_a_later_cohelm_do_not_disturb(tmp_path: Path) -> None:
     later = period.DEFINITION + "float64 tomorrow\n"
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(later, period.TYPE))
-    decode = period.decoder(period.DEFINITION)
     steps: list[bytes] = []
     for step in encoded(written()[0]):
-        message = store.types[period.TYPE](**vars(decode(step)), tomorrow=1.0)
+        message = store.types[period.TYPE](
+            **vars(period.STORE.deserialize_cdr(step, period.TYPE)), tomorrow=1.0
+        )
         steps.append(bytes(store.serialize_cdr(message, period.TYPE)))
     _write_by_hand(tmp_path / "a.mcap", {"obstacles": names}, later, steps)
     assert read(tmp_path / "a.mcap").rows.tobytes() == written()[0].rows.tobytes()

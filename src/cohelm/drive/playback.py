@@ -21,9 +21,7 @@ from cohelm.link import messages as m
 from cohelm.link.recorded_status import StatusWords
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import POOR, VERDICTS
-from cohelm.record import period
 from cohelm.record.file import IMAGE
-from cohelm.record.messages import messages
 from cohelm.record.read import Found, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, understood
@@ -89,21 +87,18 @@ class Playback:
 
     def __init__(self, path: Path) -> None:
         """Raises CohelmError where there is no record in the file."""
-        found = periods(path)
-        # as much as there is of a record that was cut short is worth seeing
-        rows = period.rows(found.periods)
-        self._simulated = found.kind == "run"
-        self._rows = _filled(rows) if self._simulated else rows
-        self._model = _robot(path, found)
-        lidar = self._model.lidar
-        self._mount = lidar.lidar().mount if lidar is not None else Pose(0.0, 0.0, 0.0)
         self._series: dict[str, _Series] = {}
         self._pictures = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as this
         weakref.finalize(self, self._pictures.close)
+        # as much as there is of a record that was cut short is worth seeing
+        found = periods(path, ("/scan", "/rosout", IMAGE, *SHOWN), self._add)
+        self._simulated = found.kind == "run"
+        self._rows = _filled(found.rows) if self._simulated else found.rows
+        self._model = _robot(path, found)
+        lidar = self._model.lidar
+        self._mount = lidar.lidar().mount if lidar is not None else Pose(0.0, 0.0, 0.0)
         self._scan: WholeScan | None = None
         self._picture: m.Picture | None = None
-        for topic, stamp, message in messages(path, ("/scan", "/rosout", IMAGE, *SHOWN)):
-            self._add(topic, (stamp - found.epoch) * 1e-9, message)
         self._times: list[float] = self._rows["t"].tolist()
         self.start = self._times[0]
         """The robot's clock at the beginning [s]."""

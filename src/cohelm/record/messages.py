@@ -11,6 +11,7 @@ import zstandard
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.records import Attachment, Channel, DataEnd, Message, Schema
 from mcap.stream_reader import StreamReader
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from cohelm.core.errors import CohelmError
@@ -63,7 +64,7 @@ def messages(
                 schemas[record.id] = record
             case Channel() if record.topic in topics:
                 names[record.id] = record.topic
-                decoders[record.id] = _decoder(schemas[record.schema_id], path)
+                decoders[record.id] = decoder(schemas[record.schema_id], path)
             case Message() if record.channel_id in names:
                 decode = decoders[record.channel_id]
                 yield names[record.channel_id], record.log_time, decode(record.data)
@@ -77,11 +78,19 @@ def attachment(path: Path, name: str) -> bytes | None:
     return next(found, None)
 
 
-def _decoder(schema: Schema, path: Path) -> Callable[[bytes], Any]:
+def decoder(schema: Schema, path: Path) -> Callable[[bytes], Any]:
+    """From bytes to messages, by a definition in the file. CohelmError where it can not be read."""
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(get_types_from_msg(schema.data.decode(), schema.name))
     except (TypesysError, UnicodeDecodeError) as error:
         said = f"{path}: the definition of {schema.name} in it can not be read ({error})"
         raise CohelmError(f"{said}: record it again") from error
-    return lambda data: store.deserialize_cdr(data, schema.name)
+
+    def decode(data: bytes) -> object:
+        try:
+            return store.deserialize_cdr(data, schema.name)
+        except SerdeError as error:
+            raise CohelmError(f"{path}: a {schema.name} can not be read ({error})") from error
+
+    return decode

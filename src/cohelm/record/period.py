@@ -76,16 +76,6 @@ def message(row: Any, h: Floats = NO_H, discs: Floats = NO_DISCS) -> object:
     return STORE.types[TYPE](*row, h, *arrays)
 
 
-def decoder(definition: str) -> Callable[[bytes], object]:
-    """From a serialised message to the message, by the definition embedded in its file.
-
-    Raises rosbags' `TypesysError` if this is no message definition.
-    """
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(definition, TYPE))
-    return lambda data: store.deserialize_cdr(data, TYPE)
-
-
 def rows(messages: Sequence[object]) -> NDArray[np.void]:
     """Messages as rows of ROW. AttributeError, naming the field, if they lack one."""
     row: Callable[[object], Any] = attrgetter(*(name.lower() for name in ROW.names or ()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,15 +12,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from numpy.typing import NDArray
-from rosbags.serde import SerdeError
-from rosbags.typesys import TypesysError
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.record import period
 from cohelm.record.file import METADATA, SCENARIO, STOPPED
-from cohelm.record.messages import messages, records
+from cohelm.record.messages import decoder, records
+
+Heed = Callable[[str, float, Any], None]
+
+
+def _unheeded(_topic: str, _t: float, _message: Any) -> None:
+    pass
 
 
 class IncompleteRecord(UserWarning):
@@ -55,6 +61,8 @@ class Found:
     scenario: str = ""
     periods: list[object] = field(default_factory=list[object])
     """Messages of `/period`."""
+    rows: NDArray[np.void] = field(default_factory=lambda: blank(0))
+    """... and as rows of `core.row.ROW`."""
     damage: str = ""
     """Empty if it is whole."""
 
@@ -74,18 +82,18 @@ def read_record(path: str | Path) -> Record:
 
     Raises CohelmError for a file that is no record of cohelm.
     """
-    file = Path(path)
-    found = periods(file)
-    rows = period.rows(found.periods)
-    table = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
     scans: list[tuple[float, Floats]] = []
     events: list[tuple[float, str]] = []
-    for topic, stamp, m in messages(file, ("/scan", "/rosout")):
-        t = (stamp - found.epoch) * 1e-9
+
+    def heed(topic: str, t: float, m: Any) -> None:
         if topic == "/scan":
             scans.append((t, np.asarray(m.ranges, dtype=np.float64)))
         else:
             events.append((t, f"{m.name}: {m.msg}"))
+
+    found = periods(Path(path), ("/scan", "/rosout"), heed)
+    names = found.rows.dtype.names or ()
+    table = {name: np.ascontiguousarray(found.rows[name]) for name in names}
     return Record(found.kind, table, scans, events, found.scenario)
 
 
@@ -107,7 +115,7 @@ def read(path: Path) -> Trace:
         raise CohelmError(
             f"{path}: its description of the run is damaged ({error}): run it again"
         ) from error
-    trace = Trace(period.rows(found.periods), h, discs, names, dt, found.scenario)
+    trace = Trace(found.rows, h, discs, names, dt, found.scenario)
     if found.damage:
         t = float(trace.rows["t"][-1])
         warnings.warn(
@@ -118,70 +126,70 @@ def read(path: Path) -> Trace:
     return trace
 
 
-def periods(path: Path) -> Found:
-    """All control periods up to the end of the data, or to where it is damaged.
+def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> Found:
+    """All control periods up to the end of the data, or to where it is damaged. heed: is told
+    topic, time on the clock of the periods' `t` [s] and message of all on `topics`, as they come.
 
     Raises CohelmError where there is no such file, it is no record of cohelm or one by another
     version, or has no period.
     """
-    found, library, definition = Found({}), "", ""
-    channel, data, steps = 0, list[bytes](), 0
-    damage: list[str] = []
+    found, library, damage = Found({}), "", list[str]()
+    schemas: dict[int, Schema] = {}
+    names: dict[int, str] = {}
+    decoders: dict[int, Callable[[bytes], Any]] = {}
     for record in records(path, damage.append):
         match record:
             case Header():
                 library = record.library
             case Metadata(name=name) if name == METADATA:
                 found.about = record.metadata
+                _check(path, found.about)
             case Metadata(name=name) if name == STOPPED:
                 damage.append(f"the run was stopped by {record.metadata.get('by')}")
             case Attachment(name=name) if name == SCENARIO:
                 found.scenario = record.data.decode(errors="replace")
-            case Schema(name=name) if name == period.TYPE:
-                definition = record.data.decode(errors="replace")
-            case Channel(topic=topic) if topic == period.TOPIC:
-                channel = record.id
-            case Message(channel_id=which) if which == channel and found.about:
-                if record.sequence != steps:
-                    damage.append(f"period {steps} is missing")
+            case Schema():
+                schemas[record.id] = record
+            case Channel() if record.topic in (period.TOPIC, *topics) and found.about:
+                names[record.id] = record.topic
+                decoders[record.id] = decoder(schemas[record.schema_id], path)
+            case Message() if record.channel_id in names:
+                topic, decode = names[record.channel_id], decoders[record.channel_id]
+                if topic != period.TOPIC:
+                    heed(topic, 1e-9 * (record.log_time - found.epoch), decode(record.data))
+                elif record.sequence == len(found.periods):
+                    found.periods.append(decode(record.data))
+                else:
+                    damage.append(f"period {len(found.periods)} is missing")
                     break
-                data.append(record.data)
-                steps += 1
             case _:
                 pass
     found.damage = damage[0] if damage else ""
-    _check(path, found.about, library, steps)
-    try:
-        decode = period.decoder(definition)
-        found.periods = [decode(one) for one in data]
-        period.rows(found.periods[:1])
-    except AttributeError as error:
-        raise CohelmError(
-            f"{path} was written by cohelm {found.about.get('version', '?')}, which did not record "
-            f"{error.name!r} yet: read it with that version"
-        ) from error
-    except (TypeError, ValueError, SerdeError, TypesysError) as error:
-        raise CohelmError(
-            f"{path}: its periods can not be read ({error}): make it again"
-        ) from error
-    return found
-
-
-def _check(path: Path, about: dict[str, str], library: str, steps: int) -> None:
-    """Raises CohelmError where this can not be a record that is understood here."""
-    if "version" not in about:
+    if not found.about:
         by = f" (it was written by {library})" if library else ""
         raise CohelmError(
             f"{path} is no record of cohelm{by}: give a file that `cohelm run` or `cohelm robot` "
             "wrote"
         )
-    written = about.get("period_version")
+    if not found.periods:
+        raise CohelmError(f"{path} ends before its first control period: make it again")
+    try:
+        found.rows = period.rows(found.periods)
+    except AttributeError as error:
+        raise CohelmError(
+            f"{path} was written by cohelm {found.about['version']}, which did not record "
+            f"{error.name!r} yet: read it with that version"
+        ) from error
+    return found
+
+
+def _check(path: Path, about: dict[str, str]) -> None:
+    """Raises CohelmError where a record that says this of itself can not be understood here."""
+    version, written = about.get("version", "?"), about.get("period_version")
     if written != str(period.VERSION):
         raise CohelmError(
-            f"{path} was written by cohelm {about['version']} in another form of {period.TOPIC} "
+            f"{path} was written by cohelm {version} in another form of {period.TOPIC} "
             f"({written or 'an older one'}, here {period.VERSION}): read it with that version"
         )
-    if not steps:
-        raise CohelmError(f"{path} ends before its first control period: make it again")
-    if not about.get("epoch_ns", "").lstrip("-").isdigit():
-        raise CohelmError(f"{path}: its description is damaged (epoch_ns): make it again")
+    if "version" not in about or not about.get("epoch_ns", "").lstrip("-").isdigit():
+        raise CohelmError(f"{path}: its description is damaged: make it again")

@@ -15,7 +15,7 @@ MARGIN = 1.0
 _MOST_CELLS = 2000
 
 
-def drawn(walls: Floats, also: Floats, number: int = 1) -> Map:
+def drawn(walls: Floats, also: Floats) -> Map:
     """walls: (s, 4) segments [m]. also: (n, 2) points that must be on the map too [m]."""
     points = np.vstack((walls[:, :2], walls[:, 2:], also, np.zeros((0 if len(also) else 1, 2))))
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
@@ -28,4 +28,4 @@ def drawn(walls: Floats, also: Floats, number: int = 1) -> Map:
         cells[at[:, 1], at[:, 0]] = 100
     origin = Pose(float(low[0]), float(low[1]), 0.0)
     packed = zlib.compress(cells.tobytes())
-    return Map(number, origin, cell, width, height, 0, 0, width, height, packed)
+    return Map(1, origin, cell, width, height, 0, 0, width, height, packed)

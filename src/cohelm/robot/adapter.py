@@ -22,8 +22,9 @@ _HANGS = 0.1  # a call that is not back by then is not waited for before stoppin
 
 def _again(new: Odometry, old: Odometry | None) -> bool:
     """Whether it is the reading that was there already."""
-    same = old is not None and (new.pose, new.twist) == (old.pose, old.twist)
-    return same and old is not None and abs(new.stamp - old.stamp) < _SAME
+    if old is None or (new.pose, new.twist) != (old.pose, old.twist):
+        return False
+    return abs(new.stamp - old.stamp) < _SAME
 
 
 class RobotAdapter:
