@@ -2,6 +2,9 @@
 .DEFAULT_GOAL := help
 .PHONY: help run reproduce test test-quick test-all warm package docs lint bench coverage clean
 
+# The tests start hundreds of processes: none shall compile Python that another has compiled.
+unexport PYTHONDONTWRITEBYTECODE
+
 BIN := .venv/bin
 READY := .venv/.ready
 PEERS := .venv/.peers
