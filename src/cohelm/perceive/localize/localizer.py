@@ -218,6 +218,7 @@ class Locator:
         self._fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
         self._rivals = 0
         self._rival, self._rivalled = Pose(0.0, 0.0, 0.0), 0.0
+        self._trust = self.caution.margin  # odds that the believed pose is right, their logarithm
         self._checked = 0.0  # log likelihood of the believed pose by the scan it is checked with
         self._elsewhere = 0  # searches of the whole map that found a better place
         pose = self.start or Pose(0.0, 0.0, 0.0)
@@ -239,7 +240,7 @@ class Locator:
         before, usual = None if self.located.lost else self.located.pose, self._usual
         self._forget()
         self._odometry = None
-        self._believe(pose, wide, 0.0)
+        self._believe(pose, wide, 0.0, 0.0)
         self._before, self._usual, self._told = before, usual, True
 
     def correct(self, sweep: DeskewedScan, odometry: Pose) -> Located:
@@ -328,6 +329,7 @@ class Locator:
         return self._alarm > 0 or self._fitting < self.caution.proven
 
     def _track(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
+        self._carry(step)
         foretold, joint = moved(self.located.pose, self._joint, step)
         _, told = moved(self.located.pose, self._told_joint, step)
         spread = joint[:3, :3]
@@ -403,8 +405,12 @@ class Locator:
         new = self.care.offset + min(way / self.caution.drawn, 0.1) * fit.before
         self.care = self.care._replace(offset=min(max(new, -most), most))
 
-    def _believe(self, pose: Pose, covariance: Floats, share: float, proven: bool = False) -> None:
-        """Track from here on. proven: nothing else on the map comes near it."""
+    def _believe(
+        self, pose: Pose, covariance: Floats, share: float, lead: float, proven: bool = False
+    ) -> None:
+        """Track from here on. lead: by which it was likelier than any other place. proven: nothing
+        else on the map comes near it."""
+        self._trust = min(max(lead, 0.0), self.caution.margin)
         self._cold, self._before = False, None
         self._behind, self._earlier = [], []
         self._joint = joined(covariance, self._joint[3:, 3:])
@@ -424,12 +430,11 @@ class Locator:
         # a scan from the same spot says nothing new
         fresh = way + 0.5 * turned > 0.15 and not any(h.stale for h in self._hypotheses)
         oldest = sorted(self._hypotheses, key=lambda h: -h.age)[: self.caution.judged]
+        self._carry(step)
         for one in self._hypotheses:
             one.age += 1
             if fresh:
                 one.log, one.stale = one.log + one.latest, True
-            foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
-            one.pose, one.covariance = foretold, joint[:3, :3].copy()
         for one in oldest:
             prior = inverted(one.covariance)
             fit = align(self.known.surfaces, points, across, one.pose, prior, self.care)
@@ -451,6 +456,12 @@ class Locator:
             tired = False  # all that can be are followed
         if self.located.lost and self._searched is None and tired:
             self._seek(points, across, sweep)
+
+    def _carry(self, step: Pose) -> None:
+        """Move hypotheses with the robot."""
+        for one in self._hypotheses:
+            foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
+            one.pose, one.covariance = foretold, joint[:3, :3].copy()
 
     def _seek(self, points: Floats, across: Floats, sweep: DeskewedScan) -> None:
         """Begin a search: near by at first, then everywhere."""
@@ -563,7 +574,7 @@ class Locator:
             why = "too few features are in view to say where along them the robot is"
         else:
             self._forget()
-            self._believe(best.pose, best.covariance, best.judged.agree, only)
+            self._believe(best.pose, best.covariance, best.judged.agree, lead, only)
             return
         self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
 
@@ -594,8 +605,10 @@ class Locator:
             return self._holds_on_the_map(best)
         if best is not None and not _same(best.pose, self.located.pose):
             better = best.latest > self._likely + c.margin
+            # a scan against the keyframe, and what the pose was believed for counts no more
+            clearly = c.drop if self._alarm else max(c.drop, self._trust)
             as_before = (
-                best.latest > self._likely + c.drop and best.judged.log > self._usual - c.alike
+                best.latest > self._likely + clearly and best.judged.log > self._usual - c.alike
             )
             if self._movable:
                 if self._agrees(best.pose) and (better or as_before):
