@@ -64,10 +64,11 @@ class Caution(NamedTuple):
     """So many such scans in a row, and the robot may have been moved;"""
     frozen: int = 10
     """For so many, no newer keyframe is taken, and"""
-    aged: int = 100
-    """After so many scans from one spot a newer one is: the odometry's heading drifts as well;"""
     alarmed: int = 30
     """for so many scans a better place may be that to which."""
+    aged: int = 100
+    """A keyframe is no older than so many scans: a gyro that drifts by 0.05 deg/s has turned by
+    what scans are compared to by then."""
     proven: float = 1.0
     """A pose that has fitted for this way [m] is not given up for what the map shows wrong, while
     scans agree with each other,"""
@@ -112,8 +113,9 @@ class Caution(NamedTuple):
     drawn: float = 0.5
     """How far a map's surfaces lie from the middle of its cells is learnt over this way [m]."""
     unmoved: float = 12.0
-    """Log odds that a robot is where it was switched on, or has fitted for `proven`: it is moved
-    without two scans that contradict each other once in some hundred thousand."""
+    """Log odds that a robot is where it was told to start, or where its pose has fitted for
+    `proven`: once in e^12, some hundred thousand, it is moved without scans that contradict each
+    other."""
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40
@@ -230,7 +232,7 @@ class Locator:
         self._rival, self._rivalled = Pose(0.0, 0.0, 0.0), 0.0
         self._lead = self.caution.unmoved  # by which the believed pose was likelier than others
         self._odds = 0.0  # log odds that the robot is where it left off, since it is lost
-        self._left_joint: Floats = np.empty((0, 0))
+        self._left_joint: Floats = np.empty((0, 0))  # and how sure that place is
         self._checked = 0.0  # log likelihood of the believed pose by the scan it is checked with
         self._elsewhere = 0  # searches of the whole map that found a better place
         pose = self.start or Pose(0.0, 0.0, 0.0)
@@ -468,8 +470,8 @@ class Locator:
             joint = joined(one.covariance, self._joint[3:, 3:])
             # as where it is believed: what the map gets wrong here it gets wrong in the next scan
             own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
-            new = min(1.0, max(one.way / self.care.correlated, 0.02))
-            one.pose, one.covariance = fit.pose, updated(joint, new * own)[:3, :3]
+            told = min(1.0, max(one.way / self.care.correlated, 0.02))
+            one.pose, one.covariance = fit.pose, updated(joint, told * own)[:3, :3]
             one.judged = self._judge(fit.pose, sweep.ranges)
             new = one.judged.weighed
             one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
