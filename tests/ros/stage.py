@@ -1,4 +1,4 @@
-"""A robot behind ROS topics in a process of its own, which tests can let go wrong, and its stage."""
+"""A robot behind ROS topics in a process of its own, which tests can let go wrong."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Faults:
 
 
 def serve(line: Any, walls: Any, options: dict[str, Any]) -> None:
-    """The process of the robot: obeys `line`, which names faults, asks for the truth, or ends it."""
+    """The robot's process: `line` names faults, asks for the truth, or ends it."""
     faults, ended = Faults(), threading.Event()
     robot = Kinematic(
         load_robot("sally"), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=OnTheWall()
