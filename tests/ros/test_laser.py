@@ -60,9 +60,7 @@ def test_clockwise_and_upside_down_scans_are_turned_the_right_way_round():
     ranges = np.arange(91) / 10.0 + 1.0
     plain = around(message(-0.25 * math.pi, STEP, ranges), UPRIGHT)
     clockwise = around(message(0.25 * math.pi, -STEP, ranges[::-1]), UPRIGHT)
-    below = around(
-        message(-0.25 * math.pi, STEP, ranges[::-1]), UPRIGHT._replace(upside_down=True)
-    )
+    below = around(message(-0.25 * math.pi, STEP, ranges[::-1]), UPRIGHT._replace(upside_down=True))
     for other in (clockwise, below):
         assert other == pytest.approx(plain)
 

@@ -1,4 +1,4 @@
-"""The command that puts the safety filter between a ROS 2 controller and its base: filter."""
+"""The commands for ROS 2: filter, and base to try it without a robot."""
 
 from __future__ import annotations
 
@@ -88,6 +88,87 @@ def filter_(
             _served(transport, found, timeout, rate, seconds, stop, line)
         finally:
             transport.close()
+
+
+@app.command()
+def base(
+    name: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT|SCENARIO", help="Who drives where; a robot in --scenario."),
+    ] = "lab-guard",
+    scenario: Annotated[
+        str, typer.Option(metavar="SCENARIO", help="Where a robot is.")
+    ] = "lab-guard",
+    twin: Annotated[
+        bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
+    ] = False,
+    namespace: Annotated[str, typer.Option(metavar="/NAME", help="Of its topics.")] = "/",
+    stamped: Annotated[
+        bool, typer.Option("--stamped", help="It wants TwistStamped, not Twist.")
+    ] = False,
+    controller: Annotated[
+        str | None,
+        typer.Option(metavar="V,OMEGA", help="Also ask for this on /cmd_vel_nav, all the time."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=2**32 - 1, help="Of the simulated errors.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Be a simulated robot behind ROS 2 topics, for trying `cohelm filter` without one.
+
+    Publishes /odom, /scan and /tf_static, obeys /cmd_vel, and says at its end how near it came to
+    anything. --controller 0.5,0 wants it to drive ahead, whatever is there.
+    """
+    import time
+
+    from cohelm.drive.operate import Asked, ended, meant
+    from cohelm.robot.model import SHIPPED
+    from cohelm.ros.dds import DdsTransport
+    from cohelm.ros.look import Topics
+    from cohelm.ros.served import ServedRobot, asked_for, wanting
+
+    changes = [f"robot={name}"] if name in SHIPPED else []
+    named = scenario if name in SHIPPED else name
+    kind = "twin" if twin else "kinematic"
+    wish = None if controller is None else asked_for(controller)
+    topics = Topics.named(namespace)
+    with starting("base") as line, ended() as stop:
+        made = meant(Asked(named, scenario, kind, True, seed, changes))
+        robot = made()
+        transport = DdsTransport("cohelm_base", topics.namespace)
+        try:
+            served = ServedRobot(transport, robot, topics, stamped=stamped)
+            over = wanting(transport, topics, wish)
+            stop.heed()
+            line.over()
+            say(f"{plain(made.model.name)} listens on {plain(topics.out)}; Ctrl-C ends it")
+            begun = time.monotonic()
+            served.run(
+                lambda: (
+                    stop.asked != ""
+                    or (seconds is not None and time.monotonic() - begun >= seconds)
+                )
+            )
+            over.set()
+            truth = getattr(robot, "truth", lambda: None)()
+        finally:
+            transport.close()
+            robot.close()
+    if truth is not None:
+        least = truth.least_moving
+        told = {
+            "x_m": truth.pose.x, "y_m": truth.pose.y, "heading_rad": truth.pose.psi,
+            "least_clearance_moving_m": least if least < 1e6 else None,
+        }  # fmt: skip
+        if as_json:
+            print_json(told)
+            return
+        near = "it did not move" if told["least_clearance_moving_m"] is None else f"{least:.3f} m"
+        print(f"smallest clearance while moving: {near}")
 
 
 def _served(

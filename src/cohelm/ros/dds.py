@@ -212,7 +212,12 @@ class _Writer:
         what the network does with it is not known."""
         if self._closed.is_set():
             raise CohelmError("the transport is closed: make a new one")
-        self._writer.write(self._wire(packed(message, self._kind)))
+        dds = _cyclonedds()
+        try:
+            self._writer.write(self._wire(packed(message, self._kind)))
+        except dds.DDSException as error:
+            if error.code != dds.DDSException.DDS_RETCODE_TIMEOUT:  # no room: the next is newer
+                raise CohelmError(f"a {self._kind} can not be sent: {error.msg}") from error
 
 
 def _policies(qos: Qos, kind: str) -> Any:

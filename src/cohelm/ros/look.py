@@ -145,6 +145,8 @@ class _Heard:
     def found(self, model: RobotModel, allowed: Allowed, drives: bool) -> Found:
         """All of it. CohelmError for what does not fit."""
         seen, topics = self._transport.endpoints(), self._topics
+        if not seen and not self._odometry and not self._scans:
+            raise CohelmError(mismatch.nobody(self._transport.name))
         wrong: list[str] = []
         notes = [f"transport: {self._transport.name}"]
         for topic, kind, came, option in (

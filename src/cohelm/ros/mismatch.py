@@ -20,7 +20,7 @@ def unheard(
     if not there:
         return (
             f"nobody publishes {topic}: start its driver, or name another topic with {option}"
-            f"{_others(kind, seen)}{_domain(seen)}"
+            f"{_others(kind, seen)}"
         )
     if not right:
         return (
@@ -56,7 +56,7 @@ def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -
         instead = f"; there is {', '.join(others[:_MOST_NAMED])}" if others else ""
         return named or TWIST, (
             f"nobody listens on {topic}: start the base's driver, or name its topic with --out"
-            f"{instead}{_domain(seen)}"
+            f"{instead}"
         )
     if not kinds:
         return named or TWIST, (
@@ -118,11 +118,10 @@ def _others(kind: str, seen: list[Endpoint]) -> str:
     return f"; {kind.split('/')[-1]} is on {', '.join(topics[:_MOST_NAMED])}"
 
 
-def _domain(seen: list[Endpoint]) -> str:
-    """What to look at where nothing of ROS is seen at all."""
-    if seen:
-        return ""
+def nobody(name: str) -> str:
+    """That nothing of ROS is seen at all. name: of the transport."""
     return (
-        "; no node of ROS is seen at all: is ROS_DOMAIN_ID the robot's, does its middleware speak "
-        "DDS (rmw_zenoh does not), and does the network let multicast through?"
+        f"no node of ROS is seen ({name}): is ROS_DOMAIN_ID the robot's, does its middleware speak "
+        "DDS (rmw_zenoh does not), and does the network let multicast through (ROS 2's own "
+        "`ros2 multicast send` and `receive` tell)?"
     )

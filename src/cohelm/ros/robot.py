@@ -28,8 +28,9 @@ _STILL = Twist(0.0, 0.0)
 
 
 class Ros2Robot(Robot):
-    """See `robot.base.Robot`. With the model alone it looks for the robot by itself, on the topics
-    that `COHELM_ROS_TOPICS` names (`odom=/odom scan=/scan out=/cmd_vel namespace=/`)."""
+    """See `robot.base.Robot`. With the model alone, `cohelm robot ... --driver ros2`, it looks for
+    the robot on the topics that `COHELM_ROS_TOPICS` names (`odom=/odom scan=/front/scan`), and
+    takes the model's LiDAR for the one there is."""
 
     def __init__(
         self, model: RobotModel, found: Found | None = None, transport: Transport | None = None
@@ -50,9 +51,9 @@ class Ros2Robot(Robot):
             self._still_since = -math.inf
             self.damaged = 0
             """Messages that could not be read, so far."""
-            if found.model.lidar is None:
-                raise CohelmError(f"{topics.scan}: no LiDAR was found there")
-            self._ranges = laser.Ranges(found.model.lidar, found.mount)
+            if model.lidar is None:
+                raise CohelmError(f"{model.name} has no LiDAR: describe it in the robot's YAML")
+            self._ranges = laser.Ranges(model.lidar, found.mount)
             self._out = self._transport.publish(topics.out, found.out_type, COMMAND)
             self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._hear_odometry)
             self._transport.subscribe(topics.scan, SCAN, SENSOR, self._hear_scan)

@@ -6,6 +6,7 @@ For trying and testing without ROS: a simulated robot becomes one that `cohelm f
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
@@ -26,14 +27,16 @@ from rosbags.typesys.stores.ros2_jazzy import (
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
 from cohelm.record.markers import header, pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Robot, Scan
 from cohelm.ros.look import Topics
+from cohelm.ros.messages import command
 from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.names import resolved
-from cohelm.ros.port import LATCHED, SENSOR, Qos, Received, Transport
+from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received, Transport
 
 _LOOKS = 0.004
 """The robot is looked at so often [s]."""
@@ -141,3 +144,30 @@ def mounts(model: RobotModel) -> Any:
 
 def _nanoseconds(stamp: float) -> int:
     return round(stamp * 1e9)
+
+
+def asked_for(text: str) -> Twist:
+    """`0.5,0.1` as a twist. CohelmError for what is none."""
+    parts = text.split(",")
+    try:
+        v, omega = (float(part) for part in parts)
+    except ValueError as error:
+        raise CohelmError(f"{text!r}: give speed and yaw rate, such as 0.5,0") from error
+    return Twist(v, omega)
+
+
+def wanting(transport: Transport, topics: Topics, twist: Twist | None) -> threading.Event:
+    """A controller that asks for a twist, from a thread, twenty times a second; None: nobody does.
+    It ends with the event."""
+    over = threading.Event()
+    if twist is None:
+        return over
+    out = transport.publish(topics.command, TWIST, COMMAND)
+
+    def ask() -> None:
+        while not over.wait(0.05):
+            with contextlib.suppress(CohelmError):  # the transport has been closed meanwhile
+                out.send(command(twist, TWIST, _BODY))
+
+    threading.Thread(target=ask, name="controller", daemon=True).start()
+    return over
