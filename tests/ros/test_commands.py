@@ -48,9 +48,10 @@ def driven():
     base.close()
 
 
+@pytest.mark.slow
 def test_it_drives_a_base_and_when_it_is_killed_the_base_stands(driven):
     config = cohelm("filter", "--robot", "sally", "--print-config", "--json")
-    out, said = config.communicate(timeout=120.0)
+    out, said = config.communicate(timeout=240.0)
     found = json.loads(out)
     assert config.returncode == 0, said
     assert found["topics"]["out_type"] == "geometry_msgs/msg/Twist"

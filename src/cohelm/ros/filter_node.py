@@ -27,7 +27,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
 from cohelm.ros.commands import Commands, Nominal
 from cohelm.ros.look import Found
-from cohelm.ros.pacing import Pacing
+from cohelm.ros.pacing import LONGEST, Pacing
 from cohelm.ros.port import Qos, Transport
 from cohelm.ros.report import Report, Row
 
@@ -70,7 +70,7 @@ class FilterNode:
         model = found.model
         self._keeper, self._params = keeper, params
         self._perception = Perception(model)
-        self._filter = SafetyFilter(model, params.period, delay=model.delay_s * 1.1)
+        self._filter = SafetyFilter(model, params.period, delay=model.delay_s * LONGEST)
         self._watchdog = SensorWatchdog(model, patience(model, params.period))
         self._commands = Commands(transport, found.topics.command, params.timeout, found.odom_clock)
         self._report = Report(transport, found, say)

@@ -10,7 +10,11 @@ LEAST, MOST = 0.008, 0.04
 SPARE = 0.08
 """So much longer than the controller's own is the period that the filter counts with, as a share;
 so its command is waited for, and never a whole period late for having just been missed."""
-_EARLY = 2.0 * SPARE
+EARLY = 0.08
+"""So much earlier than after the controller's own period a command may begin one, as a share: by
+so much periods move towards the commands until they begin with them."""
+LONGEST = (1.0 + SPARE) / (1.0 - EARLY)
+"""The longest period in the shortest ones: a delay may span so many more than it seems."""
 
 
 def period(command: float) -> float:
@@ -25,21 +29,17 @@ def period(command: float) -> float:
 
 
 class Pacing:
-    """Begins a period no earlier than a share before it is due, and at the latest when it is due.
-
-    What a period begins early is not gained: on average there are no more than of the controller's
-    own length.
-    """
+    """Begins a period with the next command, but no earlier than a share before it is due, and at
+    the latest when it is due."""
 
     def __init__(self, length: float, now: float) -> None:
         """length: the longest a period may be [s]."""
         self.length = length
-        self._usual = length / (1.0 + SPARE)
-        self._began = self._debt = now
+        self._began = now
 
     def earliest(self) -> float:
         """From when on a command begins the next period [s]."""
-        return max(self._began, self._debt) + self._usual * (1.0 - _EARLY)
+        return self._began + self.length / LONGEST
 
     def latest(self) -> float:
         """When it begins without one [s]."""
@@ -47,5 +47,4 @@ class Pacing:
 
     def begin(self, now: float) -> None:
         """It begins."""
-        self._debt = max(self._debt + self._usual, now - _EARLY * self._usual)
         self._began = now
