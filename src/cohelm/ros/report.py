@@ -27,7 +27,7 @@ _LEVELS = {
     "gate": messages.ERROR,
 }  # fmt: skip
 
-_WORDED = ("readings", "gate")
+_WORDED = ("readings", "gate", "command")
 """Kinds of reasons that are told again when their words change, and not their numbers alone."""
 
 
