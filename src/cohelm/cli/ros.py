@@ -61,7 +61,7 @@ def filter_(
     ] = None,
     as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Stand between a ROS 2 controller and its base: only safe commands pass.
+    """Pass only what is safe from a ROS 2 controller to its base.
 
     Needs no ROS here, only the network of the robot: commands, scans and odometry in; safe
     commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first.
@@ -118,9 +118,9 @@ def base(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Be a simulated robot behind ROS 2 topics, for trying `cohelm filter` without one.
+    """Be a simulated robot behind ROS 2 topics.
 
-    Publishes /odom, /scan and /tf_static, obeys /cmd_vel, and says at its end how near it came to
+    For trying `cohelm filter` without a robot. Publishes /odom, /scan and /tf_static, obeys /cmd_vel, and says at its end how near it came to
     anything. --controller 0.5,0 wants it to drive ahead, whatever is there.
     """
     import time
