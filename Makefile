@@ -1,6 +1,9 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run reproduce test test-quick test-all warm package docs lint bench coverage clean
+.PHONY: help run reproduce test test-quick test-all warm wheel package docs lint bench coverage clean
+
+# The tests start hundreds of processes: none shall compile Python that another has compiled.
+unexport PYTHONDONTWRITEBYTECODE
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -34,6 +37,9 @@ test-all: test   ## all tests, also those that take more than a minute each
 
 docs: $(READY)   ## build the documentation as a site, and check all its links
 	$(BIN)/python tools/docs.py
+
+wheel: $(READY)  ## build the wheel, with pages, robots and scenarios, into dist/
+	$(BIN)/uv build --wheel --out-dir dist
 
 package: $(READY) ## build the wheel as from a fresh clone, and try it in an empty environment
 	$(BIN)/pytest -m slow tests/e2e/test_wheel.py

@@ -24,7 +24,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.places import WRONG, laid, published  # noqa: E402
+from benchmarks.places import errors, laid, published  # noqa: E402
 from cohelm.core.types import Floats  # noqa: E402
 from cohelm.drive.session import Session, SessionConfig  # noqa: E402
 from cohelm.drive.simulated import Simulated  # noqa: E402
@@ -160,24 +160,10 @@ def driven(site: Site) -> Result:
         arrived, least = loop.driver.arrived, keeper.truth().least_moving
         mode = "" if arrived else f"{GateMode(keeper.gate.mode).name} {keeper.gate.reason}"
     t = np.array(rows)
-    off, lost = t[:, 3], t[:, 4] > 0.0
-    sure = off[~lost] if (~lost).any() else np.array([math.nan])
-    wrong = (off > WRONG) & ~lost
     return Result(
         site.name, arrived, float(np.hypot(*np.diff(t[:, 1:3], axis=0).T).sum()), t[-1, 0], least,
-        float(np.sqrt((sure**2).mean())), float(np.quantile(sure, 0.99)), float(sure.max()),
-        float(lost.mean()), float(wrong.mean()), longest(wrong) * session.plan.period, mode,
-        spells(said),
+        *errors(t[:, 3], t[:, 4] > 0.0, session.plan.period), mode, spells(said),
     )  # fmt: skip
-
-
-def longest(flags: Floats) -> int:
-    """How many in a row are set, at most."""
-    most = run = 0
-    for flag in flags:
-        run = run + 1 if flag else 0
-        most = max(most, run)
-    return most
 
 
 def spells(said: list[tuple[float, str]]) -> tuple[str, ...]:

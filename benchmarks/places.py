@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -78,6 +79,33 @@ class Result(NamedTuple):
     ms_99: float
     end: float
     """Error at the end [m]; inf if lost."""
+
+
+class Errors(NamedTuple):
+    """Of places that were told, while not lost [m]; shares of the time."""
+
+    rms: float
+    at_99: float
+    largest: float
+    lost: float
+    wrong: float
+    """Farther off than WRONG, and sure."""
+    longest: float
+    """That at a stretch [s]."""
+
+
+def errors(off: Floats, lost: NDArray[np.bool_], period: float) -> Errors:
+    """off: (n,), how far off at even steps of `period` [m, s]. lost: (n,), whether it said so."""
+    sure = off[~lost] if not lost.all() else np.array([math.nan])
+    wrong = (off > WRONG) & ~lost
+    run = longest = 0
+    for flag in wrong:
+        run = run + 1 if flag else 0
+        longest = max(longest, run)
+    return Errors(
+        float(np.sqrt((sure**2).mean())), float(np.quantile(sure, 0.99)), float(sure.max()),
+        float(lost.mean()), float(wrong.mean()), longest * period,
+    )  # fmt: skip
 
 
 def published() -> dict[str, Callable[[], OccupancyMap]]:
@@ -145,18 +173,12 @@ def followed(
             trace.append((moment.now, *moment.truth, *seen.pose, seen.lost, seen.reason))
     if TRACE:
         traces.append((name or place.name, seed, trace))
-    o, away = np.array(off), np.array(lost)
-    sure = o[~away] if (~away).any() else np.array([math.nan])
-    bad = (o > WRONG) & ~away
-    run = longest = 0
-    for b in bad:
-        run = run + 1 if b else 0
-        longest = max(longest, run)
+    away = np.array(lost)
     return Result(
-        name or place.name, 0.5 * len(poses) * DT, float(np.sqrt((sure**2).mean())),
-        float(np.quantile(sure, 0.99)), float(sure.max()), float(away.mean()), float(bad.mean()),
-        longest / model.rate_hz, float(np.quantile(np.array(sigmas)[~away], 0.95))
-        if (~away).any() else math.nan, float(np.median(times)), float(np.quantile(times, 0.99)),
+        name or place.name, 0.5 * len(poses) * DT,
+        *errors(np.array(off), away, 1.0 / model.rate_hz),
+        float(np.quantile(np.array(sigmas)[~away], 0.95)) if not away.all() else math.nan,
+        float(np.median(times)), float(np.quantile(times, 0.99)),
         math.inf if lost[-1] else off[-1],
     )  # fmt: skip
 

@@ -231,6 +231,25 @@ def test_a_scan_becomes_the_points_it_hit():
     assert seen.points == pytest.approx(np.array([[1.3, 0.1], [0.3, 0.2], [-1.7, 0.1]]), abs=1e-9)
 
 
+def test_what_a_lidar_says_is_nearer_than_it_can_measure_stands_at_its_least_range():
+    seen = Obstacles.from_ranges([0.0, 0.05, -1.0, -math.inf], 0.0, 0.1, range_min=0.1)
+    assert np.hypot(*seen.points.T) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "angles", [(-135.0, 0.375), (-2.36, 0.375), (math.nan, 0.006), (0.0, math.inf)]
+)
+def test_angles_in_degrees_are_no_scan(angles):
+    with pytest.raises(CohelmError, match="give radians"):
+        Obstacles.from_ranges(np.ones(720), *angles)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_full_turn_in_float32_is_a_scan_either_way(turn):
+    step = turn * np.float32(2 * math.pi / 719)
+    assert len(Obstacles.from_ranges(np.ones(720), -turn * math.pi, float(step))) == 720
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.types import Pose
+from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize.localization_map import judge, known
 from cohelm.perceive.pipeline import Perception
 from cohelm.scenario import load
@@ -168,3 +168,51 @@ def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(st
         seen = perception.take(moment.now, moment.readings)
         off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
         assert seen.lost or off < 0.2
+
+
+def gone(occupied, share, seed, cell=0.05):
+    """The same with a share of its walls taken away in pieces of 0.3 to 2 m."""
+    rng = np.random.default_rng(seed)
+    solid = np.argwhere(occupied)
+    there = np.ones(len(solid), dtype=bool)
+    while there.mean() > 1.0 - share:
+        middle = solid[rng.choice(np.flatnonzero(there))]
+        there &= np.hypot(*(solid - middle).T) > 0.5 * rng.uniform(0.3, 2.0) / cell
+    left = np.zeros_like(occupied)
+    left[tuple(solid[there].T)] = True
+    return left
+
+
+@pytest.mark.parametrize("start", [14.0, 22.0, 30.0, 38.0])
+def test_boxes_on_no_map_where_it_begins_send_it_to_no_place_that_looks_alike(start):
+    occupied, free, cell, origin = dotted(4, length=60.0)
+    low = [[start + 1.2, -0.85], [start + 3.0, 0.35], [start + 4.5, -0.8]]
+    walls = np.vstack([
+        [[x, y, x + 0.5, y], [x + 0.5, y, x + 0.5, y + 0.45],
+         [x + 0.5, y + 0.45, x, y + 0.45], [x, y + 0.45, x, y]] for x, y in low
+    ])  # fmt: skip
+    poses, twists = along([(start + 0.7 * k, 0.0) for k in range(8)])
+    rows = followed(
+        known(occupied, free, cell, origin), poses, twists, 5, walls,
+        grid=grid(occupied, cell, origin),
+    )  # fmt: skip
+    assert rows[:, 1].mean() < 0.1
+    assert rows[rows[:, 1] == 0.0, 0].max() < 0.2
+
+
+@pytest.mark.parametrize("start", [14.0, 22.0, 30.0, 38.0])
+def test_told_its_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
+    """The map is as wrong elsewhere, and nobody moved the robot: it need not drive to be sure."""
+    occupied, free, cell, origin = dotted(4, length=60.0)
+    here = Pose(start, 0.0, 0.0)
+    perception = Perception(SALLY, known(occupied, free, cell, origin), here)
+    seen = None
+    for moment in drive(
+        [here] * 301, [Twist(0.0, 0.0)] * 300, 6, NO_DISCS, NO_WALLS,
+        grid=grid(gone(occupied, 0.35, 6), cell, origin),
+    ):  # fmt: skip
+        seen = perception.take(moment.now, moment.readings)
+        off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+        assert seen.lost or off < 0.2
+    assert seen is not None
+    assert not seen.lost

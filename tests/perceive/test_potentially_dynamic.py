@@ -17,7 +17,11 @@ from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
 
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
 HERE = Pose(3.0, -1.0, 0.0)
-LAB = map_from_geometry(WALLS, HERE, CONES[:, [X, Y, RADIUS]])
+
+
+@pytest.fixture(scope="module")
+def lab():
+    return map_from_geometry(WALLS, HERE, CONES[:, [X, Y, RADIUS]])
 
 
 def standing(seconds, pose=HERE):
@@ -70,7 +74,7 @@ def test_who_walks_onto_free_ground_is_covered_at_once(speed):
     assert checked >= 4
 
 
-def test_three_who_walk_shoulder_to_shoulder_are_covered():
+def test_three_who_walk_shoulder_to_shoulder_are_covered(lab):
     """Together they are too wide for a body. Who walks where another has just stood is told a
     moment later."""
 
@@ -79,7 +83,7 @@ def test_three_who_walk_shoulder_to_shoulder_are_covered():
         return discs(*(disc(4.3 + 0.04 * k, y + 0.6 * k, 0.31) for k in range(3)))
 
     short = []
-    for moment, seen in watch(standing(3.0), around, LAB):
+    for moment, seen in watch(standing(3.0), around, lab):
         if moment.now < 1.0:
             continue
         for k, (x, y, *_, radius, _) in enumerate(around(moment.now + 0.3)):
@@ -91,10 +95,10 @@ def test_three_who_walk_shoulder_to_shoulder_are_covered():
     assert all(k == 0 and by < 0.2 for k, by in short)
 
 
-def test_on_the_map_nothing_is_loose():
+def test_on_the_map_nothing_is_loose(lab):
     poses, twists = along(TOUR)
     told = [
-        len(seen.mobile) for _, seen in watch((poses[:1000], twists[:999]), CONES, LAB, poses[0])
+        len(seen.mobile) for _, seen in watch((poses[:1000], twists[:999]), CONES, lab, poses[0])
     ]
     assert len(told) > 90
     assert sum(n > 0 for n in told) <= 1

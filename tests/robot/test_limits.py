@@ -3,8 +3,9 @@ import math
 import pytest
 from hypothesis import assume, given, strategies as st
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
-from cohelm.robot.limits import Limits, achievable, unlimited
+from cohelm.robot.limits import Limits, achievable, checked_limits, unlimited
 
 bounds = st.one_of(st.just(math.inf), st.floats(0.05, 20.0))
 limits = st.builds(Limits, bounds, bounds, bounds, bounds, bounds, bounds, st.floats(0.1, 1.0))
@@ -165,3 +166,9 @@ def test_a_wheel_that_can_hardly_accelerate_stays_as_it_is():
     stiff = Limits(math.inf, math.inf, math.inf, math.inf, math.inf, 1e-18, 0.5)
     for command in (Twist(0.7, 0.3), Twist(0.9, -2.0)):
         assert achievable(command, Twist(0.7, 0.3), stiff, 0.01) == Twist(0.7, 0.3)
+
+
+@pytest.mark.parametrize("track", [0.0, -0.4, math.inf, math.nan])
+def test_a_track_that_is_no_length_is_told_how_to_measure_it(track):
+    with pytest.raises(CohelmError, match=r"track must be a length in metres.*measure between"):
+        checked_limits(Limits(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, track))

@@ -36,15 +36,16 @@ _IMPORT = re.compile(
 )
 
 
-def _imported(text: str) -> set[Path]:
-    """The files of the package that a file of this text imports."""
+@cache
+def _imported(file: Path) -> frozenset[Path]:
+    """The files of the package that one of them imports."""
     found: set[Path] = set()
-    for of, names, whole in _IMPORT.findall(text):
+    for of, names, whole in _IMPORT.findall(file.read_text(encoding="utf-8")):
         module = _PACKAGE.joinpath(*filter(None, (of or whole).split(".")))
         parts = [module, *(module / name for name in re.findall(r"\w+", names))]
         for part in parts:
             found |= {f for f in (part.with_suffix(".py"), part / "__init__.py") if f.is_file()}
-    return found
+    return frozenset(found)
 
 
 def _sources(room: str) -> set[Path]:
@@ -53,7 +54,7 @@ def _sources(room: str) -> set[Path]:
     new = {f for f in (_PACKAGE / room).rglob("*.py") if b"cohelm.core.jit" in f.read_bytes()}
     while new:
         known |= new
-        new = {f for path in new for f in _imported(path.read_text(encoding="utf-8"))} - known
+        new = {f for path in new for f in _imported(path)} - known
     return known
 
 

@@ -69,15 +69,24 @@ class Obstacles:
     ) -> Obstacles:  # fmt: skip
         """The points of one LiDAR scan, in the body frame.
 
-        ranges: (n,) [m], as REP-117 has them: inf for no return, -inf for what is nearer than
-        range_min [m], which is put there; NaN is left out. angle_min: bearing of the first beam,
-        angle_increment: to the next one, counter-clockwise [rad]. mount: of the sensor in the body.
+        ranges: (n,) [m], as REP-117 has them: inf for no return; what is nearer than range_min [m],
+        -inf and 0 too, is put there; NaN is left out. A driver that says 0 where nothing came back
+        needs inf there. angle_min: bearing of the first beam, angle_increment: to the next one,
+        counter-clockwise [rad]; negative where it turns clockwise. mount: of the sensor in the
+        body. Raises CohelmError where the angles are no scan's, as they are in degrees.
         """
         far = _array("ranges", ranges)
         if far.ndim != 1:
             raise CohelmError(f"ranges need one number per beam, got shape {far.shape}")
+        turn = abs(angle_increment) * max(len(far) - 1, 0)
+        if not (abs(angle_min) <= _TURNS and turn <= _TURN and math.isfinite(range_min)):
+            raise CohelmError(
+                f"a scan begins within two turns and goes round once, got angle_min={angle_min:g} "
+                f"and {len(far)} beams {angle_increment:g} apart: give radians, and range_min in "
+                "metres"
+            )
         bearings = mount.psi + angle_min + angle_increment * np.arange(len(far))
-        real = np.where(far == -math.inf, range_min, far)
+        real = np.where(far < range_min, range_min, far)
         hit = np.isfinite(real)
         points = np.column_stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
         return cls(points=points * real[hit, None] + mount[:2])
@@ -105,6 +114,9 @@ class Obstacles:
         )
 
 
+_TURN = 2.0 * math.pi * 1.01
+"""Once round, and the rounding of drivers that say the increment in float32 [rad]."""
+_TURNS = 4.0 * math.pi
 _NO_POINTS, _NO_SEGMENTS, _NO_DISCS = np.empty((0, 2)), np.empty((0, 4)), np.empty((0, 6))
 _NOTHING = np.empty(0)
 _DISC_ROWS = "discs need rows x, y, radius, or x, y, radius, v_x, v_y in metres and m/s"

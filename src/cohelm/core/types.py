@@ -27,26 +27,35 @@ centre and the disc's centre [m] (19)."""
 class Pose(NamedTuple):
     """eta = (x, y, psi) in the world frame (3) [m, m, rad].
 
-    >>> import cohelm
-    >>> cohelm.Pose(x=1.0, y=0.0, psi=0.5).psi
-    0.5
+        >>> import cohelm
+        >>> cohelm.Pose(x=1.0, y=0.0, psi=0.5).psi
+        0.5
+
+    A tuple: `x, y, psi = pose`.
     """
 
     x: float
+    """[m]"""
     y: float
+    """[m]"""
     psi: float
+    """Heading, counter-clockwise from x [rad]."""
 
 
 class Twist(NamedTuple):
     """Surge speed u and yaw rate r of (4), the two control inputs [m/s, rad/s].
 
-    >>> import cohelm
-    >>> cohelm.Twist(v=0.5, omega=-0.2).v  # forward, and to the right
-    0.5
+        >>> import cohelm
+        >>> cohelm.Twist(v=0.5, omega=-0.2).v  # forward, and to the right
+        0.5
+
+    A tuple: `v, omega = twist`.
     """
 
     v: float
+    """Forward [m/s]."""
     omega: float
+    """Yaw rate, counter-clockwise: positive turns left [rad/s]."""
 
 
 class Stick(NamedTuple):

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
@@ -83,7 +83,7 @@ def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
             f"way-points are too far or too near for a speed of {speed} m/s; "
             "coordinates are in metres"
         )
-    spline = CubicSpline(knots, points, bc_type="natural")
+    spline = scipy.interpolate.CubicSpline(knots, points, bc_type="natural")
     coeffs = np.ascontiguousarray(
         np.concatenate((spline.c[:, :, 0].T, spline.c[:, :, 1].T), axis=1)
     )

@@ -11,20 +11,24 @@ nothing near the wish could be certified; the certified stop goes on, or the rob
 
 
 class Verdict(IntEnum):
-    """What became of a nominal command; the numbers are those of the records.
+    """What became of a nominal command.
 
         >>> import cohelm
         >>> cohelm.Verdict(1).name
         'SHAPED'
 
-    UNTOUCHED: it passed. SHAPED: the nearest allowed one did. BRAKING: nothing near it could be
-    certified, and the stop that was certified before goes on; STANDING: the same, and the robot
-    stands. INVALID: a number that is not finite came in. POWERLESS: the paper's barrier alone.
+    A record has the numbers of these.
     """
 
     UNTOUCHED = UNTOUCHED
+    """It passed."""
     SHAPED = SHAPED
+    """The nearest that is allowed did."""
     POWERLESS = POWERLESS
+    """Of the paper's barrier alone: no command could keep it."""
     INVALID = INVALID
+    """A number that is not finite came in."""
     BRAKING = BRAKING
+    """Nothing near it could be certified: the stop that was certified before goes on."""
     STANDING = STANDING
+    """The same, and the robot stands."""

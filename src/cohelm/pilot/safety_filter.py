@@ -33,7 +33,8 @@ class LimitingObstacle(NamedTuple):
     kind: str
     """disc, segment or point."""
     row: int
-    """Of that array of the obstacles."""
+    """Of that array of the obstacles: `obstacles.points[row]` and so on. `from_ranges` keeps beams
+    that hit something only, so a row is no beam's number."""
 
 
 class FilterResult(NamedTuple):

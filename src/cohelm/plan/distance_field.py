@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
@@ -45,7 +45,7 @@ def chart(
     flat = cells[:, 1] * columns + cells[:, 0]
     order = np.argsort(flat, kind="stable")
     first = np.searchsorted(flat[order], np.arange(rows * columns + 1))
-    nearest: NDArray[np.int32] = ndimage.distance_transform_edt(
+    nearest: NDArray[np.int32] = scipy.ndimage.distance_transform_edt(
         (first[1:] == first[:-1]).reshape(rows, columns),
         return_distances=False,
         return_indices=True,

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.plan.astar import NOT_REACHED, tree
@@ -134,7 +134,7 @@ def _away(chart: Chart, cells: Ints) -> Floats:
     """The distance of each cell of a chart from the nearest of some (k, 2), k >= 1 [m]."""
     off = np.ones(chart.clearance.shape, dtype=np.bool_)
     off[cells[:, 0], cells[:, 1]] = False
-    return np.asarray(ndimage.distance_transform_edt(off)) * chart.resolution
+    return np.asarray(scipy.ndimage.distance_transform_edt(off)) * chart.resolution
 
 
 def cheapest(

@@ -35,9 +35,11 @@ class IncompleteRecord(UserWarning):
 class Record(NamedTuple):
     """What stands in a record.
 
-    >>> import cohelm
-    >>> record = cohelm.read_record("drive.mcap")                  # doctest: +SKIP
-    >>> pandas.DataFrame(record.table).plot("t", ["safe_v", "safe_omega"])   # doctest: +SKIP
+        >>> import cohelm
+        >>> record = cohelm.read_record("drive.mcap")  # doctest: +SKIP
+        >>> pandas.DataFrame(record.table).plot("t", ["safe_v", "safe_omega"])  # doctest: +SKIP
+
+    `read_record` makes it.
     """
 
     kind: str

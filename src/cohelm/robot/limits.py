@@ -18,18 +18,23 @@ class Limits(NamedTuple):
         >>> (limits.speed, limits.wheel_acceleration)
         (1.0, 2.0)
 
-    speed [m/s], acceleration [m/s^2], yaw_rate [rad/s], yaw_acceleration [rad/s^2],
-    wheel_speed [m/s] and wheel_acceleration [m/s^2] at the rim, track: distance between the
-    wheels [m].
+    What a robot's YAML file says under `limits`; `RobotModel.of` takes them as they stand here.
     """
 
     speed: float
+    """Forward and back [m/s]."""
     acceleration: float
+    """[m/s^2]"""
     yaw_rate: float
+    """Either way [rad/s]."""
     yaw_acceleration: float
+    """[rad/s^2]"""
     wheel_speed: float
+    """Of each wheel at its rim [m/s]."""
     wheel_acceleration: float
+    """Of each wheel at its rim [m/s^2]."""
     track: float
+    """Distance between the wheels [m]."""
 
 
 def checked_limits(limits: Limits) -> Limits:
@@ -38,13 +43,16 @@ def checked_limits(limits: Limits) -> Limits:
         made = Limits._make(float(value) for value in limits)
     except (TypeError, ValueError) as error:
         raise CohelmError(f"the limits must be {len(Limits._fields)} numbers: {error}") from error
+    if not 0.0 < made.track < math.inf:  # nor for NaN
+        raise CohelmError(
+            f"limits.track must be a length in metres, got {made.track:g}: measure between the "
+            "middles of the driven wheels"
+        )
     for name, value in made._asdict().items():
-        if not value > 0.0:  # nor for NaN
+        if not value > 0.0:
             raise CohelmError(
                 f"limits.{name} must be greater than 0, got {value:g}: give inf where there is none"
             )
-    if made.track == math.inf:
-        raise CohelmError("limits.track must be a length in metres: measure between the wheels")
     return made
 
 

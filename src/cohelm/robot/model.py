@@ -39,7 +39,11 @@ class LimitsModel(Schema):
 
 
 class RobotModel(Schema):
-    """A differential-drive robot; the origin of its body frame is the middle of the wheel axle."""
+    """A differential-drive robot; the origin of its body frame is the middle of the wheel axle.
+
+    `load_robot` makes one of a YAML file and `of` one of numbers; both raise CohelmError for what
+    is no robot. Made by keywords, as below, it raises pydantic's ValidationError, a ValueError.
+    """
 
     name: str
     """What to call it."""
@@ -132,7 +136,9 @@ class RobotModel(Schema):
         )
 
 
-SHIPPED = ("sally", "jackal")
+SHIPPED = (
+    "sally", "jackal", "husky", "rosbot", "turtlebot3_burger", "turtlebot3_waffle", "turtlebot4",
+)  # fmt: skip
 """Robots that come with the package, by the names a scenario may use."""
 
 

@@ -64,9 +64,13 @@ class Readings(NamedTuple):
     """The newest of everything; None for what has not come yet, or is not there."""
 
     odometry: Odometry | None = None
+    """Where the wheels say it is."""
     scan: Scan | None = None
+    """One turn of the LiDAR."""
     frame: Frame | None = None
+    """One picture of the camera."""
     health: Health | None = None
+    """What the robot says of itself."""
 
 
 class Robot(Protocol):

@@ -22,7 +22,8 @@ class LidarModel(Schema):
     beams: Annotated[int, Field(ge=1, le=100_000)] = 720
     """Beams per scan."""
     field_of_view_deg: Annotated[float, Field(ge=0.001, le=360.0)] = 270.0
-    """Angle from the first beam to the last, the middle straight ahead of the sensor."""
+    """Angle from the first beam to the last, the middle straight ahead of the sensor; 360: evenly
+    all round, the last beam one step short of the first."""
     range_min_m: Annotated[float, Field(ge=0.0)] = 0.06
     """Nearer surfaces are seen, but not measured."""
     range_max_m: Annotated[float, Field(gt=0.0)] = 10.0

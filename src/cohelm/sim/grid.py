@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed
@@ -45,7 +45,7 @@ def grid(solid: NDArray[np.bool_], resolution: float, origin: Pose) -> Grid:
     if not all(math.isfinite(value) for value in origin):
         raise CohelmError(f"a map's origin must be finite, got {tuple(origin)}")
     if solid.any():
-        distance = ndimage.distance_transform_cdt(~solid, metric="chessboard")
+        distance = scipy.ndimage.distance_transform_cdt(~solid, metric="chessboard")
         free = np.minimum(distance, _FARTHEST).astype(np.uint16)
     else:
         free = np.full(solid.shape, min(max(solid.shape), _FARTHEST), dtype=np.uint16)

@@ -1,17 +1,20 @@
 """The report says what is to be seen: legend, axes, whole rooms, contacts by their kind."""
 
+import io
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from cohelm.core.row import ROW
 from cohelm.core.trace import Trace
+from cohelm.pilot.step import EVADING
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.episode import Episode, Goal
-from cohelm.study.campaign.pictures import drawn
+from cohelm.study.campaign.pictures import drawn, strip
 from cohelm.study.campaign.report import caption
 from cohelm.study.campaign.result import NOT_DRIVEN
 from cohelm.study.campaign.suites import NAMES
@@ -24,7 +27,7 @@ CAME = NOT_DRIVEN._replace(
 )  # fmt: skip
 
 
-def figure(walls=None):
+def drive(walls=None):
     setup = lab()
     if walls is not None:
         setup = replace(setup, around=setup.around._replace(walls=walls))
@@ -34,7 +37,11 @@ def figure(walls=None):
     discs = np.zeros((200, 2, 6))
     discs[:, 0, :2], discs[:, 1, 0] = (2.0, 2.0), np.linspace(0.0, 1.0, 200)
     case = Episode("lab", 3, "", setup, Goal(5.0, 0.0, 0.1))
-    return drawn(case, Trace(rows, np.zeros((200, 2)), discs, ("a", "b"), 0.02), CAME)
+    return case, Trace(rows, np.zeros((200, 2)), discs, ("a", "b"), 0.02)
+
+
+def figure(walls=None):
+    return drawn(*drive(walls), CAME)
 
 
 def test_the_whole_room_is_shown_with_units_at_its_axes_and_a_legend():
@@ -55,6 +62,19 @@ def test_the_whole_room_is_shown_with_units_at_its_axes_and_a_legend():
     said = " ".join(text.get_text() for text in drawing.legends[0].get_texts())
     for word in ("path", "least clearance", "reference", "goal", "wall", "at rest", "moving"):
         assert word in said
+
+
+def test_who_made_way_for_somebody_is_shown_where_that_was_tightest():
+    case, trace = drive()
+    assert strip(case, trace) is None
+    trace.rows["behavior"][100:150], trace.rows["clearance"][110] = EVADING, 0.1
+    drawing = strip(case, trace)
+    assert drawing is not None
+    wide, high = Image.open(io.BytesIO(drawing)).size
+    assert wide > 3 * high  # frames in a row, as many as there was time for
+    trace.rows["behavior"] = EVADING
+    short = Trace(trace.rows[:3], trace.h[:3], trace.discs[:3], trace.names, trace.dt)
+    assert strip(case, short) is not None
 
 
 def test_of_a_world_that_is_very_large_the_drive_is_shown():

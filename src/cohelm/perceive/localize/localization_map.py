@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed, turned
@@ -53,7 +53,7 @@ def known(
         raise CohelmError("the map has no occupied cell, so nothing to localise by: map it again")
     if not free.any():
         raise CohelmError("the map has no free cell, so nowhere to be: map it again")
-    border = occupied & ~ndimage.binary_erosion(
+    border = occupied & ~scipy.ndimage.binary_erosion(
         occupied, np.ones((3, 3), dtype=np.int64), border_value=1
     )
     found = int(np.count_nonzero(border))
@@ -64,12 +64,12 @@ def known(
         )
     cells, facing = _faces(occupied, free)
     if 4 * len(cells) < found:  # what is free was not drawn up to the walls
-        beside = ndimage.binary_dilation(free, iterations=3, mask=~occupied)
+        beside = scipy.ndimage.binary_dilation(free, iterations=3, mask=~occupied)
         cells, facing = _faces(occupied, beside)
     points, across = _lined(cells * resolution, facing, max(0.15, 3.0 * resolution))
     points, across = _one_each(points, across, max(0.03, resolution))
     points, across = placed(points, origin), turned(across, origin.psi)
-    distance = ndimage.distance_transform_edt(~occupied) * resolution
+    distance = scipy.ndimage.distance_transform_edt(~occupied) * resolution
     gap = np.minimum(distance, _FARTHEST).astype(np.float32)
     every = max(round(_SIDE / resolution), 1)
     rows, columns = np.mgrid[every // 2 : len(free) : every, every // 2 : free.shape[1] : every]
@@ -99,9 +99,7 @@ def _faces(occupied: NDArray[np.bool_], free: NDArray[np.bool_]) -> tuple[Floats
 def _lined(points: Floats, facing: Floats, reach: float) -> tuple[Floats, Floats]:
     """Points put on the line through those neighbours within `reach` [m] that do not face the other
     way, and its normal, to the side that they face."""
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(points).query_pairs(reach, output_type="ndarray")
     pairs = pairs[np.einsum("ij,ij->i", facing[pairs[:, 0]], facing[pairs[:, 1]]) > -0.5]
     return _fitted(points, facing, np.vstack((pairs, pairs[:, ::-1])))
 

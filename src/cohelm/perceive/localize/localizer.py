@@ -66,6 +66,9 @@ class Caution(NamedTuple):
     """For so many, no newer keyframe is taken, and"""
     alarmed: int = 30
     """for so many scans a better place may be that to which."""
+    aged: int = 100
+    """A keyframe is no older than so many scans: a gyro that drifts by 0.05 deg/s has turned by
+    what scans are compared to by then."""
     proven: float = 1.0
     """A pose that has fitted for this way [m] is not given up for what the map shows wrong, while
     scans agree with each other,"""
@@ -109,6 +112,10 @@ class Caution(NamedTuple):
     """Nor is a pose believed less certain than this standard deviation [m]."""
     drawn: float = 0.5
     """How far a map's surfaces lie from the middle of its cells is learnt over this way [m]."""
+    unmoved: float = 12.0
+    """Log odds that a robot is where it was told to start, or where its pose has fitted for
+    `proven`: once in e^12, some hundred thousand, it is moved without scans that contradict each
+    other."""
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40
@@ -159,15 +166,19 @@ class _Hypothesis:
     latest: float
     """And of the newest."""
     judged: Judgement
+    prior: float = 0.0
+    """What where the robot was says to it."""
     age: int = 0
-    """Scans since it was judged."""
+    """Scans since it was judged,"""
+    way: float = 0.0
+    """and way [m]."""
     stale: bool = False
     """Whether it has not been judged from here, where others have."""
 
     @property
     def total(self) -> float:
-        """Likelihood of all scans."""
-        return self.log + self.latest
+        """Likelihood of all scans, and of its having come there."""
+        return self.log + self.latest + self.prior
 
 
 @dataclass
@@ -190,7 +201,8 @@ class Locator:
         self._hypotheses: list[_Hypothesis] = []
         self._way = self._turned = 0.0
         self._leg = Pose(0.0, 0.0, 0.0)  # on from where hypotheses were last judged afresh
-        self._views = 0  # places some way apart that they were judged from before
+        self._views = 0  # places some way apart that they were judged from before,
+        self._weight = 0.0  # and how many of them tell something of their own
         self._answered = False  # whether they are those of a whole search,
         self._all = False  # and that of the whole map
         self._tried: list[float] = []  # likelihoods of all that were matched
@@ -213,11 +225,14 @@ class Locator:
         self._spread = 0.0  # how far those of scans are from what is usual, in the mean
         self._keyframe: Keyframe | None = None
         self._there = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
-        self._jolts = self._alarm = 0
+        self._jolts = self._alarm = self._aged = 0
         self._ranges: Floats = np.empty(0)  # of the newest scan
         self._fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
         self._rivals = 0
         self._rival, self._rivalled = Pose(0.0, 0.0, 0.0), 0.0
+        self._lead = self.caution.unmoved  # by which the believed pose was likelier than others
+        self._odds = 0.0  # log odds that the robot is where it left off, since it is lost
+        self._left_joint: Floats = np.empty((0, 0))  # and how sure that place is
         self._checked = 0.0  # log likelihood of the believed pose by the scan it is checked with
         self._elsewhere = 0  # searches of the whole map that found a better place
         pose = self.start or Pose(0.0, 0.0, 0.0)
@@ -239,7 +254,7 @@ class Locator:
         before, usual = None if self.located.lost else self.located.pose, self._usual
         self._forget()
         self._odometry = None
-        self._believe(pose, wide, 0.0)
+        self._believe(pose, wide, 0.0, 0.0)
         self._before, self._usual, self._told = before, usual, True
 
     def correct(self, sweep: DeskewedScan, odometry: Pose) -> Located:
@@ -249,7 +264,8 @@ class Locator:
         step = self._wheels.corrected(step)
         self._base = compose(self._base, step)
         self._before = compose(self._before, step) if self._before else None
-        self._left = compose(self._left, step) if self._left else None
+        if self._left:
+            self._left, self._left_joint = moved(self._left, self._left_joint, step)
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
         every = max(1, -(-len(points) // self.caution.points))
         # contiguous whatever `every` is: other strides are another function to compile
@@ -287,7 +303,9 @@ class Locator:
         if not self._found:
             self._searched, self._answered, self._waited = None, True, 0
             self._all = self._everywhere
-            self._views = len(self._earlier) if self._cold else self._views
+            if self._cold:
+                self._views = len(self._earlier)
+                self._weight = float(self._views)
             # more places were found than were tried, where the last of them fit as well as the best
             last = self._tried[-self.caution.last :]
             close = 2.0 * self.caution.margin
@@ -315,19 +333,30 @@ class Locator:
             log = agreement(self.lidar, key.ranges, ranges, step)
             self._jolts = self._jolts + 1 if log < c.contradicted else 0
             self._alarm = c.alarmed if self._jolts >= c.jolts else max(self._alarm - 1, 0)
-        gone = key is None or math.hypot(step.x, step.y) > 0.3 or abs(step.psi) > 0.3
+            self._odds = 0.0 if self._alarm else self._odds
+        self._aged += 1
+        near = math.hypot(step.x, step.y) < 0.3 and abs(step.psi) < 0.3
+        gone = key is None or not near or self._aged > c.aged
         held = 0 < self._jolts < c.frozen
-        if gone and not held and not self.located.lost and usable(self.lidar, ranges):
+        if gone and not held and usable(self.lidar, ranges):
             self._keyframe = Keyframe(odometry, ranges)
             self._there = self.located.pose
-            self._jolts = 0
+            self._jolts = self._aged = 0
 
     @property
     def _movable(self) -> bool:
         """Whether the robot may have been moved, or has not yet shown that it knows its place."""
         return self._alarm > 0 or self._fitting < self.caution.proven
 
+    @property
+    def _trust(self) -> float:
+        """Log odds that the robot is where it believes to be: none where scans contradict each
+        other, and what it was believed for until it has fitted for some way."""
+        c = self.caution
+        return 0.0 if self._alarm else c.unmoved if self._fitting >= c.proven else self._lead
+
     def _track(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
+        self._carry(step)
         foretold, joint = moved(self.located.pose, self._joint, step)
         _, told = moved(self.located.pose, self._told_joint, step)
         spread = joint[:3, :3]
@@ -357,7 +386,7 @@ class Locator:
             self._forget()
             self._everywhere = False
             why = "what the LiDAR sees is not what the map shows here"
-            self._left = foretold
+            self._left, self._left_joint, self._odds = foretold, told, self._trust
             self._joint = self._told_joint = joint
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
             self._seek(points, across, sweep)
@@ -403,14 +432,18 @@ class Locator:
         new = self.care.offset + min(way / self.caution.drawn, 0.1) * fit.before
         self.care = self.care._replace(offset=min(max(new, -most), most))
 
-    def _believe(self, pose: Pose, covariance: Floats, share: float, proven: bool = False) -> None:
-        """Track from here on. proven: nothing else on the map comes near it."""
+    def _believe(
+        self, pose: Pose, covariance: Floats, share: float, lead: float, proven: bool = False
+    ) -> None:
+        """Track from here on. lead: by which it was likelier than any other place. proven: nothing
+        else on the map comes near it."""
+        self._lead = min(max(lead, 0.0), self.caution.margin)
         self._cold, self._before = False, None
         self._behind, self._earlier = [], []
         self._joint = joined(covariance, self._joint[3:, 3:])
         self._told_joint = self._joint
         self._keyframe, self._alarm, self._jolts = None, 0, 0
-        self._left = None
+        self._left, self._odds = None, 0.0
         self._fitting, self._unheld = self.caution.proven if proven else 0.0, 0.0
         self._rivals = self._elsewhere = 0
         self.located = Located(pose, covariance, share, False, "")
@@ -424,25 +457,30 @@ class Locator:
         # a scan from the same spot says nothing new
         fresh = way + 0.5 * turned > 0.15 and not any(h.stale for h in self._hypotheses)
         oldest = sorted(self._hypotheses, key=lambda h: -h.age)[: self.caution.judged]
+        self._carry(step)
+        # where nobody moved it, it is the map that is wrong, and alike for some way
+        share = min(1.0, way / self.care.correlated) if self._odds > 0.0 else 1.0
         for one in self._hypotheses:
             one.age += 1
             if fresh:
-                one.log, one.stale = one.log + one.latest, True
-            foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
-            one.pose, one.covariance = foretold, joint[:3, :3].copy()
+                one.log, one.stale = one.log + share * one.latest, True
         for one in oldest:
             prior = inverted(one.covariance)
             fit = align(self.known.surfaces, points, across, one.pose, prior, self.care)
             joint = joined(one.covariance, self._joint[3:, 3:])
-            one.pose, one.covariance = fit.pose, updated(joint, fit.information)[:3, :3]
+            # as where it is believed: what the map gets wrong here it gets wrong in the next scan
+            own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
+            told = min(1.0, max(one.way / self.care.correlated, 0.02))
+            one.pose, one.covariance = fit.pose, updated(joint, told * own)[:3, :3]
             one.judged = self._judge(fit.pose, sweep.ranges)
             new = one.judged.weighed
             one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
-            one.age, one.stale = 0, False
+            one.age, one.way, one.stale = 0, 0.0, False
         if fresh:
             self._way, self._turned = self._way + way, self._turned + turned
             self._leg = Pose(0.0, 0.0, 0.0)
             self._views += bool(self._hypotheses)
+            self._weight += share if self._hypotheses else 0.0
         self._waited += 1
         if self._answered and self._hypotheses:
             self._settle()
@@ -451,6 +489,13 @@ class Locator:
             tired = False  # all that can be are followed
         if self.located.lost and self._searched is None and tired:
             self._seek(points, across, sweep)
+
+    def _carry(self, step: Pose) -> None:
+        """Move hypotheses with the robot."""
+        for one in self._hypotheses:
+            foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
+            one.pose, one.covariance = foretold, joint[:3, :3].copy()
+            one.way += math.hypot(step.x, step.y)
 
     def _seek(self, points: Floats, across: Floats, sweep: DeskewedScan) -> None:
         """Begin a search: near by at first, then everywhere."""
@@ -473,7 +518,7 @@ class Locator:
         self._search = search(np.vstack(all_), places)
         # where it is taken to be competes with all others
         self._found = [] if self._cold else [self.located.pose]
-        self._found += [self._before] if self._before else []
+        self._found += [p for p in (self._left, self._before) if p is not None]
         self._searched = (points, across, sweep.ranges)
         self._tried = []
         if self._cold and not self._complete:  # some that can be are not followed: anew
@@ -482,7 +527,7 @@ class Locator:
         if not self._hypotheses:
             self._way = self._turned = 0.0
             self._leg = Pose(0.0, 0.0, 0.0)
-            self._views = 0
+            self._views, self._weight = 0, 0.0
 
     def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> float:
         """Match a candidate, and keep it as a hypothesis where it fits. How likely it is."""
@@ -493,7 +538,8 @@ class Locator:
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):
             return -1e3
         joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, UNKNOWN)
-        covariance = updated(joint, fit.information)[:3, :3]
+        own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
+        covariance = updated(joint, own)[:3, :3]
         pose = compose(fit.pose, self._base)
         for other in self._hypotheses:
             if _same(other.pose, pose):
@@ -503,7 +549,7 @@ class Locator:
                 return -1e3  # nothing new
         # as unlikely from the places before as it is, or else as from this one: to come late is no
         # advantage
-        before = self._views * judged.weighed
+        before = self._weight * judged.weighed
         if self._cold:
             before = sum(
                 self._judge(compose(fit.pose, view.back), view.ranges).weighed
@@ -514,6 +560,8 @@ class Locator:
 
     def _settle(self) -> None:
         """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
+        for one in self._hypotheses:
+            one.prior = -min(0.5 * self._strayed(one), self._odds)
         alive = [h for h in self._hypotheses if self._possible(h.pose, h.judged)]
         alive.sort(key=lambda h: -h.total)
         kept: list[_Hypothesis] = []
@@ -544,6 +592,10 @@ class Locator:
         far = self._far(best.pose)
         # the map may be wrong here, where all of it has been searched and nothing comes near
         only = self._all and not far and lead >= 2.0 * c.margin
+        # or nobody moved it, and nothing that was found elsewhere makes up for that
+        stayed = self._odds > 0.0 and lead >= c.margin and self._strayed(best) < 9.0
+        poor = only or (stayed and self._all)
+        strange = far or self._odds > 0.0
         glimpsed = far and (self._views < c.views or not self._complete)
         if lead < wanted or glimpsed:
             some = f"{len(kept)}" if self._complete else "many"
@@ -553,9 +605,9 @@ class Locator:
             elif lead >= wanted and self._complete:
                 why = "one view is not enough to be sure: drive on a little"
         elif (
-            not self._fair(best.judged, c.poor if only else c.good)
-            or best.judged.agree < (c.whole if far else c.poor if only else c.seen)
-            or (best.judged.log < c.least and (far or lead < 3.0 * c.margin))
+            not self._fair(best.judged, c.poor if poor else c.good)
+            or best.judged.agree < (c.whole if far else c.poor if poor else c.seen)
+            or (best.judged.log < c.least and not stayed and (strange or lead < 3.0 * c.margin))
             or best.judged.told < 0.5 * len(self.lidar.beams)
         ):
             why = "too much of what the LiDAR sees is not on the map"
@@ -563,7 +615,7 @@ class Locator:
             why = "too few features are in view to say where along them the robot is"
         else:
             self._forget()
-            self._believe(best.pose, best.covariance, best.judged.agree, only)
+            self._believe(best.pose, best.covariance, best.judged.agree, lead, only or stayed)
             return
         self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
 
@@ -576,6 +628,15 @@ class Locator:
         return (fits or (here and judged.agree > self.caution.poor)) and free_at(
             self.known, pose.x, pose.y
         )
+
+    def _strayed(self, one: _Hypothesis) -> float:
+        """How far it is from where the robot would be had nobody moved it, as squared sigmas."""
+        if self._left is None:
+            return 0.0
+        left = self._left
+        off = np.array([one.pose.x - left.x, one.pose.y - left.y, wrap(one.pose.psi - left.psi)])
+        spread = self._left_joint[:3, :3] + one.covariance + np.diag([0.1, 0.1, 0.05]) ** 2
+        return float(off @ np.linalg.solve(spread, off))
 
     def _far(self, pose: Pose) -> bool:
         """Whether the robot can hardly have been moved there: then nothing else speaks for it."""
@@ -594,8 +655,9 @@ class Locator:
             return self._holds_on_the_map(best)
         if best is not None and not _same(best.pose, self.located.pose):
             better = best.latest > self._likely + c.margin
+            clearly = max(c.drop, self._trust)
             as_before = (
-                best.latest > self._likely + c.drop and best.judged.log > self._usual - c.alike
+                best.latest > self._likely + clearly and best.judged.log > self._usual - c.alike
             )
             if self._movable:
                 if self._agrees(best.pose) and (better or as_before):
@@ -623,7 +685,7 @@ class Locator:
             self._unheld = c.unheld - 1.0 if self._elsewhere else 0.0
             self._hypotheses, self._before = [], None
             return True
-        self._left = self.located.pose
+        self._left, self._left_joint, self._odds = self.located.pose, self._told_joint, 0.0
         return False
 
     def _agrees(self, pose: Pose) -> bool:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
@@ -45,7 +45,7 @@ def map_from_geometry(walls: Floats, inside: Pose, discs: Floats = _NO_DISCS) ->
 
 def _reached(occupied: NDArray[np.bool_], y: float, x: float) -> NDArray[np.bool_]:
     """The cells connected with the one at a place [m] from the map's corner."""
-    labels: NDArray[np.int32] = ndimage.label(~occupied)[0]  # pyright: ignore[reportAssignmentType, reportUnknownVariableType]
+    labels: NDArray[np.int32] = scipy.ndimage.label(~occupied)[0]  # pyright: ignore[reportAssignmentType, reportUnknownVariableType]
     i = min(max(int(y / _CELL), 0), len(labels) - 1)
     j = min(max(int(x / _CELL), 0), labels.shape[1] - 1)
     return (labels == labels[i, j]) & ~occupied

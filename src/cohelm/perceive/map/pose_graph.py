@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+import scipy
 
 from cohelm.core.extras import missing
 from cohelm.core.frames import between, compose
@@ -99,9 +98,9 @@ def spread(poses: Sequence[Pose], links: Sequence[Link], k: int) -> Floats:
     ends = np.array([(link.a, link.b) for link in links], dtype=np.int64)
     keys, number = np.unique(ends[:, 0] * n + ends[:, 1], return_index=True)
     joined = np.divmod(keys, n)
-    weights = csr_array((own[number, 2, 2], joined), shape=(n, n))
-    which = csr_array((number + 1, joined), shape=(n, n))
-    lengths, before = dijkstra(weights, False, [k], return_predecessors=True)
+    weights = scipy.sparse.csr_array((own[number, 2, 2], joined), shape=(n, n))
+    which = scipy.sparse.csr_array((number + 1, joined), shape=(n, n))
+    lengths, before = scipy.sparse.csgraph.dijkstra(weights, False, [k], return_predecessors=True)
     order = np.argsort(np.asarray(lengths, np.float64)[0])[1:].astype(np.int64)
     last = np.asarray(before, np.int64)[0, order]
     along = np.asarray(which[last, order] + which[order, last], np.int64).ravel() - 1

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed
@@ -32,7 +32,7 @@ class Raster(NamedTuple):
 
     def occupied(self) -> NDArray[np.bool_]:
         """Cells with a wall: of those where its hits scatter, the crest."""
-        crest = ndimage.maximum_filter(self.hits, 3)
+        crest = scipy.ndimage.maximum_filter(self.hits, 3)
         often = self.hits > _SHARE * (self.hits + self.misses)
         return often & (self.hits >= 2) & (self.hits >= _CREST * crest)
 

@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
@@ -142,11 +143,9 @@ def surfaces(
 
 
 def _backs(points: Floats, across: Floats) -> Ints:
-    from scipy.spatial import cKDTree
-
     count = min(24, len(points))
     nearest = range(1, count + 1)
-    near = cKDTree(points).query(points, list(nearest), distance_upper_bound=_THICK)
+    near = scipy.spatial.cKDTree(points).query(points, list(nearest), distance_upper_bound=_THICK)
     there = np.isfinite(np.asarray(near[0], dtype=np.float64))
     rows = np.where(there, np.asarray(near[1], dtype=np.int64), 0)
     facing = there & (np.einsum("ij,ikj->ik", across, across[rows]) < -0.85)

@@ -8,10 +8,9 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
+import scipy
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
-from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.transform import Rotation
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
@@ -155,10 +154,12 @@ class _Reader:
         values = self.numbers(given.text or "0 0 0 0 0 0", f"the pose of {path}")
         matrix[:3, 3] = values[:3]
         if given.get("rotation_format") == "quat_xyzw" and len(values) == 7 and any(values[3:]):
-            matrix[:3, :3] = Rotation.from_quat(values[3:]).as_matrix()
+            matrix[:3, :3] = scipy.spatial.transform.Rotation.from_quat(values[3:]).as_matrix()
         elif len(values) == 6:
             degrees = given.get("degrees", "false").lower() in ("true", "1")
-            matrix[:3, :3] = Rotation.from_euler("xyz", values[3:], degrees=degrees).as_matrix()
+            matrix[:3, :3] = scipy.spatial.transform.Rotation.from_euler(
+                "xyz", values[3:], degrees=degrees
+            ).as_matrix()
         else:
             raise CohelmError(
                 f"{self.file}: the pose of {path} needs x y z roll pitch yaw, got {given.text!r}"
@@ -199,8 +200,8 @@ class _Reader:
         if self.in_the_way(float(corners[2].min()), float(corners[2].max())):
             flat = corners[:2].T
             try:
-                outline = flat[ConvexHull(flat).vertices]
-            except QhullError as error:
+                outline = flat[scipy.spatial.ConvexHull(flat).vertices]
+            except scipy.spatial.QhullError as error:
                 raise CohelmError(f"{self.file}: {path} is too thin to have an outline") from error
             self.walls.append(np.hstack((outline, np.roll(outline, -1, axis=0))))
 

@@ -1,4 +1,4 @@
-"""An episode from above, and its clearance and speed over time, as one picture."""
+"""An episode from above, with clearance and speed over time; and how it made way, as a strip."""
 
 # matplotlib's methods take untyped **kwargs; everything of ours is still checked.
 # pyright: reportUnknownMemberType=false
@@ -17,6 +17,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 from cohelm.core.frames import placed
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
+from cohelm.pilot.step import EVADING
 from cohelm.scenario.worlds.tracks import ELSEWHERE
 from cohelm.study.campaign.episode import Episode
 from cohelm.study.campaign.result import EpisodeResult, clearance_then
@@ -37,6 +38,9 @@ _TRAIL_S = 4.0  # of a mover's way that is drawn
 _MARGIN = 1.0  # around what is shown [m]
 _ROOM = 40.0  # a larger world is not shown whole, but for where the robot was [m]
 _LEAST, _MOST = -0.5, 1.0  # of the clearance that is drawn [m]
+_FRAMES, _APART_S = 6, 0.8  # of a strip, and from one to the next
+_SIDE = 6.0  # of the square that a frame shows [m]
+_AHEAD_S = 1.0  # of a mover's motion, as an arrow
 
 
 def picture(case: Episode, trace: Trace, row: EpisodeResult) -> bytes:
@@ -60,6 +64,63 @@ def drawn(case: Episode, trace: Trace, row: EpisodeResult) -> Figure:
     handles = _legend(case, trace)
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     return figure
+
+
+def strip(case: Episode, trace: Trace) -> bytes | None:
+    """How it made way where that was tightest: six moments from above, as PNG; None: it never did.
+
+    Of a mover its last second, and an arrow to where it would be in one; of the robot where it has
+    been since the first frame.
+    """
+    rows = trace.rows
+    evading = np.flatnonzero(rows["behavior"] == EVADING)
+    if not evading.size:
+        return None
+    tightest = int(evading[np.argmin(rows["clearance"][evading])])
+    apart = max(round(_APART_S / trace.dt), 1)
+    first = max(min(tightest - apart * _FRAMES // 2, len(rows) - 1 - apart * (_FRAMES - 1)), 0)
+    steps = [k for k in range(first, first + apart * _FRAMES, apart) if k < len(rows)]
+    middle = rows[steps[len(steps) // 2]]
+    out = io.BytesIO()
+    with styled():
+        figure = Figure(figsize=(1.8 * len(steps), 2.3), layout="constrained")
+        frames = figure.subplots(1, len(steps), squeeze=False)[0]
+        for axes, k in zip(frames, steps, strict=True):
+            _frame(axes, case, trace, first, k)
+            axes.set_xlim(middle["x"] - 0.5 * _SIDE, middle["x"] + 0.5 * _SIDE)
+            axes.set_ylim(middle["y"] - 0.5 * _SIDE, middle["y"] + 0.5 * _SIDE)
+            axes.set_title(f"{rows['t'][k]:.1f} s", fontsize=9)
+        figure.savefig(out, dpi=110, metadata={"Software": None})
+    return out.getvalue()
+
+
+def _frame(axes: Axes, case: Episode, trace: Trace, first: int, k: int) -> None:
+    """One moment, row k; `first` is the row of the strip's first."""
+    rows, setup = trace.rows, case.setup
+    walls = setup.around.walls.reshape(-1, 2, 2)
+    axes.add_collection(LineCollection(list(walls), colors=WALL, linewidths=1.4))
+    axes.plot(rows["x_d"], rows["y_d"], color=REFERENCE, lw=0.8, ls=(0, (4, 3)), zorder=1)
+    for i in range(trace.discs.shape[1]):
+        places = trace.discs[:, i]
+        x, y, vx, vy, radius = (float(n) for n in places[k, : RADIUS + 1])
+        if abs(x) >= ELSEWHERE:
+            continue
+        moves = _moves(places)
+        if moves:
+            way = places[max(k - round(1.0 / trace.dt), 0) : k + 1]
+            way = way[np.abs(way[:, X]) < ELSEWHERE]
+            axes.plot(way[:, X], way[:, Y], color=MOVER, lw=1.0, alpha=0.5, zorder=2)
+            axes.quiver(x, y, _AHEAD_S * vx, _AHEAD_S * vy, color=MOVER, zorder=5, angles="xy",
+                        scale_units="xy", scale=1.0, width=0.015)  # fmt: skip
+        color = MOVER if moves else CONE
+        axes.add_patch(Circle((x, y), max(radius, 0.015), fc=color, ec="none", alpha=0.8, zorder=4))
+    axes.plot(rows["x"][first : k + 1], rows["y"][first : k + 1], color=ROBOT, lw=1.4, zorder=5)
+    corners = placed(setup.outline, Pose(rows["x"][k], rows["y"][k], rows["psi"][k]))
+    axes.add_patch(Polygon(corners, closed=True, fc=ROBOT, ec=INK, lw=0.8, alpha=0.85, zorder=6))
+    axes.set_aspect("equal")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.spines[:].set_visible(True)
 
 
 def _room(case: Episode, trace: Trace) -> tuple[float, float, float, float]:

@@ -24,7 +24,7 @@ from cohelm.study.campaign.store import read_plan, read_rows
 from cohelm.study.metrics import plain
 from cohelm.study.single import RECORD, make, scene
 
-ROW, PICTURE = "row.json", "episode.png"
+ROW, PICTURE, STRIP = "row.json", "episode.png", "evasion.png"
 
 
 class Again(NamedTuple):
@@ -104,14 +104,15 @@ def cut(trace: Trace, case: Episode) -> Trace:
 
 
 def record(found: Again, folder: Path) -> None:
-    """Leave record, row and picture of an episode in a folder, which is made if need be.
+    """Leave record, row and picture of an episode in a folder, which is made if need be; and where
+    it made way for somebody, a strip of that.
 
     Raises CohelmError where one of them is there already or can not be written.
     """
-    from cohelm.study.campaign.pictures import picture  # matplotlib takes a second to import
+    from cohelm.study.campaign.pictures import picture, strip  # matplotlib takes a second to import
 
     make(folder)
-    there = [name for name in (RECORD, ROW, PICTURE) if (folder / name).exists()]
+    there = [name for name in (RECORD, ROW, PICTURE, STRIP) if (folder / name).exists()]
     if there:
         raise CohelmError(
             f"{folder} holds {', '.join(there)} already, and a replay never overwrites: choose "
@@ -124,6 +125,8 @@ def record(found: Again, folder: Path) -> None:
         text = json.dumps(plain(found.row._asdict()), indent=2, allow_nan=False)
         (folder / ROW).write_text(text + "\n", encoding="utf-8")
         (folder / PICTURE).write_bytes(picture(found.case, found.trace, found.row))
+        if (evasion := strip(found.case, found.trace)) is not None:
+            (folder / STRIP).write_bytes(evasion)
     except OSError as error:
         raise CohelmError(
             f"{folder}: can not be written to ({error.strerror}): free some space, or choose "

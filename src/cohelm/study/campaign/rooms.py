@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import Reference, through
@@ -111,7 +111,7 @@ def has_way(
     clear = np.minimum(np.minimum(x, length - x)[None, :], np.minimum(y, width - y)[:, None])
     for cx, cy, r in discs:
         clear = np.minimum(clear, np.hypot(x[None, :] - cx, y[:, None] - cy) - r)
-    pieces, _ = ndimage.label(clear > radius)
+    pieces, _ = scipy.ndimage.label(clear > radius)
     at = [pieces[round(p[1] / _CELL), round(p[0] / _CELL)] for p in (start, goal)]
     return bool(at[0] != 0 and at[0] == at[1])
 

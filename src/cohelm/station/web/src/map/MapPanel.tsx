@@ -1,5 +1,5 @@
 // The map, and the person's fingers on it.
-import { signal } from '@preact/signals'
+import { effect, signal } from '@preact/signals'
 import { useEffect, useRef } from 'preact/hooks'
 import * as s from '../state'
 import { draw, type Scene } from './draw'
@@ -16,6 +16,7 @@ const size: Size = { width: 0, height: 0 }
 /** Frames drawn in the last second, for the tests and the curious. */
 const drawn: number[] = []
 
+/** Whether anything has changed since the last frame: who paints what is there already takes half a core. */
 let dirty = true
 let seen: { scan: unknown; points: Float64Array } = { scan: null, points: new Float64Array() }
 
@@ -43,6 +44,13 @@ function scene(now: number): Scene {
   }
 }
 
+// whatever a scene reads; and four times a second, for what ages while nothing comes
+effect(() => {
+  void [s.clock.value, view.value, follow.value]
+  scene(performance.now())
+  dirty = true
+})
+
 function paint(canvas: HTMLCanvasElement, now: number): void {
   const ctx = canvas.getContext('2d', { alpha: false })
   if (ctx === null || size.width === 0) return
@@ -52,6 +60,7 @@ function paint(canvas: HTMLCanvasElement, now: number): void {
   if (follow.value && pose !== undefined && held.size === 0) {
     view.value = { ...view.value, x: pose[0], y: pose[1] }
   }
+  dirty = false
   draw(ctx, view.value, size, scene(now))
   drawn.push(now)
   while ((drawn[0] ?? now) < now - 1000) drawn.shift()
@@ -146,7 +155,7 @@ export function MapPanel() {
     canvas.addEventListener('wheel', wheel, { passive: false })
     let frame = 0
     const turn = (now: number) => {
-      if (dirty || s.state.value !== null) paint(canvas, now)
+      if (dirty) paint(canvas, now)
       frame = requestAnimationFrame(turn)
     }
     frame = requestAnimationFrame(turn)
