@@ -30,6 +30,9 @@ LATE = 0.5
 STARTED = 240.0  # with all compiled, on a busy machine [s]
 COMPILED = 3600.0
 """With nothing compiled and next to no processor time left by others [s]: 23 minutes were seen."""
+LOGGED = 60.0
+"""The recorder comes after all others: on a busy machine what the loop had said was written four
+seconds later than what the gate had [s]. All is stamped when it happens."""
 
 
 class Drive:
@@ -82,8 +85,8 @@ class Drive:
 
     def stopped(self, why: str) -> float:
         """How long after its latched stop the robot stood."""
-        self.said(f"AUTOMATIC -> (FAULTED|STOPPED): {why}", 5.0)
-        return float(self.said(r"stands, (\d+\.\d+) s after", 8.0)[1])
+        self.said(f"AUTOMATIC -> (FAULTED|STOPPED): {why}", LOGGED)
+        return float(self.said(r"stands, (\d+\.\d+) s after", LOGGED)[1])
 
 
 @pytest.fixture(scope="module")
@@ -209,13 +212,11 @@ def test_when_the_driver_s_process_is_killed_the_robot_stops(drive, tmp_path, mo
         driver.kill()
         driver.wait()
     lost = r"the (?:stick|driver) is lost: no command for (\d+) ms"
-    latched = going.said(rf"(\d+\.\d+) ! gate: SHARED -> STOPPED: {lost}", 8.0)
-    # it may have been silent before, where the machine was busy, and have come back
-    silent = re.findall(rf"(\d+\.\d+) +loop: stands: {lost}", going.log.read_text())[-1]
-    stood = going.said(r"(\d+\.\d+) +gate: stands, \d+\.\d+ s after", 8.0)
-    assert 250 <= int(silent[1]) < 260 + 1000.0 * LATE
-    assert silent[1] == latched[2]
-    assert float(latched[1]) - float(silent[0]) < BACK_WITHIN + LATE
+    latched = going.said(rf"(\d+\.\d+) ! gate: SHARED -> STOPPED: {lost}", LOGGED)
+    silent = going.said(rf"(\d+\.\d+) +loop: stands: [^\n]*for {latched[2]} ms", LOGGED)
+    stood = going.said(r"(\d+\.\d+) +gate: stands, \d+\.\d+ s after", LOGGED)
+    assert 250 <= int(latched[2]) < 260 + 1000.0 * LATE
+    assert float(latched[1]) - float(silent[1]) < BACK_WITHIN + LATE
     assert float(stood[1]) - float(latched[1]) < 0.1  # it had braked before
     going.process.send_signal(signal.SIGINT)
     summary, _ = going.ended()
