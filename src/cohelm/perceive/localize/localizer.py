@@ -169,9 +169,7 @@ class _Hypothesis:
     prior: float = 0.0
     """What where the robot was says to it."""
     age: int = 0
-    """Scans since it was judged,"""
-    way: float = 0.0
-    """and way [m]."""
+    """Scans since it was judged."""
     stale: bool = False
     """Whether it has not been judged from here, where others have."""
 
@@ -356,7 +354,6 @@ class Locator:
         return 0.0 if self._alarm else c.unmoved if self._fitting >= c.proven else self._lead
 
     def _track(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
-        self._carry(step)
         foretold, joint = moved(self.located.pose, self._joint, step)
         _, told = moved(self.located.pose, self._told_joint, step)
         spread = joint[:3, :3]
@@ -457,25 +454,23 @@ class Locator:
         # a scan from the same spot says nothing new
         fresh = way + 0.5 * turned > 0.15 and not any(h.stale for h in self._hypotheses)
         oldest = sorted(self._hypotheses, key=lambda h: -h.age)[: self.caution.judged]
-        self._carry(step)
         # where nobody moved it, it is the map that is wrong, and alike for some way
         share = min(1.0, way / self.care.correlated) if self._odds > 0.0 else 1.0
         for one in self._hypotheses:
             one.age += 1
             if fresh:
                 one.log, one.stale = one.log + share * one.latest, True
+            foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
+            one.pose, one.covariance = foretold, joint[:3, :3].copy()
         for one in oldest:
             prior = inverted(one.covariance)
             fit = align(self.known.surfaces, points, across, one.pose, prior, self.care)
             joint = joined(one.covariance, self._joint[3:, 3:])
-            # as where it is believed: what the map gets wrong here it gets wrong in the next scan
-            own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
-            told = min(1.0, max(one.way / self.care.correlated, 0.02))
-            one.pose, one.covariance = fit.pose, updated(joint, told * own)[:3, :3]
+            one.pose, one.covariance = fit.pose, updated(joint, fit.information)[:3, :3]
             one.judged = self._judge(fit.pose, sweep.ranges)
             new = one.judged.weighed
             one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
-            one.age, one.way, one.stale = 0, 0.0, False
+            one.age, one.stale = 0, False
         if fresh:
             self._way, self._turned = self._way + way, self._turned + turned
             self._leg = Pose(0.0, 0.0, 0.0)
@@ -489,13 +484,6 @@ class Locator:
             tired = False  # all that can be are followed
         if self.located.lost and self._searched is None and tired:
             self._seek(points, across, sweep)
-
-    def _carry(self, step: Pose) -> None:
-        """Move hypotheses with the robot."""
-        for one in self._hypotheses:
-            foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
-            one.pose, one.covariance = foretold, joint[:3, :3].copy()
-            one.way += math.hypot(step.x, step.y)
 
     def _seek(self, points: Floats, across: Floats, sweep: DeskewedScan) -> None:
         """Begin a search: near by at first, then everywhere."""
@@ -538,8 +526,7 @@ class Locator:
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):
             return -1e3
         joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, UNKNOWN)
-        own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
-        covariance = updated(joint, own)[:3, :3]
+        covariance = updated(joint, fit.information)[:3, :3]
         pose = compose(fit.pose, self._base)
         for other in self._hypotheses:
             if _same(other.pose, pose):
