@@ -120,8 +120,9 @@ def base(
 ) -> None:
     """Be a simulated robot behind ROS 2 topics.
 
-    For trying `cohelm filter` without a robot. Publishes /odom, /scan and /tf_static, obeys /cmd_vel, and says at its end how near it came to
-    anything. --controller 0.5,0 wants it to drive ahead, whatever is there.
+    For trying `cohelm filter` without a robot. Publishes /odom, /scan and /tf_static, obeys
+    /cmd_vel, and says at its end how near it came to anything. --controller 0.5,0 wants it to drive
+    ahead, whatever is there.
     """
     import time
 
