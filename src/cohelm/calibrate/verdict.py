@@ -148,7 +148,9 @@ def _limit(key: str, assumed: float | None, seen: Measured) -> Finding:
     if assumed is None:
         return Finding(key, None, seen, write, "unsafe", "no end of braking is assumed")
     if seen.value + seen.off < 0.97 * assumed:
-        return Finding(key, assumed, seen, write, "unsafe", "it can not stop where the guard counts on it")  # fmt: skip
+        return Finding(
+            key, assumed, seen, write, "unsafe", "it can not stop where the guard counts on it"
+        )
     if seen.value > (1.0 + _WASTE) * assumed:
         return Finding(key, assumed, seen, assumed, "wasteful", "it can do more")
     # within the fit's own error: what is assumed stays
