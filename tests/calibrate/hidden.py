@@ -24,6 +24,9 @@ WALLS = np.array([
 class Hidden:
     """A simulated robot whose base believes in another wheel radius and track than it has."""
 
+    gyro = False
+    """Whether a gyro tells the heading, and not the wheels."""
+
     def __init__(self, model, true, seed, kind, scale=1.0, lag=0.02):
         around = world(([Body((-2.0, -2.0, 0.0, 0.0, 0.25, 0.2))], WALLS))
         if kind == "twin":
@@ -45,16 +48,17 @@ class Hidden:
     def read(self):
         readings = self.inside.read()
         o = readings.odometry
+        told = 1.0 if self.gyro else self.turns
         if self._last is None:
             self._last = o
         if o.stamp > self._last.stamp:
             dt = o.stamp - self._last.stamp
-            way, turn = o.twist.v * dt / self.scale, o.twist.omega * dt / self.turns
+            way, turn = o.twist.v * dt / self.scale, o.twist.omega * dt / told
             x, y, psi = self._pose
             self._pose = Pose(x + way * math.cos(psi + 0.5 * turn),
                               y + way * math.sin(psi + 0.5 * turn), wrap(psi + turn))  # fmt: skip
             self._last = o
-        twist = Twist(o.twist.v / self.scale, o.twist.omega / self.turns)
+        twist = Twist(o.twist.v / self.scale, o.twist.omega / told)
         return readings._replace(odometry=Odometry(o.stamp, self._pose, twist))
 
 
@@ -80,12 +84,18 @@ def drawn(seed, kind, name="sally"):
     return model, true, scale, (lag if kind == "twin" else 0.0)
 
 
-def made(seed, kind):
+class Gyro(Hidden):
+    """Its heading is a gyro's."""
+
+    gyro = True
+
+
+def made(seed, kind, of=Hidden):
     model, true, scale, lag = drawn(seed, kind)
-    return Hidden(model, true, seed, kind, scale, max(lag, 0.005)), (model, true, scale, lag)
+    return of(model, true, seed, kind, scale, max(lag, 0.005)), (model, true, scale, lag)
 
 
-def ridden(seed, kind, **other):
-    robot, truth = made(seed, kind)
+def ridden(seed, kind, of=Hidden, plan=lambda plan: plan):
+    robot, truth = made(seed, kind, of)
     keeper = GatedRobot(robot, rules(robot.model, PERIOD))
-    return ride(keeper, excitation(robot.model), **other), truth, keeper
+    return ride(keeper, plan(excitation(robot.model))), truth, keeper

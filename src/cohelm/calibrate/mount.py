@@ -16,11 +16,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cohelm.calibrate.excitation import body_points
+from cohelm.calibrate.interval import half_widths_alike
 from cohelm.calibrate.response import Measured, steps
 from cohelm.calibrate.ride import Rest, Ride
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose, inverse
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.types import Floats, Ints, Pose, wrap
 from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces, facing, moved, normals, surfaces, thinned
 from cohelm.robot.model import RobotModel
@@ -30,7 +31,6 @@ _CELL = 0.02  # of the index of surfaces [m]
 _REACH = 0.5  # a match is looked for so far from where it is expected [m]
 _LEAST = 0.5  # of the points, so many have to lie on what was seen before
 _NOTHING = np.diag([1e-2, 1e-2, 1e-2])  # information of a guess that is worth little
-_SIGMAS = 1.96
 
 
 class Mount(NamedTuple):
@@ -83,10 +83,22 @@ def mount(model: RobotModel, ride: Ride) -> Mount:
         rest = residual(p).reshape(-1, 3) * scale
         scale = np.maximum(1.4826 * np.median(np.abs(rest), axis=0), 1e-5)
     jacobian = np.asarray(least_squares(residual, p, max_nfev=1).jac, dtype=np.float64)
-    half = _SIGMAS * np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
+    off = residual(p)
+    weight = (1.0 + off**2) ** -0.25  # of soft_l1, its root
+    half = half_widths_alike(
+        (weight[:, None] * jacobian).reshape(-1, 3, 5), (weight * off).reshape(-1, 3), _alike(ride)
+    )
     x, y, yaw, way, heading = (Measured(float(a), float(b)) for a, b in zip(p, half, strict=True))
     rest = residual(p).reshape(-1, 3) * scale
     return Mount(x, y, yaw._replace(value=wrap(yaw.value)), way, heading, rest, _noise(ride.rests))
+
+
+def _alike(ride: Ride) -> Ints:
+    """Numbers of motions that err alike: the straights, between the same two places, there and
+    back; and the half turns at either of them."""
+    numbers = [3 + n if not s.legs and not s.twist.v else 0 if s.twist.v else 1 + s.legs % 2
+               for n, (_, _, s) in enumerate(ride.segments)]  # fmt: skip
+    return np.array(numbers[: len(ride.rests) - 1])
 
 
 def _moved(trail: Floats, moves: Floats, a: Rest, b: Rest) -> Floats:

@@ -14,8 +14,8 @@ from cohelm.calibrate.response import Response
 from cohelm.calibrate.ride import Ride
 
 
-def pictures(folder: Path, ride: Ride, response: Response, mount: Mount) -> list[Path]:
-    """Write response.png and scans.png."""
+def pictures(folder: Path, ride: Ride, response: Response, mount: Mount | None) -> list[Path]:
+    """Write response.png, and scans.png where the scans told something."""
     commands = np.array(ride.commands)
     figure = Figure(figsize=(11.0, 6.5), layout="constrained")
     for row, (channel, unit, straight) in enumerate(
@@ -40,6 +40,9 @@ def pictures(folder: Path, ride: Ride, response: Response, mount: Mount) -> list
             axes.legend()
     files = [folder / "response.png", folder / "scans.png"]
     figure.savefig(files[0], dpi=110, metadata={"Software": None})
+    if mount is None:
+        files[1].unlink(missing_ok=True)  # of a run before
+        return files[:1]
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
     axes.plot(1e3 * mount.residuals[:, 0], "o", color="#0072B2", label="ahead [mm]")

@@ -15,18 +15,20 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cohelm.calibrate.excitation import ramps
+from cohelm.calibrate.interval import half_widths
 from cohelm.calibrate.ride import Ride
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats
+from cohelm.core.types import Floats, Ints
 from cohelm.robot.model import RobotModel
 
 _STEP = 0.002  # of the modelled response [s]
 _TAIL = 0.4  # after standing, so long is still looked at [s]
 _MOST_DELAY, _MOST_LAG = 0.8, 0.5  # [s]
 _LEAST_LAG = 0.001  # less is none, and tells nothing [s]
-_SIGMAS = 1.96  # of an interval of 95 %
 _REACHED = 0.97  # of a command's speed
+_HELD = 0.99  # of its fastest, a speed is held
+_USUAL = (2.0, 4.0)  # where a model has no limit the fit begins here [m/s^2, rad/s^2]
 
 
 class Measured(NamedTuple):
@@ -40,16 +42,16 @@ class Channel(NamedTuple):
     """Straights, or turns: in m or rad."""
 
     rise: Measured
-    """Acceleration, as far as it was asked for; [0] is a lower bound where `rise_tried`."""
-    rise_tried: bool
-    """Whether the commands' own ramp was the limit, and more may be possible."""
+    """Acceleration, as far as it was asked for: the commands' own ramp bounds it."""
     brake: Measured
+    gain: Measured
+    """Of the odometry's speed to the command's."""
     speed: float
     """Reached and held, by the odometry."""
     asked: float
     """The fastest that was asked for."""
     noise: float
-    """Standard deviation of the way between two readings from the model."""
+    """Standard deviation of the way between two readings from the model, at a held speed."""
     times: Floats
     seen: Floats
     """Speed between two readings, (n,)."""
@@ -83,17 +85,23 @@ class _Data(NamedTuple):
     last: Floats
     """Stamps of the readings before and after each way [s]."""
     way: Floats
+    motion: Ints
+    """In which motion of the ride that is."""
 
 
 def response(model: RobotModel, ride: Ride) -> Response:
     """Fit all motions of a ride. Raises CohelmError where there is too little to tell."""
     data = [_data(ride, straight) for straight in (True, False)]
     if any(len(d.way) < 30 for d in data):
-        raise CohelmError("too little was driven to tell delay and lag: let it drive on for longer")
+        raise CohelmError(
+            f"too little was driven to tell delay and lag ({len(ride.segments)} motions; the "
+            "straights come after 16 turns): nothing is written, drive again"
+        )
     reached = [_reached(ride, straight) for straight in (True, False)]
     most = [value if value < _REACHED * asked else math.inf for value, asked in reached]
     limits = model.bounds()
-    assumed = [min(a, 1e3) for a in ramps(limits)]
+    given = ramps(limits)
+    assumed = [a if a < math.inf else b for a, b in zip(given, _USUAL, strict=True)]
     scale = np.array([0.05, 0.05, assumed[0], assumed[0], 1.0, assumed[1], assumed[1], 1.0])
 
     def ways(p: Floats, channel: int) -> Floats:
@@ -131,26 +139,30 @@ def response(model: RobotModel, ride: Ride) -> Response:
     if fit is None:
         raise RuntimeError("no fit")
     p = (fit.x - shift) * scale
-    fit_again = least_squares(
+    jacobian = least_squares(
         residual, fit.x, bounds=(low, high), diff_step=np.full(8, 1e-3), max_nfev=1
-    )
-    jacobian = np.asarray(fit_again.jac, dtype=np.float64)
-    covariance = np.linalg.pinv(jacobian.T @ jacobian) * np.outer(scale, scale)
-    half = _SIGMAS * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    together = float(covariance[0, 0] + covariance[1, 1] + 2.0 * covariance[0, 1])
+    ).jac
+    sums = np.vstack((np.diag(scale), [scale[0], scale[1], *([0.0] * 6)]))
+    motions = np.concatenate([d.motion for d in data])
+    half = half_widths(np.asarray(jacobian, dtype=np.float64), residual(fit.x), motions, sums)
+    times = [0, 1, 8]  # the model knows them by its steps
+    half[times] = np.hypot(half[times], 0.5 * _STEP)
 
     def channel(c: int) -> Channel:
-        rise, brake = float(p[2 + 3 * c]), float(p[3 + 3 * c])
-        span = data[c].last - data[c].first
+        rise, brake, gain = (Measured(float(p[i]), float(half[i]))
+                             for i in range(2 + 3 * c, 5 + 3 * c))  # fmt: skip
+        if rise.value >= given[c]:  # more was not asked for, and is not known
+            rise = Measured(given[c], 0.0)
+        span, fitted = data[c].last - data[c].first, ways(p, c)
+        held = np.abs(fitted / span) > _HELD * np.max(np.abs(fitted / span))
+        noise = float(np.std((data[c].way - fitted)[held]))
         return Channel(
-            Measured(min(rise, assumed[c]), float(half[2 + 3 * c])), rise > 0.98 * assumed[c],
-            Measured(brake, float(half[3 + 3 * c])), *reached[c], sigma[c], data[c].last,
-            data[c].way / span, ways(p, c) / span,
-        )  # fmt: skip
+            rise, brake, gain, *reached[c], noise, data[c].last, data[c].way / span, fitted / span
+        )
 
     return Response(
         Measured(float(p[0]), float(half[0])), Measured(float(p[1]), float(half[1])),
-        Measured(float(p[0] + p[1]), _SIGMAS * math.sqrt(max(together, 0.0))),
+        Measured(float(p[0] + p[1]), float(half[8])),
         channel(0), channel(1),
     )  # fmt: skip
 
@@ -169,13 +181,15 @@ def _data(ride: Ride, straight: bool) -> _Data:
     trail = ride.trail()
     moved = steps(trail)[:, 0 if straight else 1]
     first, last = trail[:-1, 0], trail[1:, 0]
-    used = np.zeros(len(moved), dtype=bool)
-    for begun, ended, segment in ride.segments:
+    motion = np.full(len(moved), -1)
+    for number, (begun, ended, segment) in enumerate(ride.segments):
         if (segment.twist.v != 0.0) == straight:
-            used |= (first > begun - 0.1) & (last < ended + _TAIL)
+            motion[(first > begun - 0.1) & (last < ended + _TAIL)] = number
+    used = motion >= 0
     asked = np.concatenate(([0.0], np.cumsum(rate[:-1] * np.diff(at))))
     grid = np.arange(trail[0, 0] - _STEP, trail[-1, 0] + _STEP, _STEP)
-    return _Data(float(grid[0]), grid, asked, at, rate, first[used], last[used], moved[used])
+    return _Data(float(grid[0]), grid, asked, at, rate, first[used], last[used], moved[used],
+                 motion[used])  # fmt: skip
 
 
 def _reached(ride: Ride, straight: bool) -> tuple[float, float]:

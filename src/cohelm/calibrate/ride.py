@@ -10,7 +10,7 @@ import numpy as np
 
 from cohelm.calibrate.excitation import Excitation, Segment, on_the_floor
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats, Twist, wrap
+from cohelm.core.types import Floats, Twist
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import Mode, latched
 from cohelm.robot.keep.gated_robot import Keeper, standing
@@ -146,7 +146,7 @@ class _Rider:
         if segment.legs:  # half turns lead back to the line, whatever was turned too much before
             goal = math.pi if segment.legs % 2 and segment.twist.v == 0.0 else 0.0
             if twist.v == 0.0:
-                away = wrap(goal + self._line - before.psi)
+                away = _wrapped(goal + self._line - before.psi)
                 angle = away if away * twist.omega > 0.0 else away + math.copysign(
                     2.0 * math.pi, twist.omega
                 )  # fmt: skip
@@ -174,7 +174,7 @@ class _Rider:
         if twist.v:
             done = math.hypot(after.x - before.x, after.y - before.y) / (abs(twist.v) * hold)
         else:  # less than a whole turn
-            turned = wrap(after.psi - before.psi)
+            turned = _wrapped(after.psi - before.psi)
             if abs(turned) > 2.0:
                 turned = abs(turned)
             done = abs(turned) / (abs(twist.omega) * hold)
@@ -244,3 +244,8 @@ class _Rider:
     def _over_now(self) -> None:
         if said := self._over():
             raise _EndedError(said)
+
+
+def _wrapped(angle: float) -> float:
+    """Within half a turn [rad]. Not compiled: while a robot drives, nothing may be loaded."""
+    return math.remainder(angle, math.tau)

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from cohelm.calibrate.mount import Mount
 from cohelm.calibrate.response import Measured, Response
+from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
 
 Verdict = Literal["safe", "unsafe", "wasteful"]
 _WASTE = 0.15  # an assumption that gives away more than this share is wasteful
 _DELAY = 0.02  # ... or so much time [s]
+_LATE = 0.005  # a delay is well enough known within this [s]
+_ALMOST = 0.97  # of a limit: it is reached
 _PLACE, _TURN = 0.01, math.radians(0.5)  # a mount is well enough known within this [m, rad]
 _WHEEL = 0.01  # and a wheel or track within this share
+_EXACT = Measured(1.0, 0.0)
 
 
 class Finding(NamedTuple):
@@ -33,82 +39,115 @@ class Finding(NamedTuple):
     """In plain words."""
 
 
-def findings(model: RobotModel, response: Response, mount: Mount) -> list[Finding]:
-    """Of a run. Limits are never written larger than what was tried."""
-    scale = mount.way
-    found = [_delay(model, response)]
+def findings(
+    model: RobotModel, response: Response, mount: Mount | None, added: float = 0.0
+) -> list[Finding]:
+    """Of a run. No limit is written larger than it was assumed.
+
+    mount: None where the scans told nothing: then the odometry's own metres and radians count, and
+    wheels, track and LiDAR are left as they are. added: what the loop adds to the file's `delay_s`
+    by itself, for the drives of a simulated twin [s].
+    """
     straight, turn = response.straight, response.turn
-    real = scale.value
-    around = mount.heading.value
-    track = model.track_m * scale.value / mount.heading.value
-    v = _least(real, straight.rise, straight.brake)
-    alpha = _least(around, turn.rise, turn.brake)
-    wheel_turn = Measured(0.5 * track * alpha.value, 0.5 * track * alpha.off)
+    way, heading = (mount.way, mount.heading) if mount is not None else (_EXACT, _EXACT)
+    track = model.track_m if mount is None else _track(model, response, mount).value
+    found = [_delay(model.delay_s, response.total, added)]
+    rise = _times(straight.rise, way), _times(turn.rise, heading)
+    brake = _times(straight.brake, way), _times(turn.brake, heading)
     given = model.limits
     if given.wheel_acceleration_mps2 is not None:
-        both = min(v, wheel_turn, key=lambda m: m.value)
-        found.append(_limit("limits.wheel_acceleration_mps2", given.wheel_acceleration_mps2, both))
+        rim = Measured(0.5 * track, 0.0)
+        found.append(_limit(
+            "limits.wheel_acceleration_mps2", given.wheel_acceleration_mps2,
+            min(rise[0], _times(rise[1], rim)), min(brake[0], _times(brake[1], rim)),
+        ))  # fmt: skip
     if given.acceleration_mps2 is not None or given.wheel_acceleration_mps2 is None:
-        found.append(_limit("limits.acceleration_mps2", given.acceleration_mps2, v))
+        found.append(_limit("limits.acceleration_mps2", given.acceleration_mps2, rise[0], brake[0]))
     if given.yaw_acceleration_radps2 is not None or given.wheel_acceleration_mps2 is None:
-        found.append(_limit("limits.yaw_acceleration_radps2", given.yaw_acceleration_radps2, alpha))
+        found.append(_limit(
+            "limits.yaw_acceleration_radps2", given.yaw_acceleration_radps2, rise[1], brake[1]
+        ))  # fmt: skip
     for key, assumed, channel, factor in (
-        ("limits.speed_mps", given.speed_mps, straight, real),
-        ("limits.yaw_rate_radps", given.yaw_rate_radps, turn, around),
+        ("limits.speed_mps", given.speed_mps, straight, way.value),
+        ("limits.yaw_rate_radps", given.yaw_rate_radps, turn, heading.value),
     ):
         if assumed is not None and channel.asked > 0.98 * assumed:
             found.append(_speed(key, assumed, channel.speed * factor))
-    radius = Measured(model.wheel_radius_m * scale.value, model.wheel_radius_m * scale.off)
+    if mount is None:
+        return found
+    radius = _times(way, Measured(model.wheel_radius_m, 0.0))
     found.append(_exact("wheel_radius_m", model.wheel_radius_m, radius,
                         _WHEEL * model.wheel_radius_m, "m"))  # fmt: skip
-    off = track * math.hypot(scale.off / scale.value, mount.heading.off / mount.heading.value)
-    found.append(_exact("track_m", model.track_m, Measured(track, off), _WHEEL * track, "m"))
+    found.append(_exact("track_m", model.track_m, _track(model, response, mount),
+                        _WHEEL * model.track_m, "m"))  # fmt: skip
     if model.lidar is not None:
         lidar = model.lidar
-        degrees = Measured(math.degrees(mount.yaw.value), math.degrees(mount.yaw.off))
+        yaw = Measured(math.degrees(mount.yaw.value), math.degrees(mount.yaw.off))
         found += [
             _exact("lidar.mount_x_m", lidar.mount_x_m, mount.x, _PLACE, "m"),
             _exact("lidar.mount_y_m", lidar.mount_y_m, mount.y, _PLACE, "m"),
-            _exact("lidar.mount_yaw_deg", lidar.mount_yaw_deg, degrees, math.degrees(_TURN), "deg"),
+            _exact("lidar.mount_yaw_deg", lidar.mount_yaw_deg, yaw, math.degrees(_TURN), "deg"),
             _noise(lidar.noise_m, mount.noise),
         ]
     return found
 
 
-def odometry_noise(model: RobotModel, response: Response, mount: Mount) -> dict[str, float]:
-    """The odometry's errors, as the robot's file has them: only simulated robots use these."""
-    channel = response.straight
-    way = max(channel.speed / model.odometry.rate_hz, 1e-6)  # between two readings
+def _track(model: RobotModel, response: Response, mount: Mount) -> Measured:
+    """By how far the wheels roll for a metre and for a radian that are commanded [m].
+
+    Commanded and not by the odometry, whose heading may be a gyro's and know nothing of the track.
+    """
+    parts = (mount.way, response.straight.gain, mount.heading, response.turn.gain)
+    way, straight, heading, turn = (part.value for part in parts)
+    track = model.track_m * (way * straight) / (heading * turn)
+    return Measured(track, track * math.hypot(*(part.off / part.value for part in parts)))
+
+
+def odometry_noise(model: RobotModel, response: Response) -> dict[str, float]:
+    """The odometry's scatter, as the robot's file has it: only simulated robots use it."""
+    way = max(response.straight.speed / model.odometry.rate_hz, 1e-6)  # between two readings
     turn = response.turn.noise * model.odometry.rate_hz
     return {
-        "odometry.distance_error": abs(mount.way.value - 1.0),
-        "odometry.slip": channel.noise * math.sqrt(2.0 / way),
+        "odometry.slip": response.straight.noise * math.sqrt(2.0 / way),
         "odometry.gyro_noise_degps": math.degrees(turn),
     }
+
+
+def earlier_run(file: Path, robot: str) -> dict[str, Any]:
+    """The run before, without a load, as its JSON file has it.
+
+    Raises CohelmError where there is none, or it is of another robot.
+    """
+    try:
+        read: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        robot_then, *_ = read["robot"], read["findings"], read["odometry"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise CohelmError(f"--load needs a run without it first: {file} is none") from error
+    if robot_then != robot:
+        raise CohelmError(f"{file} is of {robot_then}, not of {robot}: give another --out")
+    return read
 
 
 def with_load(found: list[Finding], earlier: Mapping[str, Any]) -> list[Finding]:
     """The worse of two runs for what a load changes; the rest is of the run without it.
 
-    earlier: `as_dict` of that run, by key.
+    earlier: `as_dict` of that run.
     """
+    loaded = {one.key: one for one in found}
     made: list[Finding] = []
-    for one in found:
-        before = earlier.get(one.key)
-        if before is None:
-            made.append(one)
-            continue
+    for key, before in earlier.items():
         was = Finding(
-            one.key, before["assumed"], Measured(before["measured"], before["off"]),
+            key, before["assumed"], Measured(before["measured"], before["off"]),
             before["write"], before["verdict"], before["why"],
         )  # fmt: skip
-        if one.key == "delay_s":
-            made.append(max(one, was, key=lambda f: f.write))
-        elif one.key.startswith("limits."):
-            made.append(min(one, was, key=lambda f: f.write))
+        now = loaded.pop(key, was)
+        if key == "delay_s":
+            made.append(max(now, was, key=lambda f: f.write))
+        elif key.startswith("limits."):
+            made.append(min(now, was, key=lambda f: f.write))
         else:
             made.append(was)
-    return made
+    return made + list(loaded.values())
 
 
 def as_dict(found: list[Finding]) -> dict[str, Any]:
@@ -122,46 +161,40 @@ def as_dict(found: list[Finding]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _delay(model: RobotModel, response: Response) -> Finding:
-    total = response.total
-    assumed = model.delay_s
-    if total.value - total.off > assumed + 0.005:
-        verdict, why = (
-            "unsafe",
-            f"it obeys {1e3 * (total.value - assumed):.0f} ms later: it stops "
-            "farther on than is foretold",
-        )
-    elif assumed > total.value + _DELAY:
-        verdict, why = "wasteful", "it obeys earlier: it keeps away farther than it has to"
-    else:
-        verdict, why = "safe", "it obeys as foretold"
-    return Finding("delay_s", assumed, total, round(total.value, 3), verdict, why)
+def _delay(assumed: float, total: Measured, added: float) -> Finding:
+    seen = Measured(total.value - added, total.off)
+    write = round(max(seen.value, 0.0), 3)
+    if seen.value - seen.off > assumed + _LATE:
+        return Finding("delay_s", assumed, seen, write, "unsafe",
+                       f"it obeys {1e3 * (seen.value - assumed):.0f} ms later: it stops farther on "
+                       "than is foretold")  # fmt: skip
+    if seen.value + seen.off < assumed - _DELAY:
+        return Finding("delay_s", assumed, seen, write, "wasteful",
+                       "it obeys earlier: it keeps away farther than it has to")  # fmt: skip
+    return Finding("delay_s", assumed, seen, assumed, "safe", "it obeys as foretold")
 
 
-def _least(scale: float, *values: Measured) -> Measured:
-    least = min(values, key=lambda m: m.value)
-    return Measured(scale * least.value, scale * least.off)
+def _times(a: Measured, b: Measured) -> Measured:
+    return Measured(a.value * b.value, math.hypot(a.off * b.value, a.value * b.off))
 
 
-def _limit(key: str, assumed: float | None, seen: Measured) -> Finding:
-    write = _down(seen.value - seen.off)
+def _limit(key: str, assumed: float | None, rise: Measured, brake: Measured) -> Finding:
+    least = min(rise, brake)
+    sure = _down(max(least.value - least.off, 0.5 * least.value))
     if assumed is None:
-        return Finding(key, None, seen, write, "unsafe", "no end of braking is assumed")
-    if seen.value + seen.off < 0.97 * assumed:
-        return Finding(
-            key, assumed, seen, write, "unsafe", "it can not stop where the guard counts on it"
-        )
-    if seen.value > (1.0 + _WASTE) * assumed:
-        return Finding(key, assumed, seen, assumed, "wasteful", "it can do more")
-    # within the fit's own error: what is assumed stays
-    return Finding(
-        key, assumed, seen, min(assumed, seen.value + seen.off), "safe", "it does what is assumed"
-    )
+        return Finding(key, None, least, sure, "unsafe", "no end of it is assumed")
+    if least.value + least.off < _ALMOST * assumed:
+        why = ("it can not stop where the guard counts on it" if least is brake
+               else "it gains speed more slowly than the guard counts on")  # fmt: skip
+        return Finding(key, assumed, least, min(sure, assumed), "unsafe", why)
+    if brake.value - brake.off > (1.0 + _WASTE) * assumed:
+        return Finding(key, assumed, brake, assumed, "wasteful", "it can brake harder")
+    return Finding(key, assumed, brake, assumed, "safe", "it does what is assumed")
 
 
 def _speed(key: str, assumed: float, seen: float) -> Finding:
     measured = Measured(seen, 0.01 * seen)
-    if seen < 0.97 * assumed:
+    if seen < _ALMOST * assumed:
         return Finding(key, assumed, measured, _down(seen), "unsafe", "it is not reached")
     if seen > 1.03 * assumed:
         return Finding(key, assumed, measured, assumed, "unsafe", "it is faster than it is told: "

@@ -16,7 +16,7 @@ def calibrate(
     name: Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or its file.")],
     scenario: Annotated[
         str, typer.Option(metavar="SCENARIO", help="Where a simulated robot stands.")
-    ] = "lab-guard",
+    ] = "lab-track",
     driver: Annotated[
         str | None, typer.Option(metavar="PACKAGE:CLASS", help="Your own robot.")
     ] = None,
@@ -53,7 +53,13 @@ def calibrate(
     from cohelm.calibrate.response import response
     from cohelm.calibrate.rewrite import rewritten
     from cohelm.calibrate.ride import PERIOD, ride
-    from cohelm.calibrate.verdict import as_dict, findings, odometry_noise, with_load
+    from cohelm.calibrate.verdict import (
+        as_dict,
+        earlier_run,
+        findings,
+        odometry_noise,
+        with_load,
+    )
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import Asked, ended, meant
     from cohelm.robot.keep.gated_robot import rules
@@ -64,8 +70,7 @@ def calibrate(
     file = Path(shipped_path(name) if name in SHIPPED else name)
     model = load_robot(name)
     before = out / "calibration.json"
-    if load and not before.is_file():
-        raise CohelmError(f"--load needs a run without it first: there is no {before}")
+    earlier = earlier_run(before, model.name) if load else None
     plan = excitation(model, floor)
     say(
         f"{plain(model.name)} needs {plan.length:.1f} m of free floor ahead and "
@@ -90,15 +95,21 @@ def calibrate(
                 driven = ride(keeper, plan, lambda: stop.asked, told)
         finally:
             keeper.close()
+    answered = response(made.model, driven)
+    placed, unplaced = None, ""
+    try:
+        placed = mount(made.model, driven)
+    except CohelmError as error:
+        unplaced = str(error)
     if driven.ended:
         say(f"[bold red]not whole:[/bold red] {plain(driven.ended)}; what was measured is used")
-    answered, placed = response(made.model, driven), mount(made.model, driven)
-    found = findings(made.model, answered, placed)
-    if load:
-        found = with_load(found, json.loads(before.read_text(encoding="utf-8"))["findings"])
-    values = {one.key: one.write for one in found}
-    if not load:
-        values |= odometry_noise(made.model, answered, placed)
+    if unplaced:
+        say(f"[bold red]wheels, track and LiDAR are not measured:[/bold red] {plain(unplaced)}")
+    found = findings(made.model, answered, placed, made.delay(0.0) - made.model.delay_s)
+    noise = odometry_noise(made.model, answered)
+    if earlier is not None:
+        found, noise = with_load(found, earlier["findings"]), earlier["odometry"]
+    values = noise | {one.key: one.write for one in found if one.write != one.assumed}
     text = rewritten(file.read_text(encoding="utf-8"), values)
     parse(text, RobotModel, str(file))
     out.mkdir(parents=True, exist_ok=True)
@@ -107,7 +118,7 @@ def calibrate(
     result = {
         "robot": model.name, "file": str(written), "with_load": load, "whole": not driven.ended,
         "ended": driven.ended or None, "findings": as_dict(found), "lag_s": answered.lag.value,
-        "lag_off_s": answered.lag.off, "heading_scale": placed.heading.value,
+        "lag_off_s": answered.lag.off, "odometry": noise, "not_measured": unplaced or None,
         "pictures": [str(one) for one in pictures(out, driven, answered, placed)],
     }  # fmt: skip
     before.write_text(json.dumps(result, indent=2, allow_nan=False), encoding="utf-8")
@@ -120,6 +131,6 @@ def calibrate(
               f"{one.measured.value:.4g} +- {one.measured.off:.2g}", one.verdict, one.why)
              for one in found],
         )  # fmt: skip
-        say(f"written: {plain(str(written))}; look at response.png and scans.png beside it")
-    if driven.ended:
+        say(f"written: {plain(str(written))}; look at the pictures beside it")
+    if driven.ended or unplaced:
         raise typer.Exit(1)
