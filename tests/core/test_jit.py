@@ -13,6 +13,7 @@ import pytest
 
 import cohelm
 from cohelm.core import jit
+from tests.few import first
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="compilation is off")
 
@@ -161,7 +162,7 @@ print(repr(twice(eval(sys.argv[1]))))
 """
 
 
-@pytest.mark.parametrize("writes", [1, 2])
+@pytest.mark.parametrize("writes", first([2, 1]))
 def test_two_who_write_the_cache_leave_no_code_under_another_signature(tmp_path, writes):
     """One has begun to write the code for whole numbers when another comes with that for real
     ones, and dies after so many of its files."""

@@ -29,6 +29,12 @@ from cohelm.study.campaign.episode import traced
 from cohelm.study.campaign.interventions import Interventions
 from cohelm.study.campaign.suites import suite
 
+UNSEEN = (
+    "the scan shows nothing at all: it vouches for no ground",
+    "the LiDAR has not shown that it sees what lies ahead",
+)
+"""No alarm about a lie: so slow a robot is meant to be where nothing is within sight."""
+
 _PACE, _PUSH = 1.3, 1.0  # at which people walk off [m/s, m/s^2]
 
 
@@ -63,7 +69,9 @@ class Leaving:
 
 
 def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
-    """Counts what was done in one episode, once for each spell, and for how long in all [s].
+    """Counts what was done in one episode, once for each spell, and for how long in all [s]:
+    faults, holds and slow-downs, and apart from them where the robot was slow for what it can not
+    see.
 
     Returns how long the episode was [s].
     """
@@ -99,6 +107,8 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
             if not got.fault and got.share == 1.0:
                 got = monitor.restrict(t, told)
             what = "fault" if got.fault else "hold" if got.share == 0.0 else "slow"
+            if what == "slow" and got.reason in UNSEEN:
+                what = "unseen"
             now = f"{what}: {got.reason}" if got.reason else ""
             if now:
                 said[f"{what}_s"] += setup.dt

@@ -105,7 +105,9 @@ def test_in_automatic_mode_the_drivers_silence_is_forgiven_likewise(session, ann
 
 
 @pytest.mark.parametrize("how", ["page", "link"])
-def test_more_than_a_second_latches_a_stop(session, anna, how):
+def test_more_than_a_second_latches_a_stop(session, anna, how, monkeypatch):
+    said = []
+    monkeypatch.setattr(session.loop, "_event", lambda text, *_: said.append(text))
     lead(session, anna, Mode.SHARED)
     away(anna, how, True)
     drive(session, 0.9)
@@ -118,6 +120,8 @@ def test_more_than_a_second_latches_a_stop(session, anna, how):
     drive(session, 1.0)
     assert speed(session) == 0.0
     assert session.loop.paused == ""
+    assert any("stands: the stick is lost" in text for text in said)
+    assert not any("goes on" in text for text in said)
     assert any("the stick is lost" in a.text for a in session.loop.alarms.worst())
 
 

@@ -27,7 +27,12 @@ pytestmark = pytest.mark.xdist_group("realtime")
 LATE = 0.5
 """What a loop among many busy processes may be later than in simulated time, which the tests of
 `test_losing` hold to; later than that its watchdog would have said something else [s]."""
-STARTED = 240.0  # with nothing compiled, on a busy machine [s]
+STARTED = 240.0  # with all compiled, on a busy machine [s]
+COMPILED = 3600.0
+"""With nothing compiled and next to no processor time left by others [s]: 23 minutes were seen."""
+LOGGED = 60.0
+"""The recorder comes after all others: on a busy machine what the loop had said was written four
+seconds later than what the gate had [s]. All is stamped when it happens."""
 
 
 class Drive:
@@ -80,12 +85,25 @@ class Drive:
 
     def stopped(self, why: str) -> float:
         """How long after its latched stop the robot stood."""
-        self.said(f"AUTOMATIC -> (FAULTED|STOPPED): {why}", 5.0)
-        return float(self.said(r"stands, (\d+\.\d+) s after", 8.0)[1])
+        self.said(f"AUTOMATIC -> (FAULTED|STOPPED): {why}", LOGGED)
+        return float(self.said(r"stands, (\d+\.\d+) s after", LOGGED)[1])
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A drive to its end: what compiles takes as long as others leave it, and no test counts it."""
+    folder = tmp_path_factory.mktemp("compiled")
+    going = Drive(folder, "--for", "0.5")
+    try:
+        out, err = going.process.communicate(timeout=COMPILED)
+        assert out, err
+    finally:
+        going.process.kill()
+        going.process.communicate()
 
 
 @pytest.fixture
-def drive(request, tmp_path):
+def drive(compiled, tmp_path):
     made = []
 
     def start(*more: str, folder: Path = tmp_path, breaks: str = "") -> Drive:
@@ -193,10 +211,11 @@ def test_when_the_driver_s_process_is_killed_the_robot_stops(drive, tmp_path, mo
     finally:
         driver.kill()
         driver.wait()
-    lost = r"the (stick|driver) is lost: no command for 2[5-9]. ms"
-    silent = going.said(rf"(\d+\.\d+) +loop: stands: {lost}", 5.0)
-    latched = going.said(rf"(\d+\.\d+) ! gate: SHARED -> STOPPED: {lost}", 5.0)
-    stood = going.said(r"(\d+\.\d+) +gate: stands, \d+\.\d+ s after", 8.0)
+    lost = r"the (?:stick|driver) is lost: no command for (\d+) ms"
+    latched = going.said(rf"(\d+\.\d+) ! gate: SHARED -> STOPPED: {lost}", LOGGED)
+    silent = going.said(rf"(\d+\.\d+) +loop: stands: [^\n]*for {latched[2]} ms", LOGGED)
+    stood = going.said(r"(\d+\.\d+) +gate: stands, \d+\.\d+ s after", LOGGED)
+    assert 250 <= int(latched[2]) < 260 + 1000.0 * LATE
     assert float(latched[1]) - float(silent[1]) < BACK_WITHIN + LATE
     assert float(stood[1]) - float(latched[1]) < 0.1  # it had braked before
     going.process.send_signal(signal.SIGINT)

@@ -39,6 +39,7 @@ def test_a_map_of_noise_is_refused_within_seconds_and_little_memory():
     assert peak_gib() - before < 2.0
 
 
+@pytest.mark.slow
 def test_a_noisy_map_within_the_bound_is_used_within_its_time_and_memory():
     solid = noise(900)
     assert 0.5 * MOST_BORDER < np.count_nonzero(solid) <= MOST_BORDER

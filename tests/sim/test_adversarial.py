@@ -9,6 +9,7 @@ from cohelm.study.campaign.episode import fought, least_gap
 from cohelm.study.campaign.scoring import run_episode
 
 SEED = 5
+pytestmark = pytest.mark.xdist_group("duel")  # which takes a worker 13 s to compile
 
 
 @pytest.mark.parametrize("number", range(24))

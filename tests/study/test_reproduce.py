@@ -168,6 +168,7 @@ def test_a_record_scores_as_the_run_it_came_from(out, result):
     assert again == result.experiments.shared.metrics
 
 
+@pytest.mark.slow
 def test_a_second_time_the_same_bytes_are_written(out, result):
     names = ("reproduce.json", "summary.md", "fig08_avoid_path.svg", "fig10_shared_path.png")
     before = {name: (out / name).read_bytes() for name in names}

@@ -34,6 +34,17 @@ def robot(
             "The scenario gives map, route and law.",
         ),
     ] = None,
+    ros2: Annotated[
+        bool, typer.Option("--ros2", help="The robot is a ROS 2 robot on this network.")
+    ] = False,
+    topics: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--topic",
+            metavar="KEY=NAME",
+            help="With --ros2: odom, scan, out or namespace, where it is not as usual.",
+        ),
+    ] = None,
     twin: Annotated[
         bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
     ] = False,
@@ -90,8 +101,11 @@ def robot(
     from cohelm.loop.loop import LoopParams
 
     asked = Asked(
-        name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver
-    )
+        name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
+        (topics or []) if ros2 else None,
+    )  # fmt: skip
+    if topics and not ros2:
+        raise CohelmError("--topic names topics of a ROS 2 robot: add --ros2")
     if listen is not None and (mode or arrive or fast):
         raise CohelmError(
             "with --listen the station says how to drive: leave out --mode, --arrive and --fast"

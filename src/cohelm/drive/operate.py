@@ -17,7 +17,7 @@ from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.operator import NullOperator, Scripted
 from cohelm.robot.model import SHIPPED
-from cohelm.scenario import build
+from cohelm.scenario import build, load
 from cohelm.scenario.hand import StickNone, StickOperator
 from cohelm.sim.operator_model import replayed
 
@@ -33,23 +33,46 @@ class Asked(NamedTuple):
     changes: list[str]
     driver: str | None = None
     """Of a robot that is not simulated: package:Class, or an entry point."""
+    ros2: list[str] | None = None
+    """Of a ROS 2 robot, its topics, `odom=/odom` and the like, as far as they are not usual."""
 
 
 def meant(asked: Asked) -> RobotFactory:
     """The robot that is meant: of a scenario, or a robot's file in another scenario."""
     name, changes = asked.name, list(asked.changes)
-    if asked.driver is not None:
+    if asked.driver is not None or asked.ros2 is not None:
         if not asked.real_time or asked.kind == "twin" or asked.seed is not None:
+            option = "--ros2" if asked.driver is None else "--driver"
             raise CohelmError(
-                "with --driver nothing is simulated: leave out --twin, --fast and --seed"
+                f"with {option} nothing is simulated: leave out --twin, --fast and --seed"
             )
         described = _is_robot(Path(name)) or name in SHIPPED
         site, model = (asked.scenario, name) if described else (name, None)
-        return own_robot(asked.driver, site, model, changes)
+        if asked.driver is not None:
+            return own_robot(asked.driver, site, model, changes)
+        return _on_ros2(asked.ros2 or [], site, model, changes)
     if _is_robot(Path(name)):
         changes.append(f"robot={Path(name).absolute()}")
         name = asked.scenario
     return simulated(name, asked.kind, real_time=asked.real_time, seed=asked.seed, changes=changes)
+
+
+def _on_ros2(topics: list[str], site: str, model: str | None, changes: list[str]) -> RobotFactory:
+    """A ROS 2 robot, as it is found; CohelmError with all that does not fit."""
+    from cohelm.ros.dds import DdsTransport
+    from cohelm.ros.look import look
+    from cohelm.ros.robot import Ros2Make, topics_of
+
+    named = topics_of(topics)
+    described = load.scenario(site, changes).robot if model is None else load.load_robot(model)
+    if isinstance(described, str):
+        raise TypeError("the robot is still a name")
+    transport = DdsTransport("cohelm", named.namespace)
+    try:
+        found = look(transport, described, named)
+    finally:
+        transport.close()
+    return own_robot(Ros2Make(found), site, found.model, changes)
 
 
 def _is_robot(path: Path) -> bool:

@@ -256,7 +256,7 @@ class Loop:
             said = before.why or lost
             self.alarms.on("driver" if said.startswith("the driver") else "stick", said)
             self.keeper.stop(said)
-            self.go_on("stick")
+            self._pauses.pop("stick", "")  # it does not go on
         elif then == Then.GO_ON:
             self.go_on("stick")
         elif self._dropout.why:

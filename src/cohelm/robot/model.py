@@ -136,7 +136,9 @@ class RobotModel(Schema):
         )
 
 
-SHIPPED = ("sally", "jackal")
+SHIPPED = (
+    "sally", "jackal", "husky", "rosbot", "turtlebot3_burger", "turtlebot3_waffle", "turtlebot4",
+)  # fmt: skip
 """Robots that come with the package, by the names a scenario may use."""
 
 

@@ -173,7 +173,7 @@ class Scenario(Schema):
         Annotated[str, Tag("name")] | Annotated[RobotModel, Tag("description")],
         Discriminator(_named_or_described),
     ] = "sally"
-    """A robot that comes with the package (sally, jackal), the path of a robot's YAML file
+    """A robot that comes with the package (sally, turtlebot4 and others), the path of a YAML file
     relative to this one, or the robot's description itself."""
     start: Start | None = None
     """Where the robot starts; by default on the reference's first pose."""

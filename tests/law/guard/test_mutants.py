@@ -13,6 +13,7 @@ def test_nine_slips_of_ten_are_noticed():
     assert found.rate >= 0.9, str(found)
 
 
+@pytest.mark.slow
 def test_a_slip_in_the_certificate_is_noticed():
     """The campaign above is only worth something if a dead mutant is reported as dead."""
     slip = next(m for m in every(GUARD, "certify.py") if "< allowed" in m.slip)

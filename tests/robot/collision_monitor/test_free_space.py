@@ -223,7 +223,7 @@ def test_ground_is_looked_at_as_far_as_the_return_and_where_it_stands():
     assert unknown_at(np.array(hidden), round_.points).all()
 
 
-@pytest.mark.parametrize("turned", [0.0, 0.4, -0.4])
+@pytest.mark.parametrize("turned", [0.0, 0.8, -0.8])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_view_ends_at_its_outer_beams_less_half_of_what_the_scan_turned(turned, side):
     coarse = sensor(beams=28)  # 10 deg apart
@@ -232,6 +232,30 @@ def test_the_view_ends_at_its_outer_beams_less_half_of_what_the_scan_turned(turn
     inside, beyond = (from_sensor(1.2, side * (end + off)) for off in (-7.0, 3.0))
     assert not unknown_at(np.array([inside]), found.points).any()
     assert unknown_at(np.array([beyond]), found.points).all()
+
+
+@pytest.mark.parametrize("psi", [-3.1, -2.0, -1.0, 1.0, 2.0, 3.1])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_wherever_the_robot_heads_the_view_is_as_wide(psi, side):
+    c, s = math.cos(psi), math.sin(psi)
+    found = FreeSpace(sensor(), SHAPE, WITHIN).look(empty(), Pose(0.0, 0.0, psi), 0.0, 0.0)
+    inside, beyond = (
+        np.array([[c * x - s * y, s * x + c * y]])
+        for x, y in (from_sensor(1.2, side * 128.0), from_sensor(1.2, side * 138.0))
+    )
+    assert not unknown_at(inside, found.points).any()
+    assert unknown_at(beyond, found.points).all()
+
+
+def test_what_was_seen_at_the_edge_of_the_window_is_known_when_the_robot_comes_there():
+    """Backwards, without a beam that looks."""
+    it = FreeSpace(sensor(mount=HERE), SHAPE, WITHIN)
+    it.look(empty(), HERE, 0.0, 0.0)
+    for k in range(1, 13):
+        back = it.look(np.full(BEAMS, math.nan), Pose(0.1 * k, 0.0, math.pi), 0.0, 0.0)
+    edge = CELL * HALF
+    assert not unknown_at(np.array([[edge, 0.0], [edge - CELL, 0.0]]), back.points).any()
+    assert unknown_at(np.array([[edge + CELL, 0.0]]), back.points).all()
 
 
 def test_ground_the_robot_stood_on_is_known():

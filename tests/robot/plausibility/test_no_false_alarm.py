@@ -5,8 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.types import Twist
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.plausibility.bow import bows
 from cohelm.robot.plausibility.match import Match
+from cohelm.robot.plausibility.sight import sighted
+from cohelm.robot.plausibility.trail import Trail
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from tests.robot.plausibility.watched import NOTHING, ROOM, SALLY, person, watched, without_noise
@@ -117,6 +120,18 @@ def test_no_alarm_in_a_round_room(radius):
         return Twist(0.4 if t < 2.0 * radius - 1.5 else 0.0, 0.0)
 
     assert watched(slowly, 8.0, walls=np.hstack((ring[:-1], ring[1:]))) == []
+
+
+def test_of_a_straight_wall_no_view_is_sure_that_it_is_bowed():
+    """The end of a wall, seen over some 30 degrees: with ranges two metres too long all of it would
+    stand at the LiDAR, and fit as well."""
+    lidar, trail = SALLY.lidar.lidar(), Trail(5)
+    trail.add(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    wall, seen, told = np.array([[-1.5, 2.1, 0.5, 2.1]]), np.empty(len(lidar.beams)), []
+    for seed in range(400):
+        scan(Pose(0.0, 0.0, 0.0), lidar, np.empty((0, 6)), wall, NO_GRID, seed, 0, seen)
+        told += bows(sighted(lidar, seen, 0.0, 0.0, trail), lidar)
+    assert all(one.bias < 3.0 * one.sigma for one in told)
 
 
 def test_no_alarm_when_scans_are_lost():

@@ -23,6 +23,7 @@ def test_a_room_that_once_was_too_difficult_is_crossed(number, what):
     assert (row.contacts_moving, row.limit_excess, row.fault) == (0, 0.0, "")
 
 
+@pytest.mark.slow
 def test_noise_does_not_turn_the_robot_back_in_front_of_a_tight_gap():
     """By its own sensors in the lab, past the cone where it turned back again and again."""
     (row,) = chunk(suites.suite("lab", 1, None, "twin"), "guard", (3,))

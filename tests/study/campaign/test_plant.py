@@ -66,6 +66,7 @@ def test_a_loop_that_is_not_heard_is_stopped_by_the_watchdog_of_a_campaign_too(m
     assert row.arrived
 
 
+@pytest.mark.slow
 def test_the_attackers_walkers_are_after_the_robot_on_the_twin_too():
     made = suites.suite("adversary", 1, None, "twin")
     (row,), (again,) = chunk(made, "guard", (2,)), chunk(made, "guard", (2,))

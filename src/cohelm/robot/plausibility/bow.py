@@ -161,7 +161,7 @@ def _fitted(q: Floats, sigma: float, nearest: float) -> Bow | None:
     r = np.hypot(q[:, 0], q[:, 1])
     u = q / r[:, None]
     chord = q[-1] - q[0]
-    n = np.array([-chord[1], chord[0]]) / math.hypot(chord[0], chord[1])
+    n = np.array([chord[1], -chord[0]]) / math.hypot(chord[0], chord[1])  # away from the LiDAR
     if float(np.ptp(u @ n)) < 0.05:
         return None
     d, b = float((q @ n).mean()), 0.0
@@ -177,11 +177,24 @@ def _fitted(q: Floats, sigma: float, nearest: float) -> Bow | None:
         d, b = d + further, b + longer
     square = u @ n
     off = (r - b) * square - d
-    if not (math.sqrt(float(off @ off) / len(r)) < 1.5 * sigma + _FLAT and abs(d) > nearest):
+    if not (math.sqrt(float(off @ off) / len(r)) < 1.5 * sigma + _FLAT and d > nearest):
         return None
     # a straight wall's unevenness looks like so much bow, spread over all its points
-    spread = math.sqrt((sigma**2 + len(r) * _FLAT**2) * float(inverse[2, 2]))
+    error = sigma**2 + len(r) * _FLAT**2
+    spread = math.sqrt(error * float(inverse[2, 2]))
+    if abs(b) > spread:
+        # Far from 0 the inverse says how well b is known if it is about right, not whether it is:
+        # with b as long as the ranges are, all points lie at the LiDAR, and any line fits them. How
+        # much better than the straight line it fits does; for a small b both say the same.
+        better = _straight(q) - float(off @ off)
+        spread = max(spread, abs(b) * math.sqrt(error / max(better, 1e-12)))
     middle = q.mean(axis=0).tolist()
     if spread > _TELLS:
         return None
     return Bow(b, spread, math.atan2(n[1], n[0]), middle[0], middle[1])
+
+
+def _straight(q: Floats) -> float:
+    """Squares of what points are off the line that fits them best, summed up [m^2]."""
+    c = q - q.mean(axis=0)
+    return float(np.linalg.eigvalsh(c.T @ c)[0])

@@ -1,0 +1,104 @@
+"""Twist in to twist out through `cohelm filter`, over DDS: `python -m benchmarks.ros2`.
+
+    python -m benchmarks.ros2 [--count 1000] [--rate 50] [--scenario lab-guard]
+
+Base, filter, gate and controller are processes of their own on this machine. The controller asks
+for a small circle whose speed differs from command to command, so that each is known again on
+/cmd_vel; what is timed is from its `send` to its coming back there, both ways of DDS included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from cohelm.core.types import Twist
+from cohelm.robot.keep.processes import children
+from cohelm.ros.dds import DdsTransport
+from cohelm.ros.messages import command
+from cohelm.ros.mismatch import TWIST
+from cohelm.ros.port import COMMAND, SENSOR
+
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def used(pid: int) -> float:
+    """Processor time of a process so far [s]."""
+    numbers = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(numbers[11]) + int(numbers[12])) / TICKS
+
+
+def started(*arguments: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-m", "cohelm", *arguments])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--rate", type=float, default=50.0)
+    parser.add_argument("--scenario", default="lab-guard")
+    asked = parser.parse_args()
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.setdefault("ROS_DOMAIN_ID", "87")
+    base = started("base", asked.scenario)
+    transport = DdsTransport("controller")
+    sent: dict[float, float] = {}
+    took: list[float] = []
+
+    def heard(received) -> None:
+        v = received.message.linear.x
+        if v in sent:
+            took.append(received.stamp - sent.pop(v))
+
+    transport.subscribe("/cmd_vel", TWIST, SENSOR, heard)
+    out = transport.publish("/cmd_vel_nav", TWIST, COMMAND)
+    over, number = threading.Event(), 0
+
+    def ask() -> None:
+        nonlocal number
+        due = time.monotonic()
+        while not over.is_set():
+            due += 1.0 / asked.rate
+            time.sleep(max(due - time.monotonic(), 0.0))
+            number += 1
+            v = 0.1 + 1e-5 * (number % 1000)
+            sent[v] = time.monotonic()
+            out.send(command(Twist(v, 0.4), TWIST, ""))
+
+    threading.Thread(target=ask, daemon=True).start()
+    while not any(e.topic == "/odom" for e in transport.endpoints()):
+        time.sleep(0.2)
+    node = started("filter", "--robot", "sally", "--wait", "60")
+    while not took:
+        time.sleep(0.2)
+    time.sleep(3.0)
+    took.clear()
+    sent.clear()
+    first = number
+    pids = [node.pid, *children(node.pid).values()]
+    before, begun = sum(map(used, pids)), time.monotonic()
+    while number - first < asked.count:
+        time.sleep(0.1)
+    time.sleep(0.2)
+    share = (sum(map(used, pids)) - before) / (time.monotonic() - begun)
+    over.set()
+    milliseconds = 1e3 * np.array(took)
+    print(f"{len(took)} of {number - first} commands came out as they were")
+    for name, q in (("median", 50.0), ("99 %", 99.0), ("most", 100.0)):
+        print(f"{name}: {np.percentile(milliseconds, q):.2f} ms")
+    print(f"filter and gate use {share:.0%} of one core")
+    for process in (node, base):
+        process.terminate()
+        process.wait()
+    transport.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,227 @@
+"""The commands for ROS 2: filter, and base to try it without a robot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cohelm.cli.app import app
+from cohelm.cli.tell import Json, plain, print_json, say, starting
+
+if TYPE_CHECKING:
+    from cohelm.ros.look import Found
+
+
+@app.command("filter")
+def filter_(
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="MODEL", help="A shipped robot, or its YAML file.")
+    ],
+    command: Annotated[
+        str, typer.Option("--in", metavar="TOPIC", help="Commands of the controller.")
+    ] = "/cmd_vel_nav",
+    out: Annotated[
+        str, typer.Option("--out", metavar="TOPIC", help="Safe commands, to the base.")
+    ] = "/cmd_vel",
+    scan: Annotated[str, typer.Option(metavar="TOPIC", help="The LiDAR's scans.")] = "/scan",
+    odom: Annotated[str, typer.Option(metavar="TOPIC", help="The base's odometry.")] = "/odom",
+    namespace: Annotated[
+        str, typer.Option(metavar="/NAME", help="Of the robot's topics.")
+    ] = "/",
+    stamped: Annotated[
+        bool | None,
+        typer.Option("--stamped/--unstamped", help="The base wants TwistStamped, or Twist; by "
+                     "default as it subscribes."),
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option(min=0.05, max=5.0, help="A command counts for so long [s].")
+    ] = 0.5,
+    rate: Annotated[
+        float | None,
+        typer.Option(min=25.0, max=125.0, help="Periods a second; by default the controller's."),
+    ] = None,
+    wait: Annotated[
+        float, typer.Option(min=2.0, max=3600.0, help="For what is missing at the start [s].")
+    ] = 10.0,
+    clock_difference: Annotated[
+        float, typer.Option(min=0.0, help="Allowed between the robot's clock and this one [s].")
+    ] = 5.0,
+    mount_from_model: Annotated[
+        bool, typer.Option("--mount-from-model", help="The LiDAR is where --robot says.")
+    ] = False,
+    allow_bypass: Annotated[
+        bool, typer.Option("--allow-bypass", help="Others may command the base beside the filter.")
+    ] = False,
+    print_config: Annotated[
+        bool, typer.Option("--print-config", help="Print what was found, and end.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
+    ] = None,
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Pass only what is safe from a ROS 2 controller to its base.
+
+    Needs no ROS here, only the network of the robot: commands, scans and odometry in; safe
+    commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first.
+    """
+    from cohelm.drive.operate import ended
+    from cohelm.ros.dds import DdsTransport
+    from cohelm.ros.look import Allowed, Topics, look
+    from cohelm.ros.report import NODE
+    from cohelm.scenario.load import load_robot
+
+    model = load_robot(robot)
+    topics = Topics.named(namespace, command, out, scan, odom)
+    allowed = Allowed(stamped, allow_bypass, mount_from_model, clock_difference)
+    with starting(NODE) as line, ended() as stop:
+        transport = DdsTransport(NODE, topics.namespace)
+        try:
+            found = look(transport, model, topics, allowed, wait)
+            for note in found.notes:
+                say(plain(note))
+            if print_config:
+                line.over()
+                _printed(found, as_json)
+                return
+            _served(transport, found, timeout, rate, seconds, stop, line)
+        finally:
+            transport.close()
+
+
+@app.command()
+def base(
+    name: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT|SCENARIO", help="Who drives where; a robot in --scenario."),
+    ] = "lab-guard",
+    scenario: Annotated[
+        str, typer.Option(metavar="SCENARIO", help="Where a robot is.")
+    ] = "lab-guard",
+    twin: Annotated[
+        bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
+    ] = False,
+    namespace: Annotated[str, typer.Option(metavar="/NAME", help="Of its topics.")] = "/",
+    stamped: Annotated[
+        bool, typer.Option("--stamped", help="It wants TwistStamped, not Twist.")
+    ] = False,
+    controller: Annotated[
+        str | None,
+        typer.Option(metavar="V,OMEGA", help="Also ask for this on /cmd_vel_nav, all the time."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=2**32 - 1, help="Of the simulated errors.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Be a simulated robot behind ROS 2 topics.
+
+    For trying `cohelm filter` without a robot. Publishes /odom, /scan and /tf_static, obeys
+    /cmd_vel, and says at its end how near it came to anything. --controller 0.5,0 wants it to drive
+    ahead, whatever is there.
+    """
+    import time
+
+    from cohelm.drive.operate import Asked, ended, meant
+    from cohelm.robot.model import SHIPPED
+    from cohelm.ros.dds import DdsTransport
+    from cohelm.ros.look import Topics
+    from cohelm.ros.served import ServedRobot, asked_for, wanting
+
+    changes = [f"robot={name}"] if name in SHIPPED else []
+    named = scenario if name in SHIPPED else name
+    kind = "twin" if twin else "kinematic"
+    wish = None if controller is None else asked_for(controller)
+    topics = Topics.named(namespace)
+    with starting("base") as line, ended() as stop:
+        made = meant(Asked(named, scenario, kind, True, seed, changes))
+        robot = made()
+        transport = DdsTransport("cohelm_base", topics.namespace)
+        try:
+            served = ServedRobot(transport, robot, topics, stamped=stamped)
+            over = wanting(transport, topics, wish)
+            stop.heed()
+            line.over()
+            say(f"{plain(made.model.name)} listens on {plain(topics.out)}; Ctrl-C ends it")
+            begun = time.monotonic()
+            served.run(
+                lambda: (
+                    stop.asked != ""
+                    or (seconds is not None and time.monotonic() - begun >= seconds)
+                )
+            )
+            over.set()
+            truth = getattr(robot, "truth", lambda: None)()
+        finally:
+            transport.close()
+            robot.close()
+    if truth is not None:
+        least = truth.least_moving
+        told = {
+            "x_m": truth.pose.x, "y_m": truth.pose.y, "heading_rad": truth.pose.psi,
+            "least_clearance_moving_m": least if least < 1e6 else None,
+        }  # fmt: skip
+        if as_json:
+            print_json(told)
+            return
+        near = "it did not move" if told["least_clearance_moving_m"] is None else f"{least:.3f} m"
+        print(f"smallest clearance while moving: {near}")
+
+
+def _served(
+    transport: Any, found: Found, timeout: float, rate: float | None, seconds: float | None,
+    stop: Any, line: Any,
+) -> None:  # fmt: skip
+    """Filter until Ctrl-C, or the time is over."""
+    import time
+    from functools import partial
+
+    from cohelm.robot.keep.priority import ordinary, urgent
+    from cohelm.robot.keep.process import RemoteGatedRobot
+    from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
+    from cohelm.ros.pacing import SPARE, period
+    from cohelm.ros.robot import adapted
+
+    length = period(found.command_period) if rate is None else (1.0 + SPARE) / rate
+    keeper = RemoteGatedRobot(partial(adapted, found), gate_rules(found.model, length))
+    try:
+        node = FilterNode(
+            transport, keeper, found, FilterParams(length, timeout), lambda text: say(plain(text))
+        )
+        node.warm_up()
+        stop.heed()
+        line.over()
+        topics = found.topics
+        say(
+            f"filtering {plain(topics.command)} -> {plain(topics.out)}, {1.0 / length:.0f} Hz at "
+            "least; Ctrl-C ends it"
+        )
+        urgent()
+        begun = time.monotonic()
+        node.run(
+            lambda: (
+                stop.asked != "" or (seconds is not None and time.monotonic() - begun >= seconds)
+            )
+        )
+        say(plain(stop.asked or "its time is over"))
+    finally:
+        ordinary()
+        keeper.close()
+
+
+def _printed(found: Found, as_json: bool) -> None:
+    """What was found, as the robot's YAML file would say it, or JSON."""
+    from cohelm.scenario.load import dump
+
+    topics = found.topics._asdict() | {"out_type": found.out_type}
+    if as_json:
+        model = found.model.model_dump(mode="json", exclude_none=True)
+        print_json({"topics": topics, "robot": model, "notes": list(found.notes)})
+        return
+    for key, name in topics.items():
+        print(f"# {key}: {name}")
+    print(dump(found.model), end="")

@@ -1,0 +1,263 @@
+"""The transport for robots whose middleware is DDS: cyclonedds, speaking as ROS 2 does.
+
+`ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE` (and the older `ROS_LOCALHOST_ONLY`) and
+`CYCLONEDDS_URI` are heeded as by ROS 2 itself.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from functools import cache
+from importlib import import_module
+from types import SimpleNamespace
+from typing import Any
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.extras import missing, requirements
+from cohelm.ros.graph import GRAPH, INFO, Graph, described
+from cohelm.ros.names import dds_topic, namespace_of, ros_topic, ros_type
+from cohelm.ros.port import LATCHED, Endpoint, Heard, Publisher, Qos, Received
+from cohelm.ros.types import known, packed, type_hash, unpacked, wire
+
+_MOST = 64
+"""Samples taken from a reader at once."""
+_MOST_ENDPOINTS = 10_000
+_WAIT = 200_000_000
+"""The listening thread looks whether it shall end this often [ns]."""
+_LOCAL = (
+    "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo' multicast='false'/>"
+    "</Interfaces><AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto"
+    "</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers>"
+    "<Peer address='127.0.0.1'/></Peers></Discovery></Domain></CycloneDDS>"
+)
+"""Nobody but this machine: what ROS 2 calls the discovery range LOCALHOST."""
+_domains: dict[int, Any] = {}
+"""Domains that have been configured in this process; that can be done once."""
+
+
+def domain_id(given: int | None = None) -> int:
+    """The domain that is given, or in `ROS_DOMAIN_ID`. CohelmError for what is none."""
+    text = os.environ.get("ROS_DOMAIN_ID", "0") if given is None else str(given)
+    if not text.isdecimal() or not 0 <= int(text) <= 232:
+        raise CohelmError(f"ROS_DOMAIN_ID must be a number from 0 to 232, got {text!r}")
+    return int(text)
+
+
+def local_only() -> bool:
+    """Whether the environment says that nobody outside this machine is to be found."""
+    ranged = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper()
+    return ranged == "LOCALHOST" or os.environ.get("ROS_LOCALHOST_ONLY", "0") == "1"
+
+
+class DdsTransport:
+    """A node on the network. See `port.Transport`."""
+
+    def __init__(self, node: str = "cohelm", namespace: str = "/", domain: int | None = None):
+        """Raises CohelmError where DDS is not installed, or can not begin."""
+        self.domain = domain_id(domain)
+        dds = _cyclonedds()
+        self.name = f"DDS, domain {self.domain}" + (", this machine only" if local_only() else "")
+        try:
+            if local_only() and self.domain not in _domains:
+                _domains[self.domain] = dds.Domain(self.domain, _LOCAL)
+            enclave = dds.Qos(dds.Policy.Userdata(b"enclave=/;"))
+            self._participant = dds.DomainParticipant(self.domain, enclave)
+        except dds.DDSException as error:
+            raise CohelmError(
+                f"DDS can not begin in domain {self.domain} ({error.msg}): is a network interface "
+                "up? ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST needs none"
+            ) from error
+        kept = dds.Qos(dds.Policy.Reliability.Reliable(0), dds.Policy.Durability.TransientLocal)
+        self._built = {
+            publishes: dds.BuiltinDataReader(self._participant, topic, kept)
+            for publishes, topic in (
+                (True, dds.BuiltinTopicDcpsPublication),
+                (False, dds.BuiltinTopicDcpsSubscription),
+            )
+        }
+        self._lock = threading.RLock()
+        self._readers: list[tuple[Any, str, Heard]] = []
+        self._writers: list[Any] = []
+        self._topics: dict[tuple[str, str], Any] = {}
+        self._waiting = dds.WaitSet(self._participant)
+        self._closed = threading.Event()
+        self._graph = Graph(self._participant.guid.bytes, node, namespace_of(namespace))
+        self._about = self._writer(GRAPH, INFO, LATCHED)
+        self._others: dict[bytes, list[Any]] = {}
+        self._reader(GRAPH, INFO, LATCHED._replace(depth=100), self._told)
+        self._thread = threading.Thread(target=self._listen, name="dds", daemon=True)
+        self._thread.start()
+        self._tell()
+
+    def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
+        """A publisher, which others see with its type's hash."""
+        with self._lock:
+            self._open()
+            writer = self._writer(dds_topic(topic), known(kind), qos)
+            self._graph.writers.append(writer.guid.bytes)
+            self._tell()
+        return _Writer(writer, kind, self._closed)
+
+    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> None:
+        """A subscriber."""
+        with self._lock:
+            self._open()
+            reader = self._reader(dds_topic(topic), known(kind), qos, heard)
+            self._graph.readers.append(reader.guid.bytes)
+            self._tell()
+
+    def endpoints(self) -> list[Endpoint]:
+        """Of other participants."""
+        dds = _cyclonedds()
+        with self._lock:
+            self._open()
+            own = self._participant.guid
+            nodes = self._nodes()
+            alive = dds.ViewState.Any | dds.InstanceState.Alive | dds.SampleState.Any
+            found: list[Endpoint] = []
+            for publishes, reader in self._built.items():
+                for sample in reader.read(_MOST_ENDPOINTS, dds.ReadCondition(reader, alive)):
+                    topic = ros_topic(sample.topic_name)
+                    if topic and sample.participant_key != own:
+                        node = nodes.get(sample.key.bytes, "")
+                        kind = ros_type(sample.type_name)
+                        found.append(Endpoint(topic, kind, _qos(sample.qos), publishes, node))
+        return sorted(found)
+
+    def close(self) -> None:
+        """Leave the network."""
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        self._thread.join(2.0)
+        with self._lock:
+            for reader, _, _ in self._readers:
+                self._waiting.detach(reader)
+            self._readers.clear()
+            self._writers.clear()
+            self._built.clear()
+            self._topics.clear()
+            del self._about, self._waiting
+            self._participant.__del__()  # with all that is left of it, whoever still holds it
+
+    def _open(self) -> None:
+        if self._closed.is_set():
+            raise CohelmError("the transport is closed: make a new one")
+
+    def _topic(self, topic: str, kind: str) -> Any:
+        key = (topic, kind)
+        if key not in self._topics:
+            self._topics[key] = _cyclonedds().Topic(self._participant, topic, wire(kind))
+        return self._topics[key]
+
+    def _writer(self, topic: str, kind: str, qos: Qos) -> Any:
+        made = _cyclonedds().DataWriter(
+            self._participant, self._topic(topic, kind), _policies(qos, kind)
+        )
+        self._writers.append(made)
+        return made
+
+    def _reader(self, topic: str, kind: str, qos: Qos, heard: Heard) -> Any:
+        dds = _cyclonedds()
+        made = dds.DataReader(self._participant, self._topic(topic, kind), _policies(qos, kind))
+        new = dds.ViewState.Any | dds.InstanceState.Any | dds.SampleState.NotRead
+        anything = dds.ReadCondition(made, new)
+        made.anything = anything  # lives as long as the reader
+        self._readers.append((made, kind, heard))
+        self._waiting.attach(anything)
+        return made
+
+    def _listen(self) -> None:
+        """Everything that comes is taken here, in the order in which it came per topic."""
+        while not self._closed.is_set():
+            if not self._waiting.wait(_WAIT):
+                continue
+            stamp = time.monotonic()
+            with self._lock:
+                readers = list(self._readers)
+            for reader, kind, heard in readers:
+                for sample in reader.take(_MOST):
+                    if getattr(sample, "data", None):  # else only says that a publisher has gone
+                        message, damage = unpacked(sample.data, kind)
+                        heard(Received(message, stamp, damage))
+
+    def _tell(self) -> None:
+        """Say on ros_discovery_info which node has which publishers and subscribers."""
+        self._about.write(wire(INFO)(packed(self._graph.message(), INFO)))
+
+    def _told(self, received: Received) -> None:
+        if received.message is not None:
+            gid, nodes = described(received.message)
+            self._others[gid] = nodes
+
+    def _nodes(self) -> dict[bytes, str]:
+        """The name of the node of each endpoint that somebody has told of."""
+        return {
+            gid: name for nodes in list(self._others.values()) for name, gids in nodes
+            for gid in gids
+        }  # fmt: skip
+
+
+class _Writer:
+    """See `port.Publisher`."""
+
+    def __init__(self, writer: Any, kind: str, closed: threading.Event) -> None:
+        self._writer, self._kind, self._closed = writer, kind, closed
+        self._wire = wire(kind)
+
+    def send(self, message: Any) -> None:
+        """Raises CohelmError for what is no message of the type, or when the transport is closed;
+        what the network does with it is not known."""
+        if self._closed.is_set():
+            raise CohelmError("the transport is closed: make a new one")
+        dds = _cyclonedds()
+        try:
+            self._writer.write(self._wire(packed(message, self._kind)))
+        except dds.DDSException as error:
+            if error.code != dds.DDSException.DDS_RETCODE_TIMEOUT:  # no room: the next is newer
+                raise CohelmError(f"a {self._kind} can not be sent: {error.msg}") from error
+
+
+def _policies(qos: Qos, kind: str) -> Any:
+    dds = _cyclonedds()
+    lasting, durability = dds.Policy.Reliability, dds.Policy.Durability
+    return dds.Qos(
+        lasting.Reliable(0) if qos.reliable else lasting.BestEffort,
+        durability.TransientLocal if qos.transient_local else durability.Volatile,
+        dds.Policy.History.KeepLast(qos.depth),
+        dds.Policy.Userdata(f"typehash={type_hash(kind)};".encode()),
+    )
+
+
+def _qos(given: Any) -> Qos:
+    """Of somebody else's endpoint."""
+    policy = _cyclonedds().Policy
+    found: dict[str, Any] = {one.__scope__: one for one in given}
+    volatile: Any = policy.Durability.Volatile
+    return Qos(
+        found.get("Reliability") != policy.Reliability.BestEffort,
+        found.get("Durability", volatile) != volatile, 0,
+    )  # fmt: skip
+
+
+@cache
+def _cyclonedds() -> Any:
+    """All that is used of it, under one name. CohelmError where it is not installed."""
+    found: dict[str, Any] = {}
+    try:
+        for name in ("builtin", "core", "domain", "pub", "qos", "sub", "topic"):
+            found |= vars(import_module(f"cyclonedds.{name}"))
+    except ImportError as error:
+        raise _not_installed() from error
+    return SimpleNamespace(**found)
+
+
+def _not_installed() -> CohelmError:
+    if requirements("ros2"):
+        return missing("ROS 2 over DDS", "ros2")
+    return CohelmError(
+        "ROS 2 over DDS needs cyclonedds, of which there is no wheel for this machine and Python: "
+        "use x86-64 and Python 3.13 or older"
+    )

@@ -1,0 +1,213 @@
+"""The safety filter as a ROS 2 node: any controller's commands in, safe ones out to the base.
+
+Two layers, in two processes. Here perception and `pilot.SafetyFilter` shape each command; in the
+keeper's process, which alone holds the base, gate and monitors watch the raw scan and refuse. When
+this process dies, that one brakes the base.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.obstacles import Obstacles
+from cohelm.core.types import RADIUS, VX, VY, Pose, Twist, X, Y
+from cohelm.law.verdict import Verdict
+from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
+from cohelm.perceive.pipeline import Perception, Seen, rehearse
+from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
+from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
+from cohelm.robot.gate.modes import Mode, driving, latched
+from cohelm.robot.keep.gated_robot import Keeper, rules
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Readings
+from cohelm.ros.commands import Commands, Nominal
+from cohelm.ros.look import Found
+from cohelm.ros.pacing import LONGEST, Pacing
+from cohelm.ros.port import Qos, Transport
+from cohelm.ros.report import Report, Row
+
+WATCHDOG = 0.2
+"""Without a sound proposal for so long the keeper brakes the base [s]."""
+WARM = 0.5
+"""So long the node works while it lets nothing move [s]."""
+SHAPED = 0.01
+"""A command that is changed by less is told as passed [m/s]."""
+_STILL = Twist(0.0, 0.0)
+_NOWHERE = Pose(math.nan, math.nan, math.nan)
+_ONCE = Qos(reliable=True, depth=1)
+
+
+class FilterParams(NamedTuple):
+    """How the node works."""
+
+    period: float
+    """The longest control period [s]."""
+    timeout: float = 0.5
+    """A command counts for so long [s]."""
+
+
+def gate_rules(model: RobotModel, period: float) -> Rules:
+    """The gate's, for readings as seldom as this robot's."""
+    may = patience(model, period)
+    made = rules(model, period, WATCHDOG)
+    return made._replace(age=max(made.age, may.odometry))
+
+
+class FilterNode:
+    """One robot's filter. `run` until it is over."""
+
+    def __init__(
+        self, transport: Transport, keeper: Keeper, found: Found, params: FilterParams,
+        say: Callable[[str], None] = lambda _: None,
+    ) -> None:  # fmt: skip
+        """transport: for commands and reports; the keeper has one of its own for the robot. say:
+        hears each new reason."""
+        model = found.model
+        self._keeper, self._params = keeper, params
+        self._perception = Perception(model)
+        self._filter = SafetyFilter(model, params.period, delay=model.delay_s * LONGEST)
+        self._watchdog = SensorWatchdog(model, patience(model, params.period))
+        self._commands = Commands(transport, found.topics.command, params.timeout, found.odom_clock)
+        self._report = Report(transport, found, say)
+        self._reset_asked = False
+        transport.subscribe(
+            self._report.topic("reset"), "std_msgs/msg/Empty", _ONCE, self._asked_to_reset
+        )
+        self._readings = Readings()
+        self._seen: Seen | None = None
+        self._number = 0
+        self.may_drive = False
+        """Whether a command may let the base move; `run` allows it."""
+
+    def warm_up(self) -> None:
+        """Everything once, standing: what has to be compiled is not when a command waits for it."""
+        rehearse(self._keeper.model, False)
+        end = time.monotonic() + WARM
+        while time.monotonic() < end:
+            self._look()
+            self.step()
+            time.sleep(self._params.period)
+
+    def run(self, over: Callable[[], bool]) -> None:
+        """Until somebody says that it is over; the keeper is left to be closed."""
+        self.may_drive = True
+        pacing = Pacing(self._params.period, time.monotonic())
+        while not over():
+            self._look()
+            while (left := pacing.earliest() - time.monotonic()) > 0.0:
+                time.sleep(left)
+            self._commands.wait(pacing.latest() - time.monotonic())
+            pacing.begin(time.monotonic())
+            self.step()
+
+    def step(self) -> Row:
+        """One control period: the newest command, through filter and gate, to the base."""
+        begun = time.monotonic()
+        keeper = self._keeper
+        nominal = self._commands.now(begun)
+        readings = keeper.read()
+        now = keeper.now()
+        wrong = self._watchdog.wrong(now, readings)
+        last = self._readings.scan
+        seen = self._seen = self._perception.take(now, readings._replace(scan=last))
+        result = self._filter(
+            _NOWHERE if wrong or last is None else seen.odometry, seen.twist, nominal.twist,
+            obstacles(seen),
+        )  # fmt: skip
+        stamp = now
+        if not wrong and readings.odometry is not None:
+            stamp = readings.odometry.stamp
+        safe = _STILL if wrong else result.twist
+        self._drive(nominal, wrong)
+        passed = keeper.propose(Proposal(self._number, stamp, safe))
+        self._number += 1
+        if math.isfinite(passed.out.v) and math.isfinite(passed.out.omega):
+            self._filter.sent(passed.out)
+        gate = keeper.gate
+        kind, text = _reason(nominal, wrong, result, passed, gate)
+        row = Row(
+            kind, text, nominal.twist, safe, passed.out, result.verdict, result.change,
+            result.clearance, latched(gate.mode), _place(result, seen), *_ages(now, readings),
+            time.monotonic() - begun,
+        )  # fmt: skip
+        self._report.take(row)
+        return row
+
+    def _look(self) -> None:
+        """Between two commands: take in what the sensors have seen since."""
+        self._readings = self._keeper.read()
+        self._seen = self._perception.take(self._keeper.now(), self._readings)
+
+    def _drive(self, nominal: Nominal, wrong: str) -> None:
+        """The base may move as soon as a controller is there, and nothing is amiss."""
+        gate = self._keeper.gate
+        if self._reset_asked:
+            self._reset_asked = False
+            if latched(gate.mode):
+                said = self._keeper.reset()
+                self._report.note(f"reset: {said}" if said else "reset")
+        elif gate.mode == Mode.IDLE and nominal.fresh and not wrong and self.may_drive:
+            self._keeper.drive(Mode.AUTOMATIC)
+
+    def _asked_to_reset(self, _: object) -> None:
+        self._reset_asked = True
+
+
+def obstacles(seen: Seen) -> Obstacles:
+    """What perception knows, for the filter, in the frame of the odometry."""
+    return Obstacles(
+        seen.points, np.ascontiguousarray(seen.mobile[:, [X, Y, RADIUS, VX, VY]]),
+        max_acceleration=seen.mobile_agility,
+    )  # fmt: skip
+
+
+def _place(result: FilterResult, seen: Seen) -> tuple[float, float] | None:
+    """Of what holds the robot back, in the frame of the odometry."""
+    limiting = result.limiting
+    if limiting is None:
+        return None
+    rows = seen.mobile if limiting.kind == "disc" else seen.points
+    x, y = rows[limiting.row, :2]
+    return float(x), float(y)
+
+
+def _reason(
+    nominal: Nominal, wrong: str, result: FilterResult, passed: Passed, gate: Gate
+) -> tuple[str, str]:
+    """Why the base does not get what the controller asked for: in a word, and in a sentence; both
+    empty where it does."""
+    if latched(gate.mode):
+        return "gate", f"{gate.reason}: mend it, then publish std_msgs/msg/Empty on the reset topic"
+    if wrong:
+        return "readings", f"stopped: {wrong}"
+    if nominal.reason:
+        return "command", nominal.reason
+    if result.verdict == Verdict.INVALID:
+        return "command", "the command, or what perception knows, is no number"
+    if driving(gate.mode) and passed.reason.startswith("collision monitor"):
+        return "monitor", passed.reason
+    if result.verdict in (Verdict.BRAKING, Verdict.STANDING):
+        return "brakes", f"brakes for something {_metres(result.clearance)} off"
+    if result.limiting is not None and result.change > SHAPED:
+        return "shaped", f"held back by something {_metres(result.clearance)} off"
+    if driving(gate.mode) and passed.reason:
+        return "limits", passed.reason
+    return "", ""
+
+
+def _metres(clearance: float) -> str:
+    return f"{clearance:.2f} m" if math.isfinite(clearance) else "far"
+
+
+def _ages(now: float, readings: Readings) -> tuple[float, float]:
+    """Of odometry and scan [s]; infinite where there is none."""
+    odometry, scan = readings.odometry, readings.scan
+    return (
+        math.inf if odometry is None else now - odometry.stamp,
+        math.inf if scan is None else now - scan.stamp - scan.duration,
+    )

@@ -1,0 +1,127 @@
+"""What does not fit between this node and the robot's topics: one sentence each, with its cure."""
+
+from __future__ import annotations
+
+from cohelm.ros.port import Endpoint, Qos, reaches
+
+TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+ODOMETRY, SCAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
+TF = "tf2_msgs/msg/TFMessage"
+_MOST_NAMED = 4
+
+
+def unheard(
+    topic: str, kind: str, qos: Qos, option: str, seen: list[Endpoint], damage: str = ""
+) -> str:
+    """Why nothing is heard on a topic. option: by which another one is named. damage: what was
+    wrong with what came, if anything did."""
+    there = [one for one in seen if one.publishes and one.topic == topic]
+    right = [one for one in there if one.type == kind]
+    if not there:
+        return (
+            f"nobody publishes {topic}: start its driver, or name another topic with {option}"
+            f"{_others(kind, seen)}"
+        )
+    if not right:
+        return (
+            f"{topic} is {there[0].type}{_by(there)}, and {kind} is needed: name another topic "
+            f"with {option}{_others(kind, seen)}"
+        )
+    reasons = [why for one in right if (why := reaches(one.qos, qos))]
+    if len(reasons) == len(right):
+        return f"{topic} never reaches this node: {reasons[0]}; mend the QoS of its publisher"
+    if damage:
+        return (
+            f"what comes on {topic} can not be read ({damage}): is ROS_DISTRO here the robot's, "
+            "and does its driver send what it says?"
+        )
+    return (
+        f"{topic} is published{_by(right)}, but nothing comes: is its driver stuck (ros2 topic "
+        f"hz {topic}), or a firewall between?"
+    )
+
+
+def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -> tuple[str, str]:
+    """The type the base wants for its commands, and what is wrong, or nothing.
+
+    wanted: TwistStamped or Twist, as somebody said; None: as the base's subscription says.
+    """
+    named = None if wanted is None else STAMPED if wanted else TWIST
+    there = [one for one in seen if not one.publishes and one.topic == topic]
+    kinds = sorted({one.type for one in there} & {TWIST, STAMPED})
+    if not there:
+        others = sorted(
+            {one.topic for one in seen if not one.publishes and one.type in (TWIST, STAMPED)}
+        )
+        instead = f"; there is {', '.join(others[:_MOST_NAMED])}" if others else ""
+        return named or TWIST, (
+            f"nobody listens on {topic}: start the base's driver, or name its topic with --out"
+            f"{instead}"
+        )
+    if not kinds:
+        return named or TWIST, (
+            f"{topic} is wanted as {there[0].type}{_by(there)}, and a base takes {TWIST} or "
+            f"{STAMPED}: name another topic with --out"
+        )
+    if named is not None and named not in kinds:
+        return named, (
+            f"{topic} is wanted as {kinds[0]}{_by(there)}: leave out --stamped and --unstamped, or "
+            "name another topic with --out"
+        )
+    if named is None and len(kinds) > 1:
+        return TWIST, (
+            f"{topic} is wanted both as Twist and as TwistStamped{_by(there)}: say which is the "
+            "base's with --stamped or --unstamped"
+        )
+    kind = named or kinds[0]
+    right = [one for one in there if one.type == kind]
+    reasons = [why for one in right if (why := reaches(qos, one.qos))]
+    if len(reasons) == len(right):
+        return kind, (
+            f"commands on {topic} never reach the base{_by(right)}: {reasons[0]}; mend the QoS of "
+            "its subscription"
+        )
+    return kind, ""
+
+
+def bypass(topic: str, seen: list[Endpoint]) -> str:
+    """Whether somebody else drives the base past the filter, in words; empty: nobody."""
+    there = [one for one in seen if one.publishes and one.topic == topic]
+    if not there:
+        return ""
+    return (
+        f"{topic} is published{_by(there)} as well, past the filter: remap that to the topic of "
+        "--in, or allow it with --allow-bypass and expect no promise"
+    )
+
+
+def no_frame(topic: str, frame: str, body: str, known: list[str]) -> str:
+    """That nobody says where a sensor is mounted."""
+    told = f"it tells of {', '.join(known[:8])}" if known else "nothing is told there"
+    return (
+        f"{topic} is measured in the frame {frame!r}, and /tf_static does not say where that is "
+        f"on {body!r} ({told}): start robot_state_publisher or static_transform_publisher, or give "
+        "lidar.mount_x_m, mount_y_m and mount_yaw_deg in the robot's YAML file and "
+        "--mount-from-model"
+    )
+
+
+def _by(there: list[Endpoint]) -> str:
+    nodes = sorted({one.node for one in there if one.node})
+    return f" by {', '.join(nodes[:_MOST_NAMED])}" if nodes else ""
+
+
+def _others(kind: str, seen: list[Endpoint]) -> str:
+    topics = sorted({one.topic for one in seen if one.publishes and one.type == kind})
+    if not topics:
+        return f"; there is no {kind.split('/')[-1]} at all"
+    return f"; {kind.split('/')[-1]} is on {', '.join(topics[:_MOST_NAMED])}"
+
+
+def nobody(name: str) -> str:
+    """That nothing of ROS is seen at all. name: of the transport."""
+    return (
+        f"no node of ROS is seen ({name}): is ROS_DOMAIN_ID the robot's, does its middleware speak "
+        "DDS (rmw_zenoh does not), and does the network let multicast through (ROS 2's own "
+        "`ros2 multicast send` and `receive` tell)?"
+    )

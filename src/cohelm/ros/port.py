@@ -1,0 +1,97 @@
+"""What a transport of ROS 2 messages offers: publish, subscribe, and see who else does.
+
+Messages are those of rosbags' typestore, names those that ROS users see (`/cmd_vel`,
+`geometry_msgs/msg/Twist`). Reception is stamped with this machine's monotonic clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+
+class Qos(NamedTuple):
+    """Quality of service, as far as it decides who hears whom."""
+
+    reliable: bool = True
+    """What is lost is sent again; as a subscriber: nothing else will do."""
+    transient_local: bool = False
+    """Who comes late gets the last ones too; as a subscriber: nothing else will do."""
+    depth: int = 1
+    """How many of the last messages count."""
+
+
+SENSOR = Qos(reliable=False, depth=5)
+"""Of subscribers to sensors: hears every publisher, and nothing is sent twice."""
+COMMAND = Qos(reliable=True, depth=1)
+"""Of publishers of commands: every subscriber hears it, and only the newest counts."""
+LATCHED = Qos(reliable=True, transient_local=True, depth=1)
+"""What is said once, and told to all who come later: `/map`, `/tf_static`."""
+
+
+class Endpoint(NamedTuple):
+    """A publisher or subscriber that somebody else has."""
+
+    topic: str
+    type: str
+    qos: Qos
+    publishes: bool
+    node: str
+    """Its node, where the graph says so; else empty."""
+
+
+class Received(NamedTuple):
+    """One message, as it came."""
+
+    message: Any
+    """None if it could not be read."""
+    stamp: float
+    """When it came, by this machine's monotonic clock [s]."""
+    damage: str = ""
+    """Why it could not be read."""
+
+
+Heard = Callable[[Received], None]
+
+
+class Publisher(Protocol):
+    """Of one topic."""
+
+    def send(self, message: Any) -> None:
+        """To all who listen; waits for nobody."""
+        ...
+
+
+class Transport(Protocol):
+    """The port. Its calls may come from any thread; `heard` is called from the transport's own."""
+
+    @property
+    def name(self) -> str:
+        """Of the transport, for a person."""
+        ...
+
+    def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
+        """A new publisher of a topic with messages of a type."""
+        ...
+
+    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> None:
+        """Hear every message on a topic from now on. `heard` must not take long, nor raise."""
+        ...
+
+    def endpoints(self) -> list[Endpoint]:
+        """All publishers and subscribers of others that are known by now; it takes a second or so
+        until all are."""
+        ...
+
+    def close(self) -> None:
+        """Leave; nothing is heard afterwards."""
+        ...
+
+
+def reaches(offered: Qos, wanted: Qos) -> str:
+    """Why a publisher with this quality of service never reaches a subscriber; empty: it does."""
+    if wanted.reliable and not offered.reliable:
+        return "the publisher is best effort and the subscriber wants reliable"
+    if wanted.transient_local and not offered.transient_local:
+        return "the publisher is volatile and the subscriber wants transient local"
+    return ""

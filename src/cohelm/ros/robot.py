@@ -1,0 +1,165 @@
+"""A ROS 2 robot behind the robot port: odometry and scans in, commands for its base out."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+from typing import Any
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.base import Robot
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Odometry, Readings
+from cohelm.ros import laser
+from cohelm.ros.clock import seconds
+from cohelm.ros.dds import DdsTransport
+from cohelm.ros.look import Found, Topics, look
+from cohelm.ros.messages import command
+from cohelm.ros.mismatch import ODOMETRY, SCAN
+from cohelm.ros.port import COMMAND, SENSOR, Received, Transport
+from cohelm.ros.transforms import yaw_of
+
+_QUIET = 1.0
+"""A robot that stands is told so for this long, and then left alone: others may drive it [s]."""
+_STILL = Twist(0.0, 0.0)
+
+
+class Ros2Robot(Robot):
+    """See `robot.base.Robot`. With the model alone, `cohelm robot ... --driver ros2`, it looks for
+    the robot on the topics that `COHELM_ROS_TOPICS` names (`odom=/odom scan=/front/scan`), and
+    takes the model's LiDAR for the one there is."""
+
+    def __init__(
+        self, model: RobotModel, found: Found | None = None, transport: Transport | None = None
+    ) -> None:
+        """found: what `look` found; `model` has to be its. transport: by default DDS, which is
+        closed with the robot. Raises CohelmError where there is no such robot."""
+        self._transport = transport or DdsTransport("cohelm_robot")
+        try:
+            if found is None:
+                found = look(self._transport, model, _by_environment())
+            super().__init__(model)
+            self._found = found
+            topics = found.topics
+            self._lock = threading.Lock()
+            self._odometry: Received | None = None
+            self._scan: Received | None = None
+            self._told = _STILL
+            self._still_since = -math.inf
+            self.damaged = 0
+            """Messages that could not be read, so far."""
+            if model.lidar is None:
+                raise CohelmError(f"{model.name} has no LiDAR: describe it in the robot's YAML")
+            self._ranges = laser.Ranges(model.lidar, found.mount)
+            self._out = self._transport.publish(topics.out, found.out_type, COMMAND)
+            self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._hear_odometry)
+            self._transport.subscribe(topics.scan, SCAN, SENSOR, self._hear_scan)
+        except BaseException:
+            self._transport.close()
+            raise
+
+    def read(self) -> Readings:
+        """What has come since; a scan once."""
+        with self._lock:
+            odometry, self._odometry = self._odometry, None
+            scan, self._scan = self._scan, None
+        return Readings(
+            None if odometry is None else self._measured(odometry.message),
+            None if scan is None else self._seen(scan.message),
+        )
+
+    def send(self, twist: Twist) -> None:
+        """To the base, as the type that it wants; after a while of standing, nothing."""
+        now = self.now()
+        if twist != _STILL:
+            self._still_since = now
+        self._told = twist
+        if now - self._still_since <= _QUIET:
+            self._out.send(command(twist, self._found.out_type, self._found.body))
+
+    def stop(self) -> None:
+        """Zero; the base brakes as hard as it does."""
+        if self._told != _STILL:
+            self._still_since = self.now()
+        self.send(_STILL)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._transport.close()
+
+    def _measured(self, message: Any) -> Odometry:
+        age = self._found.odom_clock.age(seconds(message.header.stamp))
+        at, turned = message.pose.pose.position, message.pose.pose.orientation
+        way = message.twist.twist
+        return self.odometry(
+            Pose(at.x, at.y, yaw_of(turned)), Twist(way.linear.x, way.angular.z), _near(age)
+        )
+
+    def _seen(self, message: Any) -> Any:
+        found = self._found
+        late, duration = laser.taken(message, found.mount)
+        stamp = seconds(message.header.stamp) + late
+        if not found.stamped_at_end:
+            stamp += duration
+        return self.scan(self._ranges.of(message), _near(found.scan_clock.age(stamp)), duration)
+
+    def _hear_odometry(self, received: Received) -> None:
+        with self._lock:
+            if received.message is None:
+                self.damaged += 1
+            else:
+                self._odometry = received
+
+    def _hear_scan(self, received: Received) -> None:
+        with self._lock:
+            if received.message is None:
+                self.damaged += 1
+            else:
+                self._scan = received
+
+
+def adapted(found: Found, node: str = "cohelm_gate") -> RobotAdapter:
+    """The robot that was found, behind the port; called in the process that keeps it. CohelmError
+    where the network can not be joined."""
+    transport = DdsTransport(node, found.topics.namespace)
+    return RobotAdapter(Ros2Robot(found.model, found, transport))
+
+
+class Ros2Make:
+    """Makes the robot that was found, of its model. Can be pickled."""
+
+    real_time = True
+
+    def __init__(self, found: Found) -> None:
+        self._found = found
+
+    def __call__(self, model: RobotModel) -> Ros2Robot:
+        """A new one. CohelmError where the network can not be joined."""
+        transport = DdsTransport("cohelm_gate", self._found.topics.namespace)
+        return Ros2Robot(model, self._found, transport)
+
+
+def _near(age: float) -> float:
+    """Clocks agree to 20 ms: what is younger than now by less is of now."""
+    return 0.0 if -0.02 < age < 0.0 else age
+
+
+def _by_environment() -> Topics:
+    """The topics in `COHELM_ROS_TOPICS`. CohelmError for what is none."""
+    text = os.environ.get("COHELM_ROS_TOPICS", "")
+    return topics_of(text.split())
+
+
+def topics_of(pairs: list[str]) -> Topics:
+    """From `odom=/odom` and the like. CohelmError for what is none of them."""
+    names = ("command", "out", "scan", "odom", "namespace")
+    given: dict[str, str] = {}
+    for pair in pairs:
+        key, _, name = pair.partition("=")
+        if key not in names or not name:
+            raise CohelmError(f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}")
+        given[key] = name
+    return Topics.named(**given)

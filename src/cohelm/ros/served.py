@@ -1,0 +1,173 @@
+"""The other side: any robot of the port behind ROS 2 topics, as its own driver would publish it.
+
+For trying and testing without ROS: a simulated robot becomes one that `cohelm filter`, Nav2 or
+`ros2 topic pub /cmd_vel` can drive.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from rosbags.typesys.stores.ros2_jazzy import (
+    geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
+    geometry_msgs__msg__Quaternion as Quaternion,
+    geometry_msgs__msg__Transform as Transform,
+    geometry_msgs__msg__TransformStamped as TransformStamped,
+    geometry_msgs__msg__Twist as TwistMessage,
+    geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
+    geometry_msgs__msg__Vector3 as Vector3,
+    nav_msgs__msg__Odometry as OdometryMessage,
+    sensor_msgs__msg__LaserScan as LaserScan,
+    tf2_msgs__msg__TFMessage as TFMessage,
+)
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Twist
+from cohelm.record.markers import header, pose
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Odometry, Robot, Scan
+from cohelm.ros.look import Topics
+from cohelm.ros.messages import command
+from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.names import resolved
+from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received, Transport
+
+_LOOKS = 0.004
+"""The robot is looked at so often [s]."""
+_BODY, _LASER, _ODOM = "base_link", "laser", "odom"
+Tamper = Callable[[str, Any], Any]
+"""Of a topic and a message makes what is published instead; None: nothing."""
+
+
+class ServedRobot:
+    """One robot on a transport, until `run` is over."""
+
+    def __init__(
+        self, transport: Transport, robot: Robot, topics: Topics, *, stamped: bool = False,
+        commands: Qos | None = None, tamper: Tamper = lambda _, message: message,
+    ) -> None:  # fmt: skip
+        """stamped: whether it wants TwistStamped. commands: as it subscribes to them."""
+        self._robot, self._topics, self.tamper = robot, topics, tamper
+        self._arrived = threading.Condition()
+        self._command: Twist | None = None
+        self._odometry: Odometry | None = None
+        self._scan: Scan | None = None
+        self._publishers = {
+            topics.odom: transport.publish(topics.odom, ODOMETRY, Qos(True, False, 10)),
+            topics.scan: transport.publish(topics.scan, SCAN, SENSOR),
+        }
+        tf = resolved("tf_static", topics.namespace)
+        self._publishers[tf] = transport.publish(tf, TF, LATCHED)
+        self._send(tf, mounts(robot.model))
+        kind = STAMPED if stamped else TWIST
+        transport.subscribe(topics.out, kind, commands or Qos(True, False, 10), self._heard)
+
+    def run(self, over: Callable[[], bool]) -> None:
+        """Publish what it senses, and obey, until somebody says that it is over."""
+        while not over():
+            with self._arrived:
+                self._arrived.wait(_LOOKS)
+                command, self._command = self._command, None
+            self.step(command)
+
+    def step(self, command: Twist | None = None) -> None:
+        """Obey a command that came, and publish what is new."""
+        robot, topics = self._robot, self._topics
+        if command is not None:
+            robot.send(command)
+        readings, ahead = robot.read(), time.time() - robot.now()
+        if readings.odometry is not None and readings.odometry is not self._odometry:
+            self._odometry = readings.odometry
+            self._send(topics.odom, odometry(readings.odometry, ahead))
+        if readings.scan is not None and readings.scan is not self._scan:
+            self._scan = readings.scan
+            self._send(topics.scan, scan(readings.scan, robot.model, ahead))
+
+    def _send(self, topic: str, message: Any) -> None:
+        message = self.tamper(topic, message)
+        if message is not None:
+            self._publishers[topic].send(message)
+
+    def _heard(self, received: Received) -> None:
+        message = received.message
+        if message is None:
+            return
+        message = getattr(message, "twist", message)
+        with self._arrived:
+            self._command = Twist(float(message.linear.x), float(message.angular.z))
+            self._arrived.notify_all()
+
+
+def odometry(reading: Odometry, ahead: float) -> Any:
+    """A `nav_msgs/msg/Odometry`. ahead: of the robot's clock is the wall's [s]."""
+    zero, none = Vector3(0.0, 0.0, 0.0), np.zeros(36)
+    v, omega = reading.twist
+    moves = TwistMessage(Vector3(v, 0.0, 0.0), Vector3(0.0, 0.0, omega)) if v or omega else None
+    return OdometryMessage(
+        header(_nanoseconds(reading.stamp + ahead), _ODOM), _BODY,
+        PoseWithCovariance(pose(*reading.pose), none),
+        TwistWithCovariance(moves or TwistMessage(zero, zero), none),
+    )  # fmt: skip
+
+
+def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
+    """A `sensor_msgs/msg/LaserScan`. ahead: of the robot's clock is the wall's [s]."""
+    if model.lidar is None:
+        raise ValueError("a robot without a LiDAR has no scan")
+    numbers, n = model.lidar.lidar(), len(reading.ranges)
+    return LaserScan(
+        header(_nanoseconds(reading.stamp + ahead), _LASER), numbers.first,
+        numbers.first + numbers.step * (n - 1), numbers.step, reading.duration / max(n - 1, 1),
+        1.0 / model.lidar.rate_hz, model.lidar.range_min_m, model.lidar.range_max_m,
+        reading.ranges.astype(np.float32), np.empty(0, dtype=np.float32),
+    )  # fmt: skip
+
+
+def mounts(model: RobotModel) -> Any:
+    """A `tf2_msgs/msg/TFMessage` with where the LiDAR is."""
+    lidar = model.lidar
+    if lidar is None:
+        return TFMessage([])
+    half = 0.5 * math.radians(lidar.mount_yaw_deg)
+    at = Transform(
+        Vector3(lidar.mount_x_m, lidar.mount_y_m, 0.2),
+        Quaternion(0.0, 0.0, math.sin(half), math.cos(half)),
+    )
+    return TFMessage([TransformStamped(header(time.time_ns(), _BODY), _LASER, at)])
+
+
+def _nanoseconds(stamp: float) -> int:
+    return round(stamp * 1e9)
+
+
+def asked_for(text: str) -> Twist:
+    """`0.5,0.1` as a twist. CohelmError for what is none."""
+    parts = text.split(",")
+    try:
+        v, omega = (float(part) for part in parts)
+    except ValueError as error:
+        raise CohelmError(f"{text!r}: give speed and yaw rate, such as 0.5,0") from error
+    return Twist(v, omega)
+
+
+def wanting(transport: Transport, topics: Topics, twist: Twist | None) -> threading.Event:
+    """A controller that asks for a twist, from a thread, twenty times a second; None: nobody does.
+    It ends with the event."""
+    over = threading.Event()
+    if twist is None:
+        return over
+    out = transport.publish(topics.command, TWIST, COMMAND)
+
+    def ask() -> None:
+        while not over.wait(0.05):
+            with contextlib.suppress(CohelmError):  # the transport has been closed meanwhile
+                out.send(command(twist, TWIST, _BODY))
+
+    threading.Thread(target=ask, name="controller", daemon=True).start()
+    return over

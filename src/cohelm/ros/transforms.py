@@ -1,0 +1,113 @@
+"""Fixed mounts from `/tf_static`: where a sensor sits on the robot, and whether it lies flat."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats, Pose
+
+TILTED = math.radians(3.0)
+"""A planar LiDAR whose plane is inclined by more does not see what the robot meets [rad]."""
+
+
+class Mount(NamedTuple):
+    """Of a planar LiDAR."""
+
+    pose: Pose
+    """In the body frame."""
+    upside_down: bool
+    """Its beams that run counter-clockwise run clockwise on the floor then."""
+    height: float
+    """Above the frame it is given in [m]."""
+
+
+class StaticTransforms:
+    """All fixed transforms that have been told, as 4 x 4 matrices from child to parent."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, tuple[str, Floats]] = {}
+
+    def add(self, message: Any) -> None:
+        """A `tf2_msgs/msg/TFMessage`; what is not finite is left out."""
+        for one in message.transforms:
+            at, q = one.transform.translation, one.transform.rotation
+            matrix = _matrix((at.x, at.y, at.z), (q.x, q.y, q.z, q.w))
+            if matrix is not None:
+                child, parent = one.child_frame_id.lstrip("/"), one.header.frame_id.lstrip("/")
+                self._parents[child] = parent, matrix
+
+    def __len__(self) -> int:
+        return len(self._parents)
+
+    def frames(self) -> list[str]:
+        """All that are known, in order."""
+        parents = {parent for parent, _ in self._parents.values()}
+        return sorted({*self._parents, *parents})
+
+    def between(self, frame: str, body: str) -> Floats | None:
+        """From one frame into another, (4, 4); None where nothing fixed connects them."""
+        up, down = self._to_root(frame.lstrip("/")), self._to_root(body.lstrip("/"))
+        for name, matrix in up.items():
+            if name in down:
+                made: Floats = np.linalg.inv(down[name]) @ matrix
+                return made
+        return None
+
+    def mount(self, frame: str, body: str) -> Mount | None:
+        """Of a planar LiDAR; None where nothing fixed connects its frame and the body's.
+
+        Raises CohelmError for one that does not lie flat.
+        """
+        matrix = self.between(frame, body)
+        if matrix is None:
+            return None
+        up = float(matrix[2, 2])
+        tilt = math.acos(min(abs(up), 1.0))
+        if tilt > TILTED:
+            raise CohelmError(
+                f"{frame} is inclined by {math.degrees(tilt):.0f} deg to {body}: only a LiDAR that "
+                "lies flat can be used yet; name the topic of a flat one with --scan"
+            )
+        x, y, z = (float(v) for v in matrix[:3, 3])
+        yaw = math.atan2(float(matrix[1, 0]), float(matrix[0, 0]))
+        return Mount(Pose(x, y, yaw), up < 0.0, z)
+
+    def _to_root(self, frame: str) -> dict[str, Floats]:
+        """Every frame above, the frame itself first, with the transform into it."""
+        found: dict[str, Floats] = {frame: np.eye(4)}
+        matrix: Floats = np.eye(4)
+        while frame in self._parents:
+            parent, step = self._parents[frame]
+            if parent in found:  # a ring, which a tree has not
+                break
+            matrix = step @ matrix
+            frame = parent
+            found[frame] = matrix
+        return found
+
+
+def yaw_of(q: Any) -> float:
+    """Heading of a `geometry_msgs/msg/Quaternion` [rad]; NaN where it is no rotation."""
+    norm = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
+    if not 0.5 < norm < 2.0:
+        return math.nan
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+
+
+def _matrix(at: tuple[float, ...], rotation: tuple[float, ...]) -> Floats | None:
+    norm = math.sqrt(sum(v * v for v in rotation))
+    if not all(map(math.isfinite, at)) or not 0.5 < norm < 2.0:
+        return None
+    x, y, z, w = (v / norm for v in rotation)
+    made: Floats = np.eye(4)
+    made[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    made[:3, 3] = at
+    return made

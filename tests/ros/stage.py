@@ -1,0 +1,241 @@
+"""A robot behind ROS topics in a process of its own, which tests can let go wrong."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.gate.modes import latched
+from cohelm.robot.keep.process import RemoteGatedRobot
+from cohelm.robot.pace import OnTheWall
+from cohelm.ros.dds import DdsTransport
+from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
+from cohelm.ros.look import Allowed, Found, Topics, look
+from cohelm.ros.messages import command
+from cohelm.ros.mismatch import TWIST
+from cohelm.ros.pacing import period
+from cohelm.ros.port import COMMAND
+from cohelm.ros.robot import adapted
+from cohelm.ros.served import ServedRobot
+from cohelm.scenario.load import robot as load_robot
+from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.world import world
+
+DOMAIN = 100 + os.getpid() % 100
+HALL = np.array([[-60, -3, 4, -3], [4, -3, 4, 3], [4, 3, -60, 3], [-60, 3, -60, -3]], np.float64)
+"""The robot starts at 0, 0 and looks at the wall at x = 4; behind it is room for everything."""
+
+
+def alone() -> None:
+    """Processes of a test meet on this machine only, in a domain of their own."""
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ.setdefault("ROS_DOMAIN_ID", str(DOMAIN))
+
+
+class Faults:
+    """What is done to the messages of a robot."""
+
+    def __init__(self) -> None:
+        self.now, self._count = "", 0
+
+    def __call__(self, topic: str, message: Any) -> Any:
+        self._count += 1
+        match self.now, topic:
+            case "no scan", "/scan":
+                return None
+            case "no odometry", "/odom":
+                return None
+            case "half", _:
+                return message if self._count % 2 else None
+            case "tomorrow", "/odom":
+                message.header.stamp.sec += 86_400
+            case "stale scan", "/scan":
+                message.header.stamp.sec -= 2
+            case "nan odometry", "/odom":
+                message.twist.twist.linear.x = math.nan
+            case "nan scan", "/scan":
+                message.ranges[:] = math.nan
+            case "leap", "/odom":
+                message.pose.pose.position.x += 3.0
+            case _:
+                pass
+        return message
+
+
+def serve(line: Any, walls: Any, options: dict[str, Any]) -> None:
+    """The robot's process: `line` names faults, asks for the truth, or ends it."""
+    faults, ended = Faults(), threading.Event()
+    robot = Kinematic(
+        load_robot("sally"), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=OnTheWall()
+    )
+    transport = DdsTransport("base")
+    served = ServedRobot(transport, robot, Topics(), tamper=faults, **options)
+    line.send("ready")
+
+    def over() -> bool:
+        while line.poll():
+            asked = line.recv()
+            if asked == "truth":
+                line.send(robot.truth())
+            elif asked == "end":
+                ended.set()
+            else:
+                faults.now = asked
+        return ended.is_set()
+
+    served.run(over)
+    transport.close()
+
+
+class Base:
+    """A handle on it."""
+
+    def __init__(self, walls: Any = HALL, **options: Any) -> None:
+        alone()
+        context = get_context("spawn")
+        self._line, theirs = context.Pipe()
+        self.process = context.Process(target=serve, args=(theirs, walls, options), daemon=True)
+        self.process.start()
+        theirs.close()
+        assert self._line.recv() == "ready"
+
+    def truth(self) -> Any:
+        self._line.send("truth")
+        return self._line.recv()
+
+    def fault(self, name: str) -> None:
+        """From now on; empty: none."""
+        self._line.send(name)
+
+    def close(self) -> None:
+        if self.process.is_alive():
+            self._line.send("end")
+            self.process.join(5.0)
+        self.process.kill()
+
+
+class Controller:
+    """Wants a twist, fifty times a second, from a thread."""
+
+    def __init__(self, transport: Any, topic: str = "/cmd_vel_nav", kind: str = TWIST) -> None:
+        self._out = transport.publish(topic, kind, COMMAND)
+        self.twist: Twist | None = Twist(0.0, 0.0)
+        self._kind, self._over = kind, threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._over.is_set():
+            due += 0.02
+            if self.twist is not None:
+                self._out.send(command(self.twist, self._kind, "base_link"))
+            time.sleep(max(due - time.monotonic(), 0.0))
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
+
+
+class Filter:
+    """The node, running in a thread; its keeper in a process of its own."""
+
+    def __init__(self, found: Found, transport: Any) -> None:
+        self.rows: list[Any] = []
+        self.said: list[str] = []
+        length = period(found.command_period)
+        self.keeper = RemoteGatedRobot(partial(adapted, found), gate_rules(found.model, length))
+        self.node = FilterNode(
+            transport, self.keeper, found, FilterParams(length), self.said.append
+        )
+        self.node.warm_up()
+        step = self.node.step
+
+        def kept() -> Any:
+            self.rows.append(step())
+            return self.rows[-1]
+
+        self.node.step = kept
+        self._over = threading.Event()
+        self.fault: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self.node.run(self._over.is_set)
+        except BaseException as error:
+            self.fault = error
+
+    @property
+    def latched(self) -> bool:
+        return latched(self.keeper.gate.mode)
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join(10.0)
+        self.keeper.close()
+
+
+def until(true: Callable[[], bool], within: float = 8.0) -> bool:
+    """Whether something has become true by then."""
+    end = time.monotonic() + within
+    while not true():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+class Stage:
+    """Robot, filter and controller."""
+
+    def __init__(self, walls: Any = HALL, **options: Any) -> None:
+        self.base = Base(walls, **options)
+        self.theirs, self.ours = DdsTransport("controller"), DdsTransport("cohelm_filter")
+        self.controller = Controller(self.theirs)
+        self.found = look(self.ours, load_robot("sally"), Topics(), Allowed())
+        self.filter = Filter(self.found, self.ours)
+
+    def speed(self) -> float:
+        return abs(self.base.truth().twist.v)
+
+    def drives(self, v: float = 0.5, omega: float = 0.0) -> bool:
+        """Whether it does, once it is asked to."""
+        self.controller.twist = Twist(v, omega)
+        return until(lambda: self.speed() > 0.6 * abs(v))
+
+    def turned_round(self) -> bool:
+        """Whether it looks down the hall, after it has turned round if it did not."""
+        if math.cos(self.base.truth().pose.psi) > -0.95:
+            self.controller.twist = Twist(0.0, 1.5)
+            until(lambda: math.cos(self.base.truth().pose.psi) < -0.97)
+            self.controller.twist = Twist(0.0, 0.0)
+        return math.cos(self.base.truth().pose.psi) < -0.9
+
+    def stands(self, within: float = 8.0) -> bool:
+        return until(lambda: self.speed() < 0.005, within)
+
+    def close(self) -> None:
+        for one in (self.filter, self.controller, self.ours, self.theirs, self.base):
+            one.close()
+
+
+@contextmanager
+def stage(walls: Any = HALL, **options: Any) -> Any:
+    made = Stage(walls, **options)
+    try:
+        yield made
+    finally:
+        made.close()
+    assert made.filter.fault is None

@@ -1,0 +1,69 @@
+"""`cohelm filter` and `cohelm base` from the command line; a filter that dies leaves no robot
+moving."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+
+from cohelm.core.types import Twist
+from cohelm.ros.dds import DdsTransport
+from tests.ros.stage import Base, Controller, alone, until
+
+pytestmark = pytest.mark.xdist_group("realtime")
+
+
+def cohelm(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "cohelm", *arguments], text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def test_with_nobody_there_it_says_what_to_look_at():
+    alone()
+    with cohelm("filter", "--robot", "sally", "--wait", "2") as process:
+        said = process.communicate(timeout=60.0)[1]
+    assert process.returncode == 2
+    assert "no node of ROS is seen" in said
+
+
+@pytest.fixture
+def driven():
+    base = Base()
+    transport = DdsTransport("controller")
+    controller = Controller(transport)
+    controller.twist = Twist(0.5, 0.0)
+    yield base
+    controller.close()
+    transport.close()
+    base.close()
+
+
+@pytest.mark.slow
+def test_it_drives_a_base_and_when_it_is_killed_the_base_stands(driven):
+    config = cohelm("filter", "--robot", "sally", "--print-config", "--json")
+    out, said = config.communicate(timeout=240.0)
+    found = json.loads(out)
+    assert config.returncode == 0, said
+    assert found["topics"]["out_type"] == "geometry_msgs/msg/Twist"
+    assert found["robot"]["lidar"]["beams"] == 720
+    with cohelm("filter", "--robot", "sally") as process:
+        try:
+            assert until(lambda: driven.truth().twist.v > 0.3, 240.0)
+            os.kill(process.pid, signal.SIGKILL)
+            killed = time.monotonic()
+            assert until(lambda: driven.truth().twist.v < 0.01, 3.0)
+            assert time.monotonic() - killed < 2.0
+        finally:
+            process.kill()
+            process.communicate()
+    assert driven.truth().least_moving > 0.05

@@ -1,0 +1,109 @@
+"""A robot behind ROS topics in one process, the filter in two others: it stops for what it must."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
+
+from cohelm.core.types import Twist
+from cohelm.ros.port import COMMAND
+from tests.few import first
+from tests.ros.stage import stage, until
+
+pytestmark = pytest.mark.xdist_group("realtime")
+
+
+@pytest.fixture(scope="module")
+def hall():
+    with stage() as made:
+        made.reset = made.theirs.publish("/cohelm_filter/reset", "std_msgs/msg/Empty", COMMAND)
+        yield made
+
+
+def test_with_full_speed_at_a_wall_it_stops_before_it(hall):
+    hall.controller.twist = Twist(1.0, 0.0)
+    assert until(lambda: hall.base.truth().pose.x > 3.3, 15.0)
+    assert hall.stands()
+    truth = hall.base.truth()
+    assert truth.least_moving > 0.01  # the promise is half of the hard margin, 15 mm
+    assert truth.clearance < 0.4
+    assert any("held back" in said or "brakes" in said for said in hall.filter.said)
+
+
+def goes_again(hall) -> bool:
+    """Whether it drives once what was wrong is mended, after a reset where one is needed."""
+    assert hall.filter.fault is None
+    hall.base.fault("")
+
+    def drives() -> bool:
+        if hall.filter.latched:
+            hall.reset.send(Empty(0))
+        return hall.base.truth().twist.v > 0.05
+
+    if not hall.filter.latched:
+        assert hall.turned_round()
+    hall.controller.twist = Twist(0.4, 0.0)
+    return until(drives, 15.0)
+
+
+def told(hall, words: str) -> str:
+    """What the node has said since, which has to match: of several layers one speaks first."""
+    until(lambda: any(re.search(words, said) for said in list(hall.filter.said)), 3.0)
+    said = " / ".join(hall.filter.said)
+    assert re.search(words, said), said
+    return said
+
+
+FAULTS = [
+    ("no scan", "the scan is"),
+    ("tomorrow", "from the future: a clock jumped"),
+    ("nan odometry", "the odometry is no number"),
+    ("no odometry", "the odometry is|moves at .* although it is told to stand"),
+    ("stale scan", "stamps stand still or went back|the scan is 2"),
+    ("nan scan", "the scan is no number|vanished from the scan|of the scan are empty"),
+    ("leap", "the odometry jumped"),
+]
+
+
+@pytest.mark.parametrize(("fault", "reason"), first(FAULTS, 3))
+def test_it_stops_for_bad_readings_says_why_and_drives_on_once_they_are_mended(hall, fault, reason):
+    assert goes_again(hall)
+    hall.filter.said.clear()
+    hall.base.fault(fault)
+    assert hall.stands(3.0)
+    told(hall, reason)
+    assert goes_again(hall)
+
+
+def test_a_controller_that_falls_silent_stops_it(hall):
+    assert goes_again(hall)
+    hall.filter.said.clear()
+    hall.controller.twist = None
+    assert hall.stands(3.0)
+    told(hall, "no command on /cmd_vel_nav for 0.")
+    assert not hall.filter.latched
+
+
+def test_a_command_that_is_no_number_stops_it(hall):
+    assert goes_again(hall)
+    hall.filter.said.clear()
+    hall.controller.twist = Twist(math.nan, 0.0)
+    assert hall.stands(3.0)
+    told(hall, "the command is no number")
+    assert not hall.filter.latched
+
+
+def test_half_of_all_messages_lost_does_no_harm(hall):
+    assert goes_again(hall)
+    hall.base.fault("half")
+    assert until(lambda: hall.base.truth().stamp > 0.0 and len(hall.filter.rows) > 0)
+    before = hall.base.truth()
+    until(lambda: hall.base.truth().stamp > before.stamp + 1.5, 5.0)
+    assert goes_again(hall)
+    assert hall.base.truth().least_moving > 0.05

@@ -1,0 +1,185 @@
+"""The promises of `ros.port.Transport`, held by every transport in `transports.py`."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys.stores.ros2_jazzy import (
+    geometry_msgs__msg__Twist as TwistMessage,
+    geometry_msgs__msg__Vector3 as Vector3,
+    sensor_msgs__msg__LaserScan as LaserScan,
+    std_msgs__msg__String as String,
+    tf2_msgs__msg__TFMessage as TFMessage,
+)
+
+from cohelm.core.errors import CohelmError
+from cohelm.record.markers import header
+from cohelm.ros.mismatch import SCAN, TF, TWIST
+from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received
+from tests.ros.stage import until
+from tests.ros.transports import TRANSPORTS
+
+pytestmark = pytest.mark.xdist_group("realtime")
+STRING = "std_msgs/msg/String"
+
+
+@pytest.fixture(scope="module", params=TRANSPORTS.values(), ids=TRANSPORTS)
+def pair(request):
+    """Two that meet: one publishes, the other hears."""
+    made = request.param.make("one", "/"), request.param.make("two", "/space")
+    yield made
+    for transport in made:
+        transport.close()
+
+
+class Heard(list[Received]):
+    """What came on a topic."""
+
+    def __init__(self, transport, topic, kind, qos=SENSOR):
+        super().__init__()
+        transport.subscribe(topic, kind, qos, self.append)
+
+    def messages(self):
+        return [received.message for received in self]
+
+
+def twist(v: float) -> Any:
+    return TwistMessage(Vector3(v, 0.0, 0.0), Vector3(0.0, 0.0, -v))
+
+
+def met(pair, topic: str) -> bool:
+    """Whether each side sees the other's end of a topic."""
+    return until(lambda: all(any(e.topic == topic for e in t.endpoints()) for t in pair), 5.0)
+
+
+def test_what_is_sent_is_heard_in_its_order_and_stamped_with_this_machines_clock(pair):
+    one, two = pair
+    heard = Heard(two, "/in_order", TWIST, Qos(True, False, 50))
+    out = one.publish("/in_order", TWIST, Qos(True, False, 50))
+    assert met(pair, "/in_order")
+    time.sleep(0.1)
+    before = time.monotonic()
+    for k in range(20):
+        out.send(twist(float(k)))
+    assert until(lambda: len(heard) == 20)
+    assert [m.linear.x for m in heard.messages()] == list(range(20))
+    assert all(before <= r.stamp <= time.monotonic() and not r.damage for r in heard)
+
+
+def test_a_scan_arrives_to_the_last_bit(pair):
+    one, two = pair
+    ranges = np.array([0.5, math.nan, math.inf, -math.inf, 0.0] * 200, dtype=np.float32)
+    sent = LaserScan(
+        header(1_234_567_890_123_456_789, "laser"), -1.5, 1.5, 0.003, 1e-4, 0.1, 0.05, 12.0,
+        ranges, np.empty(0, dtype=np.float32),
+    )  # fmt: skip
+    heard, out = Heard(two, "/whole", SCAN), one.publish("/whole", SCAN, SENSOR)
+    assert met(pair, "/whole")
+    assert until(lambda: out.send(sent) or bool(heard))
+    got = heard[0].message
+    assert got.ranges.tobytes() == ranges.tobytes()
+    assert (got.header, got.angle_min, got.scan_time) == (
+        sent.header, sent.angle_min, np.float32(sent.scan_time)
+    )  # fmt: skip
+
+
+def test_what_was_said_before_is_told_to_who_comes_late_if_it_is_transient_local(pair):
+    one, two = pair
+    one.publish("/late_latched", TF, LATCHED).send(TFMessage([]))
+    one.publish("/late_volatile", STRING, COMMAND).send(String("gone"))
+    time.sleep(0.2)
+    latched = Heard(two, "/late_latched", TF, LATCHED)
+    volatile = Heard(two, "/late_volatile", STRING)
+    assert until(lambda: len(latched) == 1)
+    assert not volatile
+
+
+def test_a_subscriber_that_wants_more_than_is_offered_hears_nothing(pair):
+    one, two = pair
+    strict = Heard(two, "/offered", STRING, Qos(reliable=True))
+    late = Heard(two, "/offered", STRING, Qos(reliable=False, transient_local=True))
+    fine = Heard(two, "/offered", STRING, SENSOR)
+    out = one.publish("/offered", STRING, SENSOR)
+    assert met(pair, "/offered")
+    assert until(lambda: out.send(String("x")) or bool(fine))
+    time.sleep(0.1)
+    assert not strict
+    assert not late
+
+
+def test_one_topic_of_two_types_is_two_topics(pair):
+    one, two = pair
+    twists, strings = Heard(two, "/both", TWIST), Heard(two, "/both", STRING)
+    out = one.publish("/both", TWIST, COMMAND)
+    assert until(lambda: out.send(twist(1.0)) or bool(twists))
+    assert not strings
+
+
+def test_others_are_seen_with_topic_type_quality_and_node(pair):
+    one, two = pair
+    one.publish("/seen_out", STRING, SENSOR)
+    one.subscribe("/seen_in", TWIST, LATCHED, lambda _: None)
+
+    def seen() -> dict[str, Any]:
+        return {e.topic: e for e in two.endpoints() if e.topic.startswith("/seen") and e.node}
+
+    assert until(lambda: len(seen()) == 2)
+    out, into = seen()["/seen_out"], seen()["/seen_in"]
+    assert (out.type, out.publishes, out.qos.reliable, out.node) == (STRING, True, False, "/one")
+    assert (into.type, into.publishes, into.node) == (TWIST, False, "/one")
+    assert into.qos.reliable
+    assert into.qos.transient_local
+    assert until(lambda: any(e.node == "/space/two" for e in one.endpoints()))
+    assert not any(e.node == "/one" for e in one.endpoints())
+
+
+def test_a_message_that_does_not_fit_its_type_is_refused(pair):
+    out = pair[0].publish("/fits", TWIST, COMMAND)
+    with pytest.raises(CohelmError, match="geometry_msgs/msg/Twist can not be made of that"):
+        out.send(String("no twist"))
+
+
+def test_a_type_that_nobody_knows_is_refused(pair):
+    with pytest.raises(CohelmError, match="my_msgs/msg/Mine is no message type"):
+        pair[0].publish("/mine", "my_msgs/msg/Mine", COMMAND)
+
+
+def test_it_can_be_spoken_to_from_several_threads(pair):
+    one, two = pair
+    heard = Heard(two, "/threads", TWIST, Qos(True, False, 500))
+    out = one.publish("/threads", TWIST, Qos(True, False, 500))
+    assert met(pair, "/threads")
+    time.sleep(0.1)
+    threads = [
+        threading.Thread(target=lambda: [out.send(twist(1.0)) for _ in range(50)]) for _ in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert until(lambda: len(heard) == 200)
+
+
+@pytest.mark.parametrize("kind", TRANSPORTS.values(), ids=TRANSPORTS)
+def test_who_leaves_is_gone_and_what_it_leaves_behind_hurts_nobody(kind):
+    stays, leaves = kind.make("stays", "/"), kind.make("leaves", "/")
+    heard, out = Heard(stays, "/gone", TWIST), leaves.publish("/gone", TWIST, COMMAND)
+    assert until(lambda: out.send(twist(1.0)) or bool(heard))
+    leaves.close()
+    leaves.close()
+    assert until(lambda: not any(e.topic == "/gone" for e in stays.endpoints()))
+    again = kind.make("again", "/")
+    back = again.publish("/gone", TWIST, COMMAND)
+    count = len(heard)
+    assert until(lambda: back.send(twist(2.0)) or len(heard) > count)
+    with pytest.raises(CohelmError, match="closed"):
+        out.send(twist(3.0))
+    with pytest.raises(CohelmError, match="closed"):
+        leaves.endpoints()
+    again.close()
+    stays.close()

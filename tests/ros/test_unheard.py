@@ -1,0 +1,207 @@
+"""Each thing that does not fit is one sentence that names the topic and the cure."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+from rosbags.typesys.stores.ros2_jazzy import (
+    geometry_msgs__msg__Quaternion as Quaternion,
+    geometry_msgs__msg__Transform as Transform,
+    geometry_msgs__msg__TransformStamped as TransformStamped,
+    geometry_msgs__msg__Vector3 as Vector3,
+    nav_msgs__msg__Odometry as Odometry,
+    tf2_msgs__msg__TFMessage as TFMessage,
+)
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Twist
+from cohelm.record.markers import header
+from cohelm.robot.port import Odometry as Reading, Scan
+from cohelm.ros import look as looking
+from cohelm.ros.look import Allowed, Topics, look
+from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.port import Endpoint, Qos, Received
+from cohelm.ros.served import mounts, odometry, scan
+from cohelm.ros.transforms import StaticTransforms
+from cohelm.scenario.load import robot as load_robot
+
+RELIABLE, BEST_EFFORT = Qos(True), Qos(False)
+SALLY = load_robot("sally")
+
+
+class Pretended:
+    """A transport on which what is given is seen and heard at once."""
+
+    name = "pretended"
+
+    def __init__(self, ends=(), messages=()) -> None:
+        self.ends, self.messages = list(ends), list(messages)
+
+    def publish(self, topic, kind, qos):
+        raise AssertionError("looking publishes nothing")
+
+    def subscribe(self, topic, kind, qos, heard) -> None:
+        for name, message in self.messages:
+            if name == (topic, kind):
+                came = time.monotonic() if message is not None else 0.0
+                heard(Received(message, came, "" if message is not None else "7 bytes are no scan"))
+
+    def endpoints(self):
+        return self.ends
+
+    def close(self) -> None: ...
+
+
+def out(topic, kind, qos=RELIABLE, node="/driver") -> Endpoint:
+    return Endpoint(topic, kind, qos, True, node)
+
+
+def into(topic, kind, qos=RELIABLE, node="/base") -> Endpoint:
+    return Endpoint(topic, kind, qos, False, node)
+
+
+ENDS = [
+    out("/odom", ODOMETRY), out("/scan", SCAN, BEST_EFFORT), into("/cmd_vel", TWIST),
+]  # fmt: skip
+
+
+def readings(off: float = 0.0, late: float = 0.0, frame: str = "laser"):
+    """Odometry and scans that come this moment, stamped so far off [s]."""
+    found = []
+    for k in range(20):
+        made = odometry(Reading(0.0, Pose(0, 0, 0), Twist(0, 0)), time.time() - off - 0.01)
+        found.append((("/odom", ODOMETRY), made))
+        rays = np.full(720, 2.0)
+        seen = scan(Scan(0.0, k, rays, 0.0), SALLY, time.time() - off - 0.02 - late)
+        seen.header = header(round((time.time() - off - 0.02 - late) * 1e9), frame)
+        found.append((("/scan", SCAN), seen))
+    return found
+
+
+FRAMES = [(("/tf_static", TF), mounts(SALLY))]
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    monkeypatch.setattr(looking, "_LEAST", 0.0)
+
+
+def seen(ends, messages, allowed=None, topics=None):
+    return look(Pretended(ends, messages), SALLY, topics or Topics(), allowed or Allowed(), 0.06)
+
+
+def refused(ends, messages, allowed=None) -> str:
+    with pytest.raises(CohelmError) as error:
+        seen(ends, messages, allowed)
+    return str(error.value)
+
+
+def test_a_robot_that_is_all_there_is_found_as_it_is():
+    found = seen(ENDS, FRAMES + readings())
+    assert found.out_type == TWIST
+    assert found.body == "base_link"
+    assert found.model.lidar.beams == 720
+    assert found.model.lidar.mount_x_m == pytest.approx(SALLY.lidar.mount_x_m)
+    assert found.odom_clock.ahead == 0.0
+
+
+MISSING = [
+    ([], "no node of ROS is seen (pretended): is ROS_DOMAIN_ID the robot's"),
+    ([into("/cmd_vel", TWIST)],
+     "nobody publishes /odom: start its driver, or name another topic with --odom; there is no "
+     "Odometry at all"),
+    ([into("/cmd_vel", TWIST), out("/front/scan", SCAN), out("/odom", ODOMETRY)],
+     "nobody publishes /scan: start its driver, or name another topic with --scan; LaserScan is on "
+     "/front/scan"),
+    ([*ENDS[::2], out("/scan", "sensor_msgs/msg/PointCloud2")],
+     "/scan is sensor_msgs/msg/PointCloud2 by /driver, and sensor_msgs/msg/LaserScan is needed"),
+    (ENDS, "/scan is published by /driver, but nothing comes: is its driver stuck"),
+    (ENDS[:2], "nobody listens on /cmd_vel: start the base's driver, or name its topic with --out"),
+    ([*ENDS[:2], into("/cmd_vel", "std_msgs/msg/String")],
+     "/cmd_vel is wanted as std_msgs/msg/String by /base, and a base takes"),
+    ([*ENDS[:2], into("/cmd_vel", TWIST, Qos(True, True))],
+     "commands on /cmd_vel never reach the base by /base: the publisher is volatile and the "
+     "subscriber wants transient local; mend the QoS of its subscription"),
+    ([*ENDS, into("/cmd_vel", STAMPED, node="/other")],
+     "/cmd_vel is wanted both as Twist and as TwistStamped by /base, /other: say which"),
+    ([*ENDS, out("/cmd_vel", TWIST, node="/controller_server")],
+     "/cmd_vel is published by /controller_server as well, past the filter: remap that to the "
+     "topic of --in"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("ends", "words"), MISSING)
+def test_what_is_missing_or_does_not_fit_is_said_with_its_cure(ends, words):
+    said = refused(ends, [])
+    assert words in said
+    assert all(line and not line.endswith(".") for line in said.splitlines())
+
+
+def test_the_type_that_the_base_wants_is_spoken():
+    ends = [*ENDS[:2], into("/cmd_vel", STAMPED)]
+    assert seen(ends, FRAMES + readings()).out_type == STAMPED
+    assert seen([*ENDS, ends[2]], FRAMES + readings(), Allowed(stamped=False)).out_type == TWIST
+    assert "leave out --stamped" in refused(ENDS, [], Allowed(stamped=True))
+
+
+def test_what_can_not_be_read_is_said():
+    messages = FRAMES + [m for m in readings() if m[0][0] == "/odom"]
+    said = refused(ENDS, [*messages, (("/scan", SCAN), None)])
+    assert "what comes on /scan can not be read (7 bytes are no scan): is ROS_DISTRO here" in said
+
+
+def test_clocks_that_differ_are_taken_into_account_up_to_a_bound_and_refused_beyond():
+    found = seen(ENDS, FRAMES + readings(off=2.0))
+    assert found.odom_clock.ahead == pytest.approx(-2.0, abs=0.1)
+    assert any("2.0" in note and "behind this machine's" in note for note in found.notes)
+    ahead = seen(ENDS, FRAMES + readings(off=-3.0))
+    assert ahead.odom_clock.ahead == pytest.approx(3.0, abs=0.1)
+    assert "ahead of this machine's clock, which is more than 5 s: set both clocks" in refused(
+        ENDS, FRAMES + readings(off=-86_400.0)
+    )
+    assert "use_sim_time:=false" in refused(ENDS, FRAMES + readings(off=time.time() - 100.0))
+
+
+def test_a_frame_that_nobody_tells_of_is_refused_unless_the_model_may_say():
+    said = refused(ENDS, FRAMES + readings(frame="velodyne"))
+    assert "/scan is measured in the frame 'velodyne', and /tf_static does not say where" in said
+    assert "it tells of base_link, laser" in said
+    found = seen(ENDS, readings(frame="velodyne"), Allowed(mount_from_model=True))
+    assert found.model.lidar.mount_x_m == SALLY.lidar.mount_x_m
+
+
+def fixed(parent, child, at=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0, 1.0)):
+    moved = Transform(Vector3(*at), Quaternion(*rotation))
+    return TransformStamped(header(0, parent), child, moved)
+
+
+def test_mounts_are_followed_through_the_tree_turned_and_upside_down():
+    tree = StaticTransforms()
+    half = math.sqrt(0.5)
+    tree.add(TFMessage([
+        fixed("base_footprint", "base_link", (0.0, 0.0, 0.1)),
+        fixed("base_link", "mast", (0.2, 0.1, 0.3), (0.0, 0.0, half, half)),
+        fixed("mast", "laser", (0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
+        fixed("mast", "tilted", (0.0, 0.0, 0.0), (0.0, math.sin(0.2), 0.0, math.cos(0.2))),
+        fixed("mast", "broken", (math.nan, 0.0, 0.0)),
+    ]))  # fmt: skip
+    mount = tree.mount("laser", "base_footprint")
+    assert mount.pose == pytest.approx(Pose(0.2, 0.2, 0.5 * math.pi))
+    assert mount.upside_down
+    assert tree.mount("nowhere", "base_link") is None
+    assert tree.mount("broken", "base_link") is None
+    with pytest.raises(CohelmError, match="tilted is inclined by 23 deg to base_link"):
+        tree.mount("tilted", "base_link")
+
+
+def test_a_namespace_takes_in_the_topics_and_names_are_checked():
+    topics = Topics.named("j100_0001", scan="sensors/lidar2d_0/scan")
+    assert topics.out == "/j100_0001/cmd_vel"
+    assert topics.scan == "/j100_0001/sensors/lidar2d_0/scan"
+    assert Topics.named("/r", scan="/front").scan == "/front"
+    with pytest.raises(CohelmError, match="is no name of a topic"):
+        Topics.named(scan="/2 scans")
+    assert Odometry.__msgtype__ == ODOMETRY
