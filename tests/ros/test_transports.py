@@ -19,6 +19,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm.core.errors import CohelmError
 from cohelm.record.markers import header
+from cohelm.ros.foxglove import FoxgloveTransport
 from cohelm.ros.mismatch import SCAN, TF, TWIST
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received
 from tests.ros.stage import until
@@ -168,6 +169,19 @@ def test_it_can_be_spoken_to_from_several_threads(pair):
     for thread in threads:
         thread.join()
     assert until(lambda: len(heard) == 200)
+
+
+def test_two_on_one_topic_hear_it_both_and_the_later_one_what_lasts(pair):
+    one, two = pair
+    qos = COMMAND if isinstance(one, FoxgloveTransport) else LATCHED
+    out = one.publish("/twice", TF, LATCHED)
+    out.send(TFMessage([]))
+    first = Heard(two, "/twice", TF, qos)
+    assert until(lambda: bool(first))
+    later = Heard(two, "/twice", TF, qos)
+    assert until(lambda: bool(later))
+    count = len(first)
+    assert until(lambda: out.send(TFMessage([])) or (len(first) > count and len(later) > 1))
 
 
 @pytest.mark.parametrize("kind", TRANSPORTS.values(), ids=TRANSPORTS)

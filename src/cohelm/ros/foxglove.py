@@ -73,7 +73,7 @@ class FoxgloveTransport:
         self._ended = threading.Event()
         self._channels: dict[int, _Channel] = {}
         self._subscribers: list[_Subscriber] = []
-        self._subscribed: dict[int, _Subscriber] = {}
+        self._subscribed: dict[int, int] = {}
         self._writers: list[_Writer] = []
         self._graph: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
         self._bridge = ""
@@ -205,10 +205,15 @@ class FoxgloveTransport:
         if isinstance(data, bytes):
             if len(data) >= _FROM_BRIDGE.size and data[0] == _DATA:
                 subscription = _FROM_BRIDGE.unpack_from(data)[1]
-                to = self._subscribed.get(subscription)
-                if to is not None:
-                    message, damage = unpacked(data[_FROM_BRIDGE.size :], to.kind)
-                    to.heard(Received(message, stamp, damage))
+                with self._lock:
+                    channel = self._channels.get(self._subscribed.get(subscription, -1))
+                    to = [] if channel is None else [
+                        one for one in self._subscribers if (one.topic, one.kind) == channel[:2]
+                    ]  # fmt: skip
+                if to:
+                    message, damage = unpacked(data[_FROM_BRIDGE.size :], to[0].kind)
+                    for one in to:
+                        one.heard(Received(message, stamp, damage))
             return
         told = _read(data)
         with contextlib.suppress(KeyError, TypeError, ValueError), self._lock:
@@ -249,16 +254,18 @@ class FoxgloveTransport:
 
     def _match(self, channels: list[int], subscribers: list[_Subscriber]) -> None:
         """Subscribe on each channel that somebody wants."""
-        wanted: list[dict[str, int]] = []
         for number in channels:
             channel = self._channels[number]
-            for one in subscribers:
-                if (one.topic, one.kind, "cdr") == channel:
-                    self._number += 1
-                    self._subscribed[self._number] = one
-                    wanted.append({"id": self._number, "channelId": number})
-        if wanted:
-            self._say({"op": "subscribe", "subscriptions": wanted})
+            if not any((one.topic, one.kind, "cdr") == channel for one in subscribers):
+                continue
+            before = [own for own, at in self._subscribed.items() if at == number]
+            for own in before:  # a bridge grants one per channel; a new one tells again what lasts
+                del self._subscribed[own]
+                self._say({"op": "unsubscribe", "subscriptionIds": [own]})
+            self._number += 1
+            self._subscribed[self._number] = number
+            wanted = {"id": self._number, "channelId": number}
+            self._say({"op": "subscribe", "subscriptions": [wanted]})
 
     def _advertise(self, writers: list[_Writer]) -> None:
         made = [
