@@ -55,8 +55,8 @@ commands = st.builds(
 statuses = st.builds(
     m.Status,
     st.builds(m.Lease, short, short, texts(24), short, texts(24), single),
-    st.sampled_from(m.Mode), texts(64), st.sampled_from(m.Arming),
-    st.builds(Stick, single, single), single, poses, poses, twists, twists, twists, texts(64),
+    st.sampled_from(m.Mode), texts(128), st.sampled_from(m.Arming),
+    st.builds(Stick, single, single), single, poses, poses, twists, twists, twists, texts(128),
     st.builds(m.Guarding, st.sampled_from(m.Verdict), single, points, single),
     single, poses, single, single, texts(64), st.sampled_from(m.Localised), single, st.booleans(),
     st.builds(m.Timing, single, long, single, single, single, long),

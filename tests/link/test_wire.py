@@ -130,11 +130,19 @@ def test_way_points_must_be_numbers(number):
         encode(HEADER, points)
 
 
-def test_long_texts_are_cut_between_letters_and_cleaned():
+def test_long_texts_are_cut_between_letters_show_that_they_are_and_are_cleaned():
     message = m.Health(1.0, ("ü" * 100, "a\x1b[31mb\n"))
     got = from_robot(encode(HEADER, message), bulk=True)[1]
     assert isinstance(got, m.Health)
-    assert got.faults == ("ü" * 60, "a [31mb ")
+    assert got.faults == ("ü" * 58 + "…", "a [31mb ")
+
+
+@given(sent=ex.statuses)
+def test_a_whole_sentence_says_why_the_robot_stands(sent):
+    why = "scans and odometry disagree: in 0.4 s 0.12 m and 14 deg against 0.31 m and -2 deg"
+    got = from_robot(encode(HEADER, sent._replace(stopped=why, why=why)))[1]
+    assert isinstance(got, m.Status)
+    assert (got.stopped, got.why) == (why, why)
 
 
 def test_of_too_many_the_first_are_sent():

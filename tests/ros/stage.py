@@ -18,6 +18,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.pace import OnTheWall
+from cohelm.ros.connection import Connection
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
 from cohelm.ros.look import Allowed, Found, Topics, look
@@ -200,11 +201,15 @@ def until(true: Callable[[], bool], within: float = 8.0) -> bool:
 class Stage:
     """Robot, filter and controller."""
 
-    def __init__(self, walls: Any = HALL, **options: Any) -> None:
+    def __init__(self, walls: Any = HALL, way: Connection | None = None, **options: Any) -> None:
+        """way: from the filter to the robot."""
+        way = way or Connection()
         self.base = Base(walls, **options)
-        self.theirs, self.ours = DdsTransport("controller"), DdsTransport("cohelm_filter")
+        self.theirs, self.ours = DdsTransport("controller"), way.open("cohelm_filter")
         self.controller = Controller(self.theirs)
-        self.found = look(self.ours, load_robot("sally"), Topics(), Allowed())
+        self.found = look(self.ours, load_robot("sally"), Topics(), Allowed())._replace(
+            connection=way
+        )
         self.filter = Filter(self.found, self.ours)
 
     def speed(self) -> float:

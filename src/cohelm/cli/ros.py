@@ -12,6 +12,13 @@ from cohelm.cli.tell import Json, plain, print_json, say, starting
 if TYPE_CHECKING:
     from cohelm.ros.look import Found
 
+Transports = Annotated[
+    str, typer.Option("--transport", metavar="auto|dds|foxglove", help="To the robot.")
+]
+Bridge = Annotated[
+    str, typer.Option("--url", metavar="ws://ROBOT:8765", help="Of the robot's foxglove_bridge.")
+]
+
 
 @app.command("filter")
 def filter_(
@@ -53,6 +60,8 @@ def filter_(
     allow_bypass: Annotated[
         bool, typer.Option("--allow-bypass", help="Others may command the base beside the filter.")
     ] = False,
+    transport: Transports = "auto",
+    url: Bridge = "",
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print what was found, and end.")
     ] = False,
@@ -67,7 +76,7 @@ def filter_(
     commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first.
     """
     from cohelm.drive.operate import ended
-    from cohelm.ros.dds import DdsTransport
+    from cohelm.ros.connection import connection
     from cohelm.ros.look import Allowed, Topics, look
     from cohelm.ros.report import NODE
     from cohelm.scenario.load import load_robot
@@ -75,19 +84,21 @@ def filter_(
     model = load_robot(robot)
     topics = Topics.named(namespace, command, out, scan, odom)
     allowed = Allowed(stamped, allow_bypass, mount_from_model, clock_difference)
+    way = connection(transport, url)
     with starting(NODE) as line, ended() as stop:
-        transport = DdsTransport(NODE, topics.namespace)
+        opened = way.open(NODE, topics.namespace)
         try:
-            found = look(transport, model, topics, allowed, wait)
+            say(plain(f"transport: {way.kind}, because {way.why}"))
+            found = look(opened, model, topics, allowed, wait)._replace(connection=way)
             for note in found.notes:
                 say(plain(note))
             if print_config:
                 line.over()
                 _printed(found, as_json)
                 return
-            _served(transport, found, timeout, rate, seconds, stop, line)
+            _served(opened, found, timeout, rate, seconds, stop, line)
         finally:
-            transport.close()
+            opened.close()
 
 
 @app.command()

@@ -22,6 +22,16 @@ from cohelm.scenario.hand import StickNone, StickOperator
 from cohelm.sim.operator_model import replayed
 
 
+class OnRos(NamedTuple):
+    """Where a ROS 2 robot is to be found."""
+
+    topics: tuple[str, ...] = ()
+    """`odom=/odom` and the like, as far as they are not usual."""
+    transport: str = "auto"
+    url: str = ""
+    """Of its bridge."""
+
+
 class Asked(NamedTuple):
     """What was said on the command line."""
 
@@ -33,8 +43,8 @@ class Asked(NamedTuple):
     changes: list[str]
     driver: str | None = None
     """Of a robot that is not simulated: package:Class, or an entry point."""
-    ros2: list[str] | None = None
-    """Of a ROS 2 robot, its topics, `odom=/odom` and the like, as far as they are not usual."""
+    ros2: OnRos | None = None
+    """Where a ROS 2 robot is."""
 
 
 def meant(asked: Asked) -> RobotFactory:
@@ -50,26 +60,27 @@ def meant(asked: Asked) -> RobotFactory:
         site, model = (asked.scenario, name) if described else (name, None)
         if asked.driver is not None:
             return own_robot(asked.driver, site, model, changes)
-        return _on_ros2(asked.ros2 or [], site, model, changes)
+        return _on_ros2(asked.ros2 or OnRos(), site, model, changes)
     if _is_robot(Path(name)):
         changes.append(f"robot={Path(name).absolute()}")
         name = asked.scenario
     return simulated(name, asked.kind, real_time=asked.real_time, seed=asked.seed, changes=changes)
 
 
-def _on_ros2(topics: list[str], site: str, model: str | None, changes: list[str]) -> RobotFactory:
+def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> RobotFactory:
     """A ROS 2 robot, as it is found; CohelmError with all that does not fit."""
-    from cohelm.ros.dds import DdsTransport
+    from cohelm.ros.connection import connection
     from cohelm.ros.look import look
     from cohelm.ros.robot import Ros2Make, topics_of
 
-    named = topics_of(topics)
+    named = topics_of(where.topics)
     described = load.scenario(site, changes).robot if model is None else load.load_robot(model)
     if isinstance(described, str):
         raise TypeError("the robot is still a name")
-    transport = DdsTransport("cohelm", named.namespace)
+    way = connection(where.transport, where.url)
+    transport = way.open("cohelm", named.namespace)
     try:
-        found = look(transport, described, named)
+        found = look(transport, described, named)._replace(connection=way)
     finally:
         transport.close()
     return own_robot(Ros2Make(found), site, found.model, changes)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 T = TypeVar("T")
 E = TypeVar("E", bound=IntEnum)
+_MORE = "…".encode()
 
 
 class Malformed(Exception):
@@ -146,12 +147,14 @@ def choice(of: type[E]) -> Field[E]:
 
 
 def text(most: int) -> Field[str]:
-    """UTF-8 of at most `most` bytes, without control characters; a longer text is cut."""
+    """UTF-8 of at most `most` bytes, without control characters; a longer text ends with "…"."""
     count = whole("B" if most < 256 else "H")
 
     def write(into: bytearray, value: str) -> None:
         clean = "".join(c if c.isprintable() else " " for c in value)
-        cut = clean.encode("utf-8", "replace")[:most].decode("utf-8", "ignore").encode()
+        cut = clean.encode("utf-8", "replace")
+        if len(cut) > most:  # who reads it must see that there was more
+            cut = cut[: most - len(_MORE)].decode("utf-8", "ignore").encode() + _MORE
         count.write(into, len(cut))
         into += cut
 

@@ -61,12 +61,14 @@ from cohelm.link.messages import (
     Waypoints,
 )
 
-VERSION = 3
+VERSION = 4
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 LARGEST_BULK = 32_000_000
 MOST_BEAMS = 500
 """Beams in one ScanPart."""
+_REASON = 128
+"""Bytes of why the robot stands or slows: a sentence, as long as a datagram has room for."""
 _REQUESTS_AT, _REQUEST_SIZE, _WHAT_AT = 50, 15, 4
 """Where a command's requests begin, how long each is, and where in it `what` stands (docs/link.md).
 The byte before them is their number."""
@@ -126,8 +128,8 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
         record(
             Status,
             record(Lease, _SHORT, _SHORT, text(24), _SHORT, text(24), _TOLD),
-            choice(Mode), text(64), choice(Arming), record(Stick, _TOLD, _TOLD), _TOLD,
-            _POSE, _POSE, _TWIST, _TWIST, _TWIST, text(64),
+            choice(Mode), text(_REASON), choice(Arming), record(Stick, _TOLD, _TOLD), _TOLD,
+            _POSE, _POSE, _TWIST, _TWIST, _TWIST, text(_REASON),
             record(Guarding, choice(Verdict), _TOLD, _POINT, _TOLD),
             _TOLD, _POSE, _TOLD, _TOLD, text(64), choice(Localised), _TOLD, FLAG,
             record(Timing, _TOLD, _LONG, _TOLD, _TOLD, _TOLD, _LONG),

@@ -33,6 +33,9 @@ _LOCAL = (
     "<Peer address='127.0.0.1'/></Peers></Discovery></Domain></CycloneDDS>"
 )
 """Nobody but this machine: what ROS 2 calls the discovery range LOCALHOST."""
+_LOCK = threading.RLock()
+"""Of all transports of a process: cyclonedds converts every quality of service through the same few
+variables, so that two threads that look at endpoints at once read freed memory."""
 _domains: dict[int, Any] = {}
 """Domains that have been configured in this process; that can be done once."""
 
@@ -77,7 +80,7 @@ class DdsTransport:
                 (False, dds.BuiltinTopicDcpsSubscription),
             )
         }
-        self._lock = threading.RLock()
+        self._lock = _LOCK
         self._readers: list[tuple[Any, str, Heard]] = []
         self._writers: list[Any] = []
         self._topics: dict[tuple[str, str], Any] = {}
@@ -125,6 +128,10 @@ class DdsTransport:
                         kind = ros_type(sample.type_name)
                         found.append(Endpoint(topic, kind, _qos(sample.qos), publishes, node))
         return sorted(found)
+
+    def lost(self) -> str:
+        """Nothing is between peers that could be lost."""
+        return ""
 
     def close(self) -> None:
         """Leave the network."""

@@ -72,6 +72,7 @@ class FilterNode:
         self._perception = Perception(model)
         self._filter = SafetyFilter(model, params.period, delay=model.delay_s * LONGEST)
         self._watchdog = SensorWatchdog(model, patience(model, params.period))
+        self._transport = transport
         self._commands = Commands(transport, found.topics.command, params.timeout, found.odom_clock)
         self._report = Report(transport, found, say)
         self._reset_asked = False
@@ -113,6 +114,7 @@ class FilterNode:
         readings = keeper.read()
         now = keeper.now()
         wrong = self._watchdog.wrong(now, readings)
+        wrong = wrong and (self._transport.lost() or wrong)
         last = self._readings.scan
         seen = self._seen = self._perception.take(now, readings._replace(scan=last))
         result = self._filter(

@@ -14,6 +14,7 @@ from cohelm.core.types import Pose
 from cohelm.robot.model import RobotModel
 from cohelm.ros import clock, laser, mismatch
 from cohelm.ros.clock import Clock, estimated, seconds
+from cohelm.ros.connection import Connection
 from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.names import namespace_of, resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received, Transport
@@ -86,6 +87,8 @@ class Found(NamedTuple):
     """From one command to the next, as the controller sends them; NaN: none came [s]."""
     notes: tuple[str, ...]
     """What was found, and what was made of it; a sentence each."""
+    connection: Connection = Connection()
+    """By which it was found."""
 
 
 def look(

@@ -83,6 +83,10 @@ class Transport(Protocol):
         until all are."""
         ...
 
+    def lost(self) -> str:
+        """Why nothing can come now, in a sentence; empty where nothing is known against it."""
+        ...
+
     def close(self) -> None:
         """Leave; nothing is heard afterwards."""
         ...

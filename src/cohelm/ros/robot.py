@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 from cohelm.core.errors import CohelmError
@@ -15,7 +16,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Readings
 from cohelm.ros import laser
 from cohelm.ros.clock import seconds
-from cohelm.ros.dds import DdsTransport
+from cohelm.ros.connection import connection
 from cohelm.ros.look import Found, Topics, look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import ODOMETRY, SCAN
@@ -35,9 +36,9 @@ class Ros2Robot(Robot):
     def __init__(
         self, model: RobotModel, found: Found | None = None, transport: Transport | None = None
     ) -> None:
-        """found: what `look` found; `model` has to be its. transport: by default DDS, which is
-        closed with the robot. Raises CohelmError where there is no such robot."""
-        self._transport = transport or DdsTransport("cohelm_robot")
+        """found: what `look` found; `model` has to be its. transport: by default as `connection`
+        chooses, closed with the robot. Raises CohelmError where there is no such robot."""
+        self._transport = transport or connection().open("cohelm_robot")
         try:
             if found is None:
                 found = look(self._transport, model, _by_environment())
@@ -124,7 +125,7 @@ class Ros2Robot(Robot):
 def adapted(found: Found, node: str = "cohelm_gate") -> RobotAdapter:
     """The robot that was found, behind the port; called in the process that keeps it. CohelmError
     where the network can not be joined."""
-    transport = DdsTransport(node, found.topics.namespace)
+    transport = found.connection.open(node, found.topics.namespace)
     return RobotAdapter(Ros2Robot(found.model, found, transport))
 
 
@@ -138,7 +139,7 @@ class Ros2Make:
 
     def __call__(self, model: RobotModel) -> Ros2Robot:
         """A new one. CohelmError where the network can not be joined."""
-        transport = DdsTransport("cohelm_gate", self._found.topics.namespace)
+        transport = self._found.connection.open("cohelm_gate", self._found.topics.namespace)
         return Ros2Robot(model, self._found, transport)
 
 
@@ -153,7 +154,7 @@ def _by_environment() -> Topics:
     return topics_of(text.split())
 
 
-def topics_of(pairs: list[str]) -> Topics:
+def topics_of(pairs: Sequence[str]) -> Topics:
     """From `odom=/odom` and the like. CohelmError for what is none of them."""
     names = ("command", "out", "scan", "odom", "namespace")
     given: dict[str, str] = {}

@@ -1,0 +1,323 @@
+"""The transport for any robot that runs `foxglove_bridge`: a client over WebSocket, whatever
+middleware, machine and Python there is.
+
+The protocol is `foxglove.websocket.v1`, which newer bridges call `foxglove.sdk.v1`
+(https://github.com/foxglove/ws-protocol, docs/spec.md).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import select
+import socket
+import struct
+import threading
+import time
+from typing import Any, NamedTuple, cast
+from urllib.parse import urlsplit
+
+from websockets.exceptions import InvalidURI, WebSocketException
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from cohelm.core.errors import CohelmError
+from cohelm.ros.port import Endpoint, Heard, Publisher, Qos, Received
+from cohelm.ros.types import known, packed, unpacked
+
+URL = "ws://localhost:8765"
+"""Of a bridge on this machine, as it is started by default."""
+_PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
+_NODE = "foxglove_bridge"
+"""Of the bridge, unless it is started under another name."""
+_NEEDED = ("clientPublish", "connectionGraph")
+_DATA = 1
+"""First byte of a message's data, in both directions."""
+_FROM_BRIDGE, _TO_BRIDGE = struct.Struct("<BIQ"), struct.Struct("<BI")
+"""Before the message's bytes: what it is, subscription or channel; from the bridge also a time."""
+_OPEN = 5.0
+"""So long may a connection take to begin [s]."""
+_AGAIN = 0.5
+"""After so long a lost connection is tried again [s]."""
+_SILENT = 2.0
+"""A bridge that does not answer a ping for so long is gone [s]."""
+_LARGEST = 1 << 26
+_NOT_SENT_LOWEST = 25
+"""TCP_NOTSENT_LOWAT of Linux: a socket that still holds what it did not send is not writable."""
+_ANYTHING = Qos(reliable=True, transient_local=True, depth=0)
+"""What the bridge hears it hands on, with whatever quality the publisher offers."""
+
+
+class _Channel(NamedTuple):
+    topic: str
+    kind: str
+    encoding: str
+
+
+class _Subscriber(NamedTuple):
+    topic: str
+    kind: str
+    heard: Heard
+
+
+class FoxgloveTransport:
+    """A client of a bridge. See `port.Transport`. A lost bridge is looked for until it is back."""
+
+    def __init__(self, url: str = URL) -> None:
+        """Raises CohelmError where no bridge answers, or it lacks what is needed."""
+        parts = urlsplit(url)
+        if parts.scheme not in ("ws", "wss") or not parts.hostname:
+            raise CohelmError(f"--url {url!r}: give the bridge's address, such as {URL}")
+        self.name, self._url = f"foxglove_bridge, {url}", url
+        self._lock = threading.RLock()
+        self._ended = threading.Event()
+        self._channels: dict[int, _Channel] = {}
+        self._subscribers: list[_Subscriber] = []
+        self._subscribed: dict[int, int] = {}
+        self._writers: list[_Writer] = []
+        self._graph: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
+        self._bridge = ""
+        self._number = 0
+        self._socket: ClientConnection | None = self._open()
+        self._thread = threading.Thread(target=self._listen, name="foxglove", daemon=True)
+        self._thread.start()
+
+    def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
+        """A publisher; the bridge decides its quality of service. What is transient local is sent
+        again when somebody new subscribes."""
+        with self._lock:
+            self._check()
+            writer = _Writer(self, len(self._writers) + 1, topic, known(kind), qos)
+            self._writers.append(writer)
+            self._advertise([writer])
+        return writer
+
+    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> None:
+        """A subscriber; the bridge decides its quality of service, by the publishers'."""
+        with self._lock:
+            self._check()
+            subscriber = _Subscriber(topic, known(kind), heard)
+            self._subscribers.append(subscriber)
+            self._match(list(self._channels), [subscriber])
+
+    def endpoints(self) -> list[Endpoint]:
+        """As the bridge tells them: with their nodes, without their quality of service. The
+        bridge's own are left out: it has them on behalf of its clients, this one among them."""
+        found: set[Endpoint] = set()
+        with self._lock:
+            self._check()
+            for channel in self._channels.values():
+                for publishes, topics in self._graph.items():
+                    qos = _ANYTHING if publishes else Qos(False, False, 0)
+                    found |= {
+                        Endpoint(channel.topic, channel.kind, qos, publishes, node)
+                        for node in topics.get(channel.topic, ())
+                        if node.rpartition("/")[2] not in (_NODE, self._bridge)
+                    }
+        return sorted(found)
+
+    def lost(self) -> str:
+        """That the bridge is gone, in a sentence; empty: it is there."""
+        if self._socket is not None:
+            return ""
+        return f"foxglove_bridge at {self._url} is gone: is it still running, and the network up?"
+
+    def close(self) -> None:
+        """Leave."""
+        self._ended.set()
+        with self._lock:
+            there, self._socket = self._socket, None
+        if there is not None:
+            there.close()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(_OPEN)
+
+    def send(self, data: bytes, must: bool = False) -> None:
+        """To the bridge, now or never. must: also where that has to wait."""
+        there = self._socket
+        if there is None:
+            return
+        with contextlib.suppress(WebSocketException, OSError, ValueError), self._lock:
+            if must or select.select([], [there.socket], [], 0.0)[1]:
+                there.send(data)
+
+    def _check(self) -> None:
+        if self._ended.is_set():
+            raise CohelmError("the transport is closed: make a new one")
+
+    def _open(self) -> ClientConnection:
+        """A new connection, on which the bridge has told what it can do."""
+        try:
+            there = connect(
+                self._url, subprotocols=_PROTOCOLS, compression=None, open_timeout=_OPEN,
+                close_timeout=0.5, ping_interval=1.0, ping_timeout=_SILENT, max_size=_LARGEST,
+                proxy=None, legacy=True,
+            )  # fmt: skip
+            with contextlib.suppress(OSError):
+                there.socket.setsockopt(socket.IPPROTO_TCP, _NOT_SENT_LOWEST, 1)
+            info = _read(there.recv(_OPEN))
+        except (OSError, WebSocketException, InvalidURI, TimeoutError) as error:
+            raise CohelmError(
+                f"no foxglove_bridge answers at {self._url} ({error}): start it on the robot (ros2 "
+                "launch foxglove_bridge foxglove_bridge_launch.xml), or name its address with --url"
+            ) from error
+        abilities = _listed(info.get("capabilities"))
+        lacking = [one for one in _NEEDED if one not in abilities]
+        if lacking:
+            there.close()
+            raise CohelmError(
+                f"the bridge at {self._url} offers no {' and no '.join(lacking)}: add that to its "
+                "parameter capabilities, and start it again"
+            )
+        if "cdr" not in _listed(info.get("supportedEncodings")):
+            there.close()
+            raise CohelmError(f"the bridge at {self._url} takes no CDR: it is none of ROS 2")
+        self._bridge = str(info.get("name", ""))
+        there.send(json.dumps({"op": "subscribeConnectionGraph"}))
+        return there
+
+    def _listen(self) -> None:
+        """All that the bridge sends, until the end; and the way back to a bridge that was lost."""
+        while not self._ended.is_set():
+            there = self._socket
+            try:
+                if there is None:
+                    there = self._open()
+                    self._back(there)
+                self._take(there.recv(), time.monotonic())
+            except (WebSocketException, OSError, CohelmError):
+                with self._lock:
+                    self._socket = None
+                    self._channels.clear()
+                    self._subscribed.clear()
+                    self._graph = {True: {}, False: {}}
+                self._ended.wait(_AGAIN)
+
+    def _back(self, there: ClientConnection) -> None:
+        with self._lock:
+            if self._ended.is_set():
+                there.close()
+                return
+            self._socket = there
+            self._advertise(self._writers)
+
+    def _take(self, data: str | bytes, stamp: float) -> None:
+        if isinstance(data, bytes):
+            if len(data) >= _FROM_BRIDGE.size and data[0] == _DATA:
+                subscription = _FROM_BRIDGE.unpack_from(data)[1]
+                with self._lock:
+                    channel = self._channels.get(self._subscribed.get(subscription, -1))
+                    to = [] if channel is None else [
+                        one for one in self._subscribers if (one.topic, one.kind) == channel[:2]
+                    ]  # fmt: skip
+                if to:
+                    message, damage = unpacked(data[_FROM_BRIDGE.size :], to[0].kind)
+                    for one in to:
+                        one.heard(Received(message, stamp, damage))
+            return
+        told = _read(data)
+        with contextlib.suppress(KeyError, TypeError, ValueError), self._lock:
+            match told.get("op"):
+                case "advertise":
+                    new: list[int] = []
+                    for one in told["channels"]:
+                        kind = str(one["schemaName"])
+                        self._channels[int(one["id"])] = _Channel(
+                            str(one["topic"]), kind, str(one["encoding"])
+                        )
+                        new.append(int(one["id"]))
+                    self._match(new, self._subscribers)
+                case "unadvertise":
+                    for one in told["channelIds"]:
+                        self._channels.pop(int(one), None)
+                case "connectionGraphUpdate":
+                    self._update(told)
+                case _:
+                    pass
+
+    def _update(self, told: dict[str, Any]) -> None:
+        """What has changed in the graph."""
+        for publishes, key, ids in (
+            (True, "publishedTopics", "publisherIds"), (False, "subscribedTopics", "subscriberIds"),
+        ):  # fmt: skip
+            there = self._graph[publishes]
+            for one in _listed(told.get(key)):
+                topic, nodes = str(one["name"]), [str(node) for node in one[ids]]
+                fresh = set(nodes) - set(there.get(topic, ()))
+                there[topic] = nodes
+                if fresh and not publishes:
+                    for writer in self._writers:
+                        if writer.topic == topic:
+                            writer.again()
+            for topic in _listed(told.get("removedTopics")):
+                there.pop(str(topic), None)
+
+    def _match(self, channels: list[int], subscribers: list[_Subscriber]) -> None:
+        """Subscribe on each channel that somebody wants."""
+        for number in channels:
+            channel = self._channels[number]
+            if not any((one.topic, one.kind, "cdr") == channel for one in subscribers):
+                continue
+            before = [own for own, at in self._subscribed.items() if at == number]
+            for own in before:  # a bridge grants one per channel; a new one tells again what lasts
+                del self._subscribed[own]
+                self._say({"op": "unsubscribe", "subscriptionIds": [own]})
+            self._number += 1
+            self._subscribed[self._number] = number
+            wanted = {"id": self._number, "channelId": number}
+            self._say({"op": "subscribe", "subscriptions": [wanted]})
+
+    def _advertise(self, writers: list[_Writer]) -> None:
+        made = [
+            {"id": one.number, "topic": one.topic, "encoding": "cdr", "schemaName": one.kind}
+            for one in writers
+        ]
+        if made:
+            self._say({"op": "advertise", "channels": made})
+
+    def _say(self, message: dict[str, Any]) -> None:
+        there = self._socket
+        if there is not None:
+            with contextlib.suppress(WebSocketException, OSError):
+                there.send(json.dumps(message))
+
+
+class _Writer:
+    """See `port.Publisher`."""
+
+    def __init__(
+        self, transport: FoxgloveTransport, number: int, topic: str, kind: str, qos: Qos
+    ) -> None:
+        self.number, self.topic, self.kind = number, topic, kind
+        self._lasting = qos.transient_local
+        self._waits = qos.transient_local or qos.depth > 1
+        self._transport, self._last = transport, b""
+
+    def send(self, message: Any) -> None:
+        """Raises CohelmError for what is no message of the type, or when the transport is closed;
+        to a bridge that is gone nothing is sent, and where only the newest counts neither to one
+        that takes nothing more just now."""
+        self._transport._check()  # pyright: ignore[reportPrivateUsage]
+        data = _TO_BRIDGE.pack(_DATA, self.number) + packed(message, self.kind)
+        if self._lasting:
+            self._last = data
+        self._transport.send(data, self._waits)
+
+    def again(self) -> None:
+        """To who has come late."""
+        if self._last:
+            self._transport.send(self._last, True)
+
+
+def _listed(data: object) -> list[Any]:
+    """A list; an empty one for what is none."""
+    return cast("list[Any]", data) if isinstance(data, list) else []
+
+
+def _read(data: str | bytes) -> dict[str, Any]:
+    """A JSON object; an empty one for what is none."""
+    try:
+        made: Any = json.loads(data)
+    except ValueError:
+        return {}
+    return cast("dict[str, Any]", made) if isinstance(made, dict) else {}

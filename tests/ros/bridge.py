@@ -1,0 +1,115 @@
+"""A bridge between DDS and Foxglove's own server (foxglove-sdk), as `foxglove_bridge` is one."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import foxglove
+from foxglove.websocket import Capability, ConnectionGraph, ServerListener
+
+from cohelm.ros.dds import DdsTransport
+from cohelm.ros.port import Qos
+from cohelm.ros.types import packed, store, unpacked
+from tests.ros.stage import alone
+
+ALL = [Capability.ClientPublish, Capability.ConnectionGraph]
+
+
+class Bridge(ServerListener):
+    """One process's; its node is /bridge. It looks at the graph ten times a second."""
+
+    def __init__(self, port: int = 0, capabilities: list[Any] = ALL, name: str = "bridge") -> None:
+        alone()
+        self._context = foxglove.Context()
+        self._dds = DdsTransport(name)
+        self._channels: dict[tuple[str, str], Any] = {}
+        self._subscribed: set[tuple[str, str]] = set()
+        self._last: dict[tuple[str, str], bytes] = {}
+        self._lock = threading.RLock()
+        self._name, self._clients = name, dict[int, DdsTransport]()
+        self._writers: dict[tuple[int, int], tuple[Any, str]] = {}
+        self._over = threading.Event()
+        self.server = foxglove.start_server(
+            name=name, host="127.0.0.1", port=port, capabilities=capabilities,
+            server_listener=self, supported_encodings=["cdr"], context=self._context,
+        )  # fmt: skip
+        self._graph = Capability.ConnectionGraph in capabilities
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        return f"ws://127.0.0.1:{self.server.port}"
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
+        self.server.stop()
+        for one in self._clients.values():
+            one.close()
+        self._dds.close()
+
+    def _look(self) -> None:
+        before: Any = None
+        while not self._over.wait(0.1):
+            seen = self._dds.endpoints()
+            if seen == before:
+                continue
+            before = seen
+            graph = ConnectionGraph()
+            for topic in {e.topic for e in seen}:
+                ends = [e for e in seen if e.topic == topic]
+                graph.set_published_topic(topic, sorted({e.node for e in ends if e.publishes}))
+                graph.set_subscribed_topic(topic, sorted({e.node for e in ends if not e.publishes}))
+            for topic, kind in {(e.topic, e.type) for e in seen} - set(self._channels):
+                self._offer(topic, kind)
+            for key in set(self._channels) - {(e.topic, e.type) for e in seen}:
+                self._channels.pop(key).close()
+            if self._graph:
+                self.server.publish_connection_graph(graph)
+
+    def _offer(self, topic: str, kind: str) -> None:
+        text, _ = store().generate_msgdef(kind, ros_version=2)
+        with self._lock:  # clients subscribe before the new channel is written down
+            self._channels[topic, kind] = foxglove.Channel(
+                topic, message_encoding="cdr", context=self._context,
+                schema=foxglove.Schema(name=kind, encoding="ros2msg", data=text.encode()),
+            )  # fmt: skip
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        with self._lock:
+            key = next(k for k, made in self._channels.items() if made.id() == channel.id)
+        if key in self._last:
+            self._channels[key].log(self._last[key])
+        if key in self._subscribed:
+            return
+        self._subscribed.add(key)
+        offered = [e.qos for e in self._dds.endpoints() if (e.topic, e.type) == key and e.publishes]
+        lasting = bool(offered) and all(qos.transient_local for qos in offered)
+
+        def heard(received: Any) -> None:
+            data = packed(received.message, key[1])
+            if lasting:
+                self._last[key] = data
+            if key in self._channels:
+                self._channels[key].log(data)
+
+        sure = bool(offered) and all(qos.reliable for qos in offered)
+        self._dds.subscribe(*key, Qos(sure, lasting, 500), heard)
+
+    def on_client_advertise(self, client: Any, channel: Any) -> None:
+        kind = channel.schema_name
+        if client.id not in self._clients:
+            self._clients[client.id] = DdsTransport(self._name)
+        made = self._clients[client.id].publish(channel.topic, kind, Qos(True, False, 500))
+        self._writers[client.id, channel.id] = made, kind
+
+    def on_client_unadvertise(self, client: Any, client_channel_id: int) -> None:
+        self._writers.pop((client.id, client_channel_id))
+        if client.id not in {one for one, _ in self._writers}:
+            self._clients.pop(client.id).close()
+
+    def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
+        writer, kind = self._writers[client.id, client_channel_id]
+        writer.send(unpacked(data, kind)[0])

@@ -1,0 +1,81 @@
+"""The filter through a `foxglove_bridge`: it drives, and stands for what it must."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="what the bridge bridges has no wheel here")
+
+from foxglove.websocket import Capability
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
+
+from cohelm.core.errors import CohelmError
+from cohelm.ros.connection import DDS, FOXGLOVE, Connection, connection
+from cohelm.ros.foxglove import FoxgloveTransport
+from cohelm.ros.port import COMMAND
+from tests.ros.bridge import Bridge
+from tests.ros.stage import alone, stage, until
+
+pytestmark = pytest.mark.xdist_group("realtime")
+
+
+def test_auto_takes_the_bridge_where_its_address_is_given_or_nothing_else_is_there(monkeypatch):
+    monkeypatch.delenv("RMW_IMPLEMENTATION", raising=False)
+    assert connection().kind == DDS
+    assert connection(url="ws://robot:8765")[:2] == (FOXGLOVE, "ws://robot:8765")
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
+    assert connection() == (
+        FOXGLOVE, "ws://localhost:8765", "RMW_IMPLEMENTATION is rmw_zenoh_cpp, which is no DDS",
+    )  # fmt: skip
+    with pytest.raises(CohelmError, match="--url is of a foxglove_bridge"):
+        connection(DDS, "ws://robot:8765")
+    with pytest.raises(CohelmError, match="there are auto, dds and foxglove"):
+        connection("carrier pigeon")
+
+
+def test_no_bridge_or_one_that_lacks_something_is_said_with_its_cure():
+    with pytest.raises(CohelmError, match="no foxglove_bridge answers at ws:"):
+        FoxgloveTransport("ws://127.0.0.1:9")
+    with pytest.raises(CohelmError, match="give the bridge's address"):
+        FoxgloveTransport("robot:8765")
+    poor = Bridge(capabilities=[Capability.ClientPublish])
+    try:
+        with pytest.raises(CohelmError, match="offers no connectionGraph: add that to its"):
+            FoxgloveTransport(poor.url)
+    finally:
+        poor.close()
+
+
+def told(made, words: str) -> None:
+    assert until(lambda: any(re.search(words, said) for said in list(made.filter.said)), 3.0), (
+        made.filter.said
+    )
+
+
+@pytest.mark.slow
+def test_it_drives_and_stands_when_messages_are_wrong_or_the_bridge_is_gone():
+    alone()
+    bridge = Bridge()
+    with stage(way=Connection(FOXGLOVE, bridge.url)) as made:
+        reset = made.theirs.publish("/cohelm_filter/reset", "std_msgs/msg/Empty", COMMAND)
+        assert made.drives(0.4), made.filter.said
+        made.base.fault("half")
+        assert until(lambda: len(made.filter.rows) > 50)
+        made.base.fault("tomorrow")
+        assert made.stands(3.0)
+        told(made, "from the future: a clock jumped")
+        made.base.fault("")
+
+        def again() -> bool:
+            if made.filter.latched:
+                reset.send(Empty(0))
+            return abs(made.base.truth().twist.v) > 0.05
+
+        assert until(again, 15.0) or made.base.truth().pose.x > 3.0
+        made.filter.said.clear()
+        bridge.close()
+        assert made.stands(3.0)
+        told(made, "foxglove_bridge at ws://127.0.0.1:.* is gone")
+        assert made.base.truth().least_moving > 0.01
