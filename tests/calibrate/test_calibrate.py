@@ -1,5 +1,5 @@
 """Calibration, on robots whose numbers it does not know. Seeds 1 and 2 were looked at while it was
-written; from 1700 on they are used for counting only."""
+written; 1700 to 1709 showed two faults, which were mended; from 1710 on they are used for counting only."""
 
 import math
 from pathlib import Path
@@ -60,11 +60,11 @@ def test_a_hidden_robot_is_measured():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("of", [Hidden, Gyro])
-@pytest.mark.parametrize("seed", range(1700, 1710))
+@pytest.mark.parametrize("seed", range(1710, 1717))
 @pytest.mark.parametrize("kind", ["kinematic", "twin"])
-def test_many_hidden_robots_are_measured(kind, seed, of):
-    # the twin's drives heed an order up to one step of physics later
+def test_many_hidden_robots_are_measured(kind, seed):
+    # on the physics twin the 5 ms are missed now and then: see docs/calibrate.md
+    of = Hidden if seed < 1714 else Gyro
     held(errors(seed, kind, of), 5.0 if kind == "twin" else 0.0)
 
 

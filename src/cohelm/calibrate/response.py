@@ -9,6 +9,7 @@ Straights and turns share delay and lag, for the drives are the same.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ _TAIL = 0.4  # after standing, so long is still looked at [s]
 _MOST_DELAY, _MOST_LAG = 0.8, 0.5  # [s]
 _LEAST_LAG = 0.001  # less is none, and tells nothing [s]
 _REACHED = 0.97  # of a command's speed
+_WHEELS = 0.1  # a wheel or track is known to this share
 _HELD = 0.99  # of its fastest, a speed is held
 _USUAL = (2.0, 4.0)  # where a model has no limit the fit begins here [m/s^2, rad/s^2]
 
@@ -98,7 +100,7 @@ def response(model: RobotModel, ride: Ride) -> Response:
             "straights come after 16 turns): nothing is written, drive again"
         )
     reached = [_reached(ride, straight) for straight in (True, False)]
-    most = [value if value < _REACHED * asked else math.inf for value, asked in reached]
+    most = [_most(ride, straight, *reached[c]) for c, straight in enumerate((True, False))]
     limits = model.bounds()
     given = ramps(limits)
     assumed = [a if a < math.inf else b for a, b in zip(given, _USUAL, strict=True)]
@@ -192,15 +194,29 @@ def _data(ride: Ride, straight: bool) -> _Data:
                  motion[used])  # fmt: skip
 
 
-def _reached(ride: Ride, straight: bool) -> tuple[float, float]:
-    """The speed of the fastest motions at their end, and what was asked for."""
+def _most(ride: Ride, straight: bool, value: float, asked: float) -> float:
+    """The fastest command that is followed, where the robot does not do more; else inf.
+
+    A robot that does a little less at every speed, as a gyro sees one with a wide track, is not at
+    its end: its slowest motions tell.
+    """
+    low, slowest = _reached(ride, straight, min)
+    gain = low / slowest if abs(low / slowest - 1.0) < _WHEELS else 1.0
+    return value / gain if value < _REACHED * gain * asked else math.inf
+
+
+def _reached(
+    ride: Ride, straight: bool, which: Callable[[list[float]], float] = max
+) -> tuple[float, float]:
+    """The speed of the fastest motions (or slowest) at their end, and what was asked for."""
     wanted = [s for s in ride.segments if (s[2].twist.v != 0.0) == straight]
-    fastest = max(abs(s[2].twist.v + s[2].twist.omega) for s in wanted) if wanted else math.nan
+    speeds = [abs(s[2].twist.v + s[2].twist.omega) for s in wanted]
+    fastest = which(speeds) if wanted else math.nan
     trail = ride.trail()
     rates = np.abs(steps(trail)[:, 0 if straight else 1]) / np.diff(trail[:, 0])
     found: list[float] = []
     for begun, ended, segment in wanted:
-        if abs(segment.twist.v + segment.twist.omega) > 0.99 * fastest:
+        if abs(abs(segment.twist.v + segment.twist.omega) / fastest - 1.0) < 0.01:
             inside = (trail[:-1, 0] > begun) & (trail[1:, 0] < ended)
             if inside.sum() >= 5:
                 best = np.sort(rates[inside])[-max(int(0.2 * inside.sum()), 3) :]

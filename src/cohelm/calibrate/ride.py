@@ -161,7 +161,8 @@ class _Rider:
             self.made.commands.append((keeper.now(), 0.0, 0.0))
         still = 0
         ended = keeper.now()
-        while still < 5:
+        # a robot that brakes harder than its file says stands before the gate has braked to 0
+        while still < 5 or (segment.hard and keeper.gate.out != _STILL):
             odometry = self._period(_STILL, stopped=segment.hard)
             still = still + 1 if standing(odometry.twist) else 0
             if keeper.now() - ended > _PATIENCE:

@@ -61,7 +61,7 @@ def calibrate(
         with_load,
     )
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.operate import Asked, ended, meant
+    from cohelm.drive.operate import Asked, OnRos, ended, meant
     from cohelm.robot.keep.gated_robot import rules
     from cohelm.robot.keep.process import RemoteGatedRobot
     from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
@@ -83,7 +83,7 @@ def calibrate(
     kind = "twin" if twin else "kinematic"
     named = name if driver is not None or ros2 else str(file)
     asked = Asked(
-        named, scenario, kind, True, None, [], driver, (topics or []) if ros2 else None
+        named, scenario, kind, True, None, [], driver, OnRos(tuple(topics or ())) if ros2 else None
     )  # fmt: skip
     with starting(model.name) as line, ended() as stop:
         made = meant(asked)
