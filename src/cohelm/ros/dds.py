@@ -59,7 +59,8 @@ class DdsTransport:
 
     unseen = (
         "is ROS_DOMAIN_ID the robot's, does its middleware speak DDS (rmw_zenoh does not), and "
-        "does the network let multicast through (ROS 2's own `ros2 multicast send` and `receive` tell)?"
+        "does the network let multicast through (ROS 2's own `ros2 multicast send` and `receive` "
+        "tell)?"
     )
 
     def __init__(self, node: str = "cohelm", namespace: str = "/", domain: int | None = None):
