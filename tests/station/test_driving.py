@@ -243,6 +243,7 @@ def test_the_stop_button_of_the_gamepad_stops(page: Page) -> None:
     release(page)
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_the_sticks_settings_are_remembered(page: Page) -> None:
     page.add_init_script(PAD)
     page.reload()

@@ -66,6 +66,7 @@ def test_a_second_browser_asks_the_driver_who_keeps_it_then_hands_it_over(
     context.close()
 
 
+@pytest.mark.slow  # two pages and two reloads; whose lease it is, is tried without a browser too
 def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
     page: Page, context: BrowserContext, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -186,6 +187,7 @@ def cinema(record: Path) -> Iterator[Server]:
         yield server
 
 
+@pytest.mark.slow  # test_whole shows a record too
 def test_a_record_is_shown_with_a_timeline_at_any_speed(
     context: BrowserContext, cinema: Server
 ) -> None:

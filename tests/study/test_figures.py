@@ -25,7 +25,7 @@ def made(name, *changes):
             ("lab-track", ("walls_m=[]",)),
             ("minimal", ()),
         ],
-        2,
+        1,
     ),
 )
 def test_any_run_has_its_picture(tmp_path, name, changes):

@@ -79,6 +79,16 @@ def test_an_oblique_wall_tells_neither_the_way_ahead_nor_aside_and_a_corner_both
     assert Match(np.zeros(3), wall, 0.0, 0.0).told(*square[:2]) > 99.0
 
 
+def test_a_way_that_a_few_people_seem_to_show_is_none():
+    # the last look of crowd 66 of seed 2504: of the way aside one point's worth was seen
+    people = np.diag([14.0, 1.0, 27.0])
+    match = Match(np.array([0.01, 0.12, -0.03]), people, 0.6, 0.0)
+    assert match.way(10.0) == pytest.approx(0.01)
+    assert match._replace(off=np.array([0.12, 0.01, 0.0])).way(10.0) == pytest.approx(0.12)
+    walls = np.diag([40.0, 40.0, 200.0])
+    assert match._replace(known=walls).way(10.0) == pytest.approx(np.hypot(0.01, 0.12))
+
+
 @pytest.mark.parametrize("pace", [1.0, 2.0])
 def test_no_alarm_when_a_group_walks_abreast_behind_a_corner(pace):
     """Two metres of people in one piece, before nothing else: gone one after the other."""

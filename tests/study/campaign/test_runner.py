@@ -73,6 +73,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow  # Ctrl-C and a worker that is killed are tried by default
 def test_kill_9_in_the_middle_loses_nothing_and_leaves_nobody_behind(tmp_path):
     script = tmp_path / "killed.py"
     script.write_text(_KILLED)

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose
 from cohelm.robot.footprint import disc_clearance
+from cohelm.scenario.load import robot
+from cohelm.scenario.worlds.barn import Barn
 from cohelm.scenario.worlds.tracks import Track
 from cohelm.sim.world import place
-from cohelm.study.campaign import crowd, hands, lab, movers, rooms, suites
+from cohelm.study.campaign import barn, crowd, hands, lab, movers, rooms, suites
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 with_data = pytest.mark.skipif(
@@ -136,6 +139,14 @@ def test_every_suite_makes_the_same_case_again_after_being_sent_elsewhere(name):
         assert (a.setup.start, a.kind, a.goal) == (b.setup.start, b.kind, b.goal)
         assert a.setup.around.discs.tobytes() == b.setup.around.discs.tobytes()
         assert a.setup.hands.x.tobytes() == b.setup.hands.x.tobytes()
+
+
+def test_a_barn_episode_names_the_robot_whose_outline_it_drives():
+    path = np.array([[0.0, 1.0], [0.0, 9.0]])
+    world = Barn(7, np.empty((0, 6)), np.empty((0, 4)), path, Pose(0, 0, 1.57), (0, 10), 1, 100)
+    made = barn.case((world,), 4, 0)
+    assert made.robot == "jackal"
+    assert np.array_equal(made.setup.outline, robot(made.robot).outline)
 
 
 @with_data

@@ -39,6 +39,14 @@ class Match(NamedTuple):
         along = np.array([x, y, 0.0])
         return 1.0 / float(along @ _solved(self.known + _PRIOR, along))
 
+    def way(self, least: float) -> float:
+        """Length of the correction, of its parts along which `told` is `least` at least [m]: what
+        a few points say of a way that they hardly see is no correction of it."""
+        unsure = np.linalg.inv(self.known + _PRIOR)[:2, :2]  # whatever the turn may be
+        variances, axes = np.linalg.eigh(unsure)
+        parts: Floats = axes.T @ self.off[:2]
+        return float(np.hypot(*np.where(variances * least <= 1.0, parts, 0.0)))
+
 
 def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match | None:
     """None where too little of both is alike, or flat, to say; or where less surface than `least`

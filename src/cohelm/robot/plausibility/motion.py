@@ -138,7 +138,7 @@ class Motion:
         if made is None:
             return []
         self._add_lag(before, now, made)
-        way, turn = math.hypot(*made.off[:2]), abs(float(made.off[2]))
+        way, turn = made.way(_TOLD), abs(float(made.off[2]))
         much = way > t.way + t.share * math.hypot(told[0], told[1])
         much |= turn > t.turn + t.share * abs(float(told[2]))
         if not much or made.against < max(t.surface, t.majority * made.for_it):
