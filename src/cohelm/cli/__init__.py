@@ -10,9 +10,12 @@ from cohelm.cli import campaign
 from cohelm.cli import station
 from cohelm.cli import robot
 from cohelm.cli import ros
+from cohelm.cli import calibrate
 from cohelm.cli import map
 from cohelm.cli import link
 from cohelm.cli.app import app, main
 # isort: on
 
-__all__ = ["app", "campaign", "link", "main", "map", "robot", "ros", "scenarios", "station"]
+__all__ = [
+    "app", "calibrate", "campaign", "link", "main", "map", "robot", "ros", "scenarios", "station",
+]  # fmt: skip

@@ -138,6 +138,7 @@ class RobotModel(Schema):
 
 SHIPPED = (
     "sally", "jackal", "husky", "rosbot", "turtlebot3_burger", "turtlebot3_waffle", "turtlebot4",
+    "mir100",
 )  # fmt: skip
 """Robots that come with the package, by the names a scenario may use."""
 

@@ -1,0 +1,240 @@
+"""Delay, lag, acceleration and braking, from how the odometry answers the commands.
+
+The model: a command arrives after a delay, the drives follow it no faster than they accelerate or
+brake, and the wheels follow those with a first-order lag. All are fitted at once, by least squares
+on the way between two odometry readings: a way is right whatever a robot calls its speed, and when.
+Straights and turns share delay and lag, for the drives are the same.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cohelm.calibrate.excitation import ramps
+from cohelm.calibrate.interval import half_widths
+from cohelm.calibrate.ride import Ride
+from cohelm.core.errors import CohelmError
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Ints
+from cohelm.robot.model import RobotModel
+
+_STEP = 0.002  # of the modelled response [s]
+_TAIL = 0.4  # after standing, so long is still looked at [s]
+_MOST_DELAY, _MOST_LAG = 0.8, 0.5  # [s]
+_LEAST_LAG = 0.001  # less is none, and tells nothing [s]
+_REACHED = 0.97  # of a command's speed
+_HELD = 0.99  # of its fastest, a speed is held
+_USUAL = (2.0, 4.0)  # where a model has no limit the fit begins here [m/s^2, rad/s^2]
+
+
+class Measured(NamedTuple):
+    """A value and half the width of its 95 % interval."""
+
+    value: float
+    off: float
+
+
+class Channel(NamedTuple):
+    """Straights, or turns: in m or rad."""
+
+    rise: Measured
+    """Acceleration, as far as it was asked for: the commands' own ramp bounds it."""
+    brake: Measured
+    gain: Measured
+    """Of the odometry's speed to the command's."""
+    speed: float
+    """Reached and held, by the odometry."""
+    asked: float
+    """The fastest that was asked for."""
+    noise: float
+    """Standard deviation of the way between two readings from the model, at a held speed."""
+    times: Floats
+    seen: Floats
+    """Speed between two readings, (n,)."""
+    fitted: Floats
+    """The same of the model."""
+
+
+class Response(NamedTuple):
+    """How the robot answers."""
+
+    delay: Measured
+    """From a command to the first movement [s]."""
+    lag: Measured
+    """Time constant of the wheels [s]."""
+    total: Measured
+    """Both together, which are known better than each: what a guard has to foresee [s]."""
+    straight: Channel
+    turn: Channel
+
+
+class _Data(NamedTuple):
+    begin: float
+    grid: Floats
+    """Times of the model [s]."""
+    asked: Floats
+    """Integral of the command up to each command [m, rad], (k,)."""
+    at: Floats
+    """When each command was sent [s]."""
+    rate: Floats
+    first: Floats
+    last: Floats
+    """Stamps of the readings before and after each way [s]."""
+    way: Floats
+    motion: Ints
+    """In which motion of the ride that is."""
+
+
+def response(model: RobotModel, ride: Ride) -> Response:
+    """Fit all motions of a ride. Raises CohelmError where there is too little to tell."""
+    data = [_data(ride, straight) for straight in (True, False)]
+    if any(len(d.way) < 30 for d in data):
+        raise CohelmError(
+            f"too little was driven to tell delay and lag ({len(ride.segments)} motions; the "
+            "straights come after 16 turns): nothing is written, drive again"
+        )
+    reached = [_reached(ride, straight) for straight in (True, False)]
+    most = [value if value < _REACHED * asked else math.inf for value, asked in reached]
+    limits = model.bounds()
+    given = ramps(limits)
+    assumed = [a if a < math.inf else b for a, b in zip(given, _USUAL, strict=True)]
+    scale = np.array([0.05, 0.05, assumed[0], assumed[0], 1.0, assumed[1], assumed[1], 1.0])
+
+    def ways(p: Floats, channel: int) -> Floats:
+        own = p[2 + 3 * channel : 5 + 3 * channel]
+        return _ways(data[channel], p[0], p[1], own[0], own[1], own[2], most[channel])
+
+    sigma = [1.0, 1.0]
+
+    def residual(q: Floats) -> Floats:
+        p = (q - shift) * scale
+        return np.concatenate([(ways(p, c) - data[c].way) / sigma[c] for c in range(2)])
+
+    # a derivative is taken over a share of a number: none may be near 0
+    shift = np.array([1.0, 1.0, *([0.0] * 6)])
+    sigma = [float(np.std(d.way)) or 1.0 for d in data]
+    low = np.array([0.0, _LEAST_LAG / 0.05, *([0.05, 0.05, 0.7] * 2)]) + shift
+    high = np.array([_MOST_DELAY / 0.05, _MOST_LAG / 0.05, *([8.0, 8.0, 1.4] * 2)]) + shift
+    starts = [
+        np.array([d / 0.05, 0.4, rise, rise, 1.0, rise, rise, 1.0]) + shift
+        for d in np.arange(0.0, 0.5, 0.02) for rise in (0.7, 1.0)
+    ]  # fmt: skip
+    start = min(starts, key=lambda q: float(np.sum(residual(q) ** 2)))
+    fit = None
+    for _ in range(3):
+        fit = least_squares(
+            residual,
+            np.clip(start, low + 1e-6, high - 1e-6),
+            bounds=(low, high),
+            diff_step=np.full(8, 1e-3),
+        )
+        start = fit.x
+        p = (fit.x - shift) * scale
+        sigma = [max(float(np.sqrt(np.mean((ways(p, c) - data[c].way) ** 2))), 1e-9)
+                 for c in range(2)]  # fmt: skip
+    if fit is None:
+        raise RuntimeError("no fit")
+    p = (fit.x - shift) * scale
+    jacobian = least_squares(
+        residual, fit.x, bounds=(low, high), diff_step=np.full(8, 1e-3), max_nfev=1
+    ).jac
+    sums = np.vstack((np.diag(scale), [scale[0], scale[1], *([0.0] * 6)]))
+    motions = np.concatenate([d.motion for d in data])
+    half = half_widths(np.asarray(jacobian, dtype=np.float64), residual(fit.x), motions, sums)
+    times = [0, 1, 8]  # the model knows them by its steps
+    half[times] = np.hypot(half[times], 0.5 * _STEP)
+
+    def channel(c: int) -> Channel:
+        rise, brake, gain = (Measured(float(p[i]), float(half[i]))
+                             for i in range(2 + 3 * c, 5 + 3 * c))  # fmt: skip
+        if rise.value >= given[c]:  # more was not asked for, and is not known
+            rise = Measured(given[c], 0.0)
+        span, fitted = data[c].last - data[c].first, ways(p, c)
+        held = np.abs(fitted / span) > _HELD * np.max(np.abs(fitted / span))
+        noise = float(np.std((data[c].way - fitted)[held]))
+        return Channel(
+            rise, brake, gain, *reached[c], noise, data[c].last, data[c].way / span, fitted / span
+        )
+
+    return Response(
+        Measured(float(p[0]), float(half[0])), Measured(float(p[1]), float(half[1])),
+        Measured(float(p[0] + p[1]), float(half[8])),
+        channel(0), channel(1),
+    )  # fmt: skip
+
+
+def steps(trail: Floats) -> Floats:
+    """Way along the heading, and turn, between each two rows of a trail, (n - 1, 2) [m, rad]."""
+    turn = (np.diff(trail[:, 3]) + math.pi) % (2.0 * math.pi) - math.pi
+    middle = trail[:-1, 3] + 0.5 * turn
+    along = np.cos(middle) * np.diff(trail[:, 1]) + np.sin(middle) * np.diff(trail[:, 2])
+    return np.column_stack((along, turn))
+
+
+def _data(ride: Ride, straight: bool) -> _Data:
+    commands = np.array(ride.commands)
+    at, rate = commands[:, 0], commands[:, 1 if straight else 2]
+    trail = ride.trail()
+    moved = steps(trail)[:, 0 if straight else 1]
+    first, last = trail[:-1, 0], trail[1:, 0]
+    motion = np.full(len(moved), -1)
+    for number, (begun, ended, segment) in enumerate(ride.segments):
+        if (segment.twist.v != 0.0) == straight:
+            motion[(first > begun - 0.1) & (last < ended + _TAIL)] = number
+    used = motion >= 0
+    asked = np.concatenate(([0.0], np.cumsum(rate[:-1] * np.diff(at))))
+    grid = np.arange(trail[0, 0] - _STEP, trail[-1, 0] + _STEP, _STEP)
+    return _Data(float(grid[0]), grid, asked, at, rate, first[used], last[used], moved[used],
+                 motion[used])  # fmt: skip
+
+
+def _reached(ride: Ride, straight: bool) -> tuple[float, float]:
+    """The speed of the fastest motions at their end, and what was asked for."""
+    wanted = [s for s in ride.segments if (s[2].twist.v != 0.0) == straight]
+    fastest = max(abs(s[2].twist.v + s[2].twist.omega) for s in wanted) if wanted else math.nan
+    trail = ride.trail()
+    rates = np.abs(steps(trail)[:, 0 if straight else 1]) / np.diff(trail[:, 0])
+    found: list[float] = []
+    for begun, ended, segment in wanted:
+        if abs(segment.twist.v + segment.twist.omega) > 0.99 * fastest:
+            inside = (trail[:-1, 0] > begun) & (trail[1:, 0] < ended)
+            if inside.sum() >= 5:
+                best = np.sort(rates[inside])[-max(int(0.2 * inside.sum()), 3) :]
+                found.append(float(np.median(best)))
+    return (float(np.median(found)) if found else 0.0), fastest
+
+
+def _ways(
+    data: _Data, delay: float, lag: float, rise: float, brake: float, gain: float, most: float
+) -> Floats:
+    """What the model goes between the readings."""
+    edges = np.append(data.grid, data.grid[-1] + _STEP)
+    end = np.append(data.asked, data.asked[-1] + data.rate[-1])
+    total = np.interp(edges, np.append(data.at, data.at[-1] + 1.0), end)
+    wanted = np.clip(np.diff(total) / _STEP, -most, most)
+    gone = _answer(wanted, _STEP, lag, rise, brake)
+    # the answer is shifted, not the command: a ramp forgets by what part of a step it began late
+    times = data.grid + (_STEP + delay)
+    return gain * (np.interp(data.last, times, gone) - np.interp(data.first, times, gone))
+
+
+@jit
+def _answer(wanted: Floats, step: float, lag: float, rise: float, brake: float) -> Floats:
+    """Way of the wheels at the end of each step."""
+    gone = np.empty(len(wanted))
+    driven, speed, way = 0.0, 0.0, 0.0
+    share = 1.0 - math.exp(-step / max(lag, 1e-6))
+    for i in range(len(wanted)):
+        change = wanted[i] - driven
+        slower = abs(driven) > 1e-6 and change * driven < 0.0  # not by rounding
+        most = (brake if slower else rise) * step
+        driven += min(max(change, -most), most)
+        before = speed
+        speed += share * (driven - speed)
+        way += 0.5 * (before + speed) * step
+        gone[i] = way
+    return gone

@@ -1,0 +1,136 @@
+"""The command that measures a robot: calibrate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cohelm.cli.app import app
+from cohelm.cli.tell import Json, plain, print_json, print_table, progress, say, starting
+
+
+@app.command()
+def calibrate(
+    name: Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or its file.")],
+    scenario: Annotated[
+        str, typer.Option(metavar="SCENARIO", help="Where a simulated robot stands.")
+    ] = "lab-track",
+    driver: Annotated[
+        str | None, typer.Option(metavar="PACKAGE:CLASS", help="Your own robot.")
+    ] = None,
+    ros2: Annotated[bool, typer.Option("--ros2", help="It is a ROS 2 robot.")] = False,
+    topics: Annotated[
+        list[str] | None, typer.Option("--topic", metavar="KEY=NAME", help="As in `cohelm robot`.")
+    ] = None,
+    twin: Annotated[
+        bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
+    ] = False,
+    floor: Annotated[
+        float, typer.Option(min=0.5, max=50.0, help="Free floor ahead of it, at most [m].")
+    ] = 4.0,
+    load: Annotated[
+        bool, typer.Option("--load", help="It is loaded: merge with the run before, in --out.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="The floor is free: drive.")] = False,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write into.")
+    ] = Path("out/calibrate"),
+    as_json: Json = False,
+) -> None:
+    """Measure a robot by driving it a little, and write its YAML file.
+
+    It says how much free floor it needs, and asks. Through the gate it drives straight and turns on
+    the spot; what its model assumes is held beside what was measured. Ctrl-C stops the robot, and
+    keeps what was measured.
+    """
+    import json
+
+    from cohelm.calibrate.excitation import excitation
+    from cohelm.calibrate.mount import mount
+    from cohelm.calibrate.pictures import pictures
+    from cohelm.calibrate.response import response
+    from cohelm.calibrate.rewrite import rewritten
+    from cohelm.calibrate.ride import PERIOD, ride
+    from cohelm.calibrate.verdict import (
+        as_dict,
+        earlier_run,
+        findings,
+        odometry_noise,
+        with_load,
+    )
+    from cohelm.core.errors import CohelmError
+    from cohelm.drive.operate import Asked, ended, meant
+    from cohelm.robot.keep.gated_robot import rules
+    from cohelm.robot.keep.process import RemoteGatedRobot
+    from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
+    from cohelm.scenario.load import load_robot, parse
+
+    file = Path(shipped_path(name) if name in SHIPPED else name)
+    model = load_robot(name)
+    before = out / "calibration.json"
+    earlier = earlier_run(before, model.name) if load else None
+    plan = excitation(model, floor)
+    say(
+        f"{plain(model.name)} needs {plan.length:.1f} m of free floor ahead and "
+        f"{plan.radius:.1f} m to either side and behind; it drives up to {plan.speed:.2f} m/s and "
+        f"{plan.turn:.2f} rad/s for about {plan.seconds:.0f} s, "
+        "with walls in sight that stay where they are"
+    )
+    if not yes and not typer.confirm("is the floor free, and the stop at hand?", err=True):
+        raise typer.Exit(1)
+    kind = "twin" if twin else "kinematic"
+    named = name if driver is not None or ros2 else str(file)
+    asked = Asked(
+        named, scenario, kind, True, None, [], driver, (topics or []) if ros2 else None
+    )  # fmt: skip
+    with starting(model.name) as line, ended() as stop:
+        made = meant(asked)
+        keeper = RemoteGatedRobot(made, rules(made.model, PERIOD))
+        try:
+            stop.heed()
+            line.over()
+            with progress("driving") as told:
+                driven = ride(keeper, plan, lambda: stop.asked, told)
+        finally:
+            keeper.close()
+    answered = response(made.model, driven)
+    placed, unplaced = None, ""
+    try:
+        placed = mount(made.model, driven)
+    except CohelmError as error:
+        unplaced = str(error)
+    if driven.ended:
+        say(f"[bold red]not whole:[/bold red] {plain(driven.ended)}; what was measured is used")
+    if unplaced:
+        say(f"[bold red]wheels, track and LiDAR are not measured:[/bold red] {plain(unplaced)}")
+    found = findings(made.model, answered, placed, made.delay(0.0) - made.model.delay_s)
+    noise = odometry_noise(made.model, answered)
+    if earlier is not None:
+        found, noise = with_load(found, earlier["findings"]), earlier["odometry"]
+    values = noise | {one.key: one.write for one in found if one.write != one.assumed}
+    text = rewritten(file.read_text(encoding="utf-8"), values)
+    parse(text, RobotModel, str(file))
+    out.mkdir(parents=True, exist_ok=True)
+    written = out / f"{model.name}.yaml"
+    written.write_text(text, encoding="utf-8")
+    result = {
+        "robot": model.name, "file": str(written), "with_load": load, "whole": not driven.ended,
+        "ended": driven.ended or None, "findings": as_dict(found), "lag_s": answered.lag.value,
+        "lag_off_s": answered.lag.off, "odometry": noise, "not_measured": unplaced or None,
+        "pictures": [str(one) for one in pictures(out, driven, answered, placed)],
+    }  # fmt: skip
+    before.write_text(json.dumps(result, indent=2, allow_nan=False), encoding="utf-8")
+    if as_json:
+        print_json(result)
+    else:
+        print_table(
+            model.name, ("key", "assumed", "measured", "verdict", "because"),
+            [(one.key, "none" if one.assumed is None else f"{one.assumed:.4g}",
+              f"{one.measured.value:.4g} +- {one.measured.off:.2g}", one.verdict, one.why)
+             for one in found],
+        )  # fmt: skip
+        say(f"written: {plain(str(written))}; look at the pictures beside it")
+    if driven.ended or unplaced:
+        raise typer.Exit(1)

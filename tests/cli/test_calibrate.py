@@ -1,0 +1,52 @@
+"""`cohelm calibrate`, as it is typed; the simulated robot drives in real time."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cohelm.scenario.load import load_robot
+
+TYPED = [sys.executable, "-m", "cohelm", "calibrate", "sally", "--yes", "--json", "-o", "out"]
+
+
+def test_a_load_without_a_run_before_is_refused_before_anything_moves(cohelm):
+    said = cohelm("calibrate", "sally", "--yes", "--load", "-o", "out")
+    assert said.code == 2
+    assert "needs a run without it first" in said.err
+    assert not Path("out").exists()
+
+
+@pytest.mark.slow
+def test_a_robot_is_measured_and_its_file_written_and_then_again_with_a_load(tmp_path):
+    for more in ([], ["--load"]):
+        ran = subprocess.run(
+            TYPED + more, cwd=tmp_path, capture_output=True, text=True, timeout=400
+        )
+        assert ran.returncode == 0, ran.stderr
+        said = json.loads(ran.stdout)
+        assert said["whole"]
+        assert said["with_load"] == bool(more)
+        assert {one["verdict"] for one in said["findings"].values()} == {"safe"}
+        assert [(tmp_path / one).stat().st_size > 10_000 for one in said["pictures"]] == [True] * 2
+        measured, shipped = load_robot(str(tmp_path / said["file"])), load_robot("sally")
+        assert measured.odometry != shipped.odometry
+        assert measured.model_copy(update={"odometry": shipped.odometry}) == shipped
+
+
+@pytest.mark.slow
+def test_ctrl_c_half_way_stops_the_robot_and_says_that_it_was_not_enough(tmp_path):
+    ran = subprocess.Popen(TYPED, cwd=tmp_path, stdout=-1, stderr=-1, text=True)
+    try:
+        ran.wait(20.0)
+        pytest.fail("it ended by itself")
+    except subprocess.TimeoutExpired:
+        ran.send_signal(signal.SIGINT)
+    out, err = ran.communicate(timeout=30.0)
+    assert (ran.returncode, out) == (2, "")
+    assert "too little was driven" in err
+    assert "nothing is written" in err
+    assert not (tmp_path / "out").exists()
