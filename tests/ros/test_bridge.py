@@ -14,7 +14,9 @@ from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
 from cohelm.core.errors import CohelmError
 from cohelm.ros.connection import DDS, FOXGLOVE, Connection, connection
 from cohelm.ros.foxglove import FoxgloveTransport
+from cohelm.ros.look import Topics, look
 from cohelm.ros.port import COMMAND
+from cohelm.scenario.load import robot as load_robot
 from tests.ros.bridge import Bridge
 from tests.ros.stage import alone, stage, until
 
@@ -46,6 +48,20 @@ def test_no_bridge_or_one_that_lacks_something_is_said_with_its_cure():
             FoxgloveTransport(poor.url)
     finally:
         poor.close()
+
+
+def test_with_nobody_behind_the_bridge_it_is_not_dds_that_is_to_be_looked_at():
+    lonely = Bridge()
+    transport = FoxgloveTransport(lonely.url)
+    try:
+        with pytest.raises(CohelmError) as error:
+            look(transport, load_robot("sally"), Topics(), wait=0.1)
+        said = str(error.value)
+        assert said.startswith("no node of ROS is seen (foxglove_bridge")
+        assert "the bridge sees none either: is the ROS_DOMAIN_ID it was started" in said
+    finally:
+        transport.close()
+        lonely.close()
 
 
 def told(made, words: str) -> None:

@@ -171,17 +171,21 @@ def test_it_can_be_spoken_to_from_several_threads(pair):
     assert until(lambda: len(heard) == 200)
 
 
-def test_two_on_one_topic_hear_it_both_and_the_later_one_what_lasts(pair):
-    one, two = pair
+@pytest.mark.parametrize("kind", TRANSPORTS.values(), ids=TRANSPORTS)
+def test_two_on_one_topic_hear_it_both_and_the_later_one_what_lasts(kind):
+    one, two = kind.one("one", "/"), kind.two("two", "/")
+    three = kind.two("three", "/")  # a bridge tells of new nodes only, not of new subscribers
     qos = COMMAND if isinstance(one, FoxgloveTransport) else LATCHED
     out = one.publish("/twice", TF, LATCHED)
     out.send(TFMessage([]))
     first = Heard(two, "/twice", TF, qos)
     assert until(lambda: bool(first))
-    later = Heard(two, "/twice", TF, qos)
+    later = Heard(three, "/twice", TF, qos)
     assert until(lambda: bool(later))
     count = len(first)
     assert until(lambda: out.send(TFMessage([])) or (len(first) > count and len(later) > 1))
+    for transport in (one, two, three):
+        transport.close()
 
 
 @pytest.mark.parametrize("kind", TRANSPORTS.values(), ids=TRANSPORTS)

@@ -35,7 +35,7 @@ SALLY = load_robot("sally")
 class Pretended:
     """A transport on which what is given is seen and heard at once."""
 
-    name = "pretended"
+    name, unseen = "pretended", "is ROS_DOMAIN_ID the robot's?"
 
     def __init__(self, ends=(), messages=()) -> None:
         self.ends, self.messages = list(ends), list(messages)

@@ -57,6 +57,12 @@ def local_only() -> bool:
 class DdsTransport:
     """A node on the network. See `port.Transport`."""
 
+    unseen = (
+        "is ROS_DOMAIN_ID the robot's, does its middleware speak DDS (rmw_zenoh does not), and "
+        "does the network let multicast through (ROS 2's own `ros2 multicast send` and `receive` "
+        "tell)?"
+    )
+
     def __init__(self, node: str = "cohelm", namespace: str = "/", domain: int | None = None):
         """Raises CohelmError where DDS is not installed, or can not begin."""
         self.domain = domain_id(domain)

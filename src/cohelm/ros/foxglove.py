@@ -63,6 +63,11 @@ class _Subscriber(NamedTuple):
 class FoxgloveTransport:
     """A client of a bridge. See `port.Transport`. A lost bridge is looked for until it is back."""
 
+    unseen = (
+        "the bridge sees none either: is the ROS_DOMAIN_ID it was started with the robot's, and "
+        "does its parameter topic_whitelist let topics through?"
+    )
+
     def __init__(self, url: str = URL) -> None:
         """Raises CohelmError where no bridge answers, or it lacks what is needed."""
         parts = urlsplit(url)
@@ -84,7 +89,7 @@ class FoxgloveTransport:
 
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
         """A publisher; the bridge decides its quality of service. What is transient local is sent
-        again when somebody new subscribes."""
+        again when a node subscribes that did not before: more a bridge does not tell."""
         with self._lock:
             self._check()
             writer = _Writer(self, len(self._writers) + 1, topic, known(kind), qos)

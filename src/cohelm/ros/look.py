@@ -149,7 +149,7 @@ class _Heard:
         """All of it. CohelmError for what does not fit."""
         seen, topics = self._transport.endpoints(), self._topics
         if not seen and not self._odometry and not self._scans:
-            raise CohelmError(mismatch.nobody(self._transport.name))
+            raise CohelmError(mismatch.nobody(self._transport.name, self._transport.unseen))
         wrong: list[str] = []
         notes = [f"transport: {self._transport.name}"]
         for topic, kind, came, option in (

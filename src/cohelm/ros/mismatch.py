@@ -118,10 +118,6 @@ def _others(kind: str, seen: list[Endpoint]) -> str:
     return f"; {kind.split('/')[-1]} is on {', '.join(topics[:_MOST_NAMED])}"
 
 
-def nobody(name: str) -> str:
-    """That nothing of ROS is seen at all. name: of the transport."""
-    return (
-        f"no node of ROS is seen ({name}): is ROS_DOMAIN_ID the robot's, does its middleware speak "
-        "DDS (rmw_zenoh does not), and does the network let multicast through (ROS 2's own "
-        "`ros2 multicast send` and `receive` tell)?"
-    )
+def nobody(name: str, cure: str) -> str:
+    """That nothing of ROS is seen at all. name, cure: of the transport."""
+    return f"no node of ROS is seen ({name}): {cure}"

@@ -70,6 +70,11 @@ class Transport(Protocol):
         """Of the transport, for a person."""
         ...
 
+    @property
+    def unseen(self) -> str:
+        """What to look at where nobody is seen by it, for a person."""
+        ...
+
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
         """A new publisher of a topic with messages of a type."""
         ...
