@@ -39,7 +39,7 @@ def calibrate(
     ] = Path("out/calibrate"),
     as_json: Json = False,
 ) -> None:
-    """Measure a robot by driving it a little, and write its YAML file.
+    """Measure a robot by driving it; write its YAML file.
 
     It says how much free floor it needs, and asks. Through the gate it drives straight and turns on
     the spot; what its model assumes is held beside what was measured. Ctrl-C stops the robot, and
