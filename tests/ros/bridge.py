@@ -65,7 +65,9 @@ class Bridge(ServerListener):
             for topic, kind in {(e.topic, e.type) for e in seen} - set(self._channels):
                 self._offer(topic, kind)
             for key in set(self._channels) - {(e.topic, e.type) for e in seen}:
-                self._channels.pop(key).close()
+                with self._lock:  # a client that subscribes just then looks through them
+                    gone = self._channels.pop(key)
+                gone.close()
             if self._graph:
                 self.server.publish_connection_graph(graph)
 
@@ -79,9 +81,12 @@ class Bridge(ServerListener):
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
         with self._lock:
-            key = next(k for k, made in self._channels.items() if made.id() == channel.id)
+            found = [(k, made) for k, made in self._channels.items() if made.id() == channel.id]
+        if not found:
+            return  # its publisher has gone meanwhile
+        key, made = found[0]
         if key in self._last:
-            self._channels[key].log(self._last[key])
+            made.log(self._last[key])
         if key in self._subscribed:
             return
         self._subscribed.add(key)
