@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -126,27 +126,22 @@ def response(model: RobotModel, ride: Ride) -> Response:
         for d in np.arange(0.0, 0.5, 0.02) for rise in (0.7, 1.0)
     ]  # fmt: skip
     start = min(starts, key=lambda q: float(np.sum(residual(q) ** 2)))
-    fit = None
+
+    def fit(begin: Floats, most: int | None = None) -> Any:
+        """From there on, with at most so many looks."""
+        bounds, steps = (low, high), np.full(8, 1e-3)
+        return least_squares(residual, begin, bounds=bounds, diff_step=steps, max_nfev=most)
+
+    best, p = start, start
     for _ in range(3):
-        fit = least_squares(
-            residual,
-            np.clip(start, low + 1e-6, high - 1e-6),
-            bounds=(low, high),
-            diff_step=np.full(8, 1e-3),
-        )
-        start = fit.x
-        p = (fit.x - shift) * scale
+        best = np.asarray(fit(np.clip(best, low + 1e-6, high - 1e-6)).x, dtype=np.float64)
+        p = (best - shift) * scale
         sigma = [max(float(np.sqrt(np.mean((ways(p, c) - data[c].way) ** 2))), 1e-9)
                  for c in range(2)]  # fmt: skip
-    if fit is None:
-        raise RuntimeError("no fit")
-    p = (fit.x - shift) * scale
-    jacobian = least_squares(
-        residual, fit.x, bounds=(low, high), diff_step=np.full(8, 1e-3), max_nfev=1
-    ).jac
+    jacobian = fit(best, 1).jac
     sums = np.vstack((np.diag(scale), [scale[0], scale[1], *([0.0] * 6)]))
     motions = np.concatenate([d.motion for d in data])
-    half = half_widths(np.asarray(jacobian, dtype=np.float64), residual(fit.x), motions, sums)
+    half = half_widths(np.asarray(jacobian, dtype=np.float64), residual(best), motions, sums)
     times = [0, 1, 8]  # the model knows them by its steps
     half[times] = np.hypot(half[times], 0.5 * _STEP)
 

@@ -97,6 +97,7 @@ class _Rider:
         self.made = Ride()
         self._sequence, self._number = 0, -1
         self._resting: Rest | None = None
+        self._line = 0.0  # heading of the first straight [rad]
 
     def begin(self, plan: Excitation) -> None:
         """The senses speak, nothing is in the way, and the gate lets the robot drive."""
@@ -186,8 +187,6 @@ class _Rider:
             )
         self.made.segments.append((began, keeper.now(), segment))
 
-    _line = 0.0
-
     def stand(self) -> None:
         """Brake, and wait until the odometry says that it stands, or for long enough."""
         keeper = self.keeper
@@ -223,9 +222,7 @@ class _Rider:
                 self._resting.scans.append(scan.ranges.copy())
         reason = self._propose(twist, odometry.stamp)
         gate = keeper.gate
-        if latched(gate.mode) and not stopped:
-            raise _EndedError(f"the robot was stopped: {gate.reason}")
-        if gate.mode == Mode.FAULTED:
+        if gate.mode == Mode.FAULTED or (latched(gate.mode) and not stopped):
             raise _EndedError(f"the robot was stopped: {gate.reason}")
         if twist != _STILL and reason not in _USUAL:
             raise _EndedError(f"the robot was slowed down ({reason}): more free floor is needed")

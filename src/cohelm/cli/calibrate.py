@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.ros import Bridge, Transports, on_ros
 from cohelm.cli.tell import Json, plain, print_json, print_table, progress, say, starting
 
 
@@ -24,6 +25,8 @@ def calibrate(
     topics: Annotated[
         list[str] | None, typer.Option("--topic", metavar="KEY=NAME", help="As in `cohelm robot`.")
     ] = None,
+    transport: Transports = "auto",
+    url: Bridge = "",
     twin: Annotated[
         bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
     ] = False,
@@ -61,7 +64,7 @@ def calibrate(
         with_load,
     )
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.operate import Asked, OnRos, ended, meant
+    from cohelm.drive.operate import Asked, ended, meant
     from cohelm.robot.keep.gated_robot import rules
     from cohelm.robot.keep.process import RemoteGatedRobot
     from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
@@ -82,9 +85,8 @@ def calibrate(
         raise typer.Exit(1)
     kind = "twin" if twin else "kinematic"
     named = name if driver is not None or ros2 else str(file)
-    asked = Asked(
-        named, scenario, kind, True, None, [], driver, OnRos(tuple(topics or ())) if ros2 else None
-    )  # fmt: skip
+    where = on_ros(ros2, topics, transport, url)
+    asked = Asked(named, scenario, kind, True, None, [], driver, where)
     with starting(model.name) as line, ended() as stop:
         made = meant(asked)
         keeper = RemoteGatedRobot(made, rules(made.model, PERIOD))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.ros import Bridge, Transports
+from cohelm.cli.ros import Bridge, Transports, on_ros
 from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say, starting
 
 if TYPE_CHECKING:
@@ -98,17 +98,15 @@ def robot(
     With --listen 0.0.0.0 it stands until a paired station takes over (`cohelm station --robot`).
     """
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.operate import Asked, OnRos, ended, hands, meant
+    from cohelm.drive.operate import Asked, ended, hands, meant
     from cohelm.drive.session import Session, SessionConfig
     from cohelm.drive.simulated import mapped
     from cohelm.loop.loop import LoopParams
 
     asked = Asked(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
-        OnRos(tuple(topics or ()), transport, url) if ros2 else None,
+        on_ros(ros2, topics, transport, url),
     )  # fmt: skip
-    if (topics or url or transport != "auto") and not ros2:
-        raise CohelmError("--topic, --transport and --url are of a ROS 2 robot: add --ros2")
     if listen is not None and (mode or arrive or fast):
         raise CohelmError(
             "with --listen the station says how to drive: leave out --mode, --arrive and --fast"

@@ -10,6 +10,9 @@ from cohelm.cli.app import app
 from cohelm.cli.tell import Json, plain, print_json, say, starting
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cohelm.drive.operate import OnRos
     from cohelm.ros.look import Found
 
 Transports = Annotated[
@@ -18,6 +21,18 @@ Transports = Annotated[
 Bridge = Annotated[
     str, typer.Option("--url", metavar="ws://ROBOT:8765", help="Of the robot's foxglove_bridge.")
 ]
+
+
+def on_ros(ros2: bool, topics: Sequence[str] | None, transport: str, url: str) -> OnRos | None:
+    """Where a ROS 2 robot is, if it is one. CohelmError for what only one has."""
+    from cohelm.core.errors import CohelmError
+    from cohelm.drive.operate import OnRos
+
+    if ros2:
+        return OnRos(tuple(topics or ()), transport, url)
+    if topics or url or transport != "auto":
+        raise CohelmError("--topic, --transport and --url are of a ROS 2 robot: add --ros2")
+    return None
 
 
 @app.command("filter")
