@@ -7,6 +7,7 @@ campaigns (LiDAR 2 cm, wheels 1.5 % wrong, drifting gyro). A published map is wo
 the way that are on no map. Seeds below 100 may be tuned on; the tables count from 907 on.
 
     python -m benchmarks.closed_loop [--variant drawn,gone] [--only NAME] [--seeds 907:910]
+        [--into benchmarks/counts/closed_loop.jsonl]
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.places import errors, laid, published  # noqa: E402
+from benchmarks.places import errors, kept, laid, published  # noqa: E402
 from cohelm.core.types import Floats  # noqa: E402
 from cohelm.drive.session import Session, SessionConfig  # noqa: E402
 from cohelm.drive.simulated import Simulated  # noqa: E402
@@ -197,6 +198,7 @@ def told(r: Result) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--only", default="")
+    parser.add_argument("--into", type=Path, help="file of results to add a line a drive to")
     parser.add_argument("--variant", default="drawn", help="drawn,gone,missing,boxes")
     parser.add_argument("--seeds", default="907:910", help="of drives on each map")
     parser.add_argument("--buildings", default="0:0", help="seeds of generated ones")
@@ -214,16 +216,17 @@ def main() -> None:
                 for name, make in published().items() for seed in seeds if given.only in name
             )  # fmt: skip
             for site in sites:
-                shown(site, given.why)
+                shown(site, variant, given)
         for seed in numbers:
-            shown(in_a_building(seed, variant, given.length), given.why)
+            shown(in_a_building(seed, variant, given.length), variant, given)
 
 
-def shown(site: Site, why: bool) -> None:
+def shown(site: Site, variant: str, given: argparse.Namespace) -> None:
     begun = time.process_time()
     found = driven(site)
+    kept(given.into, {"variant": variant, **found._asdict()})
     print(f"{told(found)}  ({time.process_time() - begun:.0f} s)", flush=True)
-    for spell in found.spells if why else ():
+    for spell in found.spells if given.why else ():
         print(f"    lost at {spell}", flush=True)
 
 

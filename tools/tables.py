@@ -6,6 +6,8 @@ fails where one is not what this would write, so a renamed field needs this scri
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +16,7 @@ from typing import Any
 import numpy as np
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
+RESULTS = DOCS.parent / "benchmarks" / "counts"
 BOUNDS = {"exclusiveMinimum": ">", "minimum": "≥", "maximum": "≤", "exclusiveMaximum": "<"}
 WORDS = {"boolean": "`true` or `false`", "string": "text", "array": "list", "object": "keys"}
 TYPES = {"float64": "float64", "int64": "int64", "bool": "bool"}
@@ -97,6 +100,72 @@ def _fields(
     return ["| field | type | meaning |", "|---|---|---|", *rows]
 
 
+def closed_loop() -> list[str]:
+    """Drives of `python -m benchmarks.closed_loop`, those of a map and variant in one row."""
+    said = {
+        "drawn": "as drawn", "gone": "30 % of the walls gone", "missing": "30 % missing on the map",
+        "boxes": "ten new boxes",
+    }  # fmt: skip
+    drives: dict[tuple[str, str], list[Json]] = {}
+    for row in _results("closed_loop.jsonl"):
+        place, seed = row["name"].rsplit(", ", 1)
+        drives.setdefault((place, row["variant"]), []).append({**row, "seed": seed})
+    head = [
+        "| map, seeds | arrived | rms | 99 % | largest | lost | wrong and sure | longest |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    return head + [
+        f"| `{place}`, {said[variant]}, {', '.join(r['seed'] for r in rows)} "
+        f"| {sum(r['arrived'] for r in rows)} of {len(rows)} | {_rms(rows)} cm "
+        f"| {_worst(rows, 'at_99')} | {_worst(rows, 'largest')} | {_share(rows, 'lost')} "
+        f"| {_share(rows, 'wrong')} | {max(r['longest'] for r in rows):.1f} s |"
+        for (place, variant), rows in sorted(drives.items())
+    ]
+
+
+def beside() -> list[str]:
+    """The same drives by several ways to localise: `python -m benchmarks.places beside`."""
+    drives: dict[tuple[str, str], dict[str, list[Json]]] = {}
+    for row in _results("beside.jsonl"):
+        methods = drives.setdefault((row["name"], row["variant"]), {})
+        methods.setdefault(row["method"], []).append(row)
+    names = list(next(iter(drives.values())))
+    return [
+        f"| map, seeds | {' | '.join(names)} |", "|---" * (1 + len(names)) + "|",
+        *(
+            f"| `{place}`, {variant}, {', '.join(str(r['seed']) for r in methods[names[0]])} | "
+            + " | ".join(
+                f"{_rms(rows)}, {_worst(rows, 'largest')} cm; {_share(rows, 'wrong')}; "
+                f"{_share(rows, 'lost')}"
+                for rows in (methods[name] for name in names)
+            )
+            + " |"
+            for (place, variant), methods in sorted(drives.items())
+        ),
+    ]  # fmt: skip
+
+
+def _results(name: str) -> list[Json]:
+    """What a benchmark has measured: a line a drive."""
+    return [json.loads(line) for line in (RESULTS / name).read_text("utf-8").splitlines()]
+
+
+def _rms(rows: list[Json]) -> str:
+    """Of some drives, while they were not lost [cm]."""
+    sure = [row["rms"] for row in rows if math.isfinite(row["rms"])]
+    return f"{100 * math.sqrt(sum(r**2 for r in sure) / len(sure)):.1f}" if sure else "–"
+
+
+def _worst(rows: list[Json], key: str) -> str:
+    sure = [row[key] for row in rows if math.isfinite(row[key])]
+    return f"{100 * max(sure):.1f}" if sure else "–"
+
+
+def _share(rows: list[Json], key: str) -> str:
+    share = 100 * sum(row[key] for row in rows) / len(rows)
+    return f"{share:.2f} %" if share else "0"
+
+
 def _cell(text: str) -> str:
     return text.replace("|", "\\|")
 
@@ -108,7 +177,7 @@ def _unit(name: str) -> str:
 
 
 TABLES: dict[str, Callable[[], list[str]]] = {
-    "robot": robot, "units": units, "period": period,
+    "robot": robot, "units": units, "period": period, "closed-loop": closed_loop, "beside": beside,
 }  # fmt: skip
 
 

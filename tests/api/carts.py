@@ -24,7 +24,7 @@ class Cart(cohelm.Robot):
         self.number = -1
 
     def read(self) -> cohelm.Readings:
-        odometry, scan, _, _ = self.inside.read()
+        odometry, scan, *_ = self.inside.read()
         if scan is None or scan.number == self.number:
             return cohelm.Readings(odometry)
         self.number = scan.number

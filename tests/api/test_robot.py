@@ -165,6 +165,26 @@ def test_scans_are_numbered_stamped_and_as_rep_117_has_them():
         bare.scan(ranges)
 
 
+def test_scans_of_further_lidars_are_numbered_by_themselves_and_stay_until_newer_ones_come():
+    cart = Cart()
+    cart.model = cohelm.load_robot("sally-rear")
+    port = RobotAdapter(cart)
+    cart.t, ranges = 1.0, np.ones(720)
+    front, rear = cart.scan(ranges), cart.scan(ranges, sensor="rear")
+    assert [(one.number, one.sensor) for one in (front, rear)] == [(0, "front"), (0, "rear")]
+    cart.read = lambda: cohelm.Readings(scan=front, further=(rear,))
+    assert port.read().further == (rear,)
+    newer = cart.scan(ranges)
+    cart.read = lambda: cohelm.Readings(scan=newer)
+    assert port.read()[1] is newer
+    assert port.read().further == (rear,)
+    later = cart.scan(ranges, sensor="rear")
+    cart.read = lambda: cohelm.Readings(further=(later,))
+    assert (port.read().further, later.number) == ((later,), 1)
+    with pytest.raises(cohelm.CohelmError, match="has no LiDAR 'left': choose 'front', 'rear'"):
+        cart.scan(ranges, sensor="left")
+
+
 def test_no_robot_without_a_model_passes():
     class Bare(Cart):
         def __init__(self) -> None:

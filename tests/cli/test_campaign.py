@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-ONE = ("campaign", "adversary", "--law", "guard", "--n", "6", "--seed", "2", "--jobs", "1")
+ONE = ("campaign", "adversary", "--law", "guard", "--n", "3", "--seed", "2", "--jobs", "1")
 TWO = ("campaign", "random", "--compare", "none,paper", "--n", "2", "--seed", "2", "--jobs", "1")
 
 
@@ -17,11 +17,11 @@ def test_one_law_says_one_object_with_what_is_counted(cohelm, tmp_path):
     said = cohelm(*ONE, "--out", "there", "--json")
     assert said.code == 0
     got = json.loads(said.out)
-    assert (got["suite"], got["law"], got["episodes"], got["seed"]) == ("adversary", "guard", 6, 2)
+    assert (got["suite"], got["law"], got["episodes"], got["seed"]) == ("adversary", "guard", 3, 2)
     assert (got["arrived"], got["score"], got["contacts_moving"]) == (None, None, 0)
     assert got["min_clearance_moving_m"] >= 0.0075
     assert got["limit_excess"] == 0.0
-    assert got["contacts_moving_share"]["high"] == pytest.approx(1.0 - 0.025 ** (1 / 6))
+    assert got["contacts_moving_share"]["high"] == pytest.approx(1.0 - 0.025 ** (1 / 3))
     assert "compare" not in got
     assert json.loads((tmp_path / "there" / "summary.json").read_text()).items() <= got.items()
 
@@ -91,7 +91,7 @@ def test_a_folder_of_another_campaign_is_not_touched(cohelm, tmp_path):
 def test_ctrl_c_keeps_what_was_driven_and_says_how_to_go_on(cohelm, tmp_path):
     command = [sys.executable, "-m", "cohelm", "campaign", "adversary", "--law", "none"]
     process = subprocess.Popen(
-        [*command, "--n", "400", "--jobs", "2", "--out", "there"],
+        [*command, "--n", "300", "--jobs", "2", "--out", "there"],
         cwd=tmp_path, stderr=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )  # fmt: skip
@@ -105,4 +105,4 @@ def test_ctrl_c_keeps_what_was_driven_and_says_how_to_go_on(cohelm, tmp_path):
     assert "cohelm campaign there" in err
     assert "Traceback" not in err
     got = json.loads(cohelm("campaign", "there", "--json", "--jobs", "1").out)
-    assert got["episodes"] == 400
+    assert got["episodes"] == 300

@@ -2,18 +2,28 @@
 
 import json
 import math
+import shutil
+import signal
 
 import numpy as np
 import pytest
 
+from cohelm.core.errors import CohelmError
+from cohelm.core.frames import between
+from cohelm.perceive.map.mapper import Survey
 from cohelm.perceive.pipeline import Perception
 from cohelm.record.file import About, RecordWriter
 from cohelm.scenario import load
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, read_map
 from cohelm.study import mapping
+from cohelm.study.mapping_session import MappingSession
 from tests.perceive.drives import LIDAR, TOUR, along, drive
 
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
+
+
+def silent(_what, _share):
+    """Nobody listens."""
 
 
 class Written:
@@ -55,7 +65,8 @@ def folder(record, tmp_path_factory):
 
 def test_the_folder_holds_a_map_for_map_server_and_a_picture(folder):
     assert {p.name for p in folder.iterdir()} == {
-        "map.yaml", "map.pgm", "map.png", "trajectory.csv", "mapping.json",
+        "map.yaml", "map.pgm", "map.png", "trajectory.csv", "loops.csv", "mapping.json",
+        "survey.npz",
     }  # fmt: skip
     made = read_map(folder / "map.yaml")
     assert made.resolution == 0.05
@@ -68,7 +79,7 @@ def test_the_robot_finds_its_way_on_the_map_it_made(folder):
     truth = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
     path = along(TOUR[:6])
     perception = Perception(SALLY, made.known(), None)
-    from cohelm.core.frames import between, compose
+    from cohelm.core.frames import compose
     from cohelm.core.types import Pose
 
     # the map's origin is the body at its first scan; the true pose there is the path's first
@@ -130,3 +141,129 @@ def test_live_a_record_is_mapped_while_it_is_being_written(tmp_path, monkeypatch
     assert (np.diff(rows[:, 0]) > 0.0).all()
     assert np.diff(rows[:, 0]).max() < 0.15  # none is left out where the record was cut
     assert (read_map(out / "map.yaml").cells == OCCUPIED).sum() > 200
+
+
+def test_interrupted_it_goes_on_with_resume_and_makes_the_same_map(folder, record, tmp_path):
+    def stop(what, _share):
+        if what.startswith("scan 101"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(mapping.Interrupted):
+        mapping.mapped(record, tmp_path, 0.05, stop)
+    assert {p.name for p in tmp_path.iterdir()} == {"survey.npz"}
+    heard = []
+    mapping.mapped(record, tmp_path, None, lambda what, _: heard.append(what), resume=True)
+    assert int(heard[0].removeprefix("scan ").split(",")[0]) > 100
+    for name in ("map.pgm", "trajectory.csv"):
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(folder, record, tmp_path, monkeypatch):
+    class Pressed(Survey):
+        def add(self, glimpse):
+            super().add(glimpse)
+            if self.scans == 60:
+                signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(mapping, "Survey", Pressed)
+    with pytest.raises(mapping.Interrupted):
+        mapping.mapped(record, tmp_path, 0.05, silent)
+    assert MappingSession.read(tmp_path).complete
+    mapping.mapped(record, tmp_path, None, silent, resume=True)
+    assert (tmp_path / "map.pgm").read_bytes() == (folder / "map.pgm").read_bytes()
+
+
+def test_what_is_killed_goes_on_from_what_was_kept_last(record, tmp_path, monkeypatch):
+    monkeypatch.setattr(mapping, "_SAVED", 0.0)
+
+    def stop(what, _share):
+        if what.startswith("scan 101"):
+            raise MemoryError
+
+    with pytest.raises(MemoryError):
+        mapping.mapped(record, tmp_path, 0.05, stop)
+    assert len(MappingSession.read(tmp_path).stamps) == 100
+
+
+def test_another_drive_goes_on_where_the_last_one_ended(folder, tmp_path):
+    first = along(TOUR[:6])[0]
+    path = along(TOUR[5:8])  # turned by 38 degrees
+    shutil.copytree(folder, tmp_path / "map")
+    with (tmp_path / "more.mcap").open("wb") as file:
+        write = Written(file)
+        for moment in drive(*path, 2):
+            write(moment)
+        write.made.finish()
+    mapping.mapped(tmp_path / "more.mcap", tmp_path / "map", None, silent, resume=True)
+    rows = np.loadtxt(tmp_path / "map/trajectory.csv", delimiter=",", skiprows=1)
+    before = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
+    end = between(first[0], moment.truth)
+    assert len(rows) > len(before) + 20
+    assert math.hypot(rows[-1, 1] - end.x, rows[-1, 2] - end.y) < 0.1
+
+
+def test_a_drive_that_begins_elsewhere_is_not_put_where_the_last_one_ended(folder):
+    survey = MappingSession.read(folder).survey
+    survey.set_down()
+    (seen,) = mapping.glimpses(LIDAR.lidar(), *scanned(along(TOUR[8:10])))
+    with pytest.raises(CohelmError, match="not what was seen where the last one ended"):
+        survey.add(seen)
+
+
+def scanned(path):
+    """Odometry and the first scan of a drive."""
+    odometry = []
+    for moment in drive(*path, 3):
+        odometry.append(moment.readings.odometry)
+        if moment.readings.scan is not None and moment.now > 0.5:
+            return odometry, [moment.readings.scan]
+    raise AssertionError("no scan came")
+
+
+def test_what_is_wrong_is_cut_or_cropped_and_that_is_undone(folder, tmp_path, cohelm):
+    shutil.copytree(folder, tmp_path / "map")
+    whole = (folder / "map.pgm").read_bytes()
+    done = cohelm("map", "map", "--crop", "0:-1.5:3:1", "--json")
+    assert done.code == 0
+    assert json.loads(done.out)["marks"] == ["--crop 0:-1.5:3:1"]
+    made = read_map(tmp_path / "map/map.yaml")
+    assert made.cells.shape == pytest.approx((50, 60), abs=1)
+    done = cohelm("map", "map", "--undo", "--cut", "5:1e9", "--json")
+    assert json.loads(done.out)["marks"] == ["--cut 5:1e+09"]
+    cut = (read_map(tmp_path / "map/map.yaml").cells == FREE).sum()
+    assert cut < 0.8 * (read_map(folder / "map.yaml").cells == FREE).sum()
+    assert cohelm("map", "map", "--undo").code == 0
+    assert (tmp_path / "map/map.pgm").read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("map", "--undo"), "nothing to undo"),
+        (("map", "--remove-loop", "999"), "there is no loop 999"),
+        (("map", "--crop", "90:90:99:99"), "is not on the map"),
+        (("map", "--crop", "1:2"), "is not X:Y:X:Y in metres"),
+        (("map", "--cut", "9:1"), "ends before it begins"),
+        (("map", "--cut", "0:1e9"), "nothing is left to draw"),
+        (("map", "--live"), "are for a record"),
+        ((".", "--undo"), "name the folder of a mapping"),
+        (("map/map.png", "--undo"), "name its folder instead of a record"),
+        (("map/map.png", "--resume", "--out", "nowhere"), "there is no such file"),
+    ],
+)
+def test_marks_that_make_no_sense_are_refused_in_a_sentence(
+    folder, tmp_path, cohelm, options, said
+):
+    (tmp_path / "map").symlink_to(folder)
+    before = (folder / "survey.npz").read_bytes()
+    done = cohelm("map", *options)
+    assert done.code == 2
+    assert said in " ".join(done.err.split())
+    assert (folder / "survey.npz").read_bytes() == before
+
+
+def test_a_damaged_mapping_is_told(folder, tmp_path):
+    for damaged in (b"", b"PK", (folder / "survey.npz").read_bytes()[:2000]):
+        (tmp_path / "survey.npz").write_bytes(damaged)
+        with pytest.raises(CohelmError, match="is damaged: map the record again"):
+            MappingSession.read(tmp_path)

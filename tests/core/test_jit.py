@@ -122,6 +122,7 @@ def test_an_edit_of_what_compiles_nothing_starts_no_new_cache():
     assert PACKAGE / "perceive" / "map" / "mapper.py" not in jit._sources("law")
 
 
+@pytest.mark.slow
 def test_an_edit_in_a_room_above_does_not_compile_the_rooms_below_again(checkout, tmp_path):
     cache = tmp_path / "cache"
     answer(checkout, STEP, COHELM_CACHE_DIR=str(cache))
@@ -162,6 +163,7 @@ print(repr(twice(eval(sys.argv[1]))))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("writes", first([2, 1]))
 def test_two_who_write_the_cache_leave_no_code_under_another_signature(tmp_path, writes):
     """One has begun to write the code for whole numbers when another comes with that for real

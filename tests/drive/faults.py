@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from cohelm.core.types import Pose, Twist
 from cohelm.drive.simulated import Simulated, simulated
-from cohelm.robot.port import Health, Readings
+from cohelm.robot.port import Health, Readings, Scan
 
 CORRIDOR = Path(__file__).parent / "corridor.yaml"
 
@@ -23,10 +25,20 @@ FAULTS = {
     "clock jumps back": "from the future: a clock jumped",
     "bumper": "the robot says: the bumper is pressed",
 }
+REAR_FAULTS = {
+    "rear scans stop": "rear LiDAR: the scan is",
+    "rear scans are gone": "rear LiDAR: there is no scan",
+    "rear scans are no number": "rear LiDAR: the scan is no number",
+    "rear scans freeze": "rear LiDAR: the scan repeats",
+    "rear scans are empty": "rear LiDAR: ",
+}
 """What can happen, and what the record says then."""
 JUMPS = {"clock jumps on": 5.0, "clock jumps back": -1.0}
 """By how much the robot's clock does [s]."""
-NOTICED = {"scans stop": 0.40, "odometry stops": 0.12}
+NOTICED = {
+    "scans stop": 0.40, "odometry stops": 0.12, "rear scans stop": 0.40, "rear scans freeze": 0.2,
+    "rear scans are empty": 1.0,
+}  # fmt: skip
 """How long it may take until a loss is noticed [s]; others within two periods."""
 HELD_UP = "the loop is held up"
 """No fault: between looking at the clock and reading, other processes had the processor."""
@@ -48,7 +60,8 @@ def failing(
     fault: str, at: float, real_time: bool = False, when: Path | None = None
 ) -> Failing:  # fmt: skip
     """At a time of the robot's clock [s], or once a file is there: then that time is put in it."""
-    made = simulated(CORRIDOR, real_time=real_time, seed=2)
+    changes = ["robot=sally-rear"] if fault in REAR_FAULTS else []
+    made = simulated(CORRIDOR, real_time=real_time, seed=2, changes=changes)
     return Failing(made.scenario, made.kind, real_time, made.seed, fault, at, when)
 
 
@@ -58,6 +71,7 @@ class Faulty:
     def __init__(self, robot, fault: str, at: float, when: Path | None = None) -> None:
         self._robot, self._fault, self._at, self._when = robot, fault, at, when
         self._kept: Readings | None = None
+        self._rear: Scan | None = None
 
     def __getattr__(self, name):
         return getattr(self._robot, name)
@@ -99,10 +113,27 @@ class Faulty:
                 return readings._replace(scan=kept.scan)
             case "scans are no number":
                 return readings._replace(scan=scan._replace(ranges=scan.ranges * math.nan))
+            case "rear scans stop":
+                return readings._replace(further=kept.further)
+            case "rear scans are gone":
+                return readings._replace(further=())
+            case "rear scans are no number":
+                return self._behind(readings, readings.further[0].ranges * math.nan)
+            case "rear scans freeze":
+                return self._behind(readings, kept.further[0].ranges)
+            case "rear scans are empty":
+                return self._behind(readings, np.full(len(kept.further[0].ranges), math.inf))
             case "bumper":
                 said = ("the bumper is pressed",)
                 return readings._replace(health=Health(self.now(), math.nan, said))
         return readings
+
+    def _behind(self, readings: Readings, ranges) -> Readings:
+        """With other ranges of the rear LiDAR, the same as long as its scan is."""
+        (scan,) = readings.further
+        if self._rear is None or self._rear.number != scan.number:
+            self._rear = scan._replace(ranges=ranges)
+        return readings._replace(further=(self._rear,))
 
     def send(self, twist: Twist) -> Twist:
         return self._robot.send(twist)

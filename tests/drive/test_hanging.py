@@ -77,6 +77,7 @@ def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(
         assert f"loop: over: {helper}" in log
 
 
+@pytest.mark.slow
 def test_who_follows_no_route_waits_for_no_plan():
     with Session(SessionConfig(simulated(CORRIDOR, seed=2), patience=PATIENT)) as session:
         loop, planner = session.loop, children(os.getpid())["cohelm planner"]

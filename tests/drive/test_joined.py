@@ -130,6 +130,7 @@ def test_a_stick_of_this_machine_joins_and_takes_the_helm(drive):
         until(lambda: told().arming == Arming.ABSENT, PATIENT)
 
 
+@pytest.mark.slow
 def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
     own, to = borrowed()
     with StationEnd(own, *to) as station:
@@ -161,6 +162,7 @@ def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
     assert [line for line in said[said.index(latched[0]) :] if line.startswith("stands, ")]
 
 
+@pytest.mark.slow
 def test_when_its_robot_dies_it_says_so_and_ends(drive):
     os.kill(drive.robot(), signal.SIGKILL)
     assert drive.process.wait(2 * PATIENT) == 2

@@ -20,7 +20,6 @@ from cohelm.link import keys
 from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.record.messages import messages
 from tests.drive.faults import CORRIDOR, FAULTS, JUMPS, NOTICED
-from tests.few import first
 
 pytestmark = pytest.mark.xdist_group("realtime")
 
@@ -139,6 +138,7 @@ def test_a_killed_loop_does_not_take_the_robot_along(drive):
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
     going = drive("--for", "8")
     going.driving()
@@ -154,15 +154,14 @@ def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
     assert log.count("-> AUTOMATIC") == 1  # it never started again by itself
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "reason"),
-    first(
-        [
-            (signal.SIGINT, "Ctrl-C"),
-            (signal.SIGHUP, "the terminal is gone"),
-            (signal.SIGTERM, "told to terminate"),
-        ]
-    ),
+    [
+        (signal.SIGINT, "Ctrl-C"),
+        (signal.SIGHUP, "the terminal is gone"),
+        (signal.SIGTERM, "told to terminate"),
+    ],
 )
 def test_what_ends_all_its_processes_at_once_stops_the_robot_first(drive, number, reason):
     going = drive()

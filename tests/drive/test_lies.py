@@ -18,7 +18,8 @@ SOME = [
     ("all infinite", "manual", 2), ("front quarter infinite", "manual", 3),
     ("0.3 s older than stamped", "manual", 0), ("odometry frozen", "manual", 2),
     ("gyro off by 10 deg/s", "automatic", 1), ("number stays", "manual", 3),
-    ("longer by half a metre", "manual", 0), ("all 9.99 m, with noise", "automatic", 11),
+    ("longer by half a metre", "manual", 0), ("longer by half a metre", "automatic", 23),
+    ("all 9.99 m, with noise", "automatic", 11),
     ("speed half, pose right", "shared", 1),
 ]  # fmt: skip
 

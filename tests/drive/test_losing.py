@@ -12,7 +12,8 @@ from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.keep.gated_robot import standing
-from tests.drive.faults import FAULTS, HELD_UP, NOTICED, failing
+from tests.drive.faults import FAULTS, HELD_UP, NOTICED, REAR_FAULTS, failing
+from tests.few import first
 
 AT = 3.0
 BRAKING = 0.05 + 0.5 / 2.0 + 0.1
@@ -47,6 +48,17 @@ def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
         log = record.with_suffix(".log").read_text()
         assert f"AUTOMATIC -> FAULTED: {FAULTS[fault]}" in log
         assert "gate: stands, 0." in log
+
+
+@pytest.mark.parametrize("fault", first(REAR_FAULTS, 2))
+def test_a_broken_rear_lidar_stops_the_robot_too_and_is_named(fault):
+    with Session(SessionConfig(failing(fault, AT))) as session:
+        drive(session, AT - session.loop.keeper.now() - 0.02, Mode.AUTOMATIC)
+        assert speed(session) > 0.4
+        drive(session, 0.04 + NOTICED.get(fault, 0.04) + BRAKING)
+        assert session.keeper.gate.mode == GateMode.FAULTED
+        assert REAR_FAULTS[fault] in session.keeper.gate.reason
+        assert speed(session) == 0.0
 
 
 def test_a_loop_that_is_held_up_while_it_reads_takes_nothing_to_be_from_the_future():

@@ -46,6 +46,7 @@ def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tm
     assert "stopped by KeyboardInterrupt" in replayed.stderr
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_in_mid_run_is_told_and_what_came_before_is_replayed(tmp_path):
     cohelm("run", "minimal", cwd=tmp_path)  # so that nothing is compiled onto the full disk
     full = cohelm(

@@ -129,7 +129,7 @@ def true_ages(steps: list[Used]) -> list[float]:
     return [step.now - step.made for step in steps if not math.isnan(step.made)]
 
 
-@pytest.mark.parametrize("loss", [0.02, 0.10])
+@pytest.mark.parametrize("loss", [pytest.param(0.02, marks=pytest.mark.slow), 0.10])
 def test_with_delay_jitter_and_loss_commands_arrive_young_and_none_is_used_old(
     drive, network, loss
 ):
@@ -200,6 +200,7 @@ def test_forged_replayed_and_reordered_packets_are_not_used(drive, network):
     assert drive.robot.counts["malformed"] == 0  # what was forged never came that far
 
 
+@pytest.mark.slow
 def test_a_record_fetched_over_a_thin_line_does_not_delay_commands_or_status(
     drive, network, tmp_path
 ):

@@ -124,13 +124,9 @@ def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
     assert in_force(driven).stick == fuzz.STICK
 
 
-def test_ten_seconds_of_everything_at_once_move_nothing_and_break_nothing():
-    assert fuzz.main(10.0, seed=7) == []
-
-
-@pytest.mark.slow
-def test_ten_minutes_of_everything_at_once_move_nothing_and_break_nothing():
-    assert fuzz.main(600.0, seed=int(time.time())) == []
+@pytest.mark.parametrize("seconds", [3.0, pytest.param(600.0, marks=pytest.mark.slow)])
+def test_everything_at_once_moves_nothing_and_breaks_nothing(seconds):
+    assert fuzz.main(seconds, seed=7 if seconds < 10.0 else int(time.time())) == []
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="the command `openssl` is missing")

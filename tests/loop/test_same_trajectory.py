@@ -4,6 +4,8 @@ The loop runs in simulated time, with gate and monitors, on the kinematic robot;
 speed through a period, as the stepper has it, and odometry is exact.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,15 +41,15 @@ BODIES = {
 }  # fmt: skip
 
 
-def made(delay: float, bodies):
+def made(delay: float, bodies, name: str = "sally"):
     """The robot, and a run of it."""
-    model = robot("sally").model_copy(update={"odometry": EXACT, "delay_s": delay, "camera": None})
+    model = robot(name).model_copy(update={"odometry": EXACT, "delay_s": delay, "camera": None})
     setup = Setup(
         Pose(0.0, 0.0, 0.0), through([[0, 0], [2, 0], [4, 0], [6, 0]], 0.5), model.outline,
         model.bounds(), around=world((bodies, np.array(ROOM, dtype=float))), dt=DT, seed=3,
         names=tuple(f"body_{i}" for i in range(len(bodies))), duration=8.0, delay=delay,
     )  # fmt: skip
-    return model, with_pilot(setup, lidar=model.lidar)
+    return model, with_pilot(setup, lidar=model.lidar, further=model.further_lidars)
 
 
 def looped(model, setup, steps: int) -> np.ndarray:
@@ -89,7 +91,15 @@ def looped(model, setup, steps: int) -> np.ndarray:
     [("a walker crosses", 0.04), ("a post on the way", 0.0), ("a narrow pass", 0.04)],
 )
 def test_stepper_and_loop_drive_the_same_way(name, delay):
-    model, setup = made(delay, BODIES[name])
+    same(*made(delay, BODIES[name]))
+
+
+def test_they_do_so_with_a_second_lidar_too():
+    model, setup = made(0.04, BODIES["a walker crosses"], "sally-rear")
+    same(model, replace(setup, duration=5.0))
+
+
+def same(model, setup):
     rows = run(setup).rows
     assert rows["x"][-1] > 2.0
     theirs = looped(model, setup, len(rows))

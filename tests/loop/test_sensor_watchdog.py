@@ -8,6 +8,7 @@ import pytest
 from cohelm.core.types import Pose, Twist
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
 from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.scenario.load import robot
 from tests.ports.adapters import sally
 
 NAN = math.nan
@@ -86,3 +87,33 @@ def test_a_turn_of_the_heading_over_pi_is_no_jump():
 def test_a_robot_without_a_lidar_needs_no_scan():
     blind = sally().model_copy(update={"lidar": None})
     assert SensorWatchdog(blind, patience(blind, 0.02)).wrong(10.0, readings(s=None)) == ""
+
+
+REAR = robot("sally-rear")
+
+
+def behind(stamp=9.95, number=1, value=3.0):
+    return readings()._replace(further=(scan(stamp, number, value)._replace(sensor="rear"),))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (behind(), ""),
+        (readings(), "rear LiDAR: there is no scan"),
+        (behind(stamp=9.5), "rear LiDAR: the scan is 500 ms old"),
+        (behind(stamp=NAN), "rear LiDAR: the scan's time is no number"),
+        (behind(value=NAN), "rear LiDAR: the scan is no number"),
+        (behind()._replace(scan=None), "front LiDAR: there is no scan"),
+    ],
+)
+def test_every_lidar_is_watched_and_named(given, said):
+    assert SensorWatchdog(REAR, patience(REAR, 0.02)).wrong(10.0, given) == said
+
+
+def test_a_lidar_may_have_a_time_out_of_its_own():
+    lidar = REAR.further_lidars[0].model_copy(update={"timeout_s": 0.6})
+    patient = REAR.model_copy(update={"further_lidars": (lidar,)})
+    made = SensorWatchdog(patient, patience(patient, 0.02))
+    assert made.wrong(10.0, behind(stamp=9.4)) == ""
+    assert made.wrong(10.0, behind(stamp=9.3)) == "rear LiDAR: the scan is 700 ms old"

@@ -10,7 +10,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.map.loop_closure import revisits
-from cohelm.perceive.map.mapper import Survey, glimpses
+from cohelm.perceive.map.mapper import Survey, encounters, glimpses
 from cohelm.perceive.map.pose_graph import Link, consistent, solved, spread
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.match.odometry_covariance import (
@@ -53,6 +53,9 @@ def errors(found, true):
     return np.hypot(*off.T), heading, (turn, mb - turn @ ma)
 
 
+states = []  # of the tour's survey, before its loops are closed for good
+
+
 @pytest.fixture(scope="module")
 def tour():
     odometry, scans, truth = recorded(along(TOUR + HOME))
@@ -60,6 +63,7 @@ def tour():
     survey = Survey(LIDAR.lidar())
     for glimpse in seen:
         survey.add(glimpse)
+    states.append(survey.state())
     return survey.finished(), seen, [truth[round(g.stamp, 2)] for g in seen]
 
 
@@ -75,6 +79,42 @@ def test_the_trajectory_in_the_lab_is_true_within_centimetres(tour):
 def test_coming_home_closes_loops_with_the_beginning(tour):
     made, _, _ = tour
     assert any(a < 50 and b > len(made.poses) - 150 for a, b in made.loops)
+
+
+def test_a_loop_that_somebody_takes_out_is_not_closed_again_and_the_others_are(tour):
+    made, _, truth = tour
+    (state,) = states
+    met = encounters(made)
+    assert sum(map(len, met)) == len(made.loops)
+    survey = Survey.restored(LIDAR.lidar(), state)
+    survey.keep_apart(met[0])
+    again = survey.finished()
+    apart = {(a, b) for a, b in met[0]}
+    assert not apart & {(min(pair), max(pair)) for pair in again.loops}
+    assert len(encounters(again)) == len(met) - 1
+    off, _, _ = errors(again.poses, truth)
+    assert np.sqrt((off**2).mean()) < 0.1
+
+
+@pytest.mark.slow
+def test_of_places_that_are_left_out_none_meets_others(tour):
+    made, _, _ = tour
+    survey = Survey.restored(LIDAR.lidar(), states[0])
+    out = range(len(made.poses) - 150, len(made.poses))
+    survey.leave_out(out)
+    assert not {scan for pair in survey.finished().loops for scan in pair} & set(out)
+
+
+def test_a_survey_that_goes_on_is_the_same_as_one_that_did_not_stop(tour):
+    _, seen, _ = tour
+    whole, half = Survey(LIDAR.lidar()), Survey(LIDAR.lidar())
+    for k, glimpse in enumerate(seen[:200]):
+        whole.add(glimpse)
+        if k == 120:
+            half = Survey.restored(LIDAR.lidar(), half.state())
+        half.add(glimpse)
+    for name, values in whole.state().items():
+        assert np.array_equal(values, half.state()[name]), name
 
 
 def test_occupied_cells_lie_on_true_walls_and_every_wall_has_some(tour):

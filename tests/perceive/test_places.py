@@ -216,3 +216,30 @@ def test_told_its_start_where_a_third_of_the_walls_is_gone_it_believes_it(start)
         assert seen.lost or off < 0.2
     assert seen is not None
     assert not seen.lost
+
+
+def test_who_steps_past_where_a_third_of_the_walls_is_gone_does_not_make_it_lost_for_good():
+    """That scans contradict each other for a moment is no proof of having been moved: what was seen
+    before speaks for where it stands, and against what fits the map as well.
+
+    One start, at which it was lost before. Starts 14 and 22 m were lost too; they have not been
+    tried again.
+    """
+    occupied, free, cell, origin = dotted(4, length=60.0)
+    here = Pose(38.0, 0.0, 0.0)
+    perception = Perception(SALLY, known(occupied, free, cell, origin), here)
+    seen = None
+    for moment in drive(
+        [here] * 651, [Twist(0.0, 0.0)] * 650, 6, NO_DISCS, NO_WALLS,
+        grid=grid(gone(occupied, 0.35, 6), cell, origin),
+    ):  # fmt: skip
+        readings, scan = moment.readings, moment.readings.scan
+        if scan is not None and 6.0 < scan.stamp < 6.6:
+            ranges = scan.ranges.copy()
+            ranges[240:480] = 0.7  # with a box, right before it
+            readings = readings._replace(scan=scan._replace(ranges=ranges))
+        seen = perception.take(moment.now, readings)
+        off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+        assert seen.lost or off < 0.2
+    assert seen is not None
+    assert not seen.lost

@@ -9,7 +9,19 @@ from shapely import MultiPoint, Polygon
 from shapely.affinity import rotate, translate
 
 from cohelm.core.types import Pose, Twist, wrap
-from cohelm.plan.recovery import FORWARDS, LEFT, RIGHT, Choices, Escape, escape, kind, rest, wish
+from cohelm.plan.distance_field import swept
+from cohelm.plan.recovery import (
+    FORWARDS,
+    LEFT,
+    RIGHT,
+    Choices,
+    Escape,
+    escape,
+    kind,
+    rest,
+    wish,
+    wriggle,
+)
 from cohelm.robot.kinematics import arc
 from cohelm.scenario.load import robot as load_robot
 from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, room, wall
@@ -146,3 +158,27 @@ def test_a_kind_of_move_that_led_nowhere_is_not_begun_with_again(heading):
     assert away is not None
     assert away.distance < 0.0
     assert escape(AT, heading, NOTHING, JACKAL, refused=15) is None
+
+
+def test_a_few_small_moves_lead_out_of_a_corner():
+    """Aslant in it, three of its own corners 3 cm or so off the walls."""
+    sally = load_robot("sally").outline
+    corner = np.vstack((wall(0.0, 0.0, 4.0, 0.0), wall(0.0, 0.0, 0.0, 4.0)))
+    pose, left = Pose(0.49005, 0.46987, 2.56157), 12
+    gaps = [float(swept(corner, sally, np.array([pose]))[0])]
+    while gaps[-1] < 0.08:
+        move = wriggle(pose, corner, sally)
+        assert move is not None
+        for share in np.linspace(0.05, 1.0, 20):
+            on = Twist(share * move.distance, share * (move.distance * move.curvature + move.turn))
+            there = arc(pose, on, 1.0)
+            gaps.append(float(swept(corner, sally, np.array([there]))[0]))
+        pose, left = there, left - 1
+        assert left > 0
+    assert min(gaps) > 0.017
+
+
+def test_where_nothing_leads_out_none_is_found():
+    sally = load_robot("sally").outline
+    cage = room(-0.375, -0.305, 0.375, 0.305)
+    assert wriggle(Pose(0.0, 0.0, 0.0), cage, sally) is None

@@ -116,7 +116,7 @@ class Own(BaseRobot):
         self.now, self.wait = self._inside.now, self._inside.wait
 
     def read(self) -> Readings:
-        odometry, scan, _, _ = self._inside.read()
+        odometry, scan, *_ = self._inside.read()
         if scan is None or scan.number == self._number:
             return Readings(odometry)
         self._number = scan.number

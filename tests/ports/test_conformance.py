@@ -20,12 +20,13 @@ SLACK = 1.0  # a busy machine may be so late [s]
 STILL = 1e-3  # as fast as a standing robot may seem, gyro apart [m/s]
 
 
-@pytest.fixture(
-    params=[
-        pytest.param(a, id=name, marks=pytest.mark.xdist_group("realtime") if a.real_time else ())
-        for name, a in ADAPTERS.items()
-    ]
-)
+def marks(name: str) -> list[pytest.MarkDecorator]:
+    """In real time one simulator of ours stands for both; `make test-all` takes the other too."""
+    real = [pytest.mark.xdist_group("realtime")] if ADAPTERS[name].real_time else []
+    return [*real, *([pytest.mark.slow] if name == "kinematic, real time" else [])]
+
+
+@pytest.fixture(params=[pytest.param(a, id=n, marks=marks(n)) for n, a in ADAPTERS.items()])
 def adapter(request):
     return request.param
 
@@ -167,7 +168,14 @@ def test_sending_answers_with_what_it_will_try(robot, adapter):
 
 @pytest.mark.parametrize(
     "broken",
-    [Twist(math.nan, 0.0), Twist(0.0, math.nan), Twist(math.inf, 0.0), Twist(0.0, -math.inf)],
+    first(
+        [
+            Twist(math.nan, 0.0),
+            Twist(0.0, math.nan),
+            Twist(math.inf, 0.0),
+            Twist(0.0, -math.inf),
+        ]
+    ),
 )
 def test_a_twist_that_is_no_number_stops_it(robot, adapter, broken):
     if not adapter.obeys:

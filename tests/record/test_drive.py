@@ -11,10 +11,12 @@ from cohelm.core.types import Pose, Twist
 from cohelm.record import period
 from cohelm.record.file import TOPICS, About, RecordWriter
 from cohelm.record.messages import messages
+from cohelm.record.read import read_record
 from cohelm.record.replay import Replayed, recorded_model
 from cohelm.record.shown import TOPICS as SHOWN_TOPICS, understood
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.port import Odometry
+from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
 from tests.ports.adapters import SHOWN, recorded, room, sally
 
@@ -133,3 +135,29 @@ def test_a_drive_holds_only_what_belongs_in_it(tmp_path):
             made.write("nonsense")
         made.write(Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)))
         made.finish()
+
+
+def test_the_scans_of_further_lidars_are_kept_and_played_back(tmp_path):
+    model, path = load_robot("sally-rear"), tmp_path / "two.mcap"
+    robot = Kinematic(model, around=room(), seed=4)
+    with path.open("wb") as file:
+        made = RecordWriter(file, About("drive", EPOCH), model)
+        for k in range(30):
+            readings = robot.read()
+            made.write(readings.odometry)
+            if k % 5 == 0:
+                made.write(readings.scan)
+                made.write(readings.further[0])
+            made.period(np.zeros((), dtype=ROW))
+            robot.wait(0.02 * (k + 1))
+        made.finish()
+    kept = read_record(path)
+    assert list(kept.further_scans) == ["rear"]
+    assert len(kept.further_scans["rear"]) == len(kept.scans) == 6
+    again, then = Replayed(path), Kinematic(model, around=room(), seed=4)
+    for one in (again, then):
+        one.wait(0.3)
+    (back,), (was,) = again.read().further, then.read().further
+    assert (back.sensor, back.number) == (was.sensor, was.number) == ("rear", 3)
+    assert np.allclose(back.ranges, was.ranges, rtol=1e-6)
+    assert not np.allclose(back.ranges, again.read().scan.ranges, rtol=1e-3)

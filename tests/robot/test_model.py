@@ -99,3 +99,31 @@ def test_a_limit_is_a_positive_number(key, value):
 def test_an_unknown_key_is_refused():
     with pytest.raises(ValidationError, match="wheel_base_m"):
         RobotModel.model_validate(SQUARE | {"wheel_base_m": 0.5})
+
+
+def test_sally_rear_is_sally_with_a_second_lidar_behind():
+    sally, rear = shipped("sally"), shipped("sally-rear")
+    assert rear.model_copy(
+        update={"name": "sally", "lidar": sally.lidar, "further_lidars": (), "note": sally.note}
+    ) == sally  # fmt: skip
+    front, behind = rear.lidars
+    assert front.model_copy(update={"name": ""}) == sally.lidar
+    assert (behind.name, behind.mount_x_m, behind.mount_yaw_deg) == ("rear", -0.30, 180.0)
+    assert sally.lidars == (sally.lidar,)
+    assert RobotModel.model_validate(SQUARE).lidars == ()
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"further_lidars": [{"name": "rear"}]}, "need a lidar"),
+        ({"lidar": {}, "further_lidars": [{}]}, "a name of its own"),
+        ({"lidar": {"name": "a"}, "further_lidars": [{"name": "a"}]}, "a name of its own"),
+        ({"lidar": {}, "further_lidars": [{"name": "b"}, {"name": "b"}]}, "a name of its own"),
+        ({"lidar": {"name": "Front left"}}, "pattern"),
+        ({"lidar": {"timeout_s": 0.0}}, "greater than 0"),
+    ],
+)
+def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | keys)

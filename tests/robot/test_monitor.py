@@ -11,6 +11,7 @@ from cohelm.robot.gate.gate import Proposal, Rules
 from cohelm.robot.gate.modes import Mode
 from cohelm.robot.keep.gated_robot import GatedRobot
 from cohelm.robot.monitor import UNRESTRICTED, Restriction, strictest
+from cohelm.robot.port import Odometry, Readings
 from cohelm.scenario import load
 from cohelm.sim.kinematic import Kinematic
 
@@ -77,3 +78,22 @@ def test_of_several_a_fault_comes_before_the_least_share():
     assert strictest([UNRESTRICTED, slow, fault]) is fault
     assert strictest([UNRESTRICTED, slow]) is slow
     assert strictest([]) == UNRESTRICTED
+
+
+@pytest.mark.parametrize(
+    ("pose", "twist"),
+    [
+        (Pose(1e300, 0.0, 0.0), Twist(0.0, 0.0)),
+        (Pose(0.0, -1e160, 0.0), Twist(0.0, 0.0)),
+        (Pose(0.0, 0.0, 1e9), Twist(0.0, 0.0)),
+        (Pose(0.0, 0.0, 0.0), Twist(1e155, 0.0)),
+    ],
+)
+def test_odometry_that_no_wheels_can_have_measured_is_no_number_to_anybody(pose, twist):
+    """Its square would be none, and so would all that is computed of it."""
+    watch = Says()
+    it, _ = kept(watch)
+    it._robot.read = lambda: Readings(Odometry(it.now(), pose, twist))
+    for readings in (it.read(), watch.seen[-1][0]):
+        assert all(math.isnan(x) for x in (*readings.odometry.pose, *readings.odometry.twist))
+        assert readings.odometry.stamp == it.now()

@@ -1,30 +1,89 @@
-"""A bridge between DDS and Foxglove's own server (foxglove-sdk), as `foxglove_bridge` is one."""
+"""A bridge between DDS and Foxglove's own server (foxglove-sdk), as `foxglove_bridge` is one.
+
+It is a process of its own. foxglove-sdk 0.30 for Python can lock itself up, for good, when a graph
+is published while a client leaves: whoever hangs is ended and begins again on the same port, and
+clients come back to it as they would to a bridge that was restarted.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import faulthandler
 import threading
+from multiprocessing import get_context
 from typing import Any
 
 import foxglove
 from foxglove.websocket import Capability, ConnectionGraph, ServerListener
 
 from cohelm.ros.dds import DdsTransport
-from cohelm.ros.port import Qos
+from cohelm.ros.port import End, Qos
 from cohelm.ros.types import packed, store, unpacked
 from tests.ros.stage import alone
 
-ALL = [Capability.ClientPublish, Capability.ConnectionGraph]
+HANGS = 3.0
+"""A bridge that has not looked round for so long is ended [s]."""
 
 
-class Bridge(ServerListener):
-    """One process's; its node is /bridge. It looks at the graph ten times a second."""
+class Bridge:
+    """A handle on it. Its node is /bridge."""
 
-    def __init__(self, port: int = 0, capabilities: list[Any] = ALL, name: str = "bridge") -> None:
+    def __init__(self, graph: bool = True, domain: int | None = None) -> None:
+        """graph: whether it tells who publishes what. domain: by default all tests' own."""
         alone()
+        self._options, self._closed = (graph, domain), threading.Event()
+        self._begin(0)
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        return f"ws://127.0.0.1:{self._port}"
+
+    def close(self) -> None:
+        self._closed.set()
+        self._thread.join()
+        self._line.send("end")
+        self._process.join(5.0)
+        self._process.kill()
+
+    def _begin(self, port: int) -> None:
+        context = get_context("spawn")
+        self._line, theirs = context.Pipe()
+        self._process = context.Process(
+            target=serve, args=(theirs, port, *self._options), daemon=True
+        )
+        self._process.start()
+        theirs.close()
+        self._port: int = self._line.recv()
+
+    def _watch(self) -> None:
+        while not self._closed.wait(0.05):
+            if not self._process.is_alive():
+                self._begin(self._port)
+
+
+def serve(line: Any, port: int, graph: bool, domain: int | None) -> None:
+    """The bridge's process, until it is told to end."""
+    made = Served(port, graph, domain)
+    line.send(made.server.port)
+    with contextlib.suppress(EOFError):
+        line.recv()
+    made.close()
+
+
+class Served(ServerListener):
+    """One process's. It looks at the graph ten times a second."""
+
+    def __init__(self, port: int, graph: bool, domain: int | None, name: str = "bridge") -> None:
+        alone()
+        capabilities = [Capability.ClientPublish]
+        capabilities += [Capability.ConnectionGraph] if graph else []
         self._context = foxglove.Context()
-        self._dds = DdsTransport(name)
+        self._dds = DdsTransport(name, domain=domain)
         self._channels: dict[tuple[str, str], Any] = {}
-        self._subscribed: set[tuple[str, str]] = set()
+        self._subscribed: dict[tuple[str, str], End] = {}
+        self._new: set[tuple[str, str]] = set()
         self._last: dict[tuple[str, str], bytes] = {}
         self._lock = threading.RLock()
         self._name, self._clients = name, dict[int, DdsTransport]()
@@ -34,13 +93,9 @@ class Bridge(ServerListener):
             name=name, host="127.0.0.1", port=port, capabilities=capabilities,
             server_listener=self, supported_encodings=["cdr"], context=self._context,
         )  # fmt: skip
-        self._graph = Capability.ConnectionGraph in capabilities
+        self._graph = graph
         self._thread = threading.Thread(target=self._look, daemon=True)
         self._thread.start()
-
-    @property
-    def url(self) -> str:
-        return f"ws://127.0.0.1:{self.server.port}"
 
     def close(self) -> None:
         self._over.set()
@@ -53,6 +108,11 @@ class Bridge(ServerListener):
     def _look(self) -> None:
         before: Any = None
         while not self._over.wait(0.1):
+            faulthandler.dump_traceback_later(HANGS, exit=True)
+            for key in list(self._new):  # its subscription may not have counted yet when it came
+                self._new.discard(key)
+                if key in self._last and key in self._channels:
+                    self._channels[key].log(self._last[key])
             seen = self._dds.endpoints()
             if seen == before:
                 continue
@@ -67,9 +127,14 @@ class Bridge(ServerListener):
             for key in set(self._channels) - {(e.topic, e.type) for e in seen}:
                 with self._lock:  # a client that subscribes just then looks through them
                     gone = self._channels.pop(key)
+                    self._last.pop(key, None)
+                    end = self._subscribed.pop(key, None)
                 gone.close()
+                if end is not None:
+                    end()
             if self._graph:
                 self.server.publish_connection_graph(graph)
+        faulthandler.cancel_dump_traceback_later()
 
     def _offer(self, topic: str, kind: str) -> None:
         text, _ = store().generate_msgdef(kind, ros_version=2)
@@ -85,11 +150,11 @@ class Bridge(ServerListener):
         if not found:
             return  # its publisher has gone meanwhile
         key, made = found[0]
+        self._new.add(key)
         if key in self._last:
             made.log(self._last[key])
         if key in self._subscribed:
             return
-        self._subscribed.add(key)
         offered = [e.qos for e in self._dds.endpoints() if (e.topic, e.type) == key and e.publishes]
         lasting = bool(offered) and all(qos.transient_local for qos in offered)
 
@@ -101,7 +166,7 @@ class Bridge(ServerListener):
                 self._channels[key].log(data)
 
         sure = bool(offered) and all(qos.reliable for qos in offered)
-        self._dds.subscribe(*key, Qos(sure, lasting, 500), heard)
+        self._subscribed[key] = self._dds.subscribe(*key, Qos(sure, lasting, 500), heard)
 
     def on_client_advertise(self, client: Any, channel: Any) -> None:
         kind = channel.schema_name

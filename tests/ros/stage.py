@@ -54,6 +54,8 @@ class Faults:
         match self.now, topic:
             case "no scan", "/scan":
                 return None
+            case "no rear scan", "/scan_rear":
+                return None
             case "no odometry", "/odom":
                 return None
             case "half", _:
@@ -73,11 +75,11 @@ class Faults:
         return message
 
 
-def serve(line: Any, walls: Any, options: dict[str, Any]) -> None:
+def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     """The robot's process: `line` names faults, asks for the truth, or ends it."""
     faults, ended = Faults(), threading.Event()
     robot = Kinematic(
-        load_robot("sally"), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=OnTheWall()
+        load_robot(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=OnTheWall()
     )
     transport = DdsTransport("base")
     served = ServedRobot(transport, robot, Topics(), tamper=faults, **options)
@@ -101,11 +103,13 @@ def serve(line: Any, walls: Any, options: dict[str, Any]) -> None:
 class Base:
     """A handle on it."""
 
-    def __init__(self, walls: Any = HALL, **options: Any) -> None:
+    def __init__(self, walls: Any = HALL, robot: str = "sally", **options: Any) -> None:
         alone()
         context = get_context("spawn")
         self._line, theirs = context.Pipe()
-        self.process = context.Process(target=serve, args=(theirs, walls, options), daemon=True)
+        self.process = context.Process(
+            target=serve, args=(theirs, walls, robot, options), daemon=True
+        )
         self.process.start()
         theirs.close()
         assert self._line.recv() == "ready"
@@ -201,13 +205,16 @@ def until(true: Callable[[], bool], within: float = 8.0) -> bool:
 class Stage:
     """Robot, filter and controller."""
 
-    def __init__(self, walls: Any = HALL, way: Connection | None = None, **options: Any) -> None:
+    def __init__(
+        self, walls: Any = HALL, way: Connection | None = None, robot: str = "sally",
+        **options: Any,
+    ) -> None:  # fmt: skip
         """way: from the filter to the robot."""
         way = way or Connection()
-        self.base = Base(walls, **options)
+        self.base = Base(walls, robot, **options)
         self.theirs, self.ours = DdsTransport("controller"), way.open("cohelm_filter")
         self.controller = Controller(self.theirs)
-        self.found = look(self.ours, load_robot("sally"), Topics(), Allowed())._replace(
+        self.found = look(self.ours, load_robot(robot), Topics(), Allowed())._replace(
             connection=way
         )
         self.filter = Filter(self.found, self.ours)

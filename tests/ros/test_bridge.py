@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import re
+import struct
+import threading
 
 import pytest
 
 pytest.importorskip("cyclonedds", reason="what the bridge bridges has no wheel here")
 
-from foxglove.websocket import Capability
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
+from websockets.sync.server import ServerConnection, serve
+from websockets.typing import Subprotocol
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.types import Twist
 from cohelm.ros.connection import DDS, FOXGLOVE, Connection, connection
 from cohelm.ros.foxglove import FoxgloveTransport
 from cohelm.ros.look import Topics, look
-from cohelm.ros.port import COMMAND
+from cohelm.ros.messages import command
+from cohelm.ros.mismatch import TWIST
+from cohelm.ros.port import COMMAND, SENSOR, Received
+from cohelm.ros.types import packed
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.bridge import Bridge
 from tests.ros.stage import alone, stage, until
@@ -42,7 +50,7 @@ def test_no_bridge_or_one_that_lacks_something_is_said_with_its_cure():
         FoxgloveTransport("ws://127.0.0.1:9")
     with pytest.raises(CohelmError, match="give the bridge's address"):
         FoxgloveTransport("robot:8765")
-    poor = Bridge(capabilities=[Capability.ClientPublish])
+    poor = Bridge(graph=False)
     try:
         with pytest.raises(CohelmError, match="offers no connectionGraph: add that to its"):
             FoxgloveTransport(poor.url)
@@ -51,7 +59,7 @@ def test_no_bridge_or_one_that_lacks_something_is_said_with_its_cure():
 
 
 def test_with_nobody_behind_the_bridge_it_is_not_dds_that_is_to_be_looked_at():
-    lonely = Bridge()
+    lonely = Bridge(domain=99)
     transport = FoxgloveTransport(lonely.url)
     try:
         with pytest.raises(CohelmError) as error:
@@ -95,3 +103,35 @@ def test_it_drives_and_stands_when_messages_are_wrong_or_the_bridge_is_gone():
         assert made.stands(3.0)
         told(made, "foxglove_bridge at ws://127.0.0.1:.* is gone")
         assert made.base.truth().least_moving > 0.01
+
+
+def test_a_subscription_that_came_too_early_for_the_bridge_is_asked_for_again():
+    """It tells of a new channel a moment before it takes subscriptions of it (foxglove-sdk)."""
+    asked: list[int] = []
+
+    def bridge(there: ServerConnection) -> None:
+        there.send(json.dumps({
+            "op": "serverInfo", "name": "early", "supportedEncodings": ["cdr"],
+            "capabilities": ["clientPublish", "connectionGraph"],
+        }))  # fmt: skip
+        channel = {"id": 5, "topic": "/twist", "encoding": "cdr", "schemaName": TWIST}
+        there.send(json.dumps({"op": "advertise", "channels": [channel]}))
+        for said in map(json.loads, there):
+            if said["op"] != "subscribe":
+                continue
+            asked.append(said["subscriptions"][0]["id"])
+            if len(asked) < 3:
+                there.send(json.dumps({"op": "status", "level": 2, "message": "Unknown channel"}))
+            else:
+                sent = packed(command(Twist(1.0, 0.0), TWIST, ""), TWIST)
+                there.send(struct.pack("<BIQ", 1, asked[-1], 0) + sent)
+
+    with serve(bridge, "127.0.0.1", 0, subprotocols=[Subprotocol("foxglove.sdk.v1")]) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        transport = FoxgloveTransport(f"ws://127.0.0.1:{server.socket.getsockname()[1]}")
+        heard: list[Received] = []
+        transport.subscribe("/twist", TWIST, SENSOR, heard.append)
+        assert until(lambda: bool(heard))
+        assert heard[0].message.linear.x == 1.0
+        assert len(asked) == 3
+        transport.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,11 +23,13 @@ from cohelm.record.markers import header
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import look as looking
 from cohelm.ros.look import Allowed, Topics, look
-from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.mismatch import CLOUD, ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.port import Endpoint, Qos, Received
+from cohelm.ros.robot import Ros2Robot, topics_of
 from cohelm.ros.served import mounts, odometry, scan
 from cohelm.ros.transforms import StaticTransforms
 from cohelm.scenario.load import robot as load_robot
+from tests.ros.test_cloud import cloud
 
 RELIABLE, BEST_EFFORT = Qos(True), Qos(False)
 SALLY = load_robot("sally")
@@ -48,11 +51,22 @@ class Pretended:
             if name == (topic, kind):
                 came = time.monotonic() if message is not None else 0.0
                 heard(Received(message, came, "" if message is not None else "7 bytes are no scan"))
+        return lambda: None
 
     def endpoints(self):
         return self.ends
 
     def close(self) -> None: ...
+
+
+class Spoken(Pretended):
+    """One on which may be spoken too; nobody hears it."""
+
+    def publish(self, topic, kind, qos):
+        return SimpleNamespace(send=lambda message: None)
+
+    def lost(self) -> str:
+        return ""
 
 
 def out(topic, kind, qos=RELIABLE, node="/driver") -> Endpoint:
@@ -97,6 +111,86 @@ def refused(ends, messages, allowed=None) -> str:
     with pytest.raises(CohelmError) as error:
         seen(ends, messages, allowed)
     return str(error.value)
+
+
+REAR = load_robot("sally-rear")
+
+
+def behind(topic="/scan_rear"):
+    """Scans of a rear LiDAR that come this moment."""
+    given = Scan(0.0, 0, np.full(720, 2.0), 0.0, "rear")
+    return [((topic, SCAN), scan(given, REAR, time.time() - 0.02)) for _ in range(20)]
+
+
+REAR_ENDS = [*ENDS, out("/scan_rear", SCAN, BEST_EFFORT)]
+REAR_FRAMES = [(("/tf_static", TF), mounts(REAR))]
+
+
+def seen_rear(ends, messages, topics=None, allowed=None):
+    return look(Pretended(ends, messages), REAR, topics or Topics(), allowed or Allowed(), 0.06)
+
+
+def test_every_lidar_is_found_on_its_own_topic_and_where_it_is():
+    found = seen_rear(REAR_ENDS, REAR_FRAMES + readings() + behind())
+    front, rear = found.model.lidars
+    assert (front.name, rear.name) == ("front", "rear")
+    assert front.mount_x_m == pytest.approx(0.30)
+    assert (rear.mount_x_m, abs(rear.mount_yaw_deg)) == pytest.approx((-0.30, 180.0))
+    assert [one.topic for one in found.lidars] == ["/scan", "/scan_rear"]
+    other = Topics.named("/r2", scan="/r2/scan", odom="/odom", further=["rear=/behind"])
+    assert other.of_lidars(REAR) == ("/r2/scan", "/behind")
+    assert Topics.named("/r2").of_lidars(REAR) == ("/r2/scan", "/r2/scan_rear")
+    named = topics_of(["scan_rear=/behind"])
+    found = seen_rear([*ENDS, out("/behind", SCAN)], REAR_FRAMES + readings() + behind("/behind"),
+                      named)  # fmt: skip
+    assert [one.topic for one in found.lidars] == ["/scan", "/behind"]
+
+
+def test_a_lidar_that_is_not_heard_or_not_described_is_named():
+    with pytest.raises(CohelmError, match=r"/scan_rear.*--further-scan"):
+        seen_rear(ENDS, REAR_FRAMES + readings())
+    with pytest.raises(CohelmError, match="no further LiDAR 'left': describe it"):
+        Topics.named(further=["left=/left"]).of_lidars(REAR)
+    with pytest.raises(CohelmError, match="can not share a topic"):
+        Topics.named(further=["rear=/scan"]).of_lidars(REAR)
+    with pytest.raises(CohelmError, match="NAME=TOPIC"):
+        Topics.named(further=["rear"])
+    with pytest.raises(CohelmError, match="laser_rear"):
+        seen_rear(REAR_ENDS, FRAMES + readings() + behind())
+
+
+def test_point_clouds_are_heard_where_the_robots_description_has_a_height_band():
+    front, rear = REAR.lidars
+    deep = rear.model_copy(update={"height_band_m": (0.05, 1.0)})
+    model = REAR.model_copy(update={"further_lidars": (deep,)})
+    clouds = []
+    for _ in range(20):
+        made = cloud([[1.0, 0.0, 0.0]])
+        made.header = header(round((time.time() - 0.02) * 1e9), "laser_rear")
+        clouds.append((("/scan_rear", CLOUD), made))
+    ends = [*ENDS, out("/scan_rear", CLOUD, BEST_EFFORT)]
+
+    def found(messages):
+        return look(Pretended(ends, messages), model, Topics(), Allowed(), 0.06)
+
+    seen = found(REAR_FRAMES + readings() + clouds)
+    assert seen.model.further_lidars[0].height_band_m == (0.05, 1.0)
+    assert seen.lidars[1].cloud is not None
+    assert seen.lidars[0].cloud is None
+    assert any("point cloud: /scan_rear" in note for note in seen.notes)
+    assert seen.model.lidars[0].beams == front.beams
+    with pytest.raises(CohelmError, match="or give this LiDAR a height_band_m"):
+        look(Pretended(ends, REAR_FRAMES + readings()), REAR, Topics(), Allowed(), 0.06)
+    with pytest.raises(CohelmError, match="laser_rear"):
+        found(FRAMES + readings() + clouds)
+    robot = Ros2Robot(seen.model, seen, Spoken(ends, readings() + clouds))
+    read = robot.read()
+    assert read.scan is not None
+    (behind_it,) = read.further
+    assert behind_it.sensor == "rear"
+    assert (behind_it.ranges < math.inf).sum() == 1
+    assert behind_it.ranges[359:361].min() == pytest.approx(1.0, abs=1e-3)
+    robot.close()
 
 
 def test_a_robot_that_is_all_there_is_found_as_it_is():

@@ -23,7 +23,7 @@ WAIT = 30_000
 expect.set_options(timeout=WAIT)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     made = Robot(str(HALL), TWIN, tmp_path_factory.mktemp("records"))
     yield made
@@ -43,7 +43,7 @@ def server(robot: Robot) -> Iterator[Server]:
         yield made
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
     if not CHROMIUM.exists():
         pytest.skip(f"no browser at {CHROMIUM}; Debian: apt-get install chromium")

@@ -26,7 +26,7 @@ from tests.station.person import who
 from tests.station.servers import served
 from tests.station.visitor import asked, opened
 
-pytestmark = pytest.mark.xdist_group("browser")
+pytestmark = pytest.mark.xdist_group("realtime")
 HEAD = b"GET / HTTP/1.1\r\nHost: localhost\r\n"
 HOW = {
     "says nothing": b"",
@@ -100,7 +100,7 @@ def crowd(port: int, count: int, says: bytes, lasts: float = 60.0) -> Iterator[l
             sock.close()
 
 
-@pytest.mark.parametrize("how", first(HOW, 2))
+@pytest.mark.parametrize("how", first(HOW))
 def test_a_page_loads_and_speaks_among_two_hundred_that_sit_there(
     server: Server, browser: Browser, how: str
 ) -> None:

@@ -23,7 +23,7 @@ from tests.station.bare import Bare
 from tests.station.servers import served
 from tests.station.visitor import asked, opened, session
 
-pytestmark = pytest.mark.xdist_group("browser")
+pytestmark = pytest.mark.xdist_group("realtime")
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from tests.station.person import (
 )
 from tests.station.servers import Robot, served
 
-pytestmark = pytest.mark.xdist_group("browser")
+pytestmark = pytest.mark.xdist_group("realtime")
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
 
 
@@ -52,6 +52,7 @@ def test_keys_that_do_not_steer_say_what_to_do_first(page: Page) -> None:
     release(page)
 
 
+@pytest.mark.slow
 def test_keys_in_a_field_do_not_steer(page: Page) -> None:
     drive(page)
     page.get_by_role("button", name="Stick settings").click()
@@ -133,6 +134,7 @@ def test_a_gamepad_that_is_unplugged_is_not_a_centred_one(page: Page) -> None:
     release(page)
 
 
+@pytest.mark.slow
 def test_a_gamepad_that_stays_deflected_and_says_nothing_new_is_not_held(page: Page) -> None:
     """Its battery is flat, or it is out of reach: the receiver shows the last it heard."""
     page.add_init_script(PAD)
@@ -157,6 +159,7 @@ def test_a_gamepad_that_stays_deflected_and_says_nothing_new_is_not_held(page: P
     release(page)
 
 
+@pytest.mark.slow
 def test_a_key_that_was_held_when_the_window_lost_the_focus_must_be_pressed_again(
     page: Page,
 ) -> None:
@@ -233,6 +236,7 @@ def test_the_gamepad_shakes_where_something_is_near(page: Page) -> None:
     release(page)
 
 
+@pytest.mark.slow
 def test_the_stop_button_of_the_gamepad_stops(page: Page) -> None:
     page.add_init_script(PAD)
     page.reload()
@@ -280,6 +284,7 @@ def test_a_tab_that_is_not_looked_at_does_not_steer(page: Page, how: str) -> Non
     release(page)
 
 
+@pytest.mark.slow
 def test_two_thumbs_on_a_phone(browser_phone: BrowserContext, server: Server) -> None:
     page = browser_phone.new_page()
     page.goto(server.address)

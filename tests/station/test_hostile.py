@@ -22,11 +22,12 @@ from cohelm.station import app
 from cohelm.station.messages import Do, from_page
 from cohelm.station.operator import Operator
 from cohelm.station.serve import Server
+from tests.few import first
 from tests.link.ends import until
 from tests.station import visitor
 from tests.station.servers import Robot, served
 
-pytestmark = pytest.mark.xdist_group("browser")
+pytestmark = pytest.mark.xdist_group("realtime")
 WITHIN = 60.0
 STICK = {
     "type": "stick", "n": 1, "heard_ms": 0.0, "x": 0.5, "psi": 0.5, "valid": True, "armed": True,
@@ -84,7 +85,7 @@ def nonsense(rng: random.Random) -> str | bytes:
     return text
 
 
-@pytest.mark.parametrize("seconds", [5.0, pytest.param(600.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [2.0, pytest.param(600.0, marks=pytest.mark.slow)])
 def test_whatever_comes_over_the_websocket_nothing_breaks_and_nothing_moves(
     robot: Robot, server: Server, seconds: float
 ) -> None:
@@ -175,7 +176,7 @@ def driven(server: Server, robot: Robot) -> Iterator[None]:
             threads[0].join(WITHIN)
 
 
-@pytest.mark.parametrize("how", ["handshakes", "slow-loris", "requests"])
+@pytest.mark.parametrize("how", first(["handshakes", "slow-loris", "requests"]))
 def test_who_drives_goes_on_while_the_port_is_flooded(
     robot: Robot, server: Server, how: str
 ) -> None:

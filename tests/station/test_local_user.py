@@ -20,7 +20,7 @@ from tests.station.visitor import session
 
 NOBODY = 65534
 pytestmark = [
-    pytest.mark.xdist_group("browser"),
+    pytest.mark.xdist_group("realtime"),
     pytest.mark.skipif(os.geteuid() != 0, reason="becomes another user, which root alone may"),
 ]
 TRIES = """

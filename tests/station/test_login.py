@@ -14,7 +14,7 @@ from tests.station.bare import Bare
 from tests.station.person import alarms, who
 from tests.station.servers import served
 
-pytestmark = pytest.mark.xdist_group("browser")
+pytestmark = pytest.mark.xdist_group("realtime")
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +104,7 @@ def test_further_tabs_are_in_and_other_origins_know_nothing_of_it(
         assert not any(session in str(headers) for headers in shown)
 
 
+@pytest.mark.slow
 def test_a_login_in_one_tab_lets_the_waiting_ones_in(
     context: BrowserContext, server: Server
 ) -> None:

@@ -30,7 +30,7 @@ from tests.station.person import (
 )  # fmt: skip
 from tests.station.servers import served
 
-pytestmark = pytest.mark.xdist_group("browser")
+pytestmark = pytest.mark.xdist_group("realtime")
 
 
 def open_page(context: BrowserContext, server: Server) -> Page:
@@ -40,6 +40,7 @@ def open_page(context: BrowserContext, server: Server) -> Page:
     return page
 
 
+@pytest.mark.slow
 def test_a_second_browser_asks_the_driver_who_keeps_it_then_hands_it_over(
     page: Page, browser: Browser, server: Server
 ) -> None:
@@ -93,6 +94,7 @@ def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
     second.close()
 
 
+@pytest.mark.slow
 def test_way_points_are_added_dragged_checked_and_sent(page: Page) -> None:
     drive(page, "Hold")
     page.get_by_role("button", name="Show all").click()
@@ -154,6 +156,7 @@ def _noted(route: Route, asked: list[str]) -> None:
     route.continue_()
 
 
+@pytest.mark.slow
 def test_all_can_be_done_with_the_keyboard_alone(page: Page) -> None:
     expect(who(page)).to_contain_text("Nobody drives")
     for _ in range(60):

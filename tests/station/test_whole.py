@@ -23,7 +23,7 @@ from tests.station.person import (
 )
 from tests.station.servers import Robot, served
 
-pytestmark = pytest.mark.xdist_group("browser")
+pytestmark = pytest.mark.xdist_group("realtime")
 RECORDED = 150_000
 """A recorder that starts slowly on a busy machine also ends slowly [ms]."""
 
@@ -101,6 +101,7 @@ def test_a_drive_is_recorded_from_the_screen_fetched_and_shown_again(
         expect(replay.get_by_role("button", name="Stop the robot")).to_be_hidden()
 
 
+@pytest.mark.slow
 def test_the_robot_stops_when_its_station_dies_in_the_middle_of_a_drive(
     robot: Robot, context: BrowserContext
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.ros import Bridge, Transports, on_ros
+from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Json, plain, print_json, print_table, progress, say, starting
 
 
@@ -22,9 +22,7 @@ def calibrate(
         str | None, typer.Option(metavar="PACKAGE:CLASS", help="Your own robot.")
     ] = None,
     ros2: Annotated[bool, typer.Option("--ros2", help="It is a ROS 2 robot.")] = False,
-    topics: Annotated[
-        list[str] | None, typer.Option("--topic", metavar="KEY=NAME", help="As in `cohelm robot`.")
-    ] = None,
+    topics: TopicNames = None,
     transport: Transports = "auto",
     url: Bridge = "",
     twin: Annotated[

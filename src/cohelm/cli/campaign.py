@@ -61,8 +61,9 @@ def campaign(
         str | None,
         typer.Option(
             metavar="PLANT",
-            help="kinematic (the default), twin, or twin-all-round: MuJoCo, knowing only what its "
-            "sensors say; in lab, random and adversary.",
+            help="kinematic (the default), twin, twin-rear (a second LiDAR behind) or "
+            "twin-all-round: MuJoCo, knowing only what its sensors say; in lab, random and "
+            "adversary.",
         ),
     ] = None,
     out: Out = None,

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cohelm.cli.app import app
 from cohelm.cli.tell import Json, Out, plain, print_json, print_table, progress, say
+from cohelm.core.errors import CohelmError
+
+if TYPE_CHECKING:
+    from cohelm.study.mapping_session import Kind, Mark
 
 
 @app.command(name="map")
@@ -17,7 +22,8 @@ def map_(
         Path,
         typer.Argument(
             metavar="RECORD",
-            help="A drive: an MCAP record with /scan and /odom, or a CARMEN log (.log, .gz).",
+            help="A drive: an MCAP record with /scan and /odom, or a CARMEN log (.log, .gz); or "
+            "the folder of an earlier mapping, to draw it again.",
         ),
     ],
     live: Annotated[
@@ -26,9 +32,45 @@ def map_(
             "--live", help="The record is still being written: map along, until Ctrl-C or its end."
         ),
     ] = False,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on with the mapping in --out: of this record, or with this one where another "
+            "drive ended.",
+        ),
+    ] = False,
+    remove_loop: Annotated[
+        list[int] | None,
+        typer.Option(
+            metavar="N",
+            help="Of an earlier mapping: that was not the same place (loops.csv, map.png). Again "
+            "and again for several, as the next two.",
+        ),
+    ] = None,
+    cut: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FROM:TO", help="Of it: leave out what was seen then [s since its first scan]."
+        ),
+    ] = None,
+    crop: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X:Y:X:Y", help="Of it: keep what is between two corners [m]."),
+    ] = None,
+    undo: Annotated[
+        bool, typer.Option("--undo", help="Of it: take back what was marked last.")
+    ] = False,
     resolution: Annotated[
-        float, typer.Option(metavar="M", min=0.005, max=1.0, help="Side of a cell [m].")
-    ] = 0.025,
+        float | None,
+        typer.Option(
+            metavar="M",
+            min=0.005,
+            max=1.0,
+            help="Side of a cell [m]; 0.025, or as it was.",
+            show_default=False,
+        ),
+    ] = None,
     robot: Annotated[
         str | None,
         typer.Option(metavar="ROBOT", help="Whose LiDAR it was, if the record does not say."),
@@ -39,16 +81,42 @@ def map_(
     """Make a map from a drive, with loops closed.
 
     Leaves map.yaml and map.pgm (as ROS's map_server reads them), map.png with the way driven,
-    trajectory.csv and mapping.json, in out/map unless --out names another folder; files of an
-    earlier mapping there are replaced.
+    trajectory.csv, loops.csv, mapping.json and survey.npz in out/map unless --out names another
+    folder; files of an earlier mapping there are replaced. Interrupted, it goes on with --resume.
     """
+    earlier = record.is_dir()
+    marks = _marks(cut or [], crop or [])
+    marked = bool(remove_loop or marks or undo)
+    if marked and not earlier:
+        raise CohelmError(
+            "--remove-loop, --cut, --crop and --undo mark what an earlier mapping made: name its "
+            "folder instead of a record"
+        )
+    if earlier and (live or resume or robot is not None):
+        raise CohelmError(f"{record} is a folder: --live, --resume and --robot are for a record")
+    folder = out or (record if earlier else Path("out/map"))
     with progress("starting") as told:
         from cohelm.scenario import load
-        from cohelm.study.mapping import mapped
+        from cohelm.study import mapping
 
-        model = load.robot(robot) if robot is not None else None
-        folder = out or Path("out/map")
-        result = mapped(record, folder, resolution, told, live=live, robot=model)
+        try:
+            if earlier:
+                result = mapping.marked(
+                    record, folder, resolution, told, remove_loops=remove_loop or [], marks=marks,
+                    undo=undo,
+                )  # fmt: skip
+            else:
+                model = load.robot(robot) if robot is not None else None
+                result = mapping.mapped(
+                    record, folder, resolution, told, live=live, robot=model, resume=resume
+                )
+        except mapping.Interrupted:
+            again = f"{record}" if earlier else f"{record} --resume"
+            say(
+                "[yellow]interrupted[/yellow]; what was mapped is kept, go on with: "
+                f"cohelm map {plain(again)} --out {plain(str(folder))}"
+            )
+            raise
     if not result.record_whole:
         say(f"[bold red]failed:[/bold red] {plain(str(record))} is cut short or damaged; the map "
             "goes as far as it does")  # fmt: skip
@@ -60,6 +128,8 @@ def map_(
         ("scans, and those of them without a return", f"{result.scans}, {result.empty_scans}"),
         ("way driven", f"{result.travelled_m:.1f} m"),
         ("places, and pairs of them that met again", f"{result.places}, {result.loops}"),
+        ("times that it came back: loops, by number", f"{result.encounters}"),
+        *((("marked", ", ".join(result.marks)),) if result.marks else ()),
         ("the odometry's ways are multiplied by", f"{result.odometry_scale:.4f}"),
         ("map", f"{result.width_m:.1f} x {result.height_m:.1f} m at {result.resolution_m:g} m"),
         ("time", f"{result.seconds:.1f} s"),
@@ -67,6 +137,28 @@ def map_(
     print_table(str(record), ("quantity", "value"), rows)
     say(f"map.yaml, map.pgm and map.png: {plain(str(folder))}")
     _end(result.record_whole)
+
+
+def _marks(cuts: list[str], crops: list[str]) -> list[Mark]:
+    """What --cut and --crop say. CohelmError where it is not so many numbers."""
+    from cohelm.study.mapping_session import Mark
+
+    found: list[Mark] = []
+    kinds: tuple[tuple[Kind, list[str], int, str], ...] = (
+        ("cut", cuts, 2, "FROM:TO in seconds"), ("crop", crops, 4, "X:Y:X:Y in metres"),
+    )  # fmt: skip
+    for kind, texts, count, form in kinds:
+        for text in texts:
+            try:
+                values = [float(part) for part in text.split(":")]
+            except ValueError:
+                values = []
+            if len(values) != count or not all(map(math.isfinite, values)):
+                raise CohelmError(f"--{kind} {text}: is not {form}")
+            if kind == "cut" and values[0] > values[1]:
+                raise CohelmError(f"--cut {text}: ends before it begins")
+            found.append(Mark(kind, [values]))
+    return found
 
 
 def _end(whole: bool) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.ros import Bridge, Transports, on_ros
+from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say, starting
 
 if TYPE_CHECKING:
@@ -38,14 +38,7 @@ def robot(
     ros2: Annotated[
         bool, typer.Option("--ros2", help="The robot is a ROS 2 robot on this network.")
     ] = False,
-    topics: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--topic",
-            metavar="KEY=NAME",
-            help="With --ros2: odom, scan, out or namespace, where it is not as usual.",
-        ),
-    ] = None,
+    topics: TopicNames = None,
     transport: Transports = "auto",
     url: Bridge = "",
     twin: Annotated[

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.parameters import heeded
 from cohelm.cli.tell import Json, plain, print_json, say, starting
 
 if TYPE_CHECKING:
@@ -15,6 +18,14 @@ if TYPE_CHECKING:
     from cohelm.drive.operate import OnRos
     from cohelm.ros.look import Found
 
+TopicNames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--topic",
+        metavar="KEY=NAME",
+        help="With --ros2: odom, scan, scan_NAME, out, lock or namespace, where not as usual.",
+    ),
+]
 Transports = Annotated[
     str, typer.Option("--transport", metavar="auto|dds|foxglove", help="To the robot.")
 ]
@@ -47,6 +58,10 @@ def filter_(
         str, typer.Option("--out", metavar="TOPIC", help="Safe commands, to the base.")
     ] = "/cmd_vel",
     scan: Annotated[str, typer.Option(metavar="TOPIC", help="The LiDAR's scans.")] = "/scan",
+    further_scan: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=TOPIC", help="Those of a further LiDAR, if not on /scan_NAME."),
+    ] = None,
     odom: Annotated[str, typer.Option(metavar="TOPIC", help="The base's odometry.")] = "/odom",
     namespace: Annotated[
         str, typer.Option(metavar="/NAME", help="Of the robot's topics.")
@@ -75,8 +90,19 @@ def filter_(
     allow_bypass: Annotated[
         bool, typer.Option("--allow-bypass", help="Others may command the base beside the filter.")
     ] = False,
+    lock: Annotated[
+        str, typer.Option(metavar="TOPIC", help="While true nothing moves; '' for none.")
+    ] = "/emergency_stop",
+    lock_timeout: Annotated[
+        float | None, typer.Option(min=0.1, help="... and when silent for so long [s].")
+    ] = None,
     transport: Transports = "auto",
     url: Bridge = "",
+    params: Annotated[
+        Path | None,
+        typer.Option("--params", metavar="FILE", callback=heeded("cohelm_filter"), is_eager=True,
+                     help="These options from a ROS 2 parameter file (YAML)."),
+    ] = None,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print what was found, and end.")
     ] = False,
@@ -97,8 +123,14 @@ def filter_(
     from cohelm.scenario.load import load_robot
 
     model = load_robot(robot)
-    topics = Topics.named(namespace, command, out, scan, odom)
-    allowed = Allowed(stamped, allow_bypass, mount_from_model, clock_difference)
+    topics = Topics.named(namespace, command, out, scan, odom, lock, further_scan or ())
+    allowed = Allowed(
+        stamped,
+        allow_bypass,
+        mount_from_model,
+        clock_difference,
+        math.inf if lock_timeout is None else lock_timeout,
+    )
     way = connection(transport, url)
     with starting(NODE) as line, ended() as stop:
         opened = way.open(NODE, topics.namespace)
@@ -243,7 +275,9 @@ def _printed(found: Found, as_json: bool) -> None:
     """What was found, as the robot's YAML file would say it, or JSON."""
     from cohelm.scenario.load import dump
 
-    topics = found.topics._asdict() | {"out_type": found.out_type}
+    topics: dict[str, Any] = found.topics._asdict() | {"out_type": found.out_type}
+    if further := topics.pop("further"):
+        topics["further"] = dict(further)
     if as_json:
         model = found.model.model_dump(mode="json", exclude_none=True)
         print_json({"topics": topics, "robot": model, "notes": list(found.notes)})

@@ -152,7 +152,7 @@ class Session:
 
         if self.plan.robot.real_time:
             with_its_threads()
-        self.loop.run(chosen)
+        self.loop.run(chosen, self.plan.robot.real_time)
 
     def _look(self) -> None:
         """Through the camera: have frames packed, and pass on what is packed. Takes no time."""
@@ -177,11 +177,11 @@ class Session:
         keeper = self.loop.keeper
         keeper.stop(reason)
         until = keeper.now() + _BRAKING
-        self.loop.run(
-            lambda loop: (
-                keeper.now() > until or (loop.seen is not None and standing(loop.seen.twist))
-            )
-        )
+
+        def stands(loop: Loop) -> bool:
+            return keeper.now() > until or (loop.seen is not None and standing(loop.seen.twist))
+
+        self.loop.run(stands, self.plan.robot.real_time)
 
     def line(self) -> str:
         """How it goes, for a terminal."""

@@ -26,6 +26,7 @@ class DriveLog:
         """Why the recorder writes no more; empty while it does, or where there is none."""
         self._row = np.zeros((), dtype=ROW)
         self._odometry, self._scan = -math.inf, -1
+        self._further: dict[str, int] = {}
         self._words: StatusWords | None = None
 
     def __call__(self, message: object) -> None:
@@ -67,11 +68,15 @@ class DriveLog:
         self._line(Displayed(self._clock(), what))
 
     def readings(self, readings: Readings) -> Scan | None:
-        """What is new among them; the scan, if that is."""
+        """What is new among them; the scan of the first LiDAR, if that is."""
         odometry, scan = readings.odometry, readings.scan
         if odometry is not None and odometry.stamp != self._odometry:
             self._odometry = odometry.stamp
             self._line(odometry)
+        for one in readings.further:
+            if self._further.get(one.sensor) != one.number:
+                self._further[one.sensor] = one.number
+                self._line(one)
         if scan is None or scan.number == self._scan:
             return None
         self._scan = scan.number

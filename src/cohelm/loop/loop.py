@@ -114,9 +114,12 @@ class Loop:
         """With what works for the loop, by name."""
         self._driven_by = (0, "")
 
-    def run(self, until: Callable[[Loop], bool]) -> None:
-        """Turn until `until` says so; it is asked after every period."""
-        self._garbage = Sweeper()
+    def run(self, until: Callable[[Loop], bool], real_time: bool = True) -> None:
+        """Turn until `until` says so; it is asked after every period.
+
+        real_time: nothing may be late; in simulated time Python sweeps its garbage as it likes.
+        """
+        self._garbage = Sweeper() if real_time else None
         switch = sys.getswitchinterval()
         sys.setswitchinterval(5e-4)  # another thread may not keep the loop waiting for long
         try:
@@ -130,7 +133,8 @@ class Loop:
         finally:
             self.turning = False
             sys.setswitchinterval(switch)
-            self._garbage.end()
+            if self._garbage is not None:
+                self._garbage.end()
 
     def record_into(self, line: Line) -> None:
         """Another recorder from now on, or none; the one before is not closed."""

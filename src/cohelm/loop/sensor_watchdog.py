@@ -9,13 +9,15 @@ import numpy as np
 
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.sensors import of_sensor
 
 
 class Patience(NamedTuple):
     """How old a reading may be [s], and how odd."""
 
     odometry: float
-    scan: float
+    scans: tuple[float, ...]
+    """Of each LiDAR, the first one first."""
     ahead: float = 0.02
     """From the future by more than this: a clock has jumped."""
     spring: float = 0.15
@@ -23,10 +25,14 @@ class Patience(NamedTuple):
 
 
 def patience(model: RobotModel, period: float) -> Patience:
-    """By the rates of the robot's sensors; three and a half readings may be missing."""
-    lidar = model.lidar
-    scan = math.inf if lidar is None else 3.5 / lidar.rate_hz + lidar.sweep_s + lidar.latency_s
-    return Patience(max(3.5 / model.odometry.rate_hz, 0.07) + period, scan + period)
+    """By the rates of the robot's sensors; three and a half readings may be missing, or as many
+    scans as a LiDAR's own time-out allows."""
+    scans = (
+        lidar.timeout_s or 3.5 / lidar.rate_hz + lidar.sweep_s + lidar.latency_s
+        for lidar in model.lidars
+    )
+    odometry = max(3.5 / model.odometry.rate_hz, 0.07) + period
+    return Patience(odometry, tuple(scan + period for scan in scans))
 
 
 class SensorWatchdog:
@@ -34,16 +40,22 @@ class SensorWatchdog:
 
     def __init__(self, model: RobotModel, patience: Patience) -> None:
         self._patience = patience
-        self._has_lidar = model.lidar is not None
+        self._sensors = [lidar.name for lidar in model.lidars]
         limits = model.bounds()
         self._fastest = min(limits.speed, limits.wheel_speed, 50.0)
         self._turns = min(limits.yaw_rate, 2.0 * limits.wheel_speed / limits.track, 50.0)
         self._last: Odometry | None = None
-        self._checked = -1
+        self._checked = [-1] * len(self._sensors)
 
     def wrong(self, now: float, readings: Readings) -> str:
         """What is wrong with the newest readings, in words for the record; empty: nothing."""
-        return self._odometry(now, readings.odometry) or self._scan(now, readings.scan)
+        wrong = self._odometry(now, readings.odometry)
+        for i, name in enumerate(self._sensors):
+            if wrong:
+                return wrong
+            said = self._scan(now, readings.of_lidar(name) if i else readings.scan, i)
+            wrong = of_sensor(name, said) if said else ""
+        return wrong
 
     def _odometry(self, now: float, odometry: Odometry | None) -> str:
         p = self._patience
@@ -73,9 +85,7 @@ class SensorWatchdog:
             return f"the odometry jumped by {math.degrees(turn):.0f} deg"
         return ""
 
-    def _scan(self, now: float, scan: Scan | None) -> str:
-        if not self._has_lidar:
-            return ""
+    def _scan(self, now: float, scan: Scan | None, lidar: int) -> str:
         if scan is None:
             return "there is no scan"
         if not (math.isfinite(scan.stamp) and math.isfinite(scan.duration)):
@@ -83,10 +93,10 @@ class SensorWatchdog:
         age = now - scan.stamp - scan.duration
         if age < -self._patience.ahead:
             return f"the scan comes {-1000.0 * age:.0f} ms from the future: a clock jumped"
-        if age > self._patience.scan:
+        if age > self._patience.scans[lidar]:
             return f"the scan is {1000.0 * age:.0f} ms old"
-        if scan.number != self._checked:
+        if scan.number != self._checked[lidar]:
             if np.isnan(scan.ranges).all():
                 return "the scan is no number"
-            self._checked = scan.number
+            self._checked[lidar] = scan.number
         return ""

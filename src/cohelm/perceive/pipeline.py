@@ -1,8 +1,9 @@
-"""Perception: odometry and LiDAR in; pose, obstacles, movers and unobserved ground out."""
+"""Perception: odometry and LiDARs in; pose, obstacles, movers and unobserved ground out."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,30 +15,17 @@ from cohelm.core.types import Floats, Pose, Twist
 from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
 from cohelm.perceive.localize.localizer import Located, Locator
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.perceive.scan.clusters import looked
-from cohelm.perceive.scan.deskew import DeskewedScan, all_round, sweep
+from cohelm.perceive.observation_source import NOTHING, ObservationSource
+from cohelm.perceive.scan.deskew import DeskewedScan, all_round
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
-from cohelm.perceive.scan.range_filter import steadied
-from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
+from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind
-from cohelm.perceive.track.tracker import (
-    MOVES,
-    NONE,
-    RADIUS,
-    TX,
-    TY,
-    TrackerParams,
-    bodies,
-    follow,
-    strays,
-)
+from cohelm.perceive.track.tracker import TrackerParams, bodies, strays
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Readings, Scan
-from cohelm.robot.sensors import Lidar
+from cohelm.robot.sensors import Lidar, LidarModel
 
-NOTHING: Floats = np.empty((0, 2))
 _ON_WALL = 0.1  # what ends as near to a wall of the map as this stands [m]
-_APART = 0.06  # sweeps nearer in time are not asked who moves: too little has happened [s]
 
 
 class Seen(NamedTuple):
@@ -79,7 +67,8 @@ class Seen(NamedTuple):
     odometry_stamp: float
     """Of the newest odometry [s]; -inf before the first."""
     scan_stamp: float
-    """Of the newest scan's last beam [s]; -inf before the first."""
+    """Of the newest scan's last beam [s]; of several LiDARs, of the one that is longest ago; -inf
+    before the first."""
 
 
 class Perception:
@@ -93,34 +82,35 @@ class Perception:
         self, model: RobotModel | Lidar, known: LocalizationMap | None = None,
         start: Pose | None = None,
         remembering: ScanMemoryParams | None = None, watching: TrackerParams | None = None,
-        outline: Floats | None = None,
+        outline: Floats | None = None, further: Sequence[LidarModel] = (),
     ) -> None:  # fmt: skip
-        """Of a robot, or of a LiDAR alone. Raises CohelmError for a robot without a LiDAR.
+        """Of a robot, or of LiDARs alone. Raises CohelmError for a robot without a LiDAR.
 
         outline: with a LiDAR alone, (k, 2) of what it is on [m]; without, ground that may hold
-        anything is not told.
+        anything is not told. further: LiDARs beside that one.
         """
         if isinstance(model, Lidar):
             self.lidar = model
         elif model.lidar is None:
             raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
         else:
-            self.lidar, outline = model.lidar.lidar(), model.outline
+            self.lidar, outline, further = model.lidar.lidar(), model.outline, model.further_lidars
+        care, self._watching = remembering or ScanMemoryParams(), watching or TrackerParams()
+        self._first = ObservationSource(self.lidar, "", care, self._watching)
+        self._further = tuple(
+            ObservationSource(one.lidar(), one.name, care, self._watching) for one in further
+        )
+        self._sources = (self._first, *self._further)
         self._blind = None
-        if outline is not None and not all_round(self.lidar):
-            self._blind = Blind(self.lidar, outline)
-        self._care = remembering or ScanMemoryParams()
+        if outline is not None and not any(all_round(source.lidar) for source in self._sources):
+            self._blind = Blind(outline)
         self._known = known
         self._locator = Locator(known, self.lidar, start) if known is not None else None
         self._trail = EMPTY
         self._twist = Twist(0.0, 0.0)
         self._points = self._told = NOTHING
-        self._scan: int | None = None
-        self._scanned = -math.inf
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
         self._placed = start is None
-        self._watching = watching or TrackerParams()
-        self._movers = NONE
         self._located: Located | None = None
         self._matched = Pose(0.0, 0.0, 0.0)  # odometry pose of the newest scan
 
@@ -136,9 +126,14 @@ class Perception:
         """
         if readings.odometry is not None:
             self._odometry(readings.odometry)
+        if len(self._trail):
+            for source in self._further:
+                scan = readings.of_lidar(source.sensor)
+                if scan is not None and source.new(scan):
+                    self._look(source, scan)
         scan = readings.scan
-        if scan is not None and scan.number != self._scan and len(self._trail):
-            self._look(scan)
+        if scan is not None and self._first.new(scan) and len(self._trail):
+            self._look(self._first, scan)
         elif self._locator is not None and self._located is not None:
             self._located = self._locator.think()
             if not self._located.lost and len(self._trail):
@@ -154,33 +149,27 @@ class Perception:
             self._map_odom = compose(self._map_odom, inverse(first))
             self._placed = True
 
-    def _look(self, scan: Scan) -> None:
-        self._scan = scan.number
-        if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(scan.stamp):
+    def _look(self, source: ObservationSource, scan: Scan) -> None:
+        found = source.take(scan, self._trail, self._mapped)
+        if found is None:
             return
-        ranges = np.asarray(scan.ranges, dtype=np.float64)
-        whole = sweep(self.lidar, ranges, scan.stamp, scan.duration, self._trail)
-        seen = whole
-        self._scanned = scan.stamp + scan.duration
-        pose = pose_at(self._trail, self._scanned)
-        if self._scanned - self._movers.stamp > _APART:
-            self._movers = follow(
-                self._movers, self.lidar, seen, pose, self._scanned, self._watching,
-                self._mapped(seen, pose),
-            )  # fmt: skip
-            if self._movers.mine.any():
-                seen = self._without(seen, self._movers.mine)
-        calm = steadied(seen.ranges, self.lidar.noise)
-        points = renew(self._points, pose, self.lidar, calm, self._care)
-        self._points = self._told = self._outside(points)
-        if self._blind is not None:
-            look = looked(self.lidar, whole, pose, self._scanned)
-            mobile = self._mobile(self._scanned)[2]
-            self._told = np.vstack((self._points, self._blind.points(look, pose, mobile)))
-        if self._locator is not None:
+        seen, pose = found
+        self._points = self._told = self._standing()
+        if self._blind is not None and source.look is not None:
+            mobile = self._mobile(source.stamp)[2]
+            looking = [(one.lidar, one.look) for one in self._sources if one.look is not None]
+            blind = self._blind.points(source.lidar, source.look, looking, pose, mobile)
+            self._told = np.vstack((self._points, blind))
+        if source is self._first and self._locator is not None:
             self._located = self._locator.correct(seen, pose)
             self._map_odom = compose(self._located.pose, inverse(pose))
             self._matched = pose
+
+    def _standing(self) -> Floats:
+        """Points that any LiDAR sees standing, or remembers."""
+        if not self._further:
+            return self._first.points
+        return np.vstack([source.points for source in self._sources])
 
     def _mapped(self, seen: DeskewedScan, pose: Pose) -> NDArray[np.bool_] | None:
         """Which points are on the map's walls, where the robot knows its place on it."""
@@ -188,20 +177,6 @@ class Perception:
         if known is None or located is None or located.lost:
             return None
         return on_walls(known, compose(self._map_odom, pose), seen.points, _ON_WALL)
-
-    def _without(self, seen: DeskewedScan, mine: NDArray[np.bool_]) -> DeskewedScan:
-        """The sweep without the points of movers: they tell nothing about what stands."""
-        ranges = seen.ranges.copy()
-        ranges[_shadow(self.lidar, seen.points[mine])] = math.nan
-        return DeskewedScan(seen.points[~mine], seen.beams[~mine], ranges)
-
-    def _outside(self, points: Floats) -> Floats:
-        """Points that no mover covers: what was remembered of it before it was known to move."""
-        for x, y, radius in self._movers.tracks[self._movers.tracks[:, MOVES] > 0][
-            :, [TX, TY, RADIUS]
-        ]:
-            points = points[np.hypot(points[:, 0] - x, points[:, 1] - y) > radius + 0.05]
-        return points
 
     def _said(self, now: float) -> Seen:
         if len(self._trail):
@@ -223,30 +198,33 @@ class Perception:
             twist=self._twist, map_odom=self._map_odom, points=self._told,
             blind=len(self._told) - len(self._points), discs=discs, agility=agility,
             mobile=mobile, mobile_agility=mobile_agility, odometry_stamp=stamp,
-            scan_stamp=self._scanned,
+            scan_stamp=min(source.stamp for source in self._sources),
         )  # fmt: skip
 
     def _mobile(self, now: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Movers and their agility, and all that may move and theirs, foretold to now."""
-        discs, agility = bodies(self._movers, now, self._watching)
-        loose, agile = strays(self._movers, now, self._watching)
-        return discs, agility, np.vstack((discs, loose)), np.concatenate((agility, agile))
+        told = [_movers(source, now, self._watching) for source in self._sources]
+        if len(told) == 1:
+            return told[0]
+        discs, agility, mobile, mobile_agility = zip(*told, strict=True)
+        return (
+            np.vstack(discs), np.concatenate(agility), np.vstack(mobile),
+            np.concatenate(mobile_agility),
+        )  # fmt: skip
+
+
+def _movers(
+    source: ObservationSource, now: float, watching: TrackerParams
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """The same of one LiDAR."""
+    discs, agility = bodies(source.movers, now, watching)
+    loose, agile = strays(source.movers, now, watching)
+    return discs, agility, np.vstack((discs, loose)), np.concatenate((agility, agile))
 
 
 def seen_from(seen: Seen, pose: Pose) -> Pose:
     """A pose of the map as it is in `odom`, by what is known now."""
     return between(seen.map_odom, pose)
-
-
-def _shadow(lidar: Lidar, points: Floats) -> NDArray[np.int64]:
-    """The beams that body-frame points are seen in."""
-    c, s = math.cos(lidar.mount.psi), math.sin(lidar.mount.psi)
-    dx, dy = points[:, 0] - lidar.mount.x, points[:, 1] - lidar.mount.y
-    bearing = np.arctan2(-s * dx + c * dy, c * dx + s * dy) - lidar.first
-    beams = np.rint(
-        np.where(bearing < -0.5 * lidar.step, bearing + 2.0 * math.pi, bearing) / lidar.step
-    )
-    return beams[(beams >= 0) & (beams < len(lidar.beams))].astype(np.int64)
 
 
 def rehearse(model: RobotModel, mapped: bool) -> None:
@@ -257,15 +235,22 @@ def rehearse(model: RobotModel, mapped: bool) -> None:
     corner = np.array([[-2, -2, 2, -2], [2, -2, 2, 2], [2, 2, -2, 2], [-2, 2, -2, -2]], np.float64)
     here = Pose(0.0, 0.0, 0.0)
     nowhere = Perception(model, map_from_geometry(corner, here) if mapped else None)
-    n = len(nowhere.lidar.beams)
-    bearings = np.arctan2(nowhere.lidar.beams[:, 1], nowhere.lidar.beams[:, 0])
-    room = 2.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
     for k in range(14):
         t = 0.1 * k
         odometry = Odometry(t + 0.05, Pose(0.02 * k, 0.0, 0.01 * k), Twist(0.2, 0.1))
-        ranges = np.where(np.abs(np.arange(n) - n // 2 - 12 * k) < 8, 1.2, room)
-        scan = Scan(t, k, ranges, 0.05)
+        scan = Scan(t, k, _in_a_room(nowhere.lidar, k), 0.05)
+        further = tuple(
+            Scan(t, k, _in_a_room(one.lidar(), k), 0.05, one.name) for one in model.further_lidars
+        )
         for _ in range(20):  # a search is a slice of work at every call
-            nowhere.take(t + 0.05, Readings(odometry, scan, None, None))
+            nowhere.take(t + 0.05, Readings(odometry, scan, None, None, further))
         if k == 9:
             nowhere.place(here)
+
+
+def _in_a_room(lidar: Lidar, k: int) -> Floats:
+    """Ranges of scan k in a small room in which somebody walks."""
+    n = len(lidar.beams)
+    bearings = np.arctan2(lidar.beams[:, 1], lidar.beams[:, 0])
+    room = 2.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
+    return np.where(np.abs(np.arange(n) - n // 2 - 12 * k) < 8, 1.2, room)

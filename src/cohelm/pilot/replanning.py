@@ -19,10 +19,12 @@ from cohelm.plan.distance_field import swept
 from cohelm.plan.elastic_band import distances
 from cohelm.plan.path_planner import PathParams, way
 from cohelm.plan.prediction import Foresight, met
-from cohelm.plan.recovery import Choices, Escape, escape, kind
+from cohelm.plan.recovery import Choices, Escape, escape, kind, wriggle
 
 _ROUND = 24  # points around a disc, at least
 _FINE = 0.03  # between points around a disc that is near [m]
+_APART = 0.05  # between points on a wall [m]
+_DENSE, _DENSE_WITHIN = 0.01, 2.5  # the same where millimetres matter, and how far that is [m]
 _NEAR = 1.5  # the robot's centre to a disc's surface [m]
 _CHOICES = Choices()
 _NO_WAY: Floats = np.empty((0, 2))
@@ -245,6 +247,10 @@ def _way_out(
     move = escape(pose, to.psi, points, settings.outline, choices, refused)
     if move is None and refused:
         move = escape(pose, to.psi, points, settings.outline, choices)
+    if move is None and held:
+        dense = known(task.around, pose, _DENSE_WITHIN, _DENSE)
+        move = escape(pose, to.psi, dense, settings.outline, choices, refused)
+        move = move or wriggle(pose, dense, settings.outline, choices, refused)
     if move is not None and abs(off) < 0.3 and move.distance == 0.0:
         back = Escape(-0.2, 0.0, 0.0)  # looks where it should, but does not get on
         return Escape(0.1, 0.0, 0.0) if kind(back) & refused else back
@@ -273,9 +279,12 @@ def _remaining(course: Course, tau: float) -> float:
     return (course.reference.duration - tau) * course.reference.speed
 
 
-def known(around: Surroundings, pose: Pose, far: float) -> Floats:
-    """All that is within `far` of the robot as points on its surfaces, (p, 2) [m]."""
-    return _surfaces(around.discs, around.segments, around.points, pose, far)
+def known(around: Surroundings, pose: Pose, far: float, apart: float = _APART) -> Floats:
+    """All that is within `far` of the robot as points on its surfaces, (p, 2) [m].
+
+    apart: from one point on a wall to the next [m].
+    """
+    return _surfaces(around.discs, around.segments, around.points, pose, far, apart)
 
 
 @jit_inline
@@ -288,8 +297,9 @@ def _ring(disc: Floats, pose: Pose) -> int:
 
 
 @jit
-def _surfaces(discs: Floats, walls: Floats, seen: Floats, pose: Pose, far: float) -> Floats:
-    spacing = 0.05
+def _surfaces(
+    discs: Floats, walls: Floats, seen: Floats, pose: Pose, far: float, spacing: float
+) -> Floats:  # fmt: skip
     most = len(seen)
     for i in range(len(discs)):
         most += _ring(discs[i], pose)

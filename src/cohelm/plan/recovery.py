@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from typing import NamedTuple
 
@@ -15,6 +16,13 @@ from cohelm.robot.kinematics import arc
 _LOOK = 0.02  # how far apart poses are looked at, of the outline's farthest corner [m]
 _NEAR_ENOUGH = 0.01  # to the end of a move [m, rad]
 _GAIN = 0.01  # in gap that a move away is worth making for [m]
+
+
+_STEP = 0.04  # of a search for a way out, along an arc [m]
+_TURN = 0.08  # and on the spot [rad]
+_CELL, _SECTOR = 0.02, 0.04  # what is nearer to each other is one place [m, rad]
+_ROOM = 0.08  # a gap with which other moves are found again [m]
+_PLACES = 1500  # are looked at, at most
 
 
 class Escape(NamedTuple):
@@ -111,6 +119,66 @@ def _away(
             if end and gaps[k] > most:
                 most, best = float(gaps[k]), Escape(float(ways[k]), curvature, 0.0)
     return best
+
+
+def wriggle(
+    pose: Pose, points: Floats, outline: Floats, choices: Choices = _CHOICES, refused: int = 0
+) -> Escape | None:
+    """What to begin with where no single move leads out: the first of the fewest small arcs and
+    turns after which there is room, by Dijkstra over places a hand's breadth apart; None if there
+    are none.
+
+    The gap on the way is at least `choices.least`, or what it is now. points: dense enough to tell
+    such a gap.
+    """
+    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    off = points - np.array(pose[:2])
+    near = points[np.hypot(off[:, 0], off[:, 1]) < 2.0 * reach + 1.0]
+    least = min(choices.least, float(swept(near, outline, np.array([pose]))[0]) - 1e-6)
+    steps = [Escape(s * _STEP, k, 0.0) for s in (-1.0, 1.0) for k in choices.curvatures]
+    steps += [Escape(0.0, 0.0, s * _TURN) for s in (-1.0, 1.0)]
+    begin = [step for step in steps if not kind(step) & refused]
+    queue: list[tuple[float, int, Pose, Escape | None, bool]] = [(0.0, 0, pose, None, True)]
+    seen, number, looked = set[tuple[int, int, int]](), 0, 0
+    while queue and looked < _PLACES:
+        cost, _, at, first, same = heapq.heappop(queue)
+        place = (round(at.x / _CELL), round(at.y / _CELL), round(at.psi / _SECTOR))
+        if place in seen:
+            continue
+        seen.add(place)
+        looked += 1
+        tried = begin if first is None else steps
+        ends = [_stepped(at, step, 1.0) for step in tried]
+        half = [_stepped(at, step, 0.5) for step in tried]
+        gaps = swept(near, outline, np.array(half + ends))
+        for i, (step, end) in enumerate(zip(tried, ends, strict=True)):
+            gap = float(gaps[len(tried) + i])
+            if min(gap, float(gaps[i])) < least:
+                continue
+            goes_on = same and (first is None or _alike(first, step))
+            whole = step if first is None else _longer(first, step) if goes_on else first
+            if gap > _ROOM:
+                return whole
+            number += 1
+            again = 0.0 if goes_on else 0.5  # few long moves rather than many short ones
+            heapq.heappush(queue, (cost + 1.0 + again, number, end, whole, goes_on))
+    return None
+
+
+def _stepped(pose: Pose, step: Escape, share: float) -> Pose:
+    """Where a small arc or turn leads, or a share of it."""
+    if step.distance == 0.0:
+        return Pose(pose.x, pose.y, pose.psi + share * step.turn)
+    return arc(pose, Twist(step.distance, step.distance * step.curvature), share)
+
+
+def _alike(a: Escape, b: Escape) -> bool:
+    """Whether b is more of the same."""
+    return a.curvature == b.curvature and kind(a) == kind(b)
+
+
+def _longer(a: Escape, b: Escape) -> Escape:
+    return Escape(a.distance + b.distance, a.curvature, a.turn + b.turn)
 
 
 def _shortest(

@@ -1,8 +1,9 @@
 """One MCAP file of ROS 2's own messages, written as a run or a drive goes.
 
-`/odom` in the odometry frame, `/scan`, `/tf` (map, odom, base_link), `/cmd_vel` and
-`/cmd_vel_safe`, `/joy`, `/camera/image/compressed`, `/rosout` for what happened, and `/period`:
-every number of a period; besides, what the stations were shown (`shown.TOPICS`).
+`/odom` in the odometry frame, `/scan` (of further LiDARs `/scan_NAME`), `/tf` (map, odom,
+base_link), `/cmd_vel` and `/cmd_vel_safe`, `/joy`, `/camera/image/compressed`, `/rosout` for what
+happened, and `/period`: every number of a period; besides, what the stations were shown
+(`shown.TOPICS`).
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ from cohelm.record.period import NO_DISCS, NO_H, STORE
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan
+from cohelm.robot.sensors import LidarModel
 
 METADATA, SCENARIO, ROBOT = "cohelm", "scenario.yaml", "robot.json"
 """Names in the file: of the metadata about it, and of its attachments."""
@@ -100,6 +102,30 @@ class Photo(NamedTuple):
     jpeg: bytes
 
 
+class RecordedLidar(NamedTuple):
+    """Where the scans of a LiDAR go."""
+
+    model: LidarModel
+    topic: str
+    frame: str
+
+
+def scan_topic(name: str) -> str:
+    """Of a further LiDAR."""
+    return f"/scan_{name}"
+
+
+def _lidars(robot: RobotModel | None) -> dict[str, RecordedLidar]:
+    """By their names, the first one first."""
+    if robot is None or robot.lidar is None:
+        return {}
+    first = {robot.lidar.name: RecordedLidar(robot.lidar, "/scan", LASER)}
+    return first | {
+        one.name: RecordedLidar(one, scan_topic(one.name), f"{LASER}_{one.name}")
+        for one in robot.further_lidars
+    }
+
+
 class RecordWriter:
     """Writes a record into an open file. OSError where the file can not grow."""
 
@@ -124,7 +150,10 @@ class RecordWriter:
         if about.scenario or robot is None:
             self._attach(SCENARIO, "application/yaml", about.scenario)
         self._channels: dict[str, int] = {}
-        for topic, name in TOPICS.items():
+        self._lidars = _lidars(robot)
+        further = {one.topic: TOPICS["/scan"] for one in self._lidars.values()}
+        self._types = TOPICS | further
+        for topic, name in self._types.items():
             if name == period.TYPE:
                 definition = period.DEFINITION
             else:
@@ -132,10 +161,12 @@ class RecordWriter:
             schema = self._mcap.register_schema(name, SchemaEncoding.ROS2, definition.encode())
             channel = self._mcap.register_channel(topic, MessageEncoding.CDR, schema)
             self._channels[topic] = channel
-        self._lidar = robot.lidar if robot is not None else None
-        if self._lidar is not None:
-            mount = self._lidar.lidar().mount
-            self._say(0.0, "/tf_static", TFMessage([self._frame(0.0, BASE, LASER, mount)]))
+        mounts = [
+            self._frame(0.0, BASE, one.frame, one.model.lidar().mount)
+            for one in self._lidars.values()
+        ]
+        if mounts:
+            self._say(0.0, "/tf_static", TFMessage(mounts))
         corners = robot.outline if robot is not None else outline
         if corners is not None:
             start = self._stamp(0.0)
@@ -208,12 +239,13 @@ class RecordWriter:
         self._say(t, "/tf", TFMessage([self._frame(t, ODOM, BASE, pose)]))
 
     def _scan(self, scan: Scan) -> None:
-        lidar = self._lidar
-        if lidar is None:
+        found = self._lidars.get(scan.sensor)
+        if found is None:
             return
+        lidar = found.model
         numbers, n = lidar.lidar(), len(scan.ranges)
         message = LaserScan(
-            header=Header(self._time(scan.stamp), LASER),
+            header=Header(self._time(scan.stamp), found.frame),
             angle_min=numbers.first,
             angle_max=numbers.first + numbers.step * (n - 1),
             angle_increment=numbers.step,
@@ -224,7 +256,7 @@ class RecordWriter:
             ranges=scan.ranges.astype(np.float32),
             intensities=np.empty(0, dtype=np.float32),
         )
-        self._say(scan.stamp, "/scan", message, scan.number)
+        self._say(scan.stamp, found.topic, message, scan.number)
 
     def _event(self, event: Event) -> None:
         level = Log.ERROR if event.serious else Log.INFO
@@ -243,7 +275,7 @@ class RecordWriter:
         return self._epoch + (round(t * 1e9) if math.isfinite(t) else 0)
 
     def _say(self, t: float, topic: str, message: Any, number: int | None = None) -> None:
-        data = bytes(STORE.serialize_cdr(message, TOPICS[topic]))
+        data = bytes(STORE.serialize_cdr(message, self._types[topic]))
         stamp = max(self._stamp(t), 0)
         self._count += 1
         count = self._count if number is None else number

@@ -6,6 +6,7 @@ import json
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +19,7 @@ from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.record import period
-from cohelm.record.file import METADATA, SCENARIO, STOPPED
+from cohelm.record.file import METADATA, SCENARIO, STOPPED, scan_topic
 from cohelm.record.messages import decoder, records
 
 Heed = Callable[[str, float, Any], None]
@@ -53,6 +54,8 @@ class Record(NamedTuple):
     """Of a drive: when [s], and what the loop and the gate did."""
     scenario: str
     """The YAML text it was made by; empty if there was none."""
+    further_scans: dict[str, list[tuple[float, Floats]]]
+    """The scans of further LiDARs, by their names."""
 
 
 @dataclass
@@ -85,18 +88,22 @@ def read_record(path: str | Path) -> Record:
     Raises CohelmError for a file that is no record of cohelm.
     """
     scans: list[tuple[float, Floats]] = []
+    further: dict[str, list[tuple[float, Floats]]] = {}
     events: list[tuple[float, str]] = []
+    prefix = scan_topic("")
 
     def heed(topic: str, t: float, m: Any) -> None:
-        if topic == "/scan":
-            scans.append((t, np.asarray(m.ranges, dtype=np.float64)))
-        else:
+        if topic == "/rosout":
             events.append((t, f"{m.name}: {m.msg}"))
+            return
+        name = topic.removeprefix(prefix)
+        of = scans if topic == "/scan" else further.setdefault(name, [])
+        of.append((t, np.asarray(m.ranges, dtype=np.float64)))
 
-    found = periods(Path(path), ("/scan", "/rosout"), heed)
+    found = periods(Path(path), ("/scan", prefix + "*", "/rosout"), heed)
     names = found.rows.dtype.names or ()
     table = {name: np.ascontiguousarray(found.rows[name]) for name in names}
-    return Record(found.kind, table, scans, events, found.scenario)
+    return Record(found.kind, table, scans, events, found.scenario, further)
 
 
 def read(path: Path) -> Trace:
@@ -130,7 +137,8 @@ def read(path: Path) -> Trace:
 
 def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> Found:
     """All control periods up to the end of the data, or to where it is damaged. heed: is told
-    topic, time on the clock of the periods' `t` [s] and message of all on `topics`, as they come.
+    topic, time on the clock of the periods' `t` [s] and message of all on `topics`, as they come;
+    a `*` in a topic stands for anything.
 
     Raises CohelmError where there is no such file, it is no record of cohelm or one by another
     version, or has no period.
@@ -152,7 +160,7 @@ def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> F
                 found.scenario = record.data.decode(errors="replace")
             case Schema():
                 schemas[record.id] = record
-            case Channel() if record.topic in (period.TOPIC, *topics) and found.about:
+            case Channel() if found.about and _asked(record.topic, topics):
                 names[record.id] = record.topic
                 decoders[record.id] = decoder(schemas[record.schema_id], path)
             case Message() if record.channel_id in names:
@@ -183,6 +191,10 @@ def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> F
             f"{error.name!r} yet: read it with that version"
         ) from error
     return found
+
+
+def _asked(topic: str, topics: Sequence[str]) -> bool:
+    return topic == period.TOPIC or any(fnmatchcase(topic, one) for one in topics)
 
 
 def _check(path: Path, about: dict[str, str]) -> None:

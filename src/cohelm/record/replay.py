@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, wrap
-from cohelm.record.file import IMAGE, ROBOT, Photo
+from cohelm.record.file import IMAGE, ROBOT, Photo, scan_topic
 from cohelm.record.messages import attachment, messages
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
@@ -24,8 +24,8 @@ from cohelm.robot.port import Frame, Health, Odometry, Readings, Scan
 
 
 class Replayed(Paced):
-    """Plays `/odom`, `/scan`, `/cmd_vel` and the camera's pictures of a record; time 0 is its first
-    odometry reading.
+    """Plays `/odom`, `/scan` (and those of further LiDARs), `/cmd_vel` and the camera's pictures of
+    a record; time 0 is its first odometry reading.
 
     It does not obey: `send` and `stop` answer with, and change nothing of, what was driven. After
     the record's end nothing new comes.
@@ -41,9 +41,11 @@ class Replayed(Paced):
         super().__init__(model or recorded_model(path), pace)
         self.whole = True
         """Whether the record was finished, and is not damaged."""
-        self._odometry, self._scans, self._driven, self._photos = _read(path, self._damaged)
+        found = _read(path, self.model, self._damaged)
+        self._odometry, self._scans, self._driven, self._photos, self._further = found
         self._stamps = [o.stamp for o in self._odometry]
-        self._ends = [s.stamp + s.duration for s in self._scans]
+        self._ends = _ends(self._scans)
+        self._further_ends = [_ends(scans) for scans in self._further]
         self._turns = [t for t, _ in self._driven]
         self._taken = [photo.stamp for photo in self._photos]
         self._frame: Frame | None = None
@@ -75,6 +77,11 @@ class Replayed(Paced):
             self._odometry[k - 1] if k else None, self._scans[s - 1] if s else None,
             self._picture(now),
             Health(self.now(), math.nan, ()),
+            tuple(
+                scans[i - 1]
+                for scans, ends in zip(self._further, self._further_ends, strict=True)
+                if (i := bisect.bisect_right(ends, now))
+            ),
         )  # fmt: skip
 
     def _picture(self, now: float) -> Frame | None:
@@ -109,15 +116,23 @@ def recorded_model(path: Path) -> RobotModel:
         raise CohelmError(f"{path}: its description of the robot is damaged: {error}") from error
 
 
+def _ends(scans: list[Scan]) -> list[float]:
+    return [scan.stamp + scan.duration for scan in scans]
+
+
 def _read(
-    path: Path, damaged: Callable[[str], None]
-) -> tuple[list[Odometry], list[Scan], list[tuple[float, Twist]], list[Photo]]:
+    path: Path, model: RobotModel, damaged: Callable[[str], None]
+) -> tuple[
+    list[Odometry], list[Scan], list[tuple[float, Twist]], list[Photo], list[list[Scan]]
+]:  # fmt: skip
     odometry: list[Odometry] = []
-    scans: list[Scan] = []
+    names = {"/scan": "" if model.lidar is None else model.lidar.name}
+    names |= {scan_topic(one.name): one.name for one in model.further_lidars}
+    scans: dict[str, list[Scan]] = {topic: [] for topic in names}
     driven: list[tuple[float, Twist]] = []
     photos: list[Photo] = []
     zero, psi = -1, 0.0
-    for topic, stamp, m in messages(path, ("/odom", "/scan", "/cmd_vel", IMAGE), damaged):
+    for topic, stamp, m in messages(path, ("/odom", *names, "/cmd_vel", IMAGE), damaged):
         zero = stamp if zero < 0 and topic == "/odom" else zero
         t = (stamp - zero) * 1e-9
         if zero < 0:
@@ -128,20 +143,22 @@ def _read(
             now = Odometry(t, Pose(place.x, place.y, psi), Twist(twist.linear.x, twist.angular.z))
             if not odometry or t > odometry[-1].stamp:
                 odometry.append(now)
-        elif topic == "/scan":
+        elif topic in scans:
             n = len(m.ranges)
             ranges = np.asarray(m.ranges, dtype=np.float64)
             ranges = np.clip(
                 ranges, m.range_min, m.range_max, where=np.isfinite(ranges), out=ranges
             )
-            scans.append(Scan(t, len(scans), ranges, float(m.time_increment) * max(n - 1, 1)))
+            duration, number = float(m.time_increment) * max(n - 1, 1), len(scans[topic])
+            scans[topic].append(Scan(t, number, ranges, duration, names[topic]))
         elif topic == IMAGE:
             photos.append(Photo(t, len(photos), bytes(m.data)))
         else:
             driven.append((t, Twist(m.twist.linear.x, m.twist.angular.z)))
     if not odometry:
         raise CohelmError(f"{path} holds no odometry (/odom): give the record of a drive")
-    return odometry, scans, driven, photos
+    first, *further = scans.values()
+    return odometry, first, driven, photos, further
 
 
 def _yaw(q: Any) -> float:

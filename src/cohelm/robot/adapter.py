@@ -78,10 +78,7 @@ class RobotAdapter:
                 given = self._robot.read()
                 if given.odometry is not None and _again(given.odometry, self._newest.odometry):
                     given = given._replace(odometry=None)
-                self._newest = Readings._make(
-                    new if new is not None else old
-                    for new, old in zip(given, self._newest, strict=True)
-                )
+                self._newest = _newest(given, self._newest)
             except Exception as error:
                 self._failed["read"] = _said("read", error)
         health = self._newest.health or Health(self._robot.now(), math.nan, ())
@@ -149,6 +146,14 @@ class RobotAdapter:
     def _open(self) -> None:
         if self._closed.is_set():
             raise CohelmError("the robot is closed: make a new one")
+
+
+def _newest(new: Readings, old: Readings) -> Readings:
+    """Of everything what is new, and what was there where nothing is."""
+    scans = {scan.sensor: scan for scan in (*old.further, *new.further)}
+    both = zip(new, old, strict=True)
+    newest = Readings._make(one if one is not None else was for one, was in both)
+    return newest._replace(further=tuple(scans.values()))
 
 
 def _unbraked(model: RobotModel) -> Limits:

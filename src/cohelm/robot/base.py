@@ -13,6 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.sensors import of_sensor
 
 
 class Robot(ABC):
@@ -46,7 +47,7 @@ class Robot(ABC):
         """model: outline, limits, sensors, delay; `load_robot("my.yaml")`."""
         self.model = model
         self._begun = time.monotonic()
-        self._scans = 0
+        self._scans: dict[str, int] = {}
 
     @abstractmethod
     def read(self) -> Readings:
@@ -82,25 +83,37 @@ class Robot(ABC):
             self.now() - age, Pose(*map(float, pose)), Twist(*map(float, twist))
         )  # fmt: skip
 
-    def scan(self, ranges: ArrayLike, age: float = 0.0, duration: float = 0.0) -> Scan:
+    def scan(
+        self, ranges: ArrayLike, age: float = 0.0, duration: float = 0.0, sensor: str | None = None
+    ) -> Scan:
         """One new turn of the LiDAR, counter-clockwise as the model describes it; call it once for
         each.
 
         ranges: (beams,) [m]; what is nearer than the LiDAR's least range becomes -inf, what is
         farther than its largest, inf (REP-117). age: of its last beam [s]. duration: from its first
-        beam to its last [s]. Raises CohelmError for another number of beams.
+        beam to its last [s]. sensor: name of one of several LiDARs, by default the first; those of
+        the others go into `Readings.further`. Raises CohelmError for another number of beams, or a
+        LiDAR that there is not.
         """
-        lidar = self.model.lidar
-        if lidar is None:
+        known = {lidar.name: lidar for lidar in self.model.lidars}
+        if not known:
             raise CohelmError(f"{self.model.name} has no LiDAR: describe it in the robot's YAML")
+        name = next(iter(known)) if sensor is None else sensor
+        if name not in known:
+            raise CohelmError(
+                f"{self.model.name} has no LiDAR {name!r}: choose {', '.join(map(repr, known))}, "
+                "or describe it in the robot's YAML"
+            )
+        lidar = known[name]
         made: Floats = np.array(ranges, dtype=np.float64)
         if made.shape != (lidar.beams,):
-            raise CohelmError(
-                f"a scan of {self.model.name} has {lidar.beams} beams, got shape {made.shape}: "
-                "set lidar.beams in the robot's YAML"
-            )
+            raise CohelmError(of_sensor(
+                name, f"a scan of {self.model.name} has {lidar.beams} beams, got shape "
+                f"{made.shape}: set lidar.beams in the robot's YAML"
+            ))  # fmt: skip
         made[made < lidar.range_min_m] = -math.inf
         made[made > lidar.range_max_m] = math.inf
         made.flags.writeable = False
-        self._scans += 1
-        return Scan(self.now() - age - duration, self._scans - 1, made, duration)
+        number = self._scans.get(name, 0)
+        self._scans[name] = number + 1
+        return Scan(self.now() - age - duration, number, made, duration, name)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from importlib.resources import files
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
@@ -67,7 +67,10 @@ class RobotModel(Schema):
     odometry: OdometryModel = OdometryModel()
     """Pose and twist from the wheels."""
     lidar: LidarModel | None = None
-    """The planar LiDAR, if there is one."""
+    """The planar LiDAR, if there is one. Of several, the one that the robot finds its place by."""
+    further_lidars: tuple[LidarModel, ...] = ()
+    """Further planar LiDARs, each with a name of its own. What any of them sees counts; without
+    the scans of any of them the robot stops."""
     camera: CameraModel | None = None
     """The camera, if there is one."""
 
@@ -78,6 +81,20 @@ class RobotModel(Schema):
             return convex_outline(corners).tolist()
         except CohelmError as error:
             raise ValueError(str(error)) from error
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        if self.further_lidars and self.lidar is None:
+            raise ValueError("further_lidars need a lidar: the first one is described there")
+        names = [lidar.name for lidar in self.lidars]
+        if "" in names[1:] or len(set(names)) < len(names):
+            raise ValueError("each of further_lidars needs a name of its own")
+        return self
+
+    @property
+    def lidars(self) -> tuple[LidarModel, ...]:
+        """All LiDARs, the first one first; empty where there is none."""
+        return () if self.lidar is None else (self.lidar, *self.further_lidars)
 
     @classmethod
     def of(
@@ -137,8 +154,8 @@ class RobotModel(Schema):
 
 
 SHIPPED = (
-    "sally", "jackal", "husky", "rosbot", "turtlebot3_burger", "turtlebot3_waffle", "turtlebot4",
-    "mir100",
+    "sally", "sally-rear", "jackal", "husky", "rosbot", "turtlebot3_burger", "turtlebot3_waffle",
+    "turtlebot4", "mir100",
 )  # fmt: skip
 """Robots that come with the package, by the names a scenario may use."""
 

@@ -37,6 +37,8 @@ class Scan(NamedTuple):
     """(n,), counter-clockwise [m]; inf for no return, -inf for too near (REP-117)."""
     duration: float
     """From the first beam to the last [s]; 0 for all at one instant."""
+    sensor: str = ""
+    """Name of the LiDAR that it is of, as the robot's model has it."""
 
 
 class Frame(NamedTuple):
@@ -66,11 +68,17 @@ class Readings(NamedTuple):
     odometry: Odometry | None = None
     """Where the wheels say it is."""
     scan: Scan | None = None
-    """One turn of the LiDAR."""
+    """One turn of the LiDAR; of several, of the first."""
     frame: Frame | None = None
     """One picture of the camera."""
     health: Health | None = None
     """What the robot says of itself."""
+    further: tuple[Scan, ...] = ()
+    """Of each further LiDAR that has given one, the newest scan."""
+
+    def of_lidar(self, name: str) -> Scan | None:
+        """The newest scan of a further LiDAR."""
+        return next((scan for scan in self.further if scan.sensor == name), None)
 
 
 class Robot(Protocol):

@@ -19,6 +19,8 @@ AtLeast0 = Annotated[float, Field(ge=0.0)]
 class LidarModel(Schema):
     """A planar LiDAR."""
 
+    name: Annotated[str, Field(pattern="^([a-z][a-z0-9_]*)?$")] = ""
+    """What to call it where there are several: its scans, topics and faults are named so."""
     beams: Annotated[int, Field(ge=1, le=100_000)] = 720
     """Beams per scan."""
     field_of_view_deg: Annotated[float, Field(ge=0.001, le=360.0)] = 270.0
@@ -44,9 +46,18 @@ class LidarModel(Schema):
     """Where it is mounted: left of the body's origin."""
     mount_yaw_deg: float = 0.0
     """Where it looks: counter-clockwise from the body's forward axis."""
+    timeout_s: Annotated[float, Field(gt=0.0)] | None = None
+    """Without a scan for so long, counted from the last beam, the robot stops; without it, after
+    three scans that are missing."""
+
+    height_band_m: tuple[float, float] | None = None
+    """Over ROS 2: its scans are made of point clouds, of what they show from the first to the
+    second height above the body's origin; without it, it is planar. Simulated, it is planar."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
+        if self.height_band_m is not None and self.height_band_m[0] >= self.height_band_m[1]:
+            raise ValueError("height_band_m must be the lower height, then the upper one")
         if self.range_min_m >= self.range_max_m:
             raise ValueError("range_min_m must be smaller than range_max_m")
         if self.sweep_s * self.rate_hz > 1.0:
@@ -70,6 +81,11 @@ class LidarModel(Schema):
             first, step, self.range_min_m, self.range_max_m, self.noise_m, lost,
             np.column_stack((np.cos(bearings), np.sin(bearings))),
         )  # fmt: skip
+
+
+def of_sensor(name: str, said: str) -> str:
+    """A sentence about a LiDAR, which names it where it has a name."""
+    return f"{name} LiDAR: {said}" if name else said
 
 
 class Lidar(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +18,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing, requirements
 from cohelm.ros.graph import GRAPH, INFO, Graph, described
 from cohelm.ros.names import dds_topic, namespace_of, ros_topic, ros_type
-from cohelm.ros.port import LATCHED, Endpoint, Heard, Publisher, Qos, Received
+from cohelm.ros.port import LATCHED, End, Endpoint, Heard, Publisher, Qos, Received
 from cohelm.ros.types import known, packed, type_hash, unpacked, wire
 
 _MOST = 64
@@ -79,13 +79,14 @@ class DdsTransport:
                 "up? ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST needs none"
             ) from error
         kept = dds.Qos(dds.Policy.Reliability.Reliable(0), dds.Policy.Durability.TransientLocal)
-        self._built = {
-            publishes: dds.BuiltinDataReader(self._participant, topic, kept)
-            for publishes, topic in (
-                (True, dds.BuiltinTopicDcpsPublication),
-                (False, dds.BuiltinTopicDcpsSubscription),
-            )
-        }
+        anything = dds.ViewState.Any | dds.InstanceState.Any | dds.SampleState.Any
+        self._built: dict[bool, tuple[Any, Any]] = {}
+        for publishes, topic in (
+            (True, dds.BuiltinTopicDcpsPublication), (False, dds.BuiltinTopicDcpsSubscription),
+        ):  # fmt: skip
+            reader = dds.BuiltinDataReader(self._participant, topic, kept)
+            self._built[publishes] = reader, dds.ReadCondition(reader, anything)
+        self._ends: dict[bytes, Endpoint] = {}
         self._lock = _LOCK
         self._readers: list[tuple[Any, str, Heard]] = []
         self._writers: list[Any] = []
@@ -109,31 +110,31 @@ class DdsTransport:
             self._tell()
         return _Writer(writer, kind, self._closed)
 
-    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> None:
-        """A subscriber."""
+    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> End:
+        """A subscriber, and what ends it."""
         with self._lock:
             self._open()
             reader = self._reader(dds_topic(topic), known(kind), qos, heard)
             self._graph.readers.append(reader.guid.bytes)
             self._tell()
+        return partial(self._leave, reader)
 
     def endpoints(self) -> list[Endpoint]:
         """Of other participants."""
         dds = _cyclonedds()
         with self._lock:
             self._open()
-            own = self._participant.guid
-            nodes = self._nodes()
-            alive = dds.ViewState.Any | dds.InstanceState.Alive | dds.SampleState.Any
-            found: list[Endpoint] = []
-            for publishes, reader in self._built.items():
-                for sample in reader.read(_MOST_ENDPOINTS, dds.ReadCondition(reader, alive)):
-                    topic = ros_topic(sample.topic_name)
-                    if topic and sample.participant_key != own:
-                        node = nodes.get(sample.key.bytes, "")
-                        kind = ros_type(sample.type_name)
-                        found.append(Endpoint(topic, kind, _qos(sample.qos), publishes, node))
-        return sorted(found)
+            own, nodes = self._participant.guid, self._nodes()
+            for publishes, (reader, anything) in self._built.items():
+                for sample in reader.take(_MOST_ENDPOINTS, anything):  # what is new since last time
+                    key = sample.key.bytes
+                    if sample.sample_info.instance_state != dds.InstanceState.Alive:
+                        self._ends.pop(key, None)
+                    elif sample.sample_info.valid_data and sample.participant_key != own:
+                        topic, kind = ros_topic(sample.topic_name), ros_type(sample.type_name)
+                        if topic:
+                            self._ends[key] = Endpoint(topic, kind, _qos(sample.qos), publishes, "")
+            return sorted(e._replace(node=nodes.get(key, "")) for key, e in self._ends.items())
 
     def lost(self) -> str:
         """Nothing is between peers that could be lost."""
@@ -154,6 +155,17 @@ class DdsTransport:
             self._topics.clear()
             del self._about, self._waiting
             self._participant.__del__()  # with all that is left of it, whoever still holds it
+
+    def _leave(self, reader: Any) -> None:
+        """One subscriber."""
+        with self._lock:
+            mine = [one for one in self._readers if one[0] is reader]
+            if self._closed.is_set() or not mine:
+                return
+            self._readers.remove(mine[0])
+            self._graph.readers.remove(reader.guid.bytes)
+            self._waiting.detach(reader.anything)
+            self._tell()
 
     def _open(self) -> None:
         if self._closed.is_set():

@@ -115,8 +115,9 @@ class FilterNode:
         now = keeper.now()
         wrong = self._watchdog.wrong(now, readings)
         wrong = wrong and (self._transport.lost() or wrong)
-        last = self._readings.scan
-        seen = self._seen = self._perception.take(now, readings._replace(scan=last))
+        last, further = self._readings.scan, self._readings.further
+        looked = readings._replace(scan=last, further=further)
+        seen = self._seen = self._perception.take(now, looked)
         result = self._filter(
             _NOWHERE if wrong or last is None else seen.odometry, seen.twist, nominal.twist,
             obstacles(seen),

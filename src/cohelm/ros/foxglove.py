@@ -14,6 +14,7 @@ import socket
 import struct
 import threading
 import time
+from functools import partial
 from typing import Any, NamedTuple, cast
 from urllib.parse import urlsplit
 
@@ -22,7 +23,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from cohelm.core.errors import CohelmError
-from cohelm.ros.port import Endpoint, Heard, Publisher, Qos, Received
+from cohelm.ros.port import End, Endpoint, Heard, Publisher, Qos, Received
 from cohelm.ros.types import known, packed, unpacked
 
 URL = "ws://localhost:8765"
@@ -41,6 +42,11 @@ _AGAIN = 0.5
 """After so long a lost connection is tried again [s]."""
 _SILENT = 2.0
 """A bridge that does not answer a ping for so long is gone [s]."""
+_REFUSED = 0.1
+"""After so long what may have been refused is asked for again [s]: a bridge tells of a new channel
+a moment before it takes subscriptions of it."""
+_ERROR = 2
+"""Level of a bridge's status message."""
 _LARGEST = 1 << 26
 _NOT_SENT_LOWEST = 25
 """TCP_NOTSENT_LOWAT of Linux: a socket that still holds what it did not send is not writable."""
@@ -79,6 +85,9 @@ class FoxgloveTransport:
         self._channels: dict[int, _Channel] = {}
         self._subscribers: list[_Subscriber] = []
         self._subscribed: dict[int, int] = {}
+        self._spoke: set[int] = set()
+        """Channels on which something has come."""
+        self._retry: threading.Timer | None = None
         self._writers: list[_Writer] = []
         self._graph: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
         self._bridge = ""
@@ -97,13 +106,15 @@ class FoxgloveTransport:
             self._advertise([writer])
         return writer
 
-    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> None:
-        """A subscriber; the bridge decides its quality of service, by the publishers'."""
+    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> End:
+        """A subscriber, and what ends it; the bridge decides its quality of service, by the
+        publishers'."""
         with self._lock:
             self._check()
             subscriber = _Subscriber(topic, known(kind), heard)
             self._subscribers.append(subscriber)
             self._match(list(self._channels), [subscriber])
+        return partial(self._leave, subscriber)
 
     def endpoints(self) -> list[Endpoint]:
         """As the bridge tells them: with their nodes, without their quality of service. The
@@ -195,6 +206,7 @@ class FoxgloveTransport:
                     self._socket = None
                     self._channels.clear()
                     self._subscribed.clear()
+                    self._spoke.clear()
                     self._graph = {True: {}, False: {}}
                 self._ended.wait(_AGAIN)
 
@@ -211,7 +223,9 @@ class FoxgloveTransport:
             if len(data) >= _FROM_BRIDGE.size and data[0] == _DATA:
                 subscription = _FROM_BRIDGE.unpack_from(data)[1]
                 with self._lock:
-                    channel = self._channels.get(self._subscribed.get(subscription, -1))
+                    number = self._subscribed.get(subscription, -1)
+                    channel = self._channels.get(number)
+                    self._spoke.add(number)
                     to = [] if channel is None else [
                         one for one in self._subscribers if (one.topic, one.kind) == channel[:2]
                     ]  # fmt: skip
@@ -235,6 +249,11 @@ class FoxgloveTransport:
                 case "unadvertise":
                     for one in told["channelIds"]:
                         self._channels.pop(int(one), None)
+                        self._spoke.discard(int(one))
+                case "status" if told["level"] >= _ERROR and self._retry is None:
+                    self._retry = threading.Timer(_REFUSED, self._ask_again)
+                    self._retry.daemon = True
+                    self._retry.start()
                 case "connectionGraphUpdate":
                     self._update(told)
                 case _:
@@ -267,10 +286,36 @@ class FoxgloveTransport:
             for own in before:  # a bridge grants one per channel; a new one tells again what lasts
                 del self._subscribed[own]
                 self._say({"op": "unsubscribe", "subscriptionIds": [own]})
-            self._number += 1
-            self._subscribed[self._number] = number
-            wanted = {"id": self._number, "channelId": number}
-            self._say({"op": "subscribe", "subscriptions": [wanted]})
+            self._subscribe(number)
+
+    def _subscribe(self, number: int) -> None:
+        """On a channel."""
+        self._number += 1
+        self._subscribed[self._number] = number
+        wanted = {"id": self._number, "channelId": number}
+        self._say({"op": "subscribe", "subscriptions": [wanted]})
+
+    def _leave(self, subscriber: _Subscriber) -> None:
+        """One subscriber; the bridge is told where nobody else hears the channel."""
+        with self._lock:
+            if subscriber not in self._subscribers:
+                return
+            self._subscribers.remove(subscriber)
+            wanted = {one[:2] for one in self._subscribers}
+            for own, number in list(self._subscribed.items()):
+                channel = self._channels.get(number)
+                if channel is None or channel[:2] not in wanted:
+                    del self._subscribed[own]
+                    self._spoke.discard(number)
+                    self._say({"op": "unsubscribe", "subscriptionIds": [own]})
+
+    def _ask_again(self) -> None:
+        """The bridge has refused something: of which channels nothing has come, once more."""
+        with self._lock:
+            self._retry = None
+            for number in sorted(set(self._subscribed.values()) - self._spoke):
+                if number in self._channels:
+                    self._subscribe(number)  # where it counted, this one is ignored
 
     def _advertise(self, writers: list[_Writer]) -> None:
         made = [

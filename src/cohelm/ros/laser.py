@@ -53,7 +53,7 @@ def lidar_model(
     """The LiDAR that sends such scans.
 
     rate: as counted [Hz]. latency: least age of a last beam when it came [s]. given: as the robot's
-    description has it, for what no message says: the noise.
+    description has it, for what no message says: its name, its noise and its time-out.
     """
     first, step, n = layout(scan, topic)
     if upright := not mount.upside_down:
@@ -73,6 +73,8 @@ def lidar_model(
             "the driver"
         )
     return LidarModel(
+        name="" if given is None else given.name,
+        timeout_s=None if given is None else given.timeout_s,
         beams=n, field_of_view_deg=min(view, 360.0), range_min_m=low, range_max_m=high,
         rate_hz=rate, noise_m=given.noise_m if given is not None else NOISE,
         sweep_s=min(duration, 0.999 / rate), latency_s=min(max(latency, 0.0), 1.0),
@@ -112,7 +114,8 @@ class Ranges:
         """(beams,) [m]: NaN where nothing was measured, which drivers also say as 0; -inf too near,
         inf nothing there. Several on one beam: the nearest. CohelmError for what is no scan."""
         first, step, n = layout(scan, "the scan")
-        ranges: Floats = np.array(scan.ranges, dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # bytes may be any kind of NaN
+            ranges: Floats = np.array(scan.ranges, dtype=np.float64)
         ranges[ranges == 0.0] = math.nan
         ranges[ranges < self._model.range_min_m] = -math.inf
         bearings = first + step * np.arange(n)

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Pose
+from cohelm.core.types import Floats, Pose
 from cohelm.robot.model import RobotModel
-from cohelm.ros import clock, laser, mismatch
+from cohelm.robot.sensors import LidarModel
+from cohelm.ros import clock, cloud, laser, mismatch
 from cohelm.ros.clock import Clock, estimated, seconds
 from cohelm.ros.connection import Connection
-from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.mismatch import CLOUD, ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.names import namespace_of, resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received, Transport
 from cohelm.ros.transforms import Mount, StaticTransforms
@@ -35,23 +36,50 @@ class Topics(NamedTuple):
     out: str = "/cmd_vel"
     scan: str = "/scan"
     odom: str = "/odom"
+    lock: str = "/emergency_stop"
+    """Empty: none."""
     namespace: str = "/"
+    further: tuple[tuple[str, str], ...] = ()
+    """Of further LiDARs: name and topic. Of one that is not named here: /scan_NAME."""
 
     @classmethod
     def named(
         cls, namespace: str = "/", command: str = "/cmd_vel_nav", out: str = "/cmd_vel",
-        scan: str = "/scan", odom: str = "/odom",
+        scan: str = "/scan", odom: str = "/odom", lock: str = "/emergency_stop",
+        further: Sequence[str] = (),
     ) -> Topics:  # fmt: skip
         """As somebody names them: in a namespace, if there is one, also those with a slash before
-        them that are there by default. CohelmError for what is no name."""
+        them that are there by default. further: `NAME=TOPIC` for each further LiDAR whose topic is
+        not /scan_NAME. CohelmError for what is no name."""
         space = namespace_of(namespace)
         inside = [
-            resolved(name.lstrip("/") if name == default else name, space)
+            name and resolved(name.lstrip("/") if name == default else name, space)
             for name, default in zip(
-                (command, out, scan, odom), cls._field_defaults.values(), strict=False
+                (command, out, scan, odom, lock), cls._field_defaults.values(), strict=False
             )
         ]
-        return cls(*inside, namespace=space)
+        pairs = [one.partition("=") for one in further]
+        if bad := [one for one, (_, _, topic) in zip(further, pairs, strict=True) if not topic]:
+            raise CohelmError(f"{bad[0]!r}: name a further LiDAR's scans as NAME=TOPIC")
+        named = tuple((name, resolved(topic, space)) for name, _, topic in pairs)
+        return cls(*inside, namespace=space, further=named)
+
+    def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
+        """The topics of its LiDARs' scans, the first one first. CohelmError for a topic of a LiDAR
+        that the robot does not have."""
+        names, given = [lidar.name for lidar in model.further_lidars], dict(self.further)
+        if strange := [name for name in given if name not in names]:
+            raise CohelmError(
+                f"{model.name} has no further LiDAR {strange[0]!r}: describe it under "
+                "further_lidars in the robot's YAML file"
+            )
+        usual = (resolved(f"scan_{name}", self.namespace) for name in names)
+        topics = (self.scan, *(given.get(*one) for one in zip(names, usual, strict=True)))
+        if len(set(topics)) < len(topics):
+            raise CohelmError(
+                f"two LiDARs of {model.name} can not share a topic: {', '.join(topics)}"
+            )
+        return topics
 
 
 class Allowed(NamedTuple):
@@ -65,6 +93,20 @@ class Allowed(NamedTuple):
     """Whether the robot's description says where the LiDAR is, and not /tf_static."""
     clock: float = clock.MOST
     """By how much clocks may differ [s]."""
+    lock_silence: float = math.inf
+    """Without a word on the lock's topic for so long the base is locked [s]."""
+
+
+class FoundLidar(NamedTuple):
+    """A LiDAR, as it was found."""
+
+    topic: str
+    mount: Mount
+    clock: Clock
+    stamped_at_end: bool
+    """Whether scans are stamped when their last beam was measured, not their first."""
+    cloud: Floats | None = None
+    """(4, 4), of one that sends point clouds: from their frame into the body's."""
 
 
 class Found(NamedTuple):
@@ -72,23 +114,25 @@ class Found(NamedTuple):
 
     topics: Topics
     model: RobotModel
-    """As described, with the LiDAR and the rates that were found."""
+    """As described, with the LiDARs and the rates that were found."""
     out_type: str
     body: str
     """Frame of the base, from the odometry."""
     odom: str
     """Frame of the odometry's poses."""
-    mount: Mount
     odom_clock: Clock
-    scan_clock: Clock
-    stamped_at_end: bool
-    """Whether scans are stamped when their last beam was measured, not their first."""
+    lidars: tuple[FoundLidar, ...]
+    """The first one first."""
     command_period: float
     """From one command to the next, as the controller sends them; NaN: none came [s]."""
     notes: tuple[str, ...]
     """What was found, and what was made of it; a sentence each."""
     connection: Connection = Connection()
     """By which it was found."""
+    bypass: bool = False
+    """Whether others may drive the base past the filter."""
+    lock_silence: float = math.inf
+    """Without a word on the lock's topic for so long the base is locked [s]."""
 
 
 def look(
@@ -103,58 +147,88 @@ def look(
     Raises CohelmError with everything that does not fit, one sentence a line.
     """
     allowed = allowed or Allowed()
-    heard = _Heard(transport, topics)
+    heard = _Heard(transport, topics, model)
     end, least = time.monotonic() + wait, time.monotonic() + _LEAST
-    while time.monotonic() < end and not over():
-        time.sleep(0.05)
-        if time.monotonic() < least or not heard.enough():
-            continue
-        framed = allowed.mount_from_model or heard.mount() is not None
-        listened = not drives or any(
-            not one.publishes and one.topic == topics.out for one in transport.endpoints()
-        )
-        if framed and listened:
-            break
-    return heard.found(model, allowed, drives)
+    try:
+        while time.monotonic() < end and not over():
+            time.sleep(0.05)
+            if time.monotonic() < least or not heard.enough():
+                continue
+            framed = allowed.mount_from_model or heard.framed()
+            listened = not drives or any(
+                not one.publishes and one.topic == topics.out for one in transport.endpoints()
+            )
+            if framed and listened:
+                break
+        return heard.found(model, allowed, drives)
+    finally:
+        heard.end()
 
 
 class _Heard:
     """What has come so far."""
 
-    def __init__(self, transport: Transport, topics: Topics) -> None:
+    def __init__(self, transport: Transport, topics: Topics, model: RobotModel) -> None:
         self._transport, self._topics = transport, topics
         self._odometry: list[tuple[float, float, Any]] = []
-        self._scans: list[tuple[float, float, Any]] = []
+        self._scans: dict[str, list[tuple[float, float, Any]]] = {
+            topic: [] for topic in topics.of_lidars(model)
+        }
+        """By their topics, the first LiDAR's first."""
+        described = zip(self._scans, (model.lidar, *model.further_lidars), strict=True)
+        self._kinds = {topic: kind_of(given) for topic, given in described}
         self._commands: list[float] = []
         self._damage: dict[str, str] = {}
         self._transforms = StaticTransforms()
-        transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._into(self._odometry, topics.odom))
-        transport.subscribe(topics.scan, SCAN, SENSOR, self._into(self._scans, topics.scan))
-        for kind in (TWIST, STAMPED):
-            transport.subscribe(topics.command, kind, SENSOR, self._command)
-        for name in {"/tf_static", resolved("tf_static", topics.namespace)}:
-            transport.subscribe(name, TF, LATCHED._replace(depth=100), self._transform)
+        frames = LATCHED._replace(depth=100)
+        self._ends = [
+            transport.subscribe(*what)
+            for what in (
+                (topics.odom, ODOMETRY, SENSOR, self._into(self._odometry, topics.odom)),
+                *(
+                    (topic, self._kinds[topic], SENSOR, self._into(rows, topic))
+                    for topic, rows in self._scans.items()
+                ),
+                *((topics.command, kind, SENSOR, self._command) for kind in (TWIST, STAMPED)),
+                *(
+                    (name, TF, frames, self._transform)
+                    for name in {"/tf_static", resolved("tf_static", topics.namespace)}
+                ),
+            )
+        ]
+
+    def end(self) -> None:
+        """Hear no more."""
+        for one in self._ends:
+            one()
 
     def enough(self) -> bool:
         """Whether the sensors are known."""
-        return len(self._odometry) >= _READINGS and len(self._scans) >= _SCANS
+        scans = min(map(len, self._scans.values()))
+        return len(self._odometry) >= _READINGS and scans >= _SCANS
 
-    def mount(self) -> Mount | None:
-        """Of the LiDAR, as far as it is known. CohelmError as `StaticTransforms.mount`."""
-        if not self._odometry or not self._scans:
-            return None
-        return self._transforms.mount(self._frame(), self._body())
+    def framed(self) -> bool:
+        """Whether it is known where every LiDAR is. CohelmError as `StaticTransforms.mount`."""
+        if not self._odometry or not all(self._scans.values()):
+            return False
+        return all(
+            self._transforms.between(self._frame(topic), self._body()) is not None
+            for topic in self._scans
+        )
 
     def found(self, model: RobotModel, allowed: Allowed, drives: bool) -> Found:
         """All of it. CohelmError for what does not fit."""
         seen, topics = self._transport.endpoints(), self._topics
-        if not seen and not self._odometry and not self._scans:
+        if not seen and not self._odometry and not any(self._scans.values()):
             raise CohelmError(mismatch.nobody(self._transport.name, self._transport.unseen))
         wrong: list[str] = []
         notes = [f"transport: {self._transport.name}"]
         for topic, kind, came, option in (
             (topics.odom, ODOMETRY, self._odometry, "--odom"),
-            (topics.scan, SCAN, self._scans, "--scan"),
+            *(
+                (topic, self._kinds[topic], rows, "--further-scan" if i else "--scan")
+                for i, (topic, rows) in enumerate(self._scans.items())
+            ),
         ):
             if len(came) < 3:
                 damage = self._damage.get(topic, "")
@@ -165,74 +239,123 @@ class _Heard:
             past = "" if allowed.bypass else mismatch.bypass(topics.out, seen)
             wrong += [one for one in (amiss, past) if one]
             notes.append(f"commands to the base: {topics.out}, {out_type}")
+        if topics.lock:
+            locked, amiss = mismatch.lock(topics.lock, seen)
+            wrong += [amiss] if amiss else []
+            notes.append(locked)
         if wrong:
             raise CohelmError("\n".join(wrong))
-        try:
-            return self._sensed(model, allowed, out_type, notes)
-        except ValueError as error:  # a LiDAR model that is none
-            raise CohelmError(f"{topics.scan}: {error}") from error
+        return self._sensed(model, allowed, out_type, notes)
 
     def _sensed(
         self, model: RobotModel, allowed: Allowed, out_type: str, notes: list[str]
     ) -> Found:
         topics = self._topics
         odom_clock = estimated([age for _, age, _ in self._odometry], topics.odom, allowed.clock)
-        mount = self._placed(model, allowed)
-        scan = self._scans[-1][2]
-        late, duration = laser.taken(scan, mount)
-        ages = [age - duration - late for _, age, _ in self._scans]
-        at_end = -(duration + clock.AHEAD) <= min(ages) < -_LATE
-        if at_end:
-            ages = [age + duration for age in ages]
-        scan_clock = estimated(ages, topics.scan, allowed.clock)
-        odom_rate, scan_rate = _rate(self._odometry), _rate(self._scans)
-        lidar = laser.lidar_model(
-            scan, topics.scan, mount, scan_rate, min(ages) + scan_clock.ahead, model.lidar
+        odom_rate = _rate(self._odometry)
+        notes.append(
+            f"odometry: {topics.odom}, {odom_rate:.0f} Hz, {self._odom()} -> {self._body()}"
         )
-        odometry = model.odometry.model_copy(update={"rate_hz": odom_rate})
-        made = model.model_copy(update={"lidar": lidar, "odometry": odometry})
-        period = _period(self._commands)
+        described = (model.lidar, *model.further_lidars)
+        lidars = [
+            self._lidar(topic, given, allowed, notes)
+            for topic, given in zip(self._scans, described, strict=True)
+        ]
+        clocks = [(topics.odom, odom_clock), *((one.topic, one.clock) for one, _ in lidars)]
+        notes += [_differs(name, one) for name, one in clocks if one.ahead]
         notes += [
-            f"odometry: {topics.odom}, {odom_rate:.0f} Hz, {self._odom()} -> {self._body()}",
-            f"LiDAR: {topics.scan}, {scan_rate:.1f} Hz, {lidar.beams} beams over "
-            f"{lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "
-            f"{lidar.mount_y_m:.3f} m, "
-            f"middle beam at {lidar.mount_yaw_deg:.1f} deg"
-            + (", upside down" if mount.upside_down else ""),
-            *(_differs(name, one) for name, one in ((topics.odom, odom_clock),
-              (topics.scan, scan_clock)) if one.ahead),
+            f"{one.topic} is stamped at the end of each scan, and taken so"
+            for one, _ in lidars if one.stamped_at_end
         ]  # fmt: skip
-        if at_end:
-            notes.append(f"{topics.scan} is stamped at the end of each scan, and taken so")
+        odometry = model.odometry.model_copy(update={"rate_hz": odom_rate})
+        models = [made for _, made in lidars]
+        made = model.model_copy(
+            update={
+                "lidar": models[0],
+                "further_lidars": tuple(models[1:]),
+                "odometry": odometry,
+            }
+        )
+        period = _period(self._commands)
         if not math.isnan(period):
             notes.append(f"commands: {topics.command}, {1.0 / period:.0f} Hz")
         else:
             notes.append(f"commands: {topics.command}, none yet")
         return Found(
-            topics, made, out_type, self._body(), self._odom(), mount, odom_clock, scan_clock,
-            at_end, period, tuple(notes),
+            topics, made, out_type, self._body(), self._odom(), odom_clock,
+            tuple(one for one, _ in lidars), period, tuple(notes), bypass=allowed.bypass,
+            lock_silence=allowed.lock_silence,
         )  # fmt: skip
 
-    def _placed(self, model: RobotModel, allowed: Allowed) -> Mount:
-        """Where the LiDAR is."""
+    def _lidar(
+        self, topic: str, given: LidarModel | None, allowed: Allowed, notes: list[str]
+    ) -> tuple[FoundLidar, LidarModel]:
+        """One LiDAR as it is, and as the robot's description will say it."""
+        if given is not None and given.height_band_m is not None:
+            return self._cloud(topic, given, allowed, notes)
+        rows = self._scans[topic]
+        mount, scan, rate = self._placed(topic, given, allowed), rows[-1][2], _rate(rows)
+        late, duration = laser.taken(scan, mount)
+        ages = [age - duration - late for _, age, _ in rows]
+        at_end = -(duration + clock.AHEAD) <= min(ages) < -_LATE
+        if at_end:
+            ages = [age + duration for age in ages]
+        ticks = estimated(ages, topic, allowed.clock)
+        try:
+            lidar = laser.lidar_model(scan, topic, mount, rate, min(ages) + ticks.ahead, given)
+        except ValueError as error:  # a LiDAR model that is none
+            raise CohelmError(f"{topic}: {error}") from error
+        notes.append(
+            f"LiDAR: {topic}, {rate:.1f} Hz, {lidar.beams} beams over "
+            f"{lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "
+            f"{lidar.mount_y_m:.3f} m, middle beam at {lidar.mount_yaw_deg:.1f} deg"
+            + (", upside down" if mount.upside_down else "")
+        )
+        return FoundLidar(topic, mount, ticks, at_end), lidar
+
+    def _cloud(
+        self, topic: str, given: LidarModel, allowed: Allowed, notes: list[str]
+    ) -> tuple[FoundLidar, LidarModel]:
+        """One that sends point clouds: what it sees and how finely is as described."""
+        rows, body = self._scans[topic], self._body()
+        matrix = self._transforms.between(self._frame(topic), body)
+        if matrix is None:
+            frames = self._transforms.frames()
+            raise CohelmError(mismatch.no_frame(topic, self._frame(topic), body, frames))
+        ages, rate = [age for _, age, _ in rows], _rate(rows)
+        ticks = estimated(ages, topic, allowed.clock)
+        x, y, z = matrix[:3, 3].tolist()
+        lidar = given.model_copy(
+            update={
+                "rate_hz": rate, "sweep_s": 0.0, "mount_x_m": x, "mount_y_m": y,
+                "latency_s": min(max(min(ages) + ticks.ahead, 0.0), 1.0),
+            }
+        )  # fmt: skip
+        cloud.CloudRanges(lidar, matrix, topic).of(rows[-1][2])
+        low, high = given.height_band_m or (0.0, 0.0)
+        notes.append(
+            f"point cloud: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
+            f"{lidar.beams} beams, at x {x:.3f} y {y:.3f} m"
+        )
+        pose = Pose(x, y, math.radians(given.mount_yaw_deg))
+        return FoundLidar(topic, Mount(pose, False, z), ticks, False, matrix), lidar
+
+    def _placed(self, topic: str, given: LidarModel | None, allowed: Allowed) -> Mount:
+        """Where a LiDAR is."""
         if not allowed.mount_from_model:
-            mount = self._transforms.mount(self._frame(), self._body())
+            mount = self._transforms.mount(self._frame(topic), self._body())
             if mount is not None:
                 return mount
-        if allowed.mount_from_model and model.lidar is not None:
-            given = model.lidar
+        elif given is not None:
             return Mount(
                 Pose(given.mount_x_m, given.mount_y_m, math.radians(given.mount_yaw_deg)),
                 False, 0.0,
             )  # fmt: skip
-        raise CohelmError(
-            mismatch.no_frame(
-                self._topics.scan, self._frame(), self._body(), self._transforms.frames()
-            )
-        )
+        frames = self._transforms.frames()
+        raise CohelmError(mismatch.no_frame(topic, self._frame(topic), self._body(), frames))
 
-    def _frame(self) -> str:
-        return self._scans[-1][2].header.frame_id
+    def _frame(self, topic: str) -> str:
+        return self._scans[topic][-1][2].header.frame_id
 
     def _body(self) -> str:
         return self._odometry[-1][2].child_frame_id or "base_link"
@@ -258,6 +381,11 @@ class _Heard:
     def _transform(self, received: Received) -> None:
         if received.message is not None:
             self._transforms.add(received.message)
+
+
+def kind_of(lidar: LidarModel | None) -> str:
+    """The type of the messages of a LiDAR that is described so."""
+    return SCAN if lidar is None or lidar.height_band_m is None else CLOUD
 
 
 def _rate(came: list[tuple[float, float, Any]]) -> float:

@@ -6,7 +6,9 @@ from cohelm.ros.port import Endpoint, Qos, reaches
 
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 ODOMETRY, SCAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
+CLOUD = "sensor_msgs/msg/PointCloud2"
 TF = "tf2_msgs/msg/TFMessage"
+BOOL = "std_msgs/msg/Bool"
 _MOST_NAMED = 4
 
 
@@ -23,9 +25,12 @@ def unheard(
             f"{_others(kind, seen)}"
         )
     if not right:
+        band = ""
+        if (there[0].type, kind) == (CLOUD, SCAN):
+            band = ", or give this LiDAR a height_band_m in the robot's YAML file"
         return (
             f"{topic} is {there[0].type}{_by(there)}, and {kind} is needed: name another topic "
-            f"with {option}{_others(kind, seen)}"
+            f"with {option}{band}{_others(kind, seen)}"
         )
     reasons = [why for one in right if (why := reaches(one.qos, qos))]
     if len(reasons) == len(right):
@@ -93,6 +98,20 @@ def bypass(topic: str, seen: list[Endpoint]) -> str:
         f"{topic} is published{_by(there)} as well, past the filter: remap that to the topic of "
         "--in, or allow it with --allow-bypass and expect no promise"
     )
+
+
+def lock(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
+    """Who locks the base, in words, and why that is never heard, or nothing."""
+    there = [one for one in seen if one.publishes and one.topic == topic]
+    if not there:
+        return f"emergency stop: nobody publishes {topic}", ""
+    wrong = [one for one in there if one.type != BOOL]
+    if wrong:
+        return "", (
+            f"{topic} is {wrong[0].type}{_by(wrong)}, and {BOOL} is needed, true while nothing may "
+            f"move: name another topic with --lock, or none with --lock ''{_others(BOOL, seen)}"
+        )
+    return f"emergency stop: {topic}{_by(there)}", ""
 
 
 def no_frame(topic: str, frame: str, body: str, known: list[str]) -> str:

@@ -52,6 +52,8 @@ class Received(NamedTuple):
 
 
 Heard = Callable[[Received], None]
+End = Callable[[], None]
+"""Ends a subscription; again it does nothing."""
 
 
 class Publisher(Protocol):
@@ -79,8 +81,9 @@ class Transport(Protocol):
         """A new publisher of a topic with messages of a type."""
         ...
 
-    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> None:
-        """Hear every message on a topic from now on. `heard` must not take long, nor raise."""
+    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> End:
+        """Hear every message on a topic from now on, until what it returns is called. `heard` must
+        not take long, nor raise."""
         ...
 
     def endpoints(self) -> list[Endpoint]:

@@ -123,7 +123,7 @@ class Report:
             "change_mps": row.change, "clearance_m": row.clearance, "latched": row.latched,
             "odometry_age_s": row.odometry_age, "scan_age_s": row.scan_age, "took_s": row.took,
             "odometry_clock_ahead_s": found.odom_clock.ahead,
-            "scan_clock_ahead_s": found.scan_clock.ahead, "base_type": found.out_type,
+            "scan_clock_ahead_s": found.lidars[0].clock.ahead, "base_type": found.out_type,
         }  # fmt: skip
         return messages.diagnostics(
             NODE, found.model.name, _LEVELS[self._kind], self._text or "commands pass", values

@@ -6,6 +6,7 @@ import math
 import os
 import threading
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from cohelm.core.errors import CohelmError
@@ -13,13 +14,16 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Readings
+from cohelm.robot.port import Health, Odometry, Readings, Scan
+from cohelm.robot.sensors import LidarModel
 from cohelm.ros import laser
 from cohelm.ros.clock import seconds
+from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.connection import connection
-from cohelm.ros.look import Found, Topics, look
+from cohelm.ros.interlock import Interlock
+from cohelm.ros.look import Found, FoundLidar, Topics, kind_of, look
 from cohelm.ros.messages import command
-from cohelm.ros.mismatch import ODOMETRY, SCAN
+from cohelm.ros.mismatch import ODOMETRY
 from cohelm.ros.port import COMMAND, SENSOR, Received, Transport
 from cohelm.ros.transforms import yaw_of
 
@@ -31,7 +35,7 @@ _STILL = Twist(0.0, 0.0)
 class Ros2Robot(Robot):
     """See `robot.base.Robot`. With the model alone, `cohelm robot ... --driver ros2`, it looks for
     the robot on the topics that `COHELM_ROS_TOPICS` names (`odom=/odom scan=/front/scan`), and
-    takes the model's LiDAR for the one there is."""
+    takes the model's LiDARs for those there are; `scan_NAME=` is of a further one."""
 
     def __init__(
         self, model: RobotModel, found: Found | None = None, transport: Transport | None = None
@@ -47,17 +51,26 @@ class Ros2Robot(Robot):
             topics = found.topics
             self._lock = threading.Lock()
             self._odometry: Received | None = None
-            self._scan: Received | None = None
+            self._came: dict[str, Received] = {}
+            """What has come of each LiDAR, by its name, and was not read yet."""
             self._told = _STILL
             self._still_since = -math.inf
             self.damaged = 0
             """Messages that could not be read, so far."""
             if model.lidar is None:
                 raise CohelmError(f"{model.name} has no LiDAR: describe it in the robot's YAML")
-            self._ranges = laser.Ranges(model.lidar, found.mount)
+            self._lidars = {
+                lidar.name: (one, _ranges(lidar, one))
+                for lidar, one in zip(model.lidars, found.lidars, strict=True)
+            }
             self._out = self._transport.publish(topics.out, found.out_type, COMMAND)
+            self._interlock = Interlock(
+                self._transport, topics.out, topics.lock, found.bypass, found.lock_silence
+            )
             self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._hear_odometry)
-            self._transport.subscribe(topics.scan, SCAN, SENSOR, self._hear_scan)
+            for lidar, one in zip(model.lidars, found.lidars, strict=True):
+                hear = partial(self._hear_scan, lidar.name)
+                self._transport.subscribe(one.topic, kind_of(lidar), SENSOR, hear)
         except BaseException:
             self._transport.close()
             raise
@@ -66,11 +79,12 @@ class Ros2Robot(Robot):
         """What has come since; a scan once."""
         with self._lock:
             odometry, self._odometry = self._odometry, None
-            scan, self._scan = self._scan, None
-        return Readings(
-            None if odometry is None else self._measured(odometry.message),
-            None if scan is None else self._seen(scan.message),
-        )
+            scans, self._came = self._came, {}
+        seen = {name: self._seen(name, scan.message) for name, scan in scans.items()}
+        first = seen.pop(next(iter(self._lidars)), None)
+        measured = None if odometry is None else self._measured(odometry.message)
+        health = Health(self.now(), math.nan, self._interlock.faults())
+        return Readings(measured, first, None, health, tuple(seen.values()))
 
     def send(self, twist: Twist) -> None:
         """To the base, as the type that it wants; after a while of standing, nothing."""
@@ -89,6 +103,7 @@ class Ros2Robot(Robot):
 
     def close(self) -> None:
         """Leave the network."""
+        self._interlock.close()
         self._transport.close()
 
     def _measured(self, message: Any) -> Odometry:
@@ -99,13 +114,14 @@ class Ros2Robot(Robot):
             Pose(at.x, at.y, yaw_of(turned)), Twist(way.linear.x, way.angular.z), _near(age)
         )
 
-    def _seen(self, message: Any) -> Any:
-        found = self._found
-        late, duration = laser.taken(message, found.mount)
+    def _seen(self, name: str, message: Any) -> Scan:
+        lidar, ranges = self._lidars[name]
+        late, duration = laser.taken(message, lidar.mount) if lidar.cloud is None else (0.0, 0.0)
         stamp = seconds(message.header.stamp) + late
-        if not found.stamped_at_end:
+        if not lidar.stamped_at_end:
             stamp += duration
-        return self.scan(self._ranges.of(message), _near(found.scan_clock.age(stamp)), duration)
+        age = _near(lidar.clock.age(stamp))
+        return self.scan(ranges.of(message), age, duration, name)
 
     def _hear_odometry(self, received: Received) -> None:
         with self._lock:
@@ -114,12 +130,19 @@ class Ros2Robot(Robot):
             else:
                 self._odometry = received
 
-    def _hear_scan(self, received: Received) -> None:
+    def _hear_scan(self, name: str, received: Received) -> None:
         with self._lock:
             if received.message is None:
                 self.damaged += 1
             else:
-                self._scan = received
+                self._came[name] = received
+
+
+def _ranges(model: LidarModel, found: FoundLidar) -> laser.Ranges | CloudRanges:
+    """What makes ranges of the messages of a LiDAR."""
+    if found.cloud is not None:
+        return CloudRanges(model, found.cloud, found.topic)
+    return laser.Ranges(model, found.mount)
 
 
 def adapted(found: Found, node: str = "cohelm_gate") -> RobotAdapter:
@@ -155,12 +178,19 @@ def _by_environment() -> Topics:
 
 
 def topics_of(pairs: Sequence[str]) -> Topics:
-    """From `odom=/odom` and the like. CohelmError for what is none of them."""
-    names = ("command", "out", "scan", "odom", "namespace")
+    """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR. CohelmError for what is
+    none of them."""
+    names = ("command", "out", "scan", "odom", "lock", "namespace")
     given: dict[str, str] = {}
+    further: list[str] = []
     for pair in pairs:
         key, _, name = pair.partition("=")
+        if key.startswith("scan_") and name:
+            further.append(pair.removeprefix("scan_"))
+            continue
         if key not in names or not name:
-            raise CohelmError(f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}")
+            raise CohelmError(
+                f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}, scan_NAME"
+            )
         given[key] = name
-    return Topics.named(**given)
+    return Topics.named(**given, further=further)

@@ -24,6 +24,8 @@ from rosbags.typesys.stores.ros2_jazzy import (
     geometry_msgs__msg__Vector3 as Vector3,
     nav_msgs__msg__Odometry as OdometryMessage,
     sensor_msgs__msg__LaserScan as LaserScan,
+    sensor_msgs__msg__PointCloud2 as PointCloud2,
+    sensor_msgs__msg__PointField as PointField,
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
@@ -32,15 +34,18 @@ from cohelm.core.types import Twist
 from cohelm.record.markers import header, pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Robot, Scan
-from cohelm.ros.look import Topics
+from cohelm.robot.sensors import LidarModel
+from cohelm.ros.look import Topics, kind_of
 from cohelm.ros.messages import command
-from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.mismatch import ODOMETRY, STAMPED, TF, TWIST
 from cohelm.ros.names import resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received, Transport
 
 _LOOKS = 0.004
 """The robot is looked at so often [s]."""
 _BODY, _LASER, _ODOM = "base_link", "laser", "odom"
+_HEIGHT = 0.2
+"""Of every LiDAR above the body's origin [m]."""
 Tamper = Callable[[str, Any], Any]
 """Of a topic and a message makes what is published instead; None: nothing."""
 
@@ -57,11 +62,16 @@ class ServedRobot:
         self._arrived = threading.Condition()
         self._command: Twist | None = None
         self._odometry: Odometry | None = None
-        self._scan: Scan | None = None
+        self._scans: dict[str, Scan] = {}
+        """The newest of each LiDAR, by its topic."""
         self._publishers = {
             topics.odom: transport.publish(topics.odom, ODOMETRY, Qos(True, False, 10)),
-            topics.scan: transport.publish(topics.scan, SCAN, SENSOR),
         }
+        self._lidars: dict[str, str] = {}
+        """The topic of each, by its name."""
+        for lidar, topic in zip(robot.model.lidars, topics.of_lidars(robot.model), strict=False):
+            self._lidars[lidar.name] = topic
+            self._publishers[topic] = transport.publish(topic, kind_of(lidar), SENSOR)
         tf = resolved("tf_static", topics.namespace)
         self._publishers[tf] = transport.publish(tf, TF, LATCHED)
         self._send(tf, mounts(robot.model))
@@ -85,9 +95,10 @@ class ServedRobot:
         if readings.odometry is not None and readings.odometry is not self._odometry:
             self._odometry = readings.odometry
             self._send(topics.odom, odometry(readings.odometry, ahead))
-        if readings.scan is not None and readings.scan is not self._scan:
-            self._scan = readings.scan
-            self._send(topics.scan, scan(readings.scan, robot.model, ahead))
+        for one in (readings.scan, *readings.further):
+            if one is not None and one is not self._scans.get(one.sensor):
+                self._scans[one.sensor] = one
+                self._send(self._lidars[one.sensor], scan(one, robot.model, ahead))
 
     def _send(self, topic: str, message: Any) -> None:
         message = self.tamper(topic, message)
@@ -117,29 +128,46 @@ def odometry(reading: Odometry, ahead: float) -> Any:
 
 
 def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
-    """A `sensor_msgs/msg/LaserScan`. ahead: of the robot's clock is the wall's [s]."""
-    if model.lidar is None:
-        raise ValueError("a robot without a LiDAR has no scan")
-    numbers, n = model.lidar.lidar(), len(reading.ranges)
+    """A `sensor_msgs/msg/LaserScan`, or where its LiDAR has a height band a `PointCloud2` of posts.
+    ahead: of the robot's clock is the wall's [s]."""
+    lidar, frame = _frames(model)[reading.sensor]
+    numbers, n = lidar.lidar(), len(reading.ranges)
+    stamped = header(_nanoseconds(reading.stamp + ahead), frame)
+    if lidar.height_band_m is not None:
+        hit = np.isfinite(reading.ranges)
+        middle = 0.5 * sum(lidar.height_band_m) - _HEIGHT
+        xy = reading.ranges[hit, None] * numbers.beams[hit]
+        rows = np.column_stack([xy, np.full(len(xy), middle)]).astype("<f4")
+        fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate("xyz")]
+        data = rows.view(np.uint8).ravel()
+        return PointCloud2(stamped, 1, len(rows), fields, False, 12, 12 * len(rows), data, True)
     return LaserScan(
-        header(_nanoseconds(reading.stamp + ahead), _LASER), numbers.first,
+        stamped, numbers.first,
         numbers.first + numbers.step * (n - 1), numbers.step, reading.duration / max(n - 1, 1),
-        1.0 / model.lidar.rate_hz, model.lidar.range_min_m, model.lidar.range_max_m,
+        1.0 / lidar.rate_hz, lidar.range_min_m, lidar.range_max_m,
         reading.ranges.astype(np.float32), np.empty(0, dtype=np.float32),
     )  # fmt: skip
 
 
 def mounts(model: RobotModel) -> Any:
-    """A `tf2_msgs/msg/TFMessage` with where the LiDAR is."""
-    lidar = model.lidar
-    if lidar is None:
-        return TFMessage([])
-    half = 0.5 * math.radians(lidar.mount_yaw_deg)
-    at = Transform(
-        Vector3(lidar.mount_x_m, lidar.mount_y_m, 0.2),
-        Quaternion(0.0, 0.0, math.sin(half), math.cos(half)),
-    )
-    return TFMessage([TransformStamped(header(time.time_ns(), _BODY), _LASER, at)])
+    """A `tf2_msgs/msg/TFMessage` with where the LiDARs are."""
+    now, found = time.time_ns(), list[TransformStamped]()
+    for lidar, frame in _frames(model).values():
+        half = 0.5 * math.radians(lidar.mount_yaw_deg)
+        at = Transform(
+            Vector3(lidar.mount_x_m, lidar.mount_y_m, _HEIGHT),
+            Quaternion(0.0, 0.0, math.sin(half), math.cos(half)),
+        )
+        found.append(TransformStamped(header(now, _BODY), frame, at))
+    return TFMessage(found)
+
+
+def _frames(model: RobotModel) -> dict[str, tuple[LidarModel, str]]:
+    """Each LiDAR with its frame, by its name."""
+    return {
+        lidar.name: (lidar, f"{_LASER}_{lidar.name}" if i else _LASER)
+        for i, lidar in enumerate(model.lidars)
+    }
 
 
 def _nanoseconds(stamp: float) -> int:

@@ -146,6 +146,7 @@ def _piloted(
         agility=law.guard.obstacle_acceleration_mps2 * np.array(moving, dtype=np.float64),
         lidar=None if lidar is None else lidar.lidar(),
         rate=10.0 if lidar is None else lidar.rate_hz,
+        further=() if lidar is None else robot.further_lidars,
         watching=TrackerParams(agility=law.guard.obstacle_acceleration_mps2),
         manners=law.manners(),
         care=law.care(),

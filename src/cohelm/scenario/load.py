@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import yaml
 from pydantic import ValidationError
+from yaml.nodes import Node
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular, read_bytes
@@ -49,6 +50,11 @@ def scenario(path: str | Path, overrides: Sequence[str] = (), stick: str | None 
 def read(path: str | Path, model: type[Model], overrides: Sequence[str] = ()) -> Model:
     """The checked model in a YAML file; CohelmError with every problem, one per line."""
     return parse(_text(Path(path)), model, str(path), overrides)
+
+
+def tree_of(file: Path) -> Node:
+    """The YAML in a file that is no scenario. CohelmError where it is none."""
+    return tree(_text(file), str(file))
 
 
 def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] = ()) -> Model:

@@ -7,7 +7,7 @@ what stands as points, what moves as discs with velocities that it has estimated
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -27,9 +27,9 @@ from cohelm.plan.course import Course, course
 from cohelm.plan.evasion import nobody_watched
 from cohelm.plan.path_planner import PathParams
 from cohelm.robot.port import Odometry, Readings, Scan
-from cohelm.robot.sensors import Lidar
+from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import Grid
-from cohelm.sim.lidar import scan
+from cohelm.sim.lidar import noise_seed, scan
 from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.wheels import State, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, clearance, place
@@ -49,6 +49,8 @@ class Piloted:
     """What the robot sees with; None: it knows all discs and walls, as they are."""
     rate: float = 10.0
     """Scans per second."""
+    further: tuple[LidarModel, ...] = ()
+    """What it sees with besides."""
     watching: TrackerParams = field(default_factory=TrackerParams)
     """How things that move are told by the LiDAR."""
     manners: PathParams = field(default_factory=PathParams)
@@ -114,8 +116,11 @@ def stretches(
     eyes = (
         None
         if given.lidar is None
-        else Perception(given.lidar, watching=given.watching, outline=settings.outline)
+        else Perception(
+            given.lidar, watching=given.watching, outline=settings.outline, further=given.further
+        )
     )
+    looking = scanners(given, scene.seed)
     m = len(scene.around.discs)
     queue, sent, watched = np.zeros((delay, 2)), np.zeros((delay, 2)), nobody_watched()
     period = max(round(given.period / dt), 1)
@@ -124,14 +129,13 @@ def stretches(
     current = course(planner.route.reference, 0, True, settings.pace)
     number, since, waiting = 0, 0, None
     walls = near_walls(scene.around.walls, start)
-    k, written, scanning = 0, 0, 0
+    k, written = 0, 0
     out = _empty(min(length, steps), m)
     while k < steps and not now.arrived:
-        if eyes is not None and k == scanning:
-            scanning = _next_scan(k, dt, given.rate)
-            now = now._replace(told=look(k, dt, now, scene, given, eyes))
+        if eyes is not None and any(k == one.due for one in looking):
+            now = now._replace(told=look(k, dt, now, scene, looking, eyes))
         elif eyes is not None:
-            now = now._replace(told=told_by(eyes, k * dt, now.robot, None))
+            now = now._replace(told=told_by(eyes, k * dt, now.robot))
         if k % period == 0:
             walls = near_walls(scene.around.walls, now.robot.pose)
             told = known(k * dt, now.told, walls, scene)
@@ -181,23 +185,60 @@ def near_walls(walls: Floats, pose: Pose) -> Floats:
     return walls[((low < here) & (here < high)).all(axis=1)]
 
 
+@dataclass
+class Scanner:
+    """One LiDAR at work."""
+
+    lidar: Lidar
+    sensor: str
+    """As its scans name it."""
+    rate: float
+    """Scans per second."""
+    seed: int
+    """Of its noise."""
+    due: int = 0
+    """The step of its next scan."""
+
+
+def scanners(given: Piloted, seed: int) -> list[Scanner]:
+    """All LiDARs of a run; none for a robot that knows all there is."""
+    if given.lidar is None:
+        return []
+    first = Scanner(given.lidar, "", given.rate, seed)
+    further = [
+        Scanner(one.lidar(), one.name, one.rate_hz, noise_seed(seed, i))
+        for i, one in enumerate(given.further, 1)
+    ]
+    return [first, *further]
+
+
 def look(
-    k: int, dt: float, now: Now, scene: Scene, given: Piloted, eyes: Perception
+    k: int, dt: float, now: Now, scene: Scene, looking: Sequence[Scanner], eyes: Perception
 ) -> Surroundings:
-    """What the robot knows after the scan of step k: points that stand, discs that move."""
-    lidar = eyes.lidar
+    """What the robot knows after the scans of step k: points that stand, discs that move."""
+    scans = [_scanned(k, dt, now, scene, one) for one in looking if k == one.due]
+    return told_by(eyes, k * dt, now.robot, scans)
+
+
+def told_by(eyes: Perception, t: float, robot: State, scans: Sequence[Scan] = ()) -> Surroundings:
+    """What the robot sees at time t, with the scans that are new."""
+    first = next((one for one in scans if not one.sensor), None)
+    further = tuple(one for one in scans if one.sensor)
+    odometry = Odometry(t, robot.pose, robot.applied)
+    seen = eyes.take(t, Readings(odometry, first, None, None, further))
+    return surroundings(seen.mobile, seen.mobile_agility, None, seen.points)
+
+
+def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Scan:
+    """The scan of step k."""
+    lidar, rate = scanner.lidar, scanner.rate
+    scanner.due = _next_scan(k, dt, rate)
     discs = np.empty((len(scene.around.discs), 6))
     place(discs, scene.around, k * dt)
     ranges = np.empty(len(lidar.beams))
-    pose, number = now.robot.pose, _scans(k, dt, given.rate)
-    scan(pose, lidar, discs, scene.barred, scene.grid, scene.seed, number, ranges)
-    return told_by(eyes, k * dt, now.robot, Scan(k * dt, k, ranges, 0.0))
-
-
-def told_by(eyes: Perception, t: float, robot: State, scan: Scan | None) -> Surroundings:
-    """What the robot sees at time t, with a scan or without a new one."""
-    seen = eyes.take(t, Readings(Odometry(t, robot.pose, robot.applied), scan, None, None))
-    return surroundings(seen.mobile, seen.mobile_agility, None, seen.points)
+    pose, number = now.robot.pose, _scans(k, dt, rate)
+    scan(pose, lidar, discs, scene.barred, scene.grid, scanner.seed, number, ranges)
+    return Scan(k * dt, k, ranges, 0.0, scanner.sensor)
 
 
 def _scans(k: int, dt: float, rate: float) -> int:

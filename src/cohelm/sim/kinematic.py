@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +16,9 @@ from cohelm.robot.limits import Limits, achievable
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan
+from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
-from cohelm.sim.lidar import scan
+from cohelm.sim.lidar import noise_seed, scan
 from cohelm.sim.odometer import Odometer
 from cohelm.sim.world import NOWHERE, World, clearance, place, world
 
@@ -40,6 +42,21 @@ class Truth(NamedTuple):
     """The smallest there was so far."""
     least_moving: float
     """The smallest there was while the robot moved: below 0 it drove into something."""
+
+
+@dataclass
+class Scanner:
+    """One LiDAR at work."""
+
+    model: LidarModel
+    lidar: Lidar
+    seed: int
+    """Of its noise."""
+    number: int = 0
+    """Of the next scan, ..."""
+    next: int = 0
+    """... and its tick."""
+    newest: Scan | None = None
 
 
 class Motion(NamedTuple):
@@ -85,7 +102,7 @@ class Kinematic(Paced):
         self._seen_walls = around.walls  # a LiDAR sees the grid itself
         self._world = around._replace(walls=np.vstack((around.walls, borders(grid))))
         self._discs = np.empty((len(around.discs), 6))
-        self._grid, self._seed = grid, seed
+        self._grid = grid
         self._timeout = max(round(timeout / self._step), 1)
         self._delay = round(model.delay_s / self._step)
         self._tick = 0
@@ -97,15 +114,20 @@ class Kinematic(Paced):
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
         self._next_odometry = _ticks(model.odometry.rate_hz, 1, step)
-        self._lidar = None if model.lidar is None else model.lidar.lidar()
-        self._scan: Scan | None = None
-        self._next_scan = 0 if model.lidar else -1
+        self._scanners = [
+            Scanner(given, given.lidar(), noise_seed(seed, i))
+            for i, given in enumerate(model.lidars)
+        ]
         self._on(0)
 
     def read(self) -> Readings:
         """Odometry and scan as of now."""
         self._catch_up()
-        return Readings(self._odometry, self._scan, None, Health(self.now(), math.nan, ()))
+        scans = [scanner.newest for scanner in self._scanners]
+        return Readings(
+            self._odometry, scans[0] if scans else None, None, Health(self.now(), math.nan, ()),
+            tuple(scan for scan in scans[1:] if scan is not None),
+        )  # fmt: skip
 
     def send(self, twist: Twist) -> Twist:
         """Ask for a twist; it reaches the wheels after the robot's delay."""
@@ -152,7 +174,7 @@ class Kinematic(Paced):
         due = math.floor(self._pace.due() / self._step + 1e-6)
         while self._tick < due:
             events = [due, self._next_odometry, self._told + self._timeout]
-            events += [self._next_scan] if self._next_scan >= 0 else []
+            events += [scanner.next for scanner in self._scanners]
             events += [self._coming[0][0]] if self._coming else []
             self._on(min(at for at in events if at > self._tick))
 
@@ -168,8 +190,9 @@ class Kinematic(Paced):
             self._asked = Twist(0.0, 0.0)
         if tick >= self._next_odometry:
             self._measure(tick)
-        if 0 <= self._next_scan <= tick:
-            self._look(tick)
+        for scanner in self._scanners:
+            if scanner.next <= tick:
+                self._look(tick, scanner)
 
     def _arrive(self) -> None:
         """Commands whose delay is over by now reach the wheels; without one, as they are sent."""
@@ -183,19 +206,18 @@ class Kinematic(Paced):
         self._motion = m._replace(left=0.0, right=0.0, yaw=0.0)
         self._next_odometry = _after(tick, rate, self._step)
 
-    def _look(self, tick: int) -> None:
-        if self._lidar is None or self._model.lidar is None:
-            return
-        number = 0 if self._scan is None else self._scan.number + 1
-        ranges = np.empty(len(self._lidar.beams))
+    def _look(self, tick: int, scanner: Scanner) -> None:
+        lidar, number = scanner.lidar, scanner.number
+        ranges = np.empty(len(lidar.beams))
         place(self._discs, self._world, tick * self._step)
         scan(
-            self._motion.pose, self._lidar, self._discs, self._seen_walls, self._grid,
-            self._seed, number, ranges,
+            self._motion.pose, lidar, self._discs, self._seen_walls, self._grid, scanner.seed,
+            number, ranges,
         )  # fmt: skip
         ranges.flags.writeable = False
-        self._scan = Scan(tick * self._step, number, ranges, 0.0)
-        self._next_scan = _after(tick, self._model.lidar.rate_hz, self._step)
+        scanner.newest = Scan(tick * self._step, number, ranges, 0.0, scanner.model.name)
+        scanner.number += 1
+        scanner.next = _after(tick, scanner.model.rate_hz, self._step)
 
 
 def _ticks(rate: float, number: int, step: float) -> int:

@@ -66,6 +66,11 @@ def sight(
             ranges[i] = min(ranges[i], cast(grid, x, y, c * dx - s * dy, s * dx + c * dy, reach))
 
 
+def noise_seed(seed: int, number: int) -> int:
+    """Of the noise of one of several LiDARs; of the first one, number 0, the seed as it is."""
+    return seed if number == 0 else int(np.random.default_rng([seed, number]).integers(2**31))
+
+
 @jit
 def hits(lidar: Lidar, ranges: Floats) -> Floats:
     """Where a scan's beams ended, in the body frame, (m, 2) [m], in the order of the beams.

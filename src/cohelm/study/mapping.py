@@ -4,32 +4,39 @@ from __future__ import annotations
 
 import json
 import math
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.map.mapper import Glimpse, Survey, Surveyed, glimpses
-from cohelm.perceive.map.raster import Raster, raster
+from cohelm.perceive.map.mapper import Glimpse, Survey, Surveyed, encounters, glimpses
+from cohelm.perceive.map.raster import Raster, cropped, raster
 from cohelm.record.replay import Replayed
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.carmen import read_log
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, write_map
+from cohelm.study.mapping_session import MappingSession, Mark
 
+RESOLUTION = 0.025
+"""Side of a cell, where nobody says [m]."""
 _MAGIC = b"\x89MCAP"
-_DRAWN = 2500  # scans that go into the grid, at most
 _NO_RETURN = 0.98  # of the range: farther ends are taken for none
 _FARTHEST = 25.0  # and no beam is drawn farther than this [m]
 _LOOK_AGAIN = 1.0  # a growing record is read so often [s]
 _ENDED = 10.0  # and has ended if nothing came for this long [s]
+_SAVED = 30.0  # what is done is kept so often, for the power to fail [s]
+_SAME = 1e-6  # scans that end at times no farther apart are one [s]
 
 Told = Callable[[str, float], None]
 
@@ -55,6 +62,10 @@ class Result:
     """Whether the record was finished; from a damaged one the map is made as far as it goes."""
     places: int
     loops: int
+    encounters: int
+    """Times that the robot came back to where it had been, each with some loops."""
+    marks: tuple[str, ...]
+    """What was told to be wrong, as on the command line."""
     odometry_scale: float
     travelled_m: float
     width_m: float
@@ -88,51 +99,165 @@ def drive(path: Path, robot: RobotModel | None = None) -> Drive:
     return Drive(replayed.odometry, replayed.scans, lidar, replayed.whole)
 
 
-def mapped(
-    path: Path, folder: Path, resolution: float, told: Told, *, live: bool = False,
-    robot: RobotModel | None = None,
-) -> Result:  # fmt: skip
-    """Map a record into a folder: map.yaml, map.pgm, map.png, trajectory.csv, mapping.json.
+class _BetweenScans:
+    """Takes Ctrl-C between two scans: in the middle of one, what is kept would fit nothing. Pressed
+    again, it comes at once."""
 
-    live: the record is still being written; go on until nothing more comes, or Ctrl-C.
+    def __init__(self) -> None:
+        self._pressed = False
+        self._before: Any = None
+
+    def __enter__(self) -> Self:
+        own = threading.current_thread() is threading.main_thread()
+        if own and callable(signal.getsignal(signal.SIGINT)):
+            self._before = signal.signal(signal.SIGINT, self._press)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+
+    def _press(self, *given: Any) -> None:
+        if self._pressed:
+            self._before(*given)
+        self._pressed = True
+
+    def now(self) -> None:
+        """KeyboardInterrupt if it was pressed."""
+        if self._pressed:
+            raise KeyboardInterrupt
+
+
+class Interrupted(KeyboardInterrupt):
+    """Mapping was interrupted, and what it had done was kept."""
+
+
+def mapped(
+    path: Path, folder: Path, resolution: float | None, told: Told, *, live: bool = False,
+    robot: RobotModel | None = None, resume: bool = False,
+) -> Result:  # fmt: skip
+    """Map a record into a folder: map.yaml, map.pgm, map.png, trajectory.csv, loops.csv,
+    mapping.json, and survey.npz to go on from.
+
+    live: the record is still being written; go on until nothing more comes, or Ctrl-C. resume: go
+    on with the mapping in the folder, where it was interrupted; or, with another record, from where
+    its drive ended. Raises Interrupted where Ctrl-C is not the usual end.
     """
     begun = time.perf_counter()
+    session = MappingSession.read(folder) if resume else None
     given = _begun(path, robot) if live else drive(path, robot)
-    survey = Survey(given.lidar.lidar())
-    seen: list[Glimpse] = []
+    if session is None:
+        session = MappingSession(given.lidar, Survey(given.lidar.lidar()), resolution or RESOLUTION)
+    else:
+        session.resolution = resolution or session.resolution
+        _go_on(session, given, path)
     try:
-        grown = time.monotonic()
-        while True:
-            new = _new(given, seen, live)
-            for k, glimpse in enumerate(new):
-                survey.add(glimpse)
-                seen.append(glimpse)
-                if k % 20 == 0:
-                    at = f"scan {len(seen)}, {len(survey.places)} places"
-                    told(at, 0.0 if live else 0.6 * k / len(new))
-            if not live:
-                break
-            grown = time.monotonic() if new else grown
-            if time.monotonic() - grown > _ENDED:
-                break
-            time.sleep(_LOOK_AGAIN)
-            given = drive(path, robot)
-    except KeyboardInterrupt:
-        if not (live and seen):
-            raise  # of a live drive, Ctrl-C is the usual end
-    if not seen:
+        with _BetweenScans() as interruption:
+            saved = grown = time.monotonic()
+            while True:
+                new = _new(given, session, live)
+                for k, glimpse in enumerate(new):
+                    session.add(glimpse)
+                    if k % 20 == 0:
+                        at = f"scan {len(session.stamps)}, {len(session.survey.places)} places"
+                        told(at, 0.0 if live else 0.6 * k / len(new))
+                    if time.monotonic() - saved > _SAVED:
+                        session.save(folder)
+                        saved = time.monotonic()
+                    interruption.now()
+                if not live:
+                    break
+                grown = time.monotonic() if new else grown
+                if time.monotonic() - grown > _ENDED:
+                    break
+                time.sleep(_LOOK_AGAIN)
+                interruption.now()
+                given = drive(path, robot)
+    except KeyboardInterrupt as stop:
+        if not session.complete:
+            raise
+        if not live:  # of a live drive, Ctrl-C is the usual end
+            session.save(folder)
+            raise Interrupted from stop
+    session.whole = session.whole and (given.whole or live)
+    if not session.stamps:
         raise CohelmError(f"{path}: no scan came while there was odometry: record both")
-    empty = sum(1 for glimpse in seen if not len(glimpse.points))
-    if empty == len(seen):
+    if session.empty == len(session.stamps):
         raise CohelmError(
-            f"{path}: not one of its {len(seen)} scans has a return in it, so there is nothing to "
-            "map: check the LiDAR, or --robot for its range"
+            f"{path}: not one of its {len(session.stamps)} scans has a return in it, so there is "
+            "nothing to map: check the LiDAR, or --robot for its range"
         )
-    made = survey.finished(lambda share: told("closing loops", 0.6 + 0.3 * share))
-    told("drawing", 0.9)
-    drawn = _drawn(made, seen, given.lidar, resolution)
-    result = _result(made, drawn, empty, given.whole or live, time.perf_counter() - begun)
-    _save(folder, made, drawn, seen, result)
+    session.save(folder)  # closing loops takes a while, too
+    return _finished(session, folder, told, begun)
+
+
+def marked(
+    folder: Path, out: Path, resolution: float | None, told: Told, *, remove_loops: Sequence[int],
+    marks: Sequence[Mark], undo: bool,
+) -> Result:  # fmt: skip
+    """Draw an earlier mapping's folder again, by what a person says is wrong in it.
+
+    remove_loops: numbers in its loops.csv. undo: take back the last mark first. Raises CohelmError
+    where there is no such loop, mark or mapping.
+    """
+    begun = time.perf_counter()
+    session = MappingSession.read(folder)
+    session.resolution = resolution or session.resolution
+    if undo:
+        if not session.marks:
+            raise CohelmError(f"{folder}: nothing is marked in this mapping, so nothing to undo")
+        session.marks.pop()
+    if remove_loops:
+        told("finding the loops", 0.1)
+        found = encounters(_marked(session)[0].finished())
+        for number in remove_loops:
+            if not 1 <= number <= len(found):
+                raise CohelmError(
+                    f"{folder}: there is no loop {number}: it has {len(found)}, see its loops.csv"
+                )
+            pairs = [[float(a), float(b)] for a, b in found[number - 1]]
+            session.marks.append(Mark("remove-loop", pairs))
+    session.marks += marks
+    return _finished(session, out, told, begun)
+
+
+def _go_on(session: MappingSession, given: Drive, path: Path) -> None:
+    """The same drive where it was interrupted, or another from where the last one ended."""
+    if given.lidar != session.lidar:
+        raise CohelmError(f"{path}: is of another LiDAR than the mapping: map it by itself")
+    if any(abs(s.stamp + s.duration - session.last) < _SAME for s in given.scans):
+        session.whole = True  # as the record is now
+    else:
+        session.survey.set_down()
+        session.last = -math.inf
+
+
+def _marked(session: MappingSession) -> tuple[Survey, NDArray[np.bool_]]:
+    """The survey as a person wants it, and which of its scans are not drawn. The session's own is
+    left as it is, so that it can go on, and marks be taken back."""
+    survey = Survey.restored(session.lidar.lidar(), session.survey.state())
+    for mark in session.marks:
+        if mark.kind == "remove-loop":
+            survey.keep_apart([(int(a), int(b)) for a, b in mark.values])
+    out = session.cut()
+    if out.all():
+        raise CohelmError("all of the drive is cut, so nothing is left to draw: --undo one mark")
+    if out.any():
+        survey.leave_out(np.flatnonzero(out).tolist())
+    return survey, out
+
+
+def _finished(session: MappingSession, folder: Path, told: Told, begun: float) -> Result:
+    survey, out = _marked(session)
+    try:
+        made = survey.finished(lambda share: told("closing loops", 0.6 + 0.3 * share))
+        told("drawing", 0.9)
+        drawn = _drawn(session, made, out)
+        result = _result(session, made, drawn, time.perf_counter() - begun)
+        session.save(folder)
+        _save(folder, session, made, drawn, result)
+    except KeyboardInterrupt as stop:
+        raise Interrupted from stop
     return result
 
 
@@ -148,28 +273,35 @@ def _begun(path: Path, robot: RobotModel | None) -> Drive:
         time.sleep(_LOOK_AGAIN)
 
 
-def _new(given: Drive, seen: list[Glimpse], live: bool) -> list[Glimpse]:
-    last = seen[-1].stamp if seen else -math.inf
-    later = [s for s in given.scans if s.stamp + s.duration > last + 1e-6]
-    if seen and not later:
+def _new(given: Drive, session: MappingSession, live: bool) -> list[Glimpse]:
+    later = [s for s in given.scans if s.stamp + s.duration > session.last + _SAME]
+    if session.stamps and not later:
         return []
     try:
         return glimpses(given.lidar.lidar(), given.odometry, later)
     except CohelmError:
-        if seen or live:
+        if session.stamps or live:
             return []
         raise
 
 
-def _drawn(made: Surveyed, seen: list[Glimpse], lidar: LidarModel, resolution: float) -> Raster:
-    every = max(1, -(-len(seen) // _DRAWN))
-    mount = lidar.lidar().mount
-    reach = min(_NO_RETURN * lidar.range_max_m, _FARTHEST)
+def _drawn(session: MappingSession, made: Surveyed, out: NDArray[np.bool_]) -> Raster:
+    mount = session.lidar.lidar().mount
+    reach = min(_NO_RETURN * session.lidar.range_max_m, _FARTHEST)
+    poses: list[Pose] = []
     ends: list[Floats] = []
-    for glimpse in seen[::every]:
-        far = np.hypot(glimpse.points[:, 0] - mount.x, glimpse.points[:, 1] - mount.y)
-        ends.append(glimpse.points[far < reach])
-    return raster(made.poses[::every], ends, mount, resolution)
+    for k, seen in session.points.items():
+        if not out[k]:
+            points = seen.astype(np.float64)
+            near = np.hypot(points[:, 0] - mount.x, points[:, 1] - mount.y) < reach
+            poses.append(made.poses[k])
+            ends.append(points[near])
+    drawn = raster(poses, ends, mount, session.resolution)
+    for mark in session.marks:
+        if mark.kind == "crop":
+            x1, y1, x2, y2 = mark.values[0]
+            drawn = cropped(drawn, (min(x1, x2), min(y1, y2)), (max(x1, x2), max(y1, y2)))
+    return drawn
 
 
 def occupancy(drawn: Raster) -> OccupancyMap:
@@ -179,15 +311,17 @@ def occupancy(drawn: Raster) -> OccupancyMap:
     return OccupancyMap(cells, drawn.resolution, drawn.origin, from_start=True)
 
 
-def _result(made: Surveyed, drawn: Raster, empty: int, whole: bool, seconds: float) -> Result:
+def _result(session: MappingSession, made: Surveyed, drawn: Raster, seconds: float) -> Result:
     path = np.array([pose[:2] for pose in made.poses])
     rows, columns = drawn.hits.shape
     return Result(
         scans=len(made.poses),
-        empty_scans=empty,
-        record_whole=whole,
+        empty_scans=session.empty,
+        record_whole=session.whole,
         places=len(made.places),
         loops=len(made.loops),
+        encounters=len(encounters(made)),
+        marks=tuple(_said(mark) for mark in session.marks),
         odometry_scale=made.scale,
         travelled_m=float(np.hypot(*np.diff(path, axis=0).T).sum()),
         width_m=columns * drawn.resolution,
@@ -197,25 +331,53 @@ def _result(made: Surveyed, drawn: Raster, empty: int, whole: bool, seconds: flo
     )
 
 
-def _save(folder: Path, made: Surveyed, drawn: Raster, seen: list[Glimpse], result: Result) -> None:
+def _said(mark: Mark) -> str:
+    """A mark as on the command line."""
+    if mark.kind == "remove-loop":
+        a, b = (round(value) for value in mark.values[0])
+        return f"--remove-loop between scans {a} and {b}"
+    return f"--{mark.kind} {':'.join(f'{value:g}' for value in mark.values[0])}"
+
+
+def _save(
+    folder: Path, session: MappingSession, made: Surveyed, drawn: Raster, result: Result
+) -> None:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         write_map(folder, occupancy(drawn))
-        rows = np.column_stack(([g.stamp for g in seen], np.array(made.poses)))
+        stamps = np.array(session.stamps)
+        rows = np.column_stack((stamps, np.array(made.poses)))
         np.savetxt(
             folder / "trajectory.csv", rows, "%.6f", ",", header="t_s,x_m,y_m,psi_rad", comments=""
         )
+        met = encounters(made)
+        _save_loops(folder / "loops.csv", met, stamps - stamps[0], made.poses)
         text = json.dumps(result.as_dict(), indent=2)
         (folder / "mapping.json").write_text(text + "\n", encoding="utf-8")
-        picture(folder / "map.png", drawn, made.poses, made.loops)
+        picture(folder / "map.png", drawn, made.poses, met)
     except OSError as error:
         raise CohelmError(
             f"{folder} can not be written ({error.strerror}): choose another folder with --out"
         ) from error
 
 
-def picture(path: Path, drawn: Raster, poses: list[Pose], loops: list[tuple[int, int]]) -> None:
-    """The map with the way driven, and the loops that were closed."""
+def _save_loops(
+    path: Path, met: list[list[tuple[int, int]]], since: Floats, poses: list[Pose]
+) -> None:
+    """Each time that the robot came back: when it was there, when it came again, and where."""
+    rows = ["loop,from_s,to_s,again_from_s,again_to_s,x_m,y_m,pairs"]
+    for number, pairs in enumerate(met, 1):
+        ends = np.array(pairs)
+        first, again = since[ends[:, 0]], since[ends[:, 1]]
+        at = poses[pairs[len(pairs) // 2][1]]
+        rows.append(
+            f"{number},{first.min():.1f},{first.max():.1f},{again.min():.1f},{again.max():.1f},"
+            f"{at.x:.2f},{at.y:.2f},{len(pairs)}"
+        )
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def picture(path: Path, drawn: Raster, poses: list[Pose], met: list[list[tuple[int, int]]]) -> None:
+    """The map with the way driven, and the loops that were closed, by their numbers."""
     from matplotlib.figure import Figure
 
     shown = np.where(drawn.occupied(), 0, np.where(drawn.free(), 255, 190)).astype(np.uint8)
@@ -229,10 +391,19 @@ def picture(path: Path, drawn: Raster, poses: list[Pose], loops: list[tuple[int,
         extent=(x, x + columns * r, y, y + rows * r),
     )  # fmt: skip
     way = np.array([pose[:2] for pose in poses])
-    for a, b in loops[:: max(1, len(loops) // 200)]:
-        axes.plot(way[[a, b], 0], way[[a, b], 1], color="tab:orange", linewidth=0.5)
+    every = max(1, sum(map(len, met)) // 200)
+    for number, pairs in enumerate(met, 1):
+        for a, b in pairs[::every]:
+            axes.plot(way[[a, b], 0], way[[a, b], 1], color="tab:orange", linewidth=0.5)
+        at = way[pairs[len(pairs) // 2][1]]
+        axes.annotate(
+            str(number), at, color="tab:red", fontsize=7, xytext=(3, 3),
+            textcoords="offset points", clip_on=True,
+        )  # fmt: skip
     axes.plot(way[:, 0], way[:, 1], color="tab:blue", linewidth=0.8)
     axes.plot(way[0, 0], way[0, 1], "o", color="tab:green", markersize=4)
+    axes.set_xlim(x, x + columns * r)
+    axes.set_ylim(y, y + rows * r)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     figure.tight_layout()

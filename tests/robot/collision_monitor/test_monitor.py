@@ -9,14 +9,9 @@ import pytest
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE
 from cohelm.robot.collision_monitor.free_space import VOUCHED
-from cohelm.robot.collision_monitor.monitor import (
-    AHEAD,
-    LASTS,
-    MISSED,
-    CollisionMonitor,
-    seen_by,
-)  # fmt: skip
+from cohelm.robot.collision_monitor.monitor import LASTS, CollisionMonitor, seen_by
 from cohelm.robot.collision_monitor.odometry import advanced, seen_from
+from cohelm.robot.collision_monitor.source import AHEAD, MISSED
 from cohelm.robot.collision_monitor.surroundings import REMEMBERED, Surroundings
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described, monitors
@@ -260,7 +255,7 @@ def test_what_was_sent_is_believed_though_the_odometry_is_frozen():
 
 def test_points_come_nearer_as_the_robot_moves_on():
     it = going(Twist(0.3, 0.0), wall(0.3))
-    scan = it._scan
+    scan = it._sources[0]._scan
     shares = []
     for k in range(1, 12):
         t = 1.0 + 0.02 * k
@@ -486,7 +481,7 @@ def test_ground_is_looked_at_from_where_the_robot_was_half_way_through_the_scan(
         t = 0.02 * k
         it.observe(t, Readings(Odometry(t, Pose(t, 0.0, 0.0), ahead), None, None, None), ahead)
     it.observe(t, readings(t, empty(), Pose(t, 0.0, 0.0), ahead, duration=0.2), ahead)
-    assert it._ground._at.x == pytest.approx(t + 0.1 + SENSOR)
+    assert it._sources[0].ground._at.x == pytest.approx(t + 0.1 + SENSOR)
 
 
 def test_ground_that_nothing_looked_at_is_backed_into_at_a_crawl_and_no_faster():
@@ -702,9 +697,9 @@ def test_what_left_the_view_after_the_scan_began_is_in_its_view():
     ranges = empty()
     ranges[np.abs(BEARINGS - (BEARINGS[0] + 0.3)) < STEP] = 0.5
     it.observe(t, Readings(odometry, Scan(0.0, 0, ranges, 0.0), None, None), turning)
-    assert len(it._by_odometry.points) > 0
+    assert len(it._sources[0].by_odometry.points) > 0
     it.observe(t, Readings(odometry, Scan(0.1, 1, empty(), 0.9), None, None), turning)
-    assert len(it._by_odometry.points) == 0
+    assert len(it._sources[0].by_odometry.points) == 0
 
 
 def test_what_left_the_view_while_the_scan_turned_is_remembered():
@@ -720,11 +715,11 @@ def test_what_left_the_view_while_the_scan_turned_is_remembered():
     ranges = empty()
     ranges[np.abs(BEARINGS - (BEARINGS[-1] - 0.1)) < STEP] = 0.5
     it.observe(t, Readings(odometry(t), Scan(0.0, 0, ranges, 0.0), None, None), turning)
-    assert len(it._by_odometry.points) > 0
+    assert len(it._sources[0].by_odometry.points) > 0
     it.observe(t, Readings(odometry(t), Scan(0.1, 1, empty(), 0.2), None, None), turning)
-    assert len(it._by_odometry.points) > 0
+    assert len(it._sources[0].by_odometry.points) > 0
     it.observe(t, Readings(odometry(t), Scan(0.1, 2, empty(), 0.05), None, None), turning)
-    assert len(it._by_odometry.points) == 0
+    assert len(it._sources[0].by_odometry.points) == 0
 
 
 def test_what_was_sent_a_moment_ago_explains_motion_and_what_was_sent_long_ago_does_not():

@@ -40,7 +40,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
             return ask(what, *more)
         wanted = False
         if what == "read":  # whose answer brings scan and frame, as one in a few does
-            more = ((-1, -1),)
+            more = ((-1, {}, -1),)
         before = keeper._answer
 
         def frozen(*given: Any) -> Any:
@@ -67,7 +67,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
         while wanted and wrong == "only reads":
             keeper.read()
         while wanted and wrong == "listens no more":
-            keeper._line.say((number, "read", (-1, -1)))
+            keeper._line.say((number, "read", (-1, {}, -1)))
             keeper._line.say((number, "truth", None))
             time.sleep(0.001)
         due += PERIOD

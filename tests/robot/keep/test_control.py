@@ -12,6 +12,7 @@ from cohelm.robot.keep.record_pipe import LARGEST
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
 from cohelm.robot.port import Frame, Readings, Scan
 from cohelm.robot.sensors import CameraModel
+from cohelm.scenario.load import robot
 from tests.robot.keep.robots import SALLY
 
 PATIENT = 2.0  # so long nobody would be held up who does not wait [s]
@@ -109,7 +110,7 @@ def seen(seed: int, beams: int = 720, height: int = 48) -> Readings:
 
 
 def test_scans_and_frames_come_out_as_they_went_in_and_stay(memory):
-    other = SharedMemory(os.dup(memory.handle), memory.scan, memory.frame)
+    other = SharedMemory(os.dup(memory.handle), memory.scans, memory.frame)
     first = other.take(memory.put(seen(1)))
     second = other.take(memory.put(seen(2)))
     for seed, had in ((1, first), (2, second)):
@@ -140,3 +141,16 @@ def test_nothing_new_takes_no_room(memory):
     nothing = Readings(None, None, None, None)
     assert memory.put(nothing) == nothing
     assert memory.take(nothing) == nothing
+
+
+def test_scans_of_further_lidars_come_out_as_they_went_in():
+    memory = shared(robot("sally-rear"))
+    rear = seen(4).scan._replace(sensor="rear")
+    given = seen(3)._replace(frame=None, further=(rear,))
+    had = memory.take(memory.put(given))
+    np.testing.assert_array_equal(had.scan.ranges, given.scan.ranges)
+    np.testing.assert_array_equal(had.further[0].ranges, rear.ranges)
+    assert (had.further[0].sensor, had.further[0].number) == ("rear", 4)
+    stranger = given._replace(further=(rear._replace(sensor="left"),))
+    assert memory.take(memory.put(stranger)).further == ()
+    os.close(memory.handle)

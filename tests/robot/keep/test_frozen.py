@@ -137,9 +137,8 @@ def test_in_whatever_call_the_loop_freezes_the_robot_stands(tmp_path, call):
         loop.stands(at + STOPPING + SLACK)
 
 
-@pytest.mark.parametrize(
-    "wrong", ["only reads", pytest.param("listens no more", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", ["only reads", "listens no more"])
 def test_a_loop_that_asks_and_asks_but_never_proposes_does_not_drive(tmp_path, wrong):
     with frozen(tmp_path, wrong, width=640) as loop:
         at = loop.came()

@@ -14,6 +14,7 @@ from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.plausibility.sight import sighted
 from cohelm.robot.plausibility.trail import Trail
 from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.scenario.load import robot
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from tests.robot.plausibility.watched import SALLY, watched
@@ -86,6 +87,43 @@ def test_a_scan_that_can_not_be_is_a_fault_within_two_scans_or_three(said):
     assert faults
     assert faults[0][0] <= AT + (3.5 if said == "more often" else 2.5) * SCAN
     assert said in faults[0][1]
+
+
+REAR = robot("sally-rear").model_copy(update={"camera": None})
+
+
+def behind(change):
+    """The same changes on the scans of the rear LiDAR."""
+
+    def told(t, readings, plant):
+        if not readings.further:
+            return None
+        given = change(t, readings._replace(scan=readings.further[0]), plant)
+        return given and readings._replace(further=(given.scan,))
+
+    return told
+
+
+def test_two_lidars_that_do_not_lie_are_believed():
+    assert watched(ahead, AT + 1.0, model=REAR) == []
+
+
+@pytest.mark.parametrize("said", ["repeats", "number stays"])
+def test_a_rear_scan_that_can_not_be_is_a_fault_and_named(said):
+    found = watched(ahead, AT + 1.0, model=REAR, told=behind(IMPOSSIBLE[said]))
+    faults = [(t, one.reason) for t, one in found if one.fault]
+    assert faults[0][0] <= AT + 2.5 * SCAN
+    assert faults[0][1].startswith("rear LiDAR: ")
+    assert said in faults[0][1]
+
+
+def test_a_rear_lidar_that_was_blind_from_the_start_is_backed_at_a_crawl_and_forward_is_free():
+    blind = behind(lambda t, readings, _: readings._replace(
+        scan=readings.scan._replace(ranges=front(readings.scan.ranges.copy(), math.inf))
+    ))  # fmt: skip
+    found = watched(lambda t: Twist(-0.4, 0.0), 2.0, model=REAR, told=blind)
+    assert found[0][1].reason.startswith("rear LiDAR: the LiDAR has not shown that it sees")
+    assert watched(lambda t: Twist(0.4, 0.0), 2.0, model=REAR, told=blind) == []
 
 
 def test_one_scan_that_was_read_late_and_stamped_when_it_was_read_is_no_fault():

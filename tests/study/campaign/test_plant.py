@@ -9,6 +9,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
 from cohelm.robot.gate.gate import Passed
 from cohelm.robot.port import Health
+from cohelm.scenario.load import robot
 from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign import suites
 from cohelm.study.campaign.contact_analysis import first_touch
@@ -91,6 +92,13 @@ def test_the_plant_says_how_far_round_the_lidar_sees(plant, degrees):
     fitted = twin.physics.fitted(twin.robot).lidar
     assert (fitted.noise_m, fitted.latency_s, fitted.sweep_s) == (0.02, 0.05, 0.075)
     assert twin.known is not None
+
+
+def test_a_rear_lidar_is_as_the_front_one_and_the_robot_is_sally_rear():
+    twin = suites.suite("lab", 1, None, "twin-rear").case(1).setup.twin
+    assert twin.robot.lidars == robot("sally-rear").lidars
+    (rear,) = twin.physics.fitted(twin.robot).further_lidars
+    assert (rear.noise_m, rear.latency_s, rear.sweep_s) == (0.02, 0.05, 0.075)
 
 
 def test_what_was_in_view_before_a_contact_is_told_from_the_truth():

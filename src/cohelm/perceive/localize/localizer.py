@@ -168,6 +168,8 @@ class _Hypothesis:
     judged: Judgement
     prior: float = 0.0
     """What where the robot was says to it."""
+    witnessed: float = 0.0
+    """And what was seen before scans began to contradict each other."""
     age: int = 0
     """Scans since it was judged."""
     stale: bool = False
@@ -176,7 +178,7 @@ class _Hypothesis:
     @property
     def total(self) -> float:
         """Likelihood of all scans, and of its having come there."""
-        return self.log + self.latest + self.prior
+        return self.log + self.latest + self.prior + self.witnessed
 
 
 @dataclass
@@ -223,6 +225,7 @@ class Locator:
         self._spread = 0.0  # how far those of scans are from what is usual, in the mean
         self._keyframe: Keyframe | None = None
         self._there = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
+        self._witness: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
         self._jolts = self._alarm = self._aged = 0
         self._ranges: Floats = np.empty(0)  # of the newest scan
         self._fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
@@ -330,6 +333,11 @@ class Locator:
         if key is not None:
             log = agreement(self.lidar, key.ranges, ranges, step)
             self._jolts = self._jolts + 1 if log < c.contradicted else 0
+            if not self._alarm and self._jolts >= c.jolts:
+                # where a lost robot is, nobody knows: what it saw there is no witness
+                self._witness = None if self.located.lost else (key, self._there)
+            elif not self._alarm and not self.located.lost:
+                self._witness = None
             self._alarm = c.alarmed if self._jolts >= c.jolts else max(self._alarm - 1, 0)
             self._odds = 0.0 if self._alarm else self._odds
         self._aged += 1
@@ -439,7 +447,7 @@ class Locator:
         self._behind, self._earlier = [], []
         self._joint = joined(covariance, self._joint[3:, 3:])
         self._told_joint = self._joint
-        self._keyframe, self._alarm, self._jolts = None, 0, 0
+        self._keyframe, self._witness, self._alarm, self._jolts = None, None, 0, 0
         self._left, self._odds = None, 0.0
         self._fitting, self._unheld = self.caution.proven if proven else 0.0, 0.0
         self._rivals = self._elsewhere = 0
@@ -470,6 +478,7 @@ class Locator:
             one.judged = self._judge(fit.pose, sweep.ranges)
             new = one.judged.weighed
             one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
+            one.witnessed = self._witnessed(one.pose)
             one.age, one.stale = 0, False
         if fresh:
             self._way, self._turned = self._way + way, self._turned + turned
@@ -542,7 +551,9 @@ class Locator:
                 self._judge(compose(fit.pose, view.back), view.ranges).weighed
                 for view in self._earlier
             )
-        self._hypotheses.append(_Hypothesis(pose, covariance, before, judged.weighed, judged))
+        new = _Hypothesis(pose, covariance, before, judged.weighed, judged)
+        new.witnessed = self._witnessed(pose)
+        self._hypotheses.append(new)
         return before + judged.weighed
 
     def _settle(self) -> None:
@@ -624,6 +635,16 @@ class Locator:
         off = np.array([one.pose.x - left.x, one.pose.y - left.y, wrap(one.pose.psi - left.psi)])
         spread = self._left_joint[:3, :3] + one.covariance + np.diag([0.1, 0.1, 0.05]) ** 2
         return float(off @ np.linalg.solve(spread, off))
+
+    def _witnessed(self, pose: Pose) -> float:
+        """What was seen before scans began to contradict each other says to the newest scan, had
+        the robot been moved to this pose: it stood there without the map, however poor that is.
+        Only once it is lost: it may have been taken while somebody pushed, and before that the map
+        is asked."""
+        if self._witness is None or not self.located.lost:
+            return 0.0
+        key, there = self._witness
+        return agreement(self.lidar, key.ranges, self._ranges, between(there, pose))
 
     def _far(self, pose: Pose) -> bool:
         """Whether the robot can hardly have been moved there: then nothing else speaks for it."""

@@ -8,12 +8,14 @@ when it has held for a while. At the end every place is linked with all that see
 
 from __future__ import annotations
 
+import bisect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
@@ -123,7 +125,14 @@ class Survey:
         self._looked = self._wide = self._met = 0.0
         self._maybe: list[list[Link]] = []  # loops that say the same, not yet believed
         self._outvoted: list[Link] = []
+        self._apart: list[tuple[int, int]] = []  # places that somebody says are not the same,
+        self._out: set[int] = set()  # and those that are to be left out
         self._submap: Surfaces | None = None
+
+    @property
+    def scans(self) -> int:
+        """So many were added."""
+        return len(self._scans)
 
     @property
     def pose(self) -> Pose:
@@ -133,10 +142,13 @@ class Survey:
     def add(self, glimpse: Glimpse) -> None:
         """The next scan of the drive."""
         points, across = self._surfaces(glimpse)
-        if self._odometry is None or self._submap is None:
+        if self._submap is None:
             self._odometry = glimpse.odometry
             self._found(points, across, None)
             return
+        if self._odometry is None:
+            self._pose, self._odometry = self._where(points, across), glimpse.odometry
+            self._joint = joined(np.diag(_ROUGH**2), self._joint[3:, 3:])
         step = self._wheels.corrected(between(self._odometry, glimpse.odometry))
         self._odometry = glimpse.odometry
         foretold, joint = foretell(self._pose, self._joint, step)
@@ -155,6 +167,11 @@ class Survey:
             self._found(points, across, since)
         else:
             self._scans.append((len(self.places) - 1, since))
+
+    def set_down(self) -> None:
+        """The next glimpse begins another drive, about where the last one ended; its odometry may
+        begin anywhere. `add` raises CohelmError where that is not so."""
+        self._odometry = None
 
     def finished(self, tell: Callable[[float], None] = lambda share: None) -> Surveyed:
         """Link all places that see the same, twice, and place every scan."""
@@ -178,6 +195,103 @@ class Survey:
         poses = [compose(self.poses[place], pose) for place, pose in self._scans]
         scans = [place.scan for place in self.places]
         return Surveyed(poses, scans, pairs, 1.0 + self._wheels.scale)
+
+    def keep_apart(self, pairs: Sequence[tuple[int, int]]) -> None:
+        """Pairs of scans that were taken to have met, as `Surveyed.loops` has them, and did not:
+        no place around the one of a pair is linked any more with one around the other."""
+        scans = [place.scan for place in self.places]
+        for pair in pairs:
+            a, b = (bisect.bisect_right(scans, scan) - 1 for scan in sorted(pair))
+            self._apart.append((a, b))
+        self._unlink()
+
+    def leave_out(self, scans: Sequence[int]) -> None:
+        """No place among these scans is linked with any but those just before and after it."""
+        chosen = set(scans)
+        self._out |= {k for k, place in enumerate(self.places) if place.scan in chosen}
+        self._unlink()
+
+    def _unlink(self) -> None:
+        every = [*self.links, *self._outvoted]
+        kept = [link for link in every if not (link.loop and self._parted(link.a, link.b))]
+        if len(kept) == len(every):
+            return
+        self.links, self._outvoted = kept, []
+        if any(link.loop for link in kept):
+            self._agree_again()
+        else:
+            self._solve()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that `restored` goes on from but what was told by `keep_apart` and `leave_out`, as
+        arrays of numbers."""
+        places, held = self.places, [link for one in self._maybe for link in one]
+        return {
+            "scan": np.array([p.scan for p in places], dtype=np.int64),
+            "size": np.array([len(p.points) for p in places], dtype=np.int64),
+            "points": np.vstack([np.empty((0, 2)), *(p.points for p in places)]),
+            "across": np.vstack([np.empty((0, 2)), *(p.across for p in places)]),
+            "poses": np.array(self.poses, dtype=np.float64).reshape(-1, 3),
+            "scans": np.array([(k, *p) for k, p in self._scans], dtype=np.float64).reshape(-1, 4),
+            "links": _rows(self.links), "outvoted": _rows(self._outvoted), "maybe": _rows(held),
+            "held": np.array([len(one) for one in self._maybe], dtype=np.int64),
+            "pose": np.array(self._pose), "joint": self._joint, "wheels": np.array(self._wheels),
+            "odometry": np.array(self._odometry or ()), "ways": np.array(self._ways),
+            "looked": np.array([self._looked, self._wide, self._met]),
+        }  # fmt: skip
+
+    @classmethod
+    def restored(cls, lidar: Lidar, state: Mapping[str, NDArray[Any]]) -> Self:
+        """One that goes on where another was when it told its `state`. KeyError, ValueError,
+        IndexError or TypeError where that is none."""
+        made = cls(lidar)
+        ends = np.cumsum(state["size"])[:-1]
+        made.places = [
+            Place(int(scan), points, across) for scan, points, across in zip(
+                state["scan"], np.split(state["points"], ends), np.split(state["across"], ends),
+                strict=True,
+            )
+        ] if len(state["scan"]) else []  # fmt: skip
+        made.poses = [Pose(*row) for row in state["poses"].tolist()]
+        made._scans = [(int(k), Pose(*pose)) for k, *pose in state["scans"].tolist()]
+        made.links, made._outvoted = _links(state["links"]), _links(state["outvoted"])
+        held = iter(_links(state["maybe"]))
+        made._maybe = [[next(held) for _ in range(n)] for n in state["held"].tolist()]
+        made._pose, made._joint = Pose(*state["pose"].tolist()), state["joint"]
+        made._wheels, made._ways = Wheels(*state["wheels"].tolist()), state["ways"].tolist()
+        made._odometry = Pose(*state["odometry"].tolist()) if len(state["odometry"]) else None
+        made._looked, made._wide, made._met = state["looked"].tolist()
+        if made.places:
+            made._renew()
+        return made
+
+    def _parted(self, a: int, b: int) -> bool:
+        """Whether somebody says that what is around place a is not what is around place b."""
+        if a in self._out or b in self._out:
+            return True
+        if not self._apart:
+            return False
+        off = np.abs(np.array(self._apart) - (min(a, b), max(a, b)))
+        return bool((off <= self.care.submap).all(axis=1).any())
+
+    def _where(self, points: Floats, across: Floats) -> Pose:
+        """Where a drive begins that goes on where the last one ended: within _SET_DOWN of it and
+        turned by a right angle at most, for a corridor looks alike both ways."""
+        c, here = self.care, self._pose
+        gaps = np.hypot(*(np.array(self.poses)[:, :2] - here[:2]).T)
+        known = self._around(np.flatnonzero(gaps < c.behind).tolist(), None)
+        near, trail = np.array([_SET_DOWN]), np.array([here[:2]])
+        fits = [
+            fit for fit in revisits(known, points, across, trail, near, here, 0.5 * math.pi)
+            if math.hypot(fit.pose.x - here.x, fit.pose.y - here.y) < _SET_DOWN
+        ]  # fmt: skip
+        alone = len(fits) == 1 or (len(fits) > 1 and fits[1].share < fits[0].share - c.alone)
+        if not alone or fits[0].share < c.whole or fits[0].rms > c.rms:
+            raise CohelmError(
+                "what this drive sees first is not what was seen where the last one ended: begin "
+                f"it within {_SET_DOWN:g} m and a right angle of there"
+            )
+        return fits[0].pose
 
     def _surfaces(self, glimpse: Glimpse) -> tuple[Floats, Floats]:
         gaps = np.hypot(
@@ -205,9 +319,13 @@ class Survey:
         if k > self.care.again and self._ways[k] - self._looked >= self.care.every:
             self._looked = self._ways[k]
             self._close(k)
-        self._submap = self._around(range(max(0, k + 1 - self.care.submap), k + 1), None)
+        self._renew()
         # what follows is measured from here on
         self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), self._joint[3:, 3:])
+
+    def _renew(self) -> None:
+        k = len(self.places)
+        self._submap = self._around(range(max(0, k - self.care.submap), k), None)
 
     def _spread(self) -> Floats:
         return self._joint[:3, :3]
@@ -279,6 +397,8 @@ class Survey:
             known, newest.points, newest.normals, trail[near], reach[near], here, turn
         ):
             a = int(old[np.hypot(trail[old, 0] - fit.pose.x, trail[old, 1] - fit.pose.y).argmin()])
+            if self._parted(a, k):
+                continue
             # what drift makes unlikely has to fit better
             there, seen = self.poses[a], compose(here, between(fit.pose, self.poses[a]))
             d = np.array([seen.x - there.x, seen.y - there.y, wrap(seen.psi - there.psi)])
@@ -338,7 +458,7 @@ class Survey:
     def _linked(self, a: int, b: int, around: Surfaces, guess: Pose) -> Link | None:
         """Place b matched against the surroundings of a, if it fits."""
         points, across = self.places[b].points, self.places[b].across
-        if len(points) < 30 or len(around.points) < 30:
+        if len(points) < 30 or len(around.points) < 30 or self._parted(a, b):
             return None
         loose = np.diag([100.0, 100.0, 400.0])
         care = self.matching._replace(reach=0.25, rounds=30)
@@ -369,6 +489,7 @@ class Survey:
 _ROUGH = np.array([0.01, 0.01, 0.004])  # a match of two submaps is no better [m, rad]
 _PRECISE = np.diag(1.0 / _ROUGH)
 _CONTRADICTS = 16.3  # squared sigmas that one right loop in a thousand exceeds (chi square, 3)
+_SET_DOWN = 0.5  # a robot is put back by hand within this of where it stood [m]
 _FARTHEST = 20_000.0  # from one end of a drive's odometry to the other [m]
 
 
@@ -377,6 +498,38 @@ def _link(a: int, b: int, pose: Pose, information: Floats, psi: float) -> Link:
     rough = np.diag(_ROUGH**2)
     weak = _turned(Pose(0.0, 0.0, psi), information) + np.eye(3)
     return Link(a, b, pose, inverted(inverted(weak) + rough), True)
+
+
+def _rows(links: Sequence[Link]) -> Floats:
+    """Links as rows of numbers, (n, 15)."""
+    rows = [(k.a, k.b, *k.pose, *k.information.ravel(), k.loop) for k in links]
+    return np.array(rows, dtype=np.float64).reshape(-1, 15)
+
+
+def _links(rows: Floats) -> list[Link]:
+    return [
+        Link(
+            int(row[0]), int(row[1]), Pose(*row[2:5].tolist()), row[5:14].reshape(3, 3), row[14] > 0
+        )
+        for row in rows
+    ]
+
+
+def encounters(made: Surveyed, near: int = MapperParams().submap) -> list[list[tuple[int, int]]]:
+    """The loops, put together where both ends are within so many places of those of another: one
+    list of pairs of scans, the earlier one first, for each time that the robot came back."""
+    if not made.loops:
+        return []
+    pairs = np.sort(np.array(made.loops, dtype=np.int64), axis=1)
+    tree = scipy.spatial.cKDTree(np.searchsorted(made.places, pairs))
+    both = tree.query_pairs(near, p=math.inf, output_type="ndarray")
+    n = len(pairs)
+    graph = scipy.sparse.csr_array((np.ones(len(both)), both.T), shape=(n, n))
+    count, which = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    found: list[list[tuple[int, int]]] = [[] for _ in range(count)]
+    for (a, b), k in zip(pairs.tolist(), which, strict=True):
+        found[k].append((a, b))
+    return sorted(found, key=lambda one: min(b for _, b in one))
 
 
 def _odd(poses: list[Pose], link: Link) -> bool:

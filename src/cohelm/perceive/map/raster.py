@@ -68,6 +68,22 @@ def raster(poses: list[Pose], points: list[Floats], sensor: Pose, resolution: fl
     return Raster(hits, misses, resolution, Pose(float(low[0]), float(low[1]), 0.0))
 
 
+def cropped(drawn: Raster, low: tuple[float, float], high: tuple[float, float]) -> Raster:
+    """The cells between two corners [m]. CohelmError where there are none."""
+    r, (x, y, _) = drawn.resolution, drawn.origin
+    rows, columns = drawn.hits.shape
+    left, right = max(math.floor((low[0] - x) / r), 0), min(math.ceil((high[0] - x) / r), columns)
+    below, above = max(math.floor((low[1] - y) / r), 0), min(math.ceil((high[1] - y) / r), rows)
+    if left >= right or below >= above:
+        raise CohelmError(
+            f"what --crop keeps is not on the map, which goes from {x:.1f}:{y:.1f} to "
+            f"{x + columns * r:.1f}:{y + rows * r:.1f}"
+        )
+    part = np.s_[below:above, left:right]
+    origin = Pose(x + left * r, y + below * r, 0.0)
+    return Raster(drawn.hits[part].copy(), drawn.misses[part].copy(), r, origin)
+
+
 @jit
 def _draw(
     hits: NDArray[np.int32], misses: NDArray[np.int32], pose: Pose, points: Floats, sensor: Pose,

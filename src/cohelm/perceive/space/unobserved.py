@@ -1,6 +1,7 @@
 """Unobserved ground: no beam looks there now, and none ever did or somebody went there.
 
-A LiDAR that does not look all round leaves some beside or behind the robot. What such ground
+A LiDAR that does not look all round leaves some beside or behind the robot, unless another looks
+there. What such ground
 begins with is told as standing points, so that nobody backs the robot into what it has never seen,
 or turns it into who has just gone behind it.
 """
@@ -31,6 +32,13 @@ DOUBT = 10.0
 _EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
 _APART = 0.03  # nobody slips nearer to the outline than this [m]
 _TOLD = 1.0  # such ground is told so far beyond the turning circle [m]
+
+
+class View(NamedTuple):
+    """Where a LiDAR looks: its beams, and its pose in `odom` at its newest sweep."""
+
+    lidar: Lidar
+    sensor: Pose
 
 
 class Viewed(NamedTuple):
@@ -82,24 +90,47 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look) -> Viewed:
     return Viewed(which, doubt)
 
 
+@jit_inline
+def _within(view: View, x: float, y: float) -> float:
+    """How far an `odom` point is from the edge of a view; 0 beyond it [m]."""
+    lidar, sensor = view.lidar, view.sensor
+    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+    first, last = (
+        lidar.first - 0.5 * lidar.step,
+        lidar.first + (len(lidar.beams) - 0.5) * lidar.step,
+    )
+    wx, wy = x - sensor.x, y - sensor.y
+    bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
+    edge = min(bearing - first, last - bearing)
+    return math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
+
+
+@jit_inline
+def _looked_at(views: tuple[View, ...], x: float, y: float) -> bool:
+    """Whether a beam points at an `odom` point, whatever it ends on."""
+    for k in range(len(views)):
+        lidar, sensor = views[k].lidar, views[k].sensor
+        c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+        wx, wy = x - sensor.x, y - sensor.y
+        if 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < len(lidar.beams):
+            return True
+    return False
+
+
 @jit
 def doubted(
-    viewed: Viewed, lidar: Lidar, look: Look, mobile: Floats, pose: Pose, outline: Floats,
-    far: float,
+    viewed: Viewed, views: tuple[View, ...], now: float, mobile: Floats, pose: Pose,
+    outline: Floats, far: float,
 ) -> Viewed:  # fmt: skip
     """With doubt about all ground where nothing looks, within `far` [m] of a robot with this
     outline at this pose, if one of the discs that may move is at its edge, and as near."""
     x, y = pose.x, pose.y
-    sensor, n = look.sensor, len(lidar.beams)
-    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    first, last = lidar.first - 0.5 * lidar.step, lidar.first + (n - 0.5) * lidar.step
     leaves = False
     for k in range(len(mobile)):
         near = math.hypot(mobile[k, X] - x, mobile[k, Y] - y) - mobile[k, RADIUS] < far
-        wx, wy = mobile[k, X] - sensor.x, mobile[k, Y] - sensor.y
-        bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
-        edge = min(bearing - first, last - bearing)  # from the edge of the view, < 0 beyond it
-        away = math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
+        away = 0.0
+        for i in range(len(views)):
+            away = max(away, _within(views[i], mobile[k, X], mobile[k, Y]))
         leaves = leaves or (near and away < mobile[k, RADIUS] + _EDGE)
     if not leaves:
         return viewed
@@ -107,25 +138,21 @@ def doubted(
     low_x, low_y = cell(x - far), cell(y - far)
     wide = math.ceil(2.0 * far / CELL) + 1
     for i in range(low_x, low_x + wide):
-        wx = (i + 0.5) * CELL - sensor.x
         for j in range(low_y, low_y + wide):
-            wy = (j + 0.5) * CELL - sensor.y
-            if 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < n:
+            if _looked_at(views, (i + 0.5) * CELL, (j + 0.5) * CELL):
                 continue
             gap = disc_clearance(pose, outline, (i + 0.5) * CELL, (j + 0.5) * CELL, 0.0)
             if gap > _APART:
-                doubt[i % SIDE, j % SIDE] = look.stamp + DOUBT
+                doubt[i % SIDE, j % SIDE] = now + DOUBT
     return Viewed(viewed.which, doubt)
 
 
 @jit
 def blind(
-    viewed: Viewed, lidar: Lidar, look: Look, pose: Pose, outline: Floats, far: float
+    viewed: Viewed, views: tuple[View, ...], now: float, pose: Pose, outline: Floats, far: float
 ) -> Floats:  # fmt: skip
     """Where such ground begins, (p, 2), in `odom`, within `far` [m] of a robot with this outline
     at this pose: cells beside one that was in view, or beside the robot itself."""
-    n, now, sensor = len(lidar.beams), look.stamp, look.sensor
-    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     low_x, low_y = cell(pose.x - far), cell(pose.y - far)
     wide = math.ceil(2.0 * far / CELL) + 1
     out = np.empty((wide * wide, 2))
@@ -136,8 +163,7 @@ def blind(
             py = (j + 0.5) * CELL
             if math.hypot(px - pose.x, py - pose.y) > far or _known(viewed, i, j, now):
                 continue
-            wx, wy = px - sensor.x, py - sensor.y
-            if 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < n:
+            if _looked_at(views, px, py):
                 continue  # hidden by what is seen before it
             gap = disc_clearance(pose, outline, px, py, 0.0)
             if gap <= 0.0:
@@ -165,22 +191,27 @@ def _known(viewed: Viewed, i: int, j: int, now: float) -> bool:
 
 
 class Blind:
-    """What one robot has had in view, whose LiDAR does not look all round."""
+    """What one robot has had in view, none of whose LiDARs looks all round."""
 
-    def __init__(self, lidar: Lidar, outline: Floats) -> None:
-        """outline: (k, 2) of what the LiDAR is on [m]."""
-        self._lidar, self._outline = lidar, outline
+    def __init__(self, outline: Floats) -> None:
+        """outline: (k, 2) of what the LiDARs are on [m]."""
+        self._outline = outline
         self._reach = float(np.hypot(*outline.T).max())
         self._viewed: Viewed | None = None
 
-    def points(self, look: Look, pose: Pose, mobile: Floats) -> Floats:
+    def points(
+        self, lidar: Lidar, look: Look, looking: list[tuple[Lidar, Look]], pose: Pose,
+        mobile: Floats,
+    ) -> Floats:  # fmt: skip
         """After a sweep from an `odom` pose, where ground begins that may hold anything, (p, 2).
 
-        mobile: discs that may move, as in `core.types`, in `odom`.
+        looking: each LiDAR with its newest sweep, this one too. mobile: discs that may move, as in
+        `core.types`, in `odom`.
         """
-        far, lidar = self._reach + _TOLD, self._lidar
+        far, now = self._reach + _TOLD, look.stamp
+        views = tuple(View(one, its.sensor) for one, its in looking)
         if self._viewed is None:
             self._viewed = vouched(nothing(), pose.x, pose.y, self._reach + VOUCHED)
         viewed = looked_at(self._viewed, lidar, look)
-        self._viewed = doubted(viewed, lidar, look, mobile, pose, self._outline, far)
-        return blind(self._viewed, lidar, look, pose, self._outline, far)
+        self._viewed = doubted(viewed, views, now, mobile, pose, self._outline, far)
+        return blind(self._viewed, views, now, pose, self._outline, far)

@@ -2,7 +2,8 @@
 
 Movers are told by `movers`; until a thing is one, when two are seen as one, and after one was
 dropped, its points are loose. Each is told as a small disc of unknown velocity beside counting as
-a standing point, until it has stood; then as one that may begin to move.
+a standing point, until it has stood; then as one that may begin to move. Who has come so near to
+the LiDAR that it can not measure him is one of them, at the LiDAR, as long as he is there.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats
-from cohelm.perceive.scan.clusters import FREE, Look
+from cohelm.perceive.scan.clusters import FREE, Look, was_free
 from cohelm.perceive.scan.deskew import beam_at
 from cohelm.perceive.space.free_space_memory import Ground, came
 from cohelm.robot.sensors import Lidar
@@ -26,6 +27,7 @@ LX, LY, STOOD = range(3)
 """Columns of loose points: place in `odom` [m], whether it has stood (1) or not (0)."""
 
 _APART = 0.06  # of points that are nearer to each other one is told [m]
+_COVERS = 0.3  # beams over so much of the view end on whatever is that near; strays do not [rad]
 
 
 class Wary(NamedTuple):
@@ -86,6 +88,28 @@ def loose(
             out[k, LX], out[k, LY], out[k, STOOD] = x, y, 1.0 if stood else 0.0
             k += 1
     return out[:k].copy()
+
+
+@jit
+def covers(lidar: Lidar, now: Look, earlier: Look, before: bool) -> bool:
+    """Whether somebody is within the LiDAR's least range: many beams side by side end there, and he
+    was there `before`, or it was free there in an earlier sweep. What the robot has driven up to
+    itself is not meant, and stands."""
+    n, run = len(now.ranges), 0
+    c, s = math.cos(now.sensor.psi), math.sin(now.sensor.psi)
+    came = before
+    for i in range(n):
+        if now.ranges[i] != -math.inf:
+            run, came = 0, before
+            continue
+        run += 1
+        if not came and len(earlier.ranges) == n:
+            x, y = lidar.range_min * lidar.beams[i, 0], lidar.range_min * lidar.beams[i, 1]
+            x, y = now.sensor.x + c * x - s * y, now.sensor.y + s * x + c * y
+            came = was_free(lidar, earlier, x, y)
+        if came and run * lidar.step > _COVERS:
+            return True
+    return False
 
 
 @jit

@@ -35,6 +35,7 @@ from cohelm.perceive.track.potentially_dynamic import (
     NEAR,
     Wary,
     came_by_itself,
+    covers,
     loose,
     spread,
     wild,
@@ -85,7 +86,8 @@ class TrackerParams(NamedTuple):
 class Movers(NamedTuple):
     """tracks: (t, 17). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
     points, whether it belongs to a mover. ground: near the robot. worn: its clock [s]. loose:
-    (l, 3) as in `potentially_dynamic`."""
+    (l, 3) as in `potentially_dynamic`. covered: whether somebody is within the LiDAR's least
+    range."""
 
     tracks: Floats
     looks: tuple[Look, ...]
@@ -94,11 +96,13 @@ class Movers(NamedTuple):
     ground: Ground
     worn: float
     loose: Floats
+    covered: bool
 
 
 NONE = Movers(
-    np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3))
-)
+    np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3)),
+    False,
+)  # fmt: skip
 
 
 def follow(
@@ -123,6 +127,7 @@ def follow(
     tracks, whose = _followed(before.tracks, found, lidar, now, dt, care)
     mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
     kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
+    covered = any(covers(lidar, now, look, before.covered) for look in (*kept, _BLIND))
     first, second = (_look(before.looks, stamp - back) or _BLIND for back in care.back[-2:])
     wary, worn = care.wary, before.worn + dt
     if before.looks:
@@ -134,7 +139,9 @@ def follow(
     there = came_by_itself(places, near, before.ground, since, now, lidar.noise)
     ground = noted(before.ground, lidar, now, places[~mine & ~there], worn)
     may = loose(lidar, places, there, first, second)
-    return Movers(tracks, (*kept, now), stamp, mine, ground, worn, may)
+    if covered:
+        may = np.vstack((may, (now.sensor.x, now.sensor.y, 1.0)))
+    return Movers(tracks, (*kept, now), stamp, mine, ground, worn, may, covered)
 
 
 def _look(looks: tuple[Look, ...], when: float) -> Look | None:

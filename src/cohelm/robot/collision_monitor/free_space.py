@@ -1,20 +1,22 @@
 """Ground that no beam looks at, and that none has looked at before: it may hold anything.
 
-A LiDAR that does not look all round leaves some beside or behind the robot. Cells of a window that
+A LiDAR that does not look all round leaves some beside or behind the robot; of several, what none
+of them looks at. Cells of a window that
 moves with the sensor remember which ground has been in view, as far as odometry is right.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats, Ints, Pose
 from cohelm.robot.collision_monitor.odometry import placed_at, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor
-from cohelm.robot.collision_monitor.surroundings import Surroundings
+from cohelm.robot.collision_monitor.surroundings import NOTHING, Surroundings
 from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
 
 CELL = 0.05
@@ -49,11 +51,17 @@ class FreeSpace:
         self._cell = (0, 0)
         self._at: Pose | None = None
         self._vouched = False
+        self.unknown = NOTHING
+        """What it has not looked at within reach, by the newest look."""
+        self.cells: Ints | None = None
+        """The cells of that, (n, 2), counted from the frame's origin; None before the first look.
+        """
 
     def forget(self) -> None:
         """All of it: as if it were switched on anew."""
         self._known[:] = False
         self._at, self._vouched = None, False
+        self.unknown, self.cells = NOTHING, None
 
     def look(self, ranges: Floats, pose: Pose, turned: float, seen: float) -> Surroundings | None:
         """After a scan from a pose: what is unknown within reach, or None where that is as before.
@@ -83,15 +91,18 @@ class FreeSpace:
         if not self._vouched:
             self._vouch(pose)
         cells = np.argwhere(~(self._known | looks) & self._near)
-        points: Floats = CELL * (cells - HALF + np.array(self._cell)).astype(np.float64)
+        cells = cells - HALF + np.array(self._cell)
+        points: Floats = CELL * cells.astype(np.float64)
         outside = edge_distances(seen_from(points, pose), self._shape).max(axis=1)
         under = outside <= -CORNER  # the robot itself is there
-        self._known[tuple(cells[under].T)] = True
+        self._known[tuple((cells[under] + HALF - np.array(self._cell)).T)] = True
         unknown: Floats = points[~under]
         n = len(unknown)
-        return Surroundings(
+        self.cells = cells[~under]
+        self.unknown = Surroundings(
             unknown, np.full(n, -math.inf), np.full(n, CORNER), np.full(n, seen)
         )  # fmt: skip
+        return self.unknown
 
     def _vouch(self, pose: Pose) -> None:
         """For the ground about a pose."""
@@ -110,6 +121,26 @@ class FreeSpace:
             to_j, from_j = _overlap(dj, side)
             known[to_i, to_j] = self._known[from_i, from_j]
         self._known = known
+
+
+def unknown_to_all(spaces: Sequence[FreeSpace]) -> Surroundings:
+    """Ground that no sensor looks at or has looked at before; of those that have not looked yet,
+    nothing is asked."""
+    looked = [space for space in spaces if space.cells is not None]
+    if not looked:
+        return NOTHING
+    first, *others = looked
+    found, own = first.unknown, _keys(first)
+    for other in others:
+        both = np.isin(own, _keys(other))
+        found, own = Surroundings(*(column[both] for column in found)), own[both]
+    return found
+
+
+def _keys(space: FreeSpace) -> Ints:
+    """A number for each of its cells."""
+    cells = space.cells
+    return np.empty(0, np.int64) if cells is None else (cells[:, 0] << 32) + cells[:, 1]
 
 
 def _overlap(by: int, side: int) -> tuple[slice, slice]:

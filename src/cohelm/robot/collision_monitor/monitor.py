@@ -1,4 +1,4 @@
-"""A collision monitor: on the raw scan, it slows the robot and stops it before what it would hit.
+"""A collision monitor: on the raw scans, it slows the robot and stops it before what it would hit.
 
 It asks three ways how the robot moves, and takes the worst: as the odometry measures its twist, as
 the odometry's poses change, and as it was sent. So a sense that lies about motion is not believed
@@ -9,24 +9,23 @@ not show.
 from __future__ import annotations
 
 import math
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
-from cohelm.robot.collision_monitor.free_space import FreeSpace
+from cohelm.robot.collision_monitor.free_space import unknown_to_all
 from cohelm.robot.collision_monitor.odometry import PoseHistory, seen_from
-from cohelm.robot.collision_monitor.returns import Sensor, returns
+from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.runaway import Runaway
+from cohelm.robot.collision_monitor.source import Source
 from cohelm.robot.collision_monitor.surroundings import (
-    BESIDE,
     NOTHING,
     Surroundings,
     all_round,
     joined,
-    of_scan,
-    out_of_sight,
 )  # fmt: skip
 from cohelm.robot.collision_monitor.sweep import (
     contact_times,
@@ -37,12 +36,8 @@ from cohelm.robot.collision_monitor.sweep import (
 )  # fmt: skip
 from cohelm.robot.gate.bounds import Bounds, needed
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
-from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.port import Odometry, Readings
 
-AHEAD = 0.02
-"""A stamp may be this far ahead of the clock [s]; more, and a clock has jumped."""
-MISSED = 3.0
-"""Scans that may be due and not there: two lost in a row are ordinary, three are not."""
 INCREMENTS = 0.04
 """Motion is taken from poses so far apart [s]: two readings at 50 Hz, so that the steps of an
 encoder do not make it jitter."""
@@ -61,7 +56,8 @@ class Described(NamedTuple):
 
     corners: Floats
     """Of its outline, convex, counter-clockwise, (k, 2), body frame [m]."""
-    sensor: Sensor
+    sensors: tuple[Sensor, ...]
+    """All LiDARs, the first one first."""
     bounds: Bounds
     """By which the gate brakes it."""
     delay: float
@@ -102,8 +98,6 @@ class CollisionMonitor:
 
     def __init__(self, described: Described) -> None:
         self._robot, self._shape = described, outline(described.corners)
-        sensor = described.sensor
-        self._patience = MISSED / sensor.rate + sensor.sweep + sensor.latency
         bounds = described.bounds
         top = Twist(min(bounds.speed, bounds.wheel_speed), 0.0)
         spin = Twist(0.0, min(bounds.yaw_rate, 2.0 * bounds.wheel_speed / bounds.track))
@@ -111,22 +105,20 @@ class CollisionMonitor:
         stopping = max(known, default=0.0)
         self._runaway = Runaway(described.delay + stopping)
         farthest = (top.v + spin.omega * self._shape.reach) * (stopping + described.delay)
-        around = all_round(sensor)
-        self._near = 2.0 * self._shape.reach + (farthest if around else max(farthest, BESIDE))
-        """Returns farther from the sensor than this can not matter [m]."""
-        self._ground = None if around else FreeSpace(sensor, self._shape, farthest)
+        remembers = not any(all_round(sensor) for sensor in described.sensors)
+        self._sources = [
+            Source(sensor, i == 0, self._shape, farthest, remembers)
+            for i, sensor in enumerate(described.sensors)
+        ]
         self._unknown = NOTHING
         """Ground that no beam looks at or has looked at before, in the odometry's frame."""
         self._measured, self._commanded = PoseHistory(), PoseHistory()
         self._sent = -math.inf
         """When a twist was asked about, and so sent, last [s]."""
-        self._scan: Scan | None = None
-        self._by_odometry = NOTHING
-        """Returns of the newest scan, in the frame of the odometry's poses, and remembered ones."""
         self._all = NOTHING
-        """Both of these."""
+        """All returns, remembered ones too, and this ground."""
         self._by_command = NOTHING
-        """Those of the scan in the frame of the poses reckoned from what was sent."""
+        """Returns of the newest scans in the frame of the poses reckoned from what was sent."""
         self._wrong = ""
         """What is wrong with the readings; empty: nothing."""
         self._words: dict[str, tuple[str, float]] = {}
@@ -135,7 +127,7 @@ class CollisionMonitor:
     def observe(self, now: float, readings: Readings, applied: Twist) -> Restriction:
         """Take in odometry and scan; a fault where the robot moves and nobody wants it to."""
         self._reckon(now, applied)
-        self._wrong = self._take(readings.odometry) or self._look(readings.scan)
+        self._wrong = self._take(readings.odometry) or self._look(readings)
         speed = max(fastest(twist, self._shape) for twist in self._motions())
         if self._runaway.noticed(now, applied, speed):
             moves = f"the robot moves at {speed:.2f} m/s although it is told to stand"
@@ -185,10 +177,9 @@ class CollisionMonitor:
         history = self._measured
         if odometry.stamp < history.stamp:
             history.clear()
-            self._scan = None
-            self._by_odometry = self._unknown = self._all = NOTHING
-            if self._ground is not None:
-                self._ground.forget()
+            self._unknown = self._all = NOTHING
+            for source in self._sources:
+                source.forget()
         if odometry.stamp > history.stamp:
             history.add(odometry.stamp, odometry.pose, odometry.twist)
         return ""
@@ -202,43 +193,20 @@ class CollisionMonitor:
         elif effect > path.stamp:
             path.add(effect, path.at(effect), applied)
 
-    def _look(self, scan: Scan | None) -> str:
-        """Take in a new scan; what is wrong with it, or nothing."""
-        if scan is None:
-            return "there is no scan"
-        if scan is self._scan:
-            return ""
-        sensor = self._robot.sensor
-        if len(scan.ranges) != len(sensor.bearings):
-            return f"a scan of {len(scan.ranges)} beams, and not {len(sensor.bearings)}"
-        if not math.isfinite(scan.stamp + scan.duration):
-            return "the scan's time is no number"
-        first, last = (self._measured.at(scan.stamp + t) for t in (0.0, scan.duration))
-        before = out_of_sight(
-            self._by_odometry, scan.stamp, first, last, sensor, self._shape.reach
-        )  # fmt: skip
-        self._scan = scan
-        found = returns(scan.ranges, sensor, self._near)
-        self._by_odometry = joined(of_scan(found, scan, self._measured), before)
-        self._by_command = of_scan(found, scan, self._commanded)
-        if self._ground is not None:
-            when = scan.stamp + 0.5 * scan.duration
-            turned = last.psi - first.psi
-            unknown = self._ground.look(scan.ranges, self._measured.at(when), turned, when)
-            self._unknown = self._unknown if unknown is None else unknown
-        self._all = joined(self._by_odometry, self._unknown)
-        return ""
+    def _look(self, readings: Readings) -> str:
+        """Take in new scans; what is wrong with any, or nothing."""
+        looks = [source.look(readings, self._measured, self._commanded) for source in self._sources]
+        if any(new for new, _ in looks):
+            spaces = [source.ground for source in self._sources if source.ground is not None]
+            self._unknown = unknown_to_all(spaces)
+            returns = all_of([source.by_odometry for source in self._sources])
+            self._all = joined(returns, self._unknown)
+            self._by_command = all_of([source.by_command for source in self._sources])
+        return next((wrong for _, wrong in looks if wrong), "")
 
     def _stale(self, now: float) -> str:
-        """What is wrong with the newest scan's age, or nothing."""
-        if self._scan is None:
-            return "there is no scan"
-        age = now - self._scan.stamp - self._scan.duration
-        if age < -AHEAD:
-            return "the scan comes from the future"
-        if age > self._patience:
-            return f"no scan for {1000.0 * age:.0f} ms"
-        return ""
+        """What is wrong with the age of any LiDAR's newest scan, or nothing."""
+        return next((said for source in self._sources if (said := source.stale(now))), "")
 
     def _motions(self) -> tuple[Twist, Twist]:
         """What the odometry's twist says, and what its poses say."""
@@ -340,6 +308,11 @@ class CollisionMonitor:
             words = f"collision monitor: {because}"
         self._words[kind] = words, now
         return Restriction(share, words)
+
+
+def all_of(parts: list[Surroundings]) -> Surroundings:
+    """Those of several LiDARs."""
+    return reduce(joined, parts)
 
 
 def seen_by(things: Surroundings, pose: Pose, within: float) -> Surroundings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,10 @@ class Sensor(NamedTuple):
     """From a scan's first beam to its last [s]."""
     latency: float
     """From its last beam to its reading [s]."""
+    name: str = ""
+    """What to call it where there are several."""
+    timeout: float = math.nan
+    """Largest age of its newest scan [s]; NaN: by its rate."""
 
 
 class Returns(NamedTuple):

@@ -7,7 +7,7 @@ import socket
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
-from cohelm.core.types import Twist
+from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate import gate as gates
 from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
@@ -16,12 +16,15 @@ from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
-from cohelm.robot.port import Readings, Robot
+from cohelm.robot.port import Odometry, Readings, Robot
 
 QUIET = 1.0
 """A refusal or limit is told again when it has been away for so long [s]."""
 STANDS_V, STANDS_OMEGA = 0.02, 0.03
 """A robot whose odometry says less than this stands [m/s, rad/s]."""
+_FARTHEST, _FASTEST = 1e6, 1e3
+"""No wheels measure a pose farther from where they began [m, rad], nor more speed [m/s, rad/s]."""
+_NO_NUMBER = Odometry(math.nan, Pose(*3 * [math.nan]), Twist(math.nan, math.nan))
 
 
 class Event(NamedTuple):
@@ -146,7 +149,7 @@ class GatedRobot:
 
     def read(self) -> Readings:
         """The newest of everything; a robot that has a fault does not drive."""
-        readings = self._robot.read()
+        readings = _sane(self._robot.read())
         if readings.health is not None and readings.health.faults:
             self.fault(f"the robot says: {readings.health.faults[0]}")
         if self._monitors:
@@ -277,3 +280,15 @@ def _nobody(_: Event) -> None:
 def standing(twist: Twist) -> bool:
     """Whether a measured twist is that of a robot that stands."""
     return abs(twist.v) < STANDS_V and abs(twist.omega) < STANDS_OMEGA
+
+
+def _sane(readings: Readings) -> Readings:
+    """Odometry that no wheels can have measured is no number, to all who read it: its squares
+    would be none."""
+    odometry = readings.odometry
+    if odometry is None or (
+        all(abs(x) <= _FARTHEST for x in odometry.pose)
+        and all(abs(x) <= _FASTEST for x in odometry.twist)
+    ):
+        return readings
+    return readings._replace(odometry=_NO_NUMBER._replace(stamp=odometry.stamp))

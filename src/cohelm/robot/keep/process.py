@@ -41,6 +41,7 @@ class RemoteGatedRobot:
         self._process = started("cohelm keeper", serve, theirs, make, rules, record)
         theirs.close()
         self._scan: Scan | None = None
+        self._further: dict[str, Scan] = {}
         self._frame: Frame | None = None
         self._gate = Gate()
         self._number = 0
@@ -53,7 +54,7 @@ class RemoteGatedRobot:
             self._process.join()
             raise
         self._model = begun.model
-        self._memory = SharedMemory(handle, begun.scan, begun.frame)
+        self._memory = SharedMemory(handle, begun.scans, begun.frame)
 
     @property
     def pid(self) -> int:
@@ -83,11 +84,17 @@ class RemoteGatedRobot:
 
     def read(self) -> Readings:
         """The newest of everything; scans and frames travel once."""
-        have = (self._scan.number if self._scan else -1, self._frame.number if self._frame else -1)
+        have = (
+            self._scan.number if self._scan else -1,
+            {name: scan.number for name, scan in self._further.items()},
+            self._frame.number if self._frame else -1,
+        )
         readings = self._memory.take(self._ask("read", have))
         self._scan = readings.scan or self._scan
+        self._further |= {scan.sensor: scan for scan in readings.further}
         self._frame = readings.frame or self._frame
-        return readings._replace(scan=self._scan, frame=self._frame)
+        further = tuple(self._further.values())
+        return readings._replace(scan=self._scan, frame=self._frame, further=further)
 
     def propose(self, proposal: Proposal) -> Passed:
         """Through the gate to the wheels."""

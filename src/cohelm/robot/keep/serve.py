@@ -43,8 +43,8 @@ class Begun(NamedTuple):
     """The robot's clock [s]..."""
     then: float
     """... and this machine's monotonic one at that time [s]."""
-    scan: int
-    """Room for a scan [byte]."""
+    scans: dict[str, int]
+    """Room for a scan of each LiDAR [byte]."""
     frame: int
     """Room for a frame [byte]."""
 
@@ -68,7 +68,7 @@ def serve(
     let_go()
     try:
         begun = Begun(
-            kept.model, kept.gate, kept.now(), time.monotonic(), memory.scan, memory.frame
+            kept.model, kept.gate, kept.now(), time.monotonic(), memory.scans, memory.frame
         )
         line.say(begun, memory.handle)
         os.close(memory.handle)
@@ -132,10 +132,13 @@ def _say(line: Control, number: int, answer: Any, kept: GatedRobot) -> None:
         line.say((number, CohelmError(str(error)), kept.gate, kept.now(), time.monotonic()))
 
 
-def _news(readings: Readings, scan: int, frame: int) -> Readings:
-    """The readings without the scan and the frame that the loop has already."""
+def _news(readings: Readings, scan: int, further: dict[str, int], frame: int) -> Readings:
+    """The readings without the scans and the frame that the loop has already, by their numbers."""
     if readings.scan is not None and readings.scan.number == scan:
         readings = readings._replace(scan=None)
+    if readings.further:
+        new = (one for one in readings.further if further.get(one.sensor) != one.number)
+        readings = readings._replace(further=tuple(new))
     if readings.frame is not None and readings.frame.number == frame:
         readings = readings._replace(frame=None)
     return readings

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import mmap
 import os
+from itertools import accumulate
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Readings
+from cohelm.robot.port import Readings, Scan
 
 _ALIGNED = 64  # bytes
 _NUMBER = 8  # bytes of a range
@@ -30,32 +31,46 @@ class Stored(NamedTuple):
 
 
 class SharedMemory:
-    """A scan's worth and a frame's worth of memory. It goes when both processes are gone."""
+    """Memory for a scan of each LiDAR, and a frame. It goes when both processes are gone."""
 
-    def __init__(self, handle: int, scan: int, frame: int) -> None:
-        """handle: of the memory, see `shared`. scan, frame: bytes there is room for."""
-        self.handle, self.scan, self.frame = handle, scan, frame
-        self._memory = mmap.mmap(handle, _size(scan, frame))
+    def __init__(self, handle: int, scans: dict[str, int], frame: int) -> None:
+        """handle: of the memory, see `shared`. scans, frame: bytes there is room for; the scans' by
+        their LiDARs, the first one first."""
+        self.handle, self.scans, self.frame = handle, scans, frame
+        self._memory = mmap.mmap(handle, _size(scans, frame))
+        ends = list(accumulate(map(_aligned, scans.values()), initial=0))
+        self._at = dict(zip(scans, ends, strict=False))
+        self._frame_at = ends[-1]
 
     def put(self, readings: Readings) -> Readings:
         """The same with `Stored` for each array; without what there is no room for."""
         scan, frame = readings.scan, readings.frame
-        if scan is not None:
-            ranges = self._put(np.asarray(scan.ranges), 0, self.scan)
-            readings = readings._replace(scan=scan._replace(ranges=ranges) if ranges else None)
+        further = [self._put_scan(one, one.sensor) for one in readings.further]
+        readings = readings._replace(
+            scan=None if scan is None else self._put_scan(scan, next(iter(self.scans), "")),
+            further=tuple(one for one in further if one is not None),
+        )
         if frame is not None:
-            pixels = self._put(np.asarray(frame.pixels), _aligned(self.scan), self.frame)
+            pixels = self._put(np.asarray(frame.pixels), self._frame_at, self.frame)
             readings = readings._replace(frame=frame._replace(pixels=pixels) if pixels else None)
         return readings
 
     def take(self, readings: Readings) -> Readings:
         """What `put` put, with arrays of its own that nobody changes."""
         scan, frame = readings.scan, readings.frame
-        if scan is not None:
-            readings = readings._replace(scan=scan._replace(ranges=self._take(scan.ranges)))
+        readings = readings._replace(
+            scan=None if scan is None else scan._replace(ranges=self._take(scan.ranges)),
+            further=tuple(one._replace(ranges=self._take(one.ranges)) for one in readings.further),
+        )
         if frame is not None:
             readings = readings._replace(frame=frame._replace(pixels=self._take(frame.pixels)))
         return readings
+
+    def _put_scan(self, scan: Scan, lidar: str) -> Scan | None:
+        ranges = self._put(
+            np.asarray(scan.ranges), self._at.get(lidar, 0), self.scans.get(lidar, 0)
+        )  # fmt: skip
+        return scan._replace(ranges=ranges) if ranges else None
 
     def _put(self, what: NDArray[Any], at: int, room: int) -> Any:
         if what.nbytes > room:
@@ -73,23 +88,23 @@ class SharedMemory:
 
 def shared(model: RobotModel) -> SharedMemory:
     """Memory for what a robot's sensors give. CohelmError where there is none."""
-    lidar, camera = model.lidar, model.camera
-    scan = _NUMBER * lidar.beams if lidar else 0
+    camera = model.camera
+    scans = {lidar.name: _NUMBER * lidar.beams for lidar in model.lidars}
     frame = 3 * camera.width * camera.height if camera else 0
     try:
         handle = os.memfd_create("cohelm sensors", os.MFD_CLOEXEC)
-        os.ftruncate(handle, _size(scan, frame))  # heeds a limit on files, though it is none
+        os.ftruncate(handle, _size(scans, frame))  # heeds a limit on files, though it is none
     except OSError as error:
         raise CohelmError(
-            f"there is no memory for scans and frames, {_size(scan, frame)} bytes "
+            f"there is no memory for scans and frames, {_size(scans, frame)} bytes "
             f"({error.strerror}): see `ulimit -f`, `ulimit -n`"
         ) from error
-    return SharedMemory(handle, scan, frame)
+    return SharedMemory(handle, scans, frame)
 
 
 def _aligned(size: int) -> int:
     return -(-size // _ALIGNED) * _ALIGNED
 
 
-def _size(scan: int, frame: int) -> int:
-    return max(_aligned(scan) + frame, 1)
+def _size(scans: dict[str, int], frame: int) -> int:
+    return max(sum(map(_aligned, scans.values())) + frame, 1)

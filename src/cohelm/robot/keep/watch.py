@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cohelm.robot.collision_monitor.monitor import CollisionMonitor, Described
@@ -10,6 +12,7 @@ from cohelm.robot.gate.gate import Rules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import Monitor
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
+from cohelm.robot.sensors import LidarModel
 
 
 def monitors(model: RobotModel, rules: Rules) -> tuple[Monitor, ...]:
@@ -24,10 +27,14 @@ def described(model: RobotModel, rules: Rules) -> Described:
     """What the collision monitor has to know of a robot that has a LiDAR."""
     if model.lidar is None:
         raise ValueError("a robot without a LiDAR has no collision monitor")
-    given, lidar = model.lidar, model.lidar.lidar()
+    sensors = tuple(_sensor(given) for given in model.lidars)
+    return Described(model.outline, sensors, rules.bounds, model.delay_s, rules.period)
+
+
+def _sensor(given: LidarModel) -> Sensor:
+    lidar = given.lidar()
     bearings = lidar.first + lidar.step * np.arange(given.beams, dtype=np.float64)
-    sensor = Sensor(
-        lidar.mount, bearings, lidar.step,
-        given.range_min_m, given.noise_m, given.rate_hz, given.sweep_s, given.latency_s,
+    return Sensor(
+        lidar.mount, bearings, lidar.step, given.range_min_m, given.noise_m, given.rate_hz,
+        given.sweep_s, given.latency_s, given.name, given.timeout_s or math.nan,
     )  # fmt: skip
-    return Described(model.outline, sensor, rules.bounds, model.delay_s, rules.period)

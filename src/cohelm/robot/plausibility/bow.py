@@ -33,6 +33,7 @@ _WALLS = 2  # what one wall shows, all the same from wherever it is seen, may be
 _SAME_TURN, _SAME_PLACE = 0.5, 1.0
 """Turned and moved by less, by odometry, it is the same wall: so far may bias mislead [rad, m]."""
 _SURE = 4.0  # standard deviations
+_AT_MOST = 2.0  # ... for what it may be at most
 _LONGER = 0.12  # less than this is not asked about [m]
 _AGREE = 0.8  # of the places, and of the walls, say at least half of it
 
@@ -72,12 +73,19 @@ class RangeBias:
         self._lidar = lidar
         self._places: deque[list[_Wall]] = deque(maxlen=_KEPT)
         self._last: Floats | None = None
+        self._most = math.inf
+        """What walls say the bias may be at most [m]."""
         self.bias = 0.0
         """Ranges are too long by so much; 0 where nothing says that they are [m]."""
+
+    def rules_out(self, bias: float) -> bool:
+        """Whether walls have shown that ranges are not too long by so much [m]."""
+        return self._most < bias
 
     def forget(self) -> None:
         """As if none had come."""
         self._places.clear()
+        self._most = math.inf
         self._last = None
 
     def take(self, sight: Sight, doubted: bool) -> None:
@@ -108,6 +116,7 @@ class RangeBias:
         weight = sum(weights)
         told = [_mean(wall) for wall in walls]
         bias = sum(w * b for w, b in zip(weights, told, strict=True)) / weight
+        self._most = bias + _AT_MOST / math.sqrt(weight) if len(walls) >= _WALLS else math.inf
         agree = sum(_mean(place) > 0.5 * bias for place in places) >= _AGREE * len(places)
         most = sum(w for w, b in zip(weights, told, strict=True) if b > 0.5 * bias)
         agree = agree and most >= _AGREE * weight and len(walls) >= _WALLS

@@ -6,6 +6,8 @@ import math
 from enum import IntEnum
 from typing import NamedTuple
 
+from cohelm.robot.sensors import of_sensor
+
 
 class Action(IntEnum):
     """What follows, mildest first."""
@@ -26,6 +28,13 @@ class Finding(NamedTuple):
     """In words, for the record; begins with which sense it is about."""
     speed: float = math.inf
     """For SLOW [m/s]."""
+    sensor: str = ""
+    """Which of several LiDARs it is about."""
+
+    @property
+    def said(self) -> str:
+        """The reason, with the LiDAR that it is about."""
+        return of_sensor(self.sensor, self.reason)
 
 
 def fault(reason: str) -> Finding:

@@ -39,6 +39,9 @@ class Tolerance(NamedTuple):
     is wide; and one who runs, 2.5 m/s, uncovers 0.25 m in a tenth of a second."""
     replaced: float = 0.9
     """What vanishes and shows what is behind [m]: a person who steps aside."""
+    scene: float = 2.0
+    """What neither a person nor a door uncovers from one scan to the next, of one surface [m]: all
+    that is seen is another, so the robot was moved, or its LiDAR says other ranges than before."""
     lag: float = 0.1
     """Scans may be stamped so wrongly [s]: 2 cm when Sally brakes from 0.2 m/s."""
     scale: float = 0.1
@@ -54,6 +57,7 @@ _CHANGES = 0.1  # a change of speed that shows one [m/s]
 _CHANGED = 0.05  # changes of speed, squared and added up, before a lag is judged [m^2/s^2]
 _PROVEN = 0.12  # a way over which odometry and scans have to agree after they did not [m]
 _AGREED = 0.04  # ... within this [m]
+_AFRESH = 2.0  # a way with no bow to be seen, after which another scene is taken as it is [m]
 _ENDS = 0.5  # a way after which that is given up: the scans do not show the motion [m]
 _LEG = 0.3  # a sample of the long run is so long [m]
 _LEGS, _KEPT = 8, 10  # legs before the way is judged, and that are kept
@@ -75,6 +79,10 @@ class Motion:
         self.doubted = False
         """Whether scans and odometry have disagreed, and not agreed again over some way since."""
         self._probe: Sight | None = None
+        self._other: Sight | None = None
+        """Since when all that is seen is another, unless it has been shown to be true."""
+        self._deeper = 0.0
+        """So much farther it is then [m]."""
         self._range = RangeBias(lidar)
         self.blinded: NDArray[np.bool_] | None = None
         """Beams of the newest sight that see nothing where much stood a sight before, if any."""
@@ -82,7 +90,7 @@ class Motion:
     def forget(self) -> None:
         """As if none had come: what the robot knew of its place is void."""
         self._recent.clear()
-        self._leg = self._probe = None
+        self._leg = self._probe = self._other = None
         self._range.forget()
         self.blinded = None
 
@@ -126,6 +134,8 @@ class Motion:
         if gone.empty > t.gone * longer:
             self.blinded = gone.beams
             return [hold(f"{gone.empty:.1f} m of what stood there has vanished from the scan")]
+        if gone.width > t.scene * longer:
+            self._other, self._deeper = now, gone.deeper
         if gone.width > t.replaced * longer:
             return [hold(f"the scan shows something else over {gone.width:.1f} m, at once")]
         return []
@@ -186,13 +196,25 @@ class Motion:
         if made is not None and shown:
             off = math.hypot(*made.off[:2])
             if off <= _AGREED or made.for_it > made.against:
-                self.doubted = False
+                self.doubted = self._untried(now)
+                self._probe = now
             elif made.against > made.for_it:
                 self._probe = None
                 return [hold(f"scans and odometry still disagree: {off:.2f} m in {way:.2f} m")]
         if way > _ENDS:  # not to be decided: try anew, unless there is nothing to decide by
-            self.doubted, self._probe = self.doubted and shown, None
+            self.doubted = self.doubted and (shown or self._untried(now))
+            self._probe = None
         return []
+
+    def _untried(self, now: Sight) -> bool:
+        """Whether all that is seen became another, and no wall nor a long way has said since that
+        ranges are what they seem: how far things are does not show in how the robot moves."""
+        if self._other is None:
+            return False
+        far = math.hypot(*motion(self._other, now)[:2]) > _AFRESH
+        if far or self._range.rules_out(0.5 * self._deeper):
+            self._other = None
+        return self._other is not None
 
     def _long_run(self, now: Sight, clean: bool) -> list[Finding]:
         """Scale and direction of the way, over metres."""

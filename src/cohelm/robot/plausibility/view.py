@@ -29,6 +29,8 @@ class Vanished(NamedTuple):
     """The widest in one piece where it now sees nothing at all [m]."""
     beams: NDArray[np.bool_]
     """(n,), where it sees nothing at all instead."""
+    deeper: float = math.inf
+    """So much farther away is what is seen in its place, in the middle [m]."""
 
 
 def vanished(before: Sight, now: Sight, lidar: Lidar, slack: float) -> Vanished:
@@ -49,8 +51,12 @@ def vanished(before: Sight, now: Sight, lidar: Lidar, slack: float) -> Vanished:
     apart = np.concatenate(([True], np.hypot(*np.diff(before.points, axis=0).T) > _APART))
     surface = np.cumsum(apart)[inside]
     arc = before.arc[inside]
+    behind = gone & ~nothing
     return Vanished(
-        _widest(gone[inside], surface, arc), _widest(nothing[inside], surface, arc), where
+        _widest(gone[inside], surface, arc),
+        _widest(nothing[inside], surface, arc),
+        where,
+        float(np.median((nearest - r)[behind])) if behind.any() else math.inf,
     )
 
 
@@ -105,11 +111,18 @@ class View:
     def vouches(self, bearing: float) -> bool:
         """Whether anything in the cone about a bearing in the body frame sees, or has seen; yes
         where the LiDAR does not look."""
+        cone = self._cone(bearing)
+        return bool((self.proven | ~self.empty)[cone].any()) if cone.any() else True
+
+    def looks(self, bearing: float) -> bool:
+        """Whether the LiDAR looks anywhere in that cone."""
+        return bool(self._cone(bearing).any())
+
+    def _cone(self, bearing: float) -> NDArray[np.bool_]:
         first = self._lidar.mount.psi + self._lidar.first
         middles = first + _BIN * (np.arange(self._count) + 0.5)
         off = np.abs(np.remainder(middles - bearing + math.pi, 2.0 * math.pi) - math.pi)
-        cone = off <= _CONE
-        return bool((self.proven | ~self.empty)[cone].any()) if cone.any() else True
+        return off <= _CONE
 
     @property
     def blank(self) -> bool:

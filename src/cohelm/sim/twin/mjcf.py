@@ -194,12 +194,11 @@ def _robot(robot: RobotModel, settings: TwinModel, camera: CameraModel) -> str:
         f'{math.cos(math.radians(camera.tilt_deg))}" '
         f'fovy="{camera.field_of_view_deg}"/>',
     ]
-    lidar = robot.lidar
-    if lidar is not None:
-        made.append(
-            f'<geom type="cylinder" pos="{lidar.mount_x_m} {lidar.mount_y_m} {tall + 0.03}" '
-            f'size="0.045 0.03" group="{ROBOT}" rgba="0.1 0.1 0.1 1"/>'
-        )
+    made += [
+        f'<geom type="cylinder" pos="{lidar.mount_x_m} {lidar.mount_y_m} {tall + 0.03}" '
+        f'size="0.045 0.03" group="{ROBOT}" rgba="0.1 0.1 0.1 1"/>'
+        for lidar in robot.lidars
+    ]
     made.append(
         f'<geom type="box" pos="{high[0] - 0.03} {middle[1]} {tall}" '
         f'size="0.02 {0.35 * width} 0.004" group="{ROBOT}" rgba="0.95 0.9 0.3 1"/>'

@@ -15,8 +15,9 @@ from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import AsFast, Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan
+from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
-from cohelm.sim.lidar import measure
+from cohelm.sim.lidar import measure, noise_seed
 from cohelm.sim.odometer import Odometer
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
@@ -64,6 +65,25 @@ class Truth(NamedTuple):
     """What the drives have put in; braking gives nothing back [J]."""
 
 
+class Scanner:
+    """One LiDAR at work."""
+
+    def __init__(self, model: LidarModel, seed: int, sweep: int) -> None:
+        """seed: of its noise. sweep: from a scan's first beam to its last, in steps."""
+        self.model, self.lidar, self.seed, self.sweep = model, model.lidar(), seed, sweep
+        self.coming: deque[tuple[int, Scan]] = deque()
+        """Scans that are measured, with the steps at which they can be read."""
+        self.number, self.next = 0, sweep
+        """Of the next scan, and the step of its last beam."""
+        self._newest: Scan | None = None
+
+    def come(self, step: int) -> Scan | None:
+        """The newest scan that can be read."""
+        while self.coming and self.coming[0][0] <= step:
+            self._newest = self.coming.popleft()[1]
+        return self._newest
+
+
 class Twin(Paced):
     """A robot of steel and rubber, as far as MuJoCo goes.
 
@@ -94,7 +114,7 @@ class Twin(Paced):
         """
         model = settings.fitted(model)
         super().__init__(model, pace)
-        self._step, self._seed, self._grid = step, seed, grid
+        self._step, self._grid = step, grid
         self._limits, self._outline, self._reach = model.bounds(), model.outline, model.reach
         around = world(([], np.empty((0, 4)))) if around is None else around
         self._walls = np.vstack((around.walls, borders(grid)))
@@ -135,13 +155,12 @@ class Twin(Paced):
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
         self._next_odometry = self._at(model.odometry.rate_hz, 1)
-        self._lidar = None if model.lidar is None else model.lidar.lidar()
-        self._sweep = 0 if model.lidar is None else self._steps(model.lidar.sweep_s)
-        self._latency = 0 if model.lidar is None else self._steps(model.lidar.latency_s)
-        self._scans: deque[tuple[int, Scan]] = deque()
-        self._scan: Scan | None = None
-        self._number, self._next_scan = 0, self._sweep
-        size = rows(self._sweep * step, step) + _CHUNK
+        self._scanners = [
+            Scanner(given, noise_seed(seed, i), self._steps(given.sweep_s))
+            for i, given in enumerate(model.lidars)
+        ]
+        longest = max((scanner.sweep for scanner in self._scanners), default=0)
+        size = rows(longest * step, step) + _CHUNK
         self._trail = Trail(np.empty((size, 3)), np.empty((size, len(moving), 2)))
         self._trail.poses[:] = start
         self._trail.places[:] = self._discs[moving, :2]
@@ -155,11 +174,11 @@ class Twin(Paced):
     def read(self) -> Readings:
         """What the sensors say as of now."""
         self._catch_up()
-        while self._scans and self._scans[0][0] <= self._state[0]["step"]:
-            self._scan = self._scans.popleft()[1]
+        scans = [scanner.come(int(self._state[0]["step"])) for scanner in self._scanners]
         return Readings(
-            self._odometry, self._scan, None if self._eye is None else self._eye.newest(),
-            self._health(),
+            self._odometry, scans[0] if scans else None,
+            None if self._eye is None else self._eye.newest(), self._health(),
+            tuple(scan for scan in scans[1:] if scan is not None),
         )  # fmt: skip
 
     def send(self, twist: Twist) -> Twist:
@@ -267,8 +286,7 @@ class Twin(Paced):
         step = int(self._state[0]["step"])
         while step < due:
             last = min(due, self._next_odometry, step + _CHUNK)
-            if self._lidar is not None:
-                last = min(last, self._next_scan)
+            last = min([last, *(scanner.next for scanner in self._scanners)])
             if self._eye is not None:
                 last = min(last, self._next_frame)
             orders = np.array(self._orders, dtype=np.float64).reshape(-1, 3)
@@ -293,24 +311,30 @@ class Twin(Paced):
             )
             s["left"] = s["right"] = s["yaw"] = 0.0
             self._next_odometry = self._after(step, rate)
-        if self._lidar is not None and self._model.lidar is not None and step >= self._next_scan:
-            ranges = np.empty(len(self._lidar.beams))
-            began = step - self._sweep
-            sweep(
-                began, self._sweep, self._trail, self._lidar, self._discs.copy(), self._movers,
-                self._seen_walls, self._grid, ranges,
-            )  # fmt: skip
-            measure(self._lidar, self._seed, self._number, ranges)
-            ranges.flags.writeable = False
-            stamp, length = began * self._step, self._sweep * self._step
-            self._scans.append((step + self._latency, Scan(stamp, self._number, ranges, length)))
-            self._number += 1
-            self._next_scan = self._sweep + self._after(began, self._model.lidar.rate_hz)
-
+        for scanner in self._scanners:
+            if step >= scanner.next:
+                self._scan(step, scanner)
         if self._eye is not None and self._model.camera is not None and step >= self._next_frame:
             self._eye.offer(self._shot())
             self._frames += 1
             self._next_frame = self._after(step, self._model.camera.rate_hz)
+
+    def _scan(self, step: int, scanner: Scanner) -> None:
+        """The scan whose last beam is measured at this step."""
+        model, lidar, number = scanner.model, scanner.lidar, scanner.number
+        ranges = np.empty(len(lidar.beams))
+        began = step - scanner.sweep
+        sweep(
+            began, scanner.sweep, self._trail, lidar, self._discs.copy(), self._movers,
+            self._seen_walls, self._grid, ranges,
+        )  # fmt: skip
+        measure(lidar, scanner.seed, number, ranges)
+        ranges.flags.writeable = False
+        stamp, length = began * self._step, scanner.sweep * self._step
+        made = Scan(stamp, number, ranges, length, model.name)
+        scanner.coming.append((step + self._steps(model.latency_s), made))
+        scanner.number += 1
+        scanner.next = scanner.sweep + self._after(began, model.rate_hz)
 
     def _shot(self) -> Shot:
         return Shot(

@@ -60,8 +60,9 @@ class TwinModel(Schema):
         )  # fmt: skip
         changed: dict[str, Any] = robot.model_dump()
         changed["odometry"].update(odometry)
-        if robot.lidar is not None:
-            changed["lidar"].update(lidar)
+        for given in (changed["lidar"], *changed["further_lidars"]):
+            if given is not None:
+                given.update(lidar)
         try:
             return RobotModel.model_validate(changed)
         except ValidationError as error:

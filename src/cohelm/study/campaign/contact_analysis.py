@@ -47,12 +47,16 @@ def first_touch(
     speed = 0.0 if disc is None else math.hypot(disc[VX], disc[VY])
     turn = float(np.hypot(*setup.outline.T).max()) * abs(float(rows["applied_omega"][k]))
     driven = abs(float(rows["applied_v"][k])) + turn
-    if twin.robot.lidar is None:
+    first = twin.robot.lidar
+    if first is None:
         return Touch(0.0, 0.0, speed, driven)
     place = (0.0, 0.0) if disc is not None else _place(pose, setup.outline, walls[which - len(at)])
-    lidar, every = twin.robot.lidar.lidar(), 1.0 / (twin.robot.lidar.rate_hz * setup.dt)
+    lidars, every = [one.lidar() for one in twin.robot.lidars], 1.0 / (first.rate_hz * setup.dt)
     steps = [k - round(j * every) for j in range(int(k / every) + 1)]
-    view = [_in_view(setup, lidar, rows[j], discs[j], which, place) for j in steps]
+    view = [
+        any(_in_view(setup, lidar, rows[j], discs[j], which, place) for lidar in lidars)
+        for j in steps
+    ]
     unbroken = view.index(False) if False in view else len(view)
     return Touch(unbroken * every * setup.dt, float(np.mean(view)), speed, driven)
 

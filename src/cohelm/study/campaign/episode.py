@@ -26,10 +26,11 @@ LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")
 """Under which an episode may be driven: the guard, the paper's barrier, no filter at all, and
 two controllers of a peer, ir-sim: reciprocal velocity obstacles, and plain ones."""
 
-Plant = Literal["kinematic", "twin", "twin-all-round"]
-PLANTS: tuple[Plant, ...] = ("kinematic", "twin", "twin-all-round")
+Plant = Literal["kinematic", "twin", "twin-rear", "twin-all-round"]
+PLANTS: tuple[Plant, ...] = ("kinematic", "twin", "twin-rear", "twin-all-round")
 """What is driven: exact arcs that know all there is; or the physics twin, which knows what its own
-sensors tell it, with the robot's LiDAR as it is or with one that looks all round."""
+sensors tell it, with the robot's LiDAR as it is, with a second one behind, or with one that
+looks all round."""
 
 DT = 0.02
 """Control step of every campaign [s]."""

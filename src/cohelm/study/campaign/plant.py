@@ -43,9 +43,24 @@ def sensing(model: RobotModel) -> TwinModel:
 
 
 def carried(name: str, plant: Plant) -> RobotModel:
-    """The robot, with the LiDAR that this plant gives it."""
+    """The robot, with the LiDARs that this plant gives it."""
     model = robot(name)
+    if plant == "twin-rear":
+        return looking_back(model)
     return looking_round(model) if plant == "twin-all-round" else model
+
+
+def looking_back(model: RobotModel) -> RobotModel:
+    """A robot with a second LiDAR like its first one, as far behind as that one is in front."""
+    first = model.lidar
+    if first is None:
+        return model
+    turned = {
+        "name": "rear", "mount_x_m": -first.mount_x_m, "mount_y_m": -first.mount_y_m,
+        "mount_yaw_deg": first.mount_yaw_deg + 180.0,
+    }  # fmt: skip
+    both = first.model_copy(update={"name": "front"}), first.model_copy(update=turned)
+    return model.model_copy(update={"lidar": both[0], "further_lidars": (both[1],)})
 
 
 def looking_round(model: RobotModel) -> RobotModel:
@@ -61,19 +76,22 @@ def on_twin(case: Episode, plant: Plant) -> Episode:
     """The same episode on the twin."""
     model = carried(case.robot, plant)
     assert model.lidar is not None
-    physics, setup = sensing(model), case.setup
+    physics, setup, further = sensing(model), case.setup, model.further_lidars
     if case.duel is not None:
         field = _field(case)
         names = tuple(f"thing_{i}" for i in range(len(field.discs)))
         full = PAPER._replace(u_d=setup.limits.speed)
-        setup = with_pilot(replace(setup, around=field, names=names), lidar=model.lidar, gains=full)
+        setup = replace(setup, around=field, names=names)
+        setup = with_pilot(setup, lidar=model.lidar, gains=full, further=further)
         # There is no way to follow and so no end of it: a stick at its stop asks for all there is.
         setup = replace(setup, near=0.0, twin=Twinned(model, physics))
         return replace(case, plant=plant, setup=setup)
     if setup.pilot is None:
-        setup = with_pilot(setup, lidar=model.lidar, gains=lively(setup.gains))
+        setup = with_pilot(setup, lidar=model.lidar, gains=lively(setup.gains), further=further)
     assert setup.pilot is not None
-    seeing = replace(setup.pilot, lidar=model.lidar.lidar(), rate=model.lidar.rate_hz)
+    seeing = replace(
+        setup.pilot, lidar=model.lidar.lidar(), rate=model.lidar.rate_hz, further=further
+    )
     known = map_from_geometry(setup.around.walls, setup.start, _resting(setup))
     setup = replace(setup, pilot=seeing, twin=Twinned(model, physics, known))
     return replace(case, plant=plant, setup=setup)

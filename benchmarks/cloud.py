@@ -1,0 +1,51 @@
+"""A point cloud as a scan: `python -m benchmarks.cloud [--points 24000]`.
+
+From the bytes of a PointCloud2 as they come from the network to ranges: what a robot's driver adds
+to reading it, in the process of the gate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from rosbags.typesys.stores.ros2_jazzy import (
+    sensor_msgs__msg__PointCloud2 as PointCloud2,
+    sensor_msgs__msg__PointField as PointField,
+)
+
+from cohelm.record.markers import header
+from cohelm.robot.sensors import LidarModel
+from cohelm.ros.cloud import CloudRanges
+from cohelm.ros.mismatch import CLOUD
+from cohelm.ros.types import packed, unpacked
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser()
+    ask.add_argument("--points", type=int, default=24_000)
+    ask.add_argument("--count", type=int, default=300)
+    given = ask.parse_args()
+    rows = np.random.default_rng(1).uniform(-8.0, 8.0, (given.points, 4)).astype("<f4")
+    rows[:, 2] = 0.1 * rows[:, 2] + 0.6
+    fields = [PointField(name, 4 * k, 7, 1) for k, name in enumerate(("x", "y", "z", "intensity"))]
+    data = packed(
+        PointCloud2(
+            header(0, "lidar"), 1, given.points, fields, False, 16, 16 * given.points,
+            rows.view(np.uint8).ravel(), True,
+        ),
+        CLOUD,
+    )  # fmt: skip
+    model = LidarModel(field_of_view_deg=360.0, height_band_m=(0.1, 1.0))
+    ranges, took = CloudRanges(model, np.eye(4), "/points"), list[float]()
+    for _ in range(given.count):
+        begun = time.perf_counter()
+        ranges.of(unpacked(data, CLOUD)[0])
+        took.append(1e3 * (time.perf_counter() - begun))
+    for name, q in (("least", 0.0), ("median", 50.0), ("99 %", 99.0), ("most", 100.0)):
+        print(f"{name}: {np.percentile(took, q):.2f} ms")
+
+
+if __name__ == "__main__":
+    main()

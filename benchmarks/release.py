@@ -1,0 +1,146 @@
+"""Let go of in a tight spot: does the robot get away, and back on its path?
+
+    python -m benchmarks.release [--seed 3000] [--n 1000] [--json FILE]
+
+Each case is a room of the suite `random` without its walkers, everything known. A hand that wants
+no good drives the robot about under the safety filter, anywhere, and presses it against things,
+until it stands with less than TIGHT to something; there it lets go. As it got there, and wheels go
+both ways, a motion out exists: the way it came. The robot then follows the room's route. Counted
+are those that are back on a path, E_P (51) below 0.03, and those that arrive, within LIMIT.
+
+Seeds below 2000 may be tuned on; the docs count from 3000 on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import VX, VY, Pose, Twist
+from cohelm.law.guard.step import Rules, prepared
+from cohelm.law.guard.surroundings import surroundings
+from cohelm.robot.kinematics import arc
+from cohelm.sim.run import run
+from cohelm.sim.setup import Setup, with_pilot
+from cohelm.sim.world import Body, clearance, world
+from cohelm.study.campaign import rooms
+from cohelm.study.campaign.episode import lively, sequence
+from cohelm.study.metrics import BACK_ON_PATH
+
+TIGHT = 0.04
+"""Clearance of a tight spot [m]."""
+LIMIT = 120.0
+"""[s]"""
+_LEADS = 60.0  # a hand that has found no tight spot by then begins anew [s]
+_AT_LEAST = 6.0  # and one that finds it at once goes on looking [s]
+
+
+class Released(NamedTuple):
+    """What became of one robot."""
+
+    number: int
+    pose: Pose
+    """Where it was let go of."""
+    clearance: float
+    """There [m]."""
+    away: float
+    """Until it has 10 cm of room, or is back; inf: never [s]."""
+    back: float
+    """Until it is back on its path; inf: never [s]."""
+    arrived: bool
+    touched: bool
+    """Whether it came nearer to anything than the promise, or than it was where it was let go."""
+
+
+def still_room(seed: int, number: int) -> Setup:
+    """A room of `random` in which nobody walks."""
+    setup = rooms.case(seed, number).setup
+    discs = setup.around.discs
+    rests = np.diff(setup.around.path_first) == 0
+    rests &= (discs[:, VX] == 0.0) & (discs[:, VY] == 0.0)
+    bodies = [Body(tuple(row)) for row in discs[rests].tolist()]
+    names = tuple(f"disc_{i}" for i in range(len(bodies)))
+    setup = replace(setup, around=world((bodies, setup.around.walls)), names=names, duration=LIMIT)
+    return with_pilot(setup, agility=0.0, gains=lively(setup.gains))
+
+
+def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
+    """A tight spot that a hand has driven the robot into, under the filter, and its clearance."""
+    dt, limits, reach = setup.dt, setup.limits, float(np.hypot(*setup.outline.T).max())
+    around = surroundings(setup.around.discs, None, setup.around.walls)
+    guard = prepared(setup.outline, limits, Rules(dt=dt))
+    while True:
+        pose, twist, wish, until = setup.start, Twist(0.0, 0.0), Twist(0.0, 0.0), 0.0
+        for k in range(round(_LEADS / dt)):
+            t = k * dt
+            if t >= until:
+                v = float(rng.choice([1.0, 1.0, 0.5, 0.0, -1.0])) * limits.speed
+                wish = Twist(v, rng.uniform(-1.0, 1.0) * limits.yaw_rate)
+                until = t + rng.uniform(0.3, 3.0)
+            passed = guard(pose, twist, wish, around)
+            twist = Twist(passed.v, passed.omega)
+            pose = arc(pose, twist, dt)
+            if t > _AT_LEAST and abs(twist.v) + abs(twist.omega) < 1e-3:
+                gap = clearance(
+                    pose, setup.outline, reach, setup.around.discs, setup.around.walls, 1.0
+                )
+                if gap < TIGHT:
+                    return pose, gap
+
+
+def released(seed: int, number: int) -> Released:
+    """One case."""
+    setup = still_room(seed, number)
+    pose, gap = pressed(setup, sequence(seed, "release", number))
+    rows = run(replace(setup, start=pose, near=rooms.NEAR)).rows
+    on, free = rows["e_p"] < BACK_ON_PATH, rows["clearance"] > 0.1
+    back = float(rows["t"][on.argmax()]) if on.any() else math.inf
+    away = float(rows["t"][free.argmax()]) if free.any() else math.inf
+    arrived = bool(rows["arrived"][-1])
+    touched = bool(rows["clearance"].min() < min(0.5 * Rules().hard_margin, gap) - 1e-6)
+    return Released(number, pose, gap, min(away, back), back, arrived, touched)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=3000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--n", type=int, default=1000)
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
+    began, found = time.process_time(), list[Released]()
+    for number in range(asked.first, asked.first + asked.n):
+        found.append(released(asked.seed, number))
+        one = found[-1]
+        if not (one.arrived and math.isfinite(one.back)) or one.touched:
+            print(f"not well: {one}", flush=True)
+        if len(found) % 100 == 0:
+            print(f"{len(found)} of {asked.n}", file=sys.stderr, flush=True)
+    away, back = (np.array([getattr(one, name) for one in found]) for name in ("away", "back"))
+    made = {
+        "released": len(found),
+        "away": int(np.isfinite(away).sum()),
+        "back": int(np.isfinite(back).sum()),
+        "arrived": sum(one.arrived for one in found),
+        "touched": sum(one.touched for one in found),
+        "away_median_s": float(np.median(away)),
+        "away_99_s": float(np.quantile(away, 0.99)),
+        "back_median_s": float(np.median(back)),
+        "back_99_s": float(np.quantile(back, 0.99)),
+        "processor_s": (time.process_time() - began) / len(found),
+    }
+    print(json.dumps(made, indent=1))
+    if asked.json:
+        asked.json.write_text(json.dumps(made, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,84 @@
+"""Options of a command from a ROS 2 parameter file; the command line has the last word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+import typer
+
+_ANY = "/**"
+_INSIDE = "ros__parameters"
+_WITHOUT = ("help", "params")
+
+
+def heeded(node: str) -> Callable[[typer.Context, Path | None], Path | None]:
+    """What an option `--params FILE` of the command that is this node calls: what the file says
+    is the default of all other options."""
+
+    def load(context: typer.Context, file: Path | None) -> Path | None:
+        if file is not None:
+            context.default_map = _values(file, node, context.command)
+        return file
+
+    return load
+
+
+def _values(file: Path, node: str, command: Any) -> dict[str, Any]:
+    """By name of the command's parameters. CohelmError for what does not fit."""
+    from cohelm.core.errors import CohelmError
+    from cohelm.scenario.load import tree_of
+    from cohelm.scenario.text import plain
+
+    problems: list[str] = []
+    data: Any = plain(tree_of(file), problems)
+    if problems:
+        raise CohelmError("\n".join(problems))
+    nodes = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
+    mine: list[dict[str, Any]] = []
+    for name, values in nodes.items():
+        inside: Any = cast("Any", values).get(_INSIDE) if isinstance(values, dict) else None
+        if isinstance(inside, dict) and (name == _ANY or name.rpartition("/")[2] == node):
+            mine.append(cast("dict[str, Any]", inside))
+    if not mine:
+        raise CohelmError(
+            f"{file}: has no parameters of this node; write {node}: {{{_INSIDE}: {{...}}}}"
+        )
+    names = _names(command)
+    found: dict[str, Any] = {}
+    for key, value in (pair for section in mine for pair in section.items()):
+        if (key, value) == ("use_sim_time", False):
+            continue  # every node of ROS 2 has it
+        option = names.get(key)
+        if option is None:
+            problems.append(f"{file}: {key}: there is no such parameter; {_known(key, names)}")
+        elif option.multiple and isinstance(value, str | list):
+            given = cast("list[object]", value) if isinstance(value, list) else [value]
+            found[option.name] = [str(one) for one in given]
+        elif isinstance(value, list | dict) or value is None:
+            problems.append(f"{file}: {key}: must be one value, got {value!r}")
+        elif isinstance(value, bool) != option.is_flag:
+            kind = "true or false" if option.is_flag else "no truth value"
+            problems.append(f"{file}: {key}: must be {kind}, got {value!r}")
+        else:
+            found[option.name] = value
+    if problems:
+        raise CohelmError("\n".join(problems))
+    return found
+
+
+def _names(command: Any) -> dict[str, Any]:
+    """Options as parameters are called: `--clock-difference` is `clock_difference`."""
+    return {
+        option.opts[-1].lstrip("-").replace("-", "_"): option
+        for option in command.params
+        if option.param_type_name == "option" and option.name not in _WITHOUT
+    }
+
+
+def _known(key: str, names: dict[str, Any]) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(key, names, 1)
+    return f"did you mean {near[0]}?" if near else f"there are {', '.join(sorted(names))}"

@@ -1,0 +1,105 @@
+"""One LiDAR of the collision monitor: its newest scan, what it returned, and what it can not see.
+
+Each is judged by its own: its beams, its stamps, its time-out. What one does not see any more is
+remembered even where another looks, which may look over it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cohelm.core.types import Pose
+from cohelm.robot.collision_monitor.free_space import FreeSpace
+from cohelm.robot.collision_monitor.odometry import PoseHistory
+from cohelm.robot.collision_monitor.returns import Sensor, returns
+from cohelm.robot.collision_monitor.surroundings import (
+    BESIDE,
+    NOTHING,
+    all_round,
+    joined,
+    of_scan,
+    out_of_sight,
+)
+from cohelm.robot.collision_monitor.sweep import Outline
+from cohelm.robot.port import Readings, Scan
+from cohelm.robot.sensors import of_sensor
+
+AHEAD = 0.02
+"""A stamp may be this far ahead of the clock [s]; more, and a clock has jumped."""
+MISSED = 3.0
+"""Scans that may be due and not there: two lost in a row are ordinary, three are not."""
+
+
+class Source:
+    """Of one LiDAR."""
+
+    def __init__(
+        self, sensor: Sensor, first: bool, shape: Outline, farthest: float, remembers: bool
+    ) -> None:
+        """first: whether its scans come as `Readings.scan`. farthest: what is farther beyond the
+        turning circle can not matter [m]. remembers: whether ground may be unknown."""
+        self._sensor, self._first, self._shape = sensor, first, shape
+        usual = MISSED / sensor.rate + sensor.sweep + sensor.latency
+        self._patience = usual if math.isnan(sensor.timeout) else sensor.timeout
+        around = all_round(sensor)
+        self._near = 2.0 * shape.reach + (farthest if around else max(farthest, BESIDE))
+        """Returns farther from the sensor than this can not matter [m]."""
+        self.ground = FreeSpace(sensor, shape, farthest) if remembers else None
+        """What it has looked at."""
+        self._scan: Scan | None = None
+        self.by_odometry = NOTHING
+        """Returns of the newest scan, in the frame of the odometry's poses, and remembered ones."""
+        self.by_command = NOTHING
+        """Those of the scan in the frame of the poses reckoned from what was sent."""
+
+    def forget(self) -> None:
+        """What odometry had placed: it began anew."""
+        self._scan = None
+        self.by_odometry = NOTHING
+        if self.ground is not None:
+            self.ground.forget()
+
+    def look(
+        self, readings: Readings, measured: PoseHistory, commanded: PoseHistory
+    ) -> tuple[bool, str]:
+        """Take in its scan: whether there was a new one, and what is wrong, or nothing."""
+        scan = readings.scan if self._first else readings.of_lidar(self._sensor.name)
+        if scan is None:
+            return False, self._said("there is no scan")
+        if scan is self._scan:
+            return False, ""
+        sensor = self._sensor
+        if len(scan.ranges) != len(sensor.bearings):
+            said = f"a scan of {len(scan.ranges)} beams, and not {len(sensor.bearings)}"
+            return False, self._said(said)
+        if not math.isfinite(scan.stamp + scan.duration):
+            return False, self._said("the scan's time is no number")
+        first, last = (measured.at(scan.stamp + t) for t in (0.0, scan.duration))
+        before = out_of_sight(
+            self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach
+        )  # fmt: skip
+        self._scan = scan
+        found = returns(scan.ranges, sensor, self._near)
+        self.by_odometry = joined(of_scan(found, scan, measured), before)
+        self.by_command = of_scan(found, scan, commanded)
+        self._look_at_ground(scan, first, last, measured)
+        return True, ""
+
+    def stale(self, now: float) -> str:
+        """What is wrong with the newest scan's age, or nothing."""
+        if self._scan is None:
+            return self._said("there is no scan")
+        age = now - self._scan.stamp - self._scan.duration
+        if age < -AHEAD:
+            return self._said("the scan comes from the future")
+        if age > self._patience:
+            return self._said(f"no scan for {1000.0 * age:.0f} ms")
+        return ""
+
+    def _look_at_ground(self, scan: Scan, first: Pose, last: Pose, measured: PoseHistory) -> None:
+        if self.ground is not None:
+            when = scan.stamp + 0.5 * scan.duration
+            self.ground.look(scan.ranges, measured.at(when), last.psi - first.psi, when)
+
+    def _said(self, what: str) -> str:
+        return of_sensor(self._sensor.name, what)

@@ -1,0 +1,102 @@
+"""One LiDAR of the plausibility monitor: when its scans come, what is in them, what they show of
+the motion, and where it has shown that it sees."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from cohelm.robot.plausibility.arrival import Arrival, usable
+from cohelm.robot.plausibility.content import CRAWL, Content
+from cohelm.robot.plausibility.finding import Finding, fault, slow
+from cohelm.robot.plausibility.motion import Motion
+from cohelm.robot.plausibility.sight import sighted
+from cohelm.robot.plausibility.trail import Trail
+from cohelm.robot.plausibility.view import View
+from cohelm.robot.port import Readings, Scan
+from cohelm.robot.sensors import LidarModel
+
+_VOUCHED = 0.25  # of range_max: where nothing was within it, so far is still clear after
+_WAITS = 0.06  # for odometry of a scan's own time [s]
+_APART = 0.05  # sights nearer in time are not compared [s]
+_BLIND = math.radians(25.0)  # a LiDAR that lost so much is broken or covered
+
+
+class Source:
+    """Of one LiDAR."""
+
+    def __init__(self, model: LidarModel, first: bool) -> None:
+        """first: whether its scans come as `Readings.scan`."""
+        self._name, self._first, self._lidar = model.name, first, model.lidar()
+        self._arrival, self._content = Arrival(model), Content(model)
+        self._motion, self._view = Motion(self._lidar), View(self._lidar)
+        self._pending: deque[Scan] = deque(maxlen=3)
+        self._looked = -math.inf
+        self._way = math.inf
+        """Gone since a scan last showed anything [m]."""
+
+    def forget(self) -> None:
+        """The clock jumped, or nobody looked for a while: what was before tells nothing."""
+        for part in (self._arrival, self._content, self._motion, self._view):
+            part.forget()
+        self._pending.clear()
+
+    def moved(self, way: float) -> None:
+        """The robot has gone on by so much [m]."""
+        self._way += way
+
+    def take(self, now: float, readings: Readings, trail: Trail) -> list[Finding]:
+        """What is wrong with a scan that is new, or that odometry has reached."""
+        scan = readings.scan if self._first else readings.of_lidar(self._name)
+        found: list[Finding] = []
+        if scan is not None and usable(scan) and self._arrival.new(scan):
+            found += self._arrival.take(now, scan)
+            found += self._content.look(scan)
+            if len(scan.ranges) == len(self._lidar.beams):
+                self._pending.append(scan)
+        while self._pending:
+            first = self._pending[0]
+            end = first.stamp + first.duration
+            if (trail.newest < end and now - end < _WAITS) or not len(trail):
+                break
+            found += self._look(self._pending.popleft(), trail)
+        return [one._replace(sensor=self._name) for one in found]
+
+    def looks(self, bearing: float) -> bool:
+        """Whether it looks along a bearing in the body frame [rad]."""
+        return self._view.looks(bearing)
+
+    def limit(self, bearing: float) -> Finding | None:
+        """What it does not vouch for along a bearing, as far as it looks there."""
+        if self._way > _VOUCHED * self._lidar.range_max:
+            return self._crawl("the scan shows nothing at all: it vouches for no ground")
+        if not self._view.vouches(bearing):
+            return self._crawl("the LiDAR has not shown that it sees what lies ahead")
+        return None
+
+    def doubt(self) -> Finding | None:
+        """What holds for any motion."""
+        if not self._motion.doubted:
+            return None
+        return self._crawl("scans and odometry disagreed, and have to agree first over some way")
+
+    def _look(self, scan: Scan, trail: Trail) -> list[Finding]:
+        """A scan whose time odometry has reached."""
+        ranges = np.asarray(scan.ranges, dtype=np.float64)
+        if scan.stamp + scan.duration - self._looked < _APART:
+            return []
+        sight = sighted(self._lidar, ranges, scan.stamp, scan.duration, trail)
+        self._looked = sight.stamp
+        found = self._motion.take(sight)
+        angle = self._view.take(ranges, self._motion.blinded)
+        if not self._view.blank:
+            self._way = 0.0
+        if angle > _BLIND:
+            wide = math.degrees(angle)
+            found.append(fault(f"{wide:.0f} deg of the scan are empty where things stood"))
+        return found
+
+    def _crawl(self, reason: str) -> Finding:
+        return slow(CRAWL, reason)._replace(sensor=self._name)

@@ -1,0 +1,83 @@
+"""What forbids the base to move, whatever its sensors say: an emergency stop's lock on a topic (as
+twist_mux has them), and another node that commands the base past the filter.
+
+It belongs to the process that keeps the robot, and each is a fault of it: the gate latches, and
+only a reset, given after the cause has gone, lets it drive again (ISO 13850: releasing an emergency
+stop restarts nothing).
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+
+from cohelm.core.errors import CohelmError
+from cohelm.ros import mismatch
+from cohelm.ros.mismatch import BOOL
+from cohelm.ros.port import LATCHED, SENSOR, Endpoint, Received, Transport
+
+_LOOK = 0.5
+"""From one look at who publishes what to the next [s]."""
+
+
+class Interlock:
+    """Of one robot: `faults` says why it must not move; `close` ends it."""
+
+    def __init__(
+        self, transport: Transport, out: str, lock: str, bypass: bool = False,
+        silence: float = math.inf,
+    ) -> None:  # fmt: skip
+        """out: the base's commands; nobody else may publish there, but with bypass. lock: a topic
+        of std_msgs/msg/Bool, true while nothing may move; empty: none. silence: so long may pass
+        without a word on it [s]."""
+        self._transport, self._out, self._lock = transport, out, lock
+        self._bypass, self._silence = bypass, silence
+        self._pressed, self._unread = "", ""
+        self._heard = time.monotonic()
+        self._there, self._missed = False, 0
+        self._gone = self._other = ""
+        self._over = threading.Event()
+        if lock:
+            # Who says it all the time, maybe best effort; and who said it once, to all who come.
+            for qos in (SENSOR, LATCHED):
+                transport.subscribe(lock, BOOL, qos, self._hear)
+        self._thread = threading.Thread(target=self._watch, name="interlock", daemon=True)
+        self._thread.start()
+
+    def faults(self) -> tuple[str, ...]:
+        """Why it must not move; waits for nothing."""
+        pressed, self._unread = self._pressed or self._unread, ""  # also if only for a moment
+        silent = ""
+        if self._lock and time.monotonic() - self._heard > self._silence:
+            silent = f"{self._lock} has been silent for more than {self._silence:g} s"
+        return tuple(filter(None, (pressed, silent, self._gone, self._other)))
+
+    def close(self) -> None:
+        """Look no more."""
+        self._over.set()
+        self._thread.join()
+
+    def _hear(self, received: Received) -> None:
+        self._heard, self._there = time.monotonic(), True
+        if received.message is None:
+            self._pressed = f"what comes on {self._lock} can not be read ({received.damage})"
+        else:
+            self._pressed = f"{self._lock} is on" if received.message.data else ""
+        self._unread = self._pressed or self._unread
+
+    def _watch(self) -> None:
+        while not self._over.wait(_LOOK):
+            try:
+                if not self._transport.lost():
+                    self._look(self._transport.endpoints())
+            except CohelmError:
+                return  # the transport is closed
+
+    def _look(self, seen: list[Endpoint]) -> None:
+        there = any(e.publishes and e.topic == self._lock and e.type == BOOL for e in seen)
+        self._there = self._there or there
+        self._missed = self._missed + 1 if self._there and not there else 0
+        left = self._missed > 1  # a word may come before it is known who said it
+        self._gone = f"nobody publishes {self._lock} any more" if left else ""
+        self._other = "" if self._bypass else mismatch.bypass(self._out, seen)

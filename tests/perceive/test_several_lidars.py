@@ -1,0 +1,69 @@
+"""With a LiDAR in front and one behind, all round is seen, and each forgets only what it sees."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, disc
+from cohelm.perceive.pipeline import Perception
+from cohelm.robot.port import Scan
+from cohelm.scenario.load import robot
+from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.world import Body, world
+
+REAR = robot("sally-rear")
+FRONT_ONLY = robot("sally")
+ROOM = np.array([[-6, -3, 4, -3], [4, -3, 4, 3], [4, 3, -6, 3], [-6, 3, -6, -3]], dtype=np.float64)
+
+
+def from_behind(speed: float) -> Body:
+    x, y, _, _, radius, safe = disc(-3.5, 0.0, 0.25, 0.7)
+    return Body((x, y, speed, 0.0, radius, safe))
+
+
+def stood(model, people=(), seconds=3.0, told=lambda readings: readings):
+    """What a robot that stands has seen after so long."""
+    plant = Kinematic(model, Pose(0.0, 0.0, 0.0), world((people, ROOM)), seed=3)
+    eyes, seen = Perception(model), None
+    for k in range(round(seconds / 0.02)):
+        plant.wait(0.02 * k)
+        seen = eyes.take(plant.now(), told(plant.read()))
+    return seen
+
+
+def test_somebody_who_comes_from_behind_is_seen():
+    seen = stood(REAR, [from_behind(0.5)])
+    assert len(seen.discs)
+    nearest = seen.discs[np.hypot(seen.discs[:, 0] + 2.0, seen.discs[:, 1]).argmin()]
+    assert nearest[:2] == pytest.approx([-2.0, 0.0], abs=0.15)
+    assert nearest[2:4] == pytest.approx([0.5, 0.0], abs=0.3)
+    assert not len(stood(FRONT_ONLY, [from_behind(0.5)]).discs)
+
+
+def test_no_ground_is_unseen_where_two_lidars_look_all_round_together():
+    assert stood(FRONT_ONLY, seconds=0.3).blind > 0
+    assert stood(REAR, seconds=0.3).blind == 0
+
+
+def test_before_the_rear_lidar_has_looked_the_ground_behind_may_hold_anything():
+    seen = stood(REAR, seconds=0.3, told=lambda readings: readings._replace(further=()))
+    assert seen.blind > 0
+    assert seen.scan_stamp == -math.inf
+
+
+def test_what_one_has_seen_the_other_does_not_forget_for_it():
+    """A low box is seen by the front LiDAR alone; the rear one looks over it."""
+    plant = Kinematic(REAR, Pose(0.0, 0.0, 0.0), world(([], ROOM)), seed=3)
+    lidar = REAR.lidars[0].lidar()
+    bearings = lidar.first + lidar.step * np.arange(720)
+    box = np.abs(bearings - 1.5) < 0.1
+    eyes, seen = Perception(REAR), None
+    for k in range(40):
+        plant.wait(0.02 * k)
+        readings = plant.read()
+        ranges = np.where(box, 0.7, readings.scan.ranges)
+        scan = Scan(readings.scan.stamp, readings.scan.number, ranges, 0.0, "front")
+        seen = eyes.take(plant.now(), readings._replace(scan=scan))
+    place = (0.3 + 0.7 * math.cos(1.5), 0.7 * math.sin(1.5))
+    assert np.hypot(*(seen.points - place).T).min() < 0.03

@@ -1,0 +1,18 @@
+"""Let go of in a tight spot it gets away, and back on its path; `benchmarks/release.py` counts."""
+
+import math
+
+import pytest
+
+from benchmarks.release import released
+from tests.few import first
+
+
+@pytest.mark.parametrize("number", first(range(40), 2))
+def test_a_robot_let_go_of_in_a_tight_spot_gets_back_on_its_path(number):
+    one = released(50, number)
+    assert one.clearance < 0.04
+    assert math.isfinite(one.away)
+    assert math.isfinite(one.back)
+    assert one.arrived
+    assert not one.touched

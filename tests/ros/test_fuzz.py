@@ -1,0 +1,14 @@
+"""Whatever bytes come on any topic: no crash, no command beyond the limits, and it drives again."""
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+
+from tests.ros import fuzz
+
+pytestmark = pytest.mark.xdist_group("realtime")
+
+
+@pytest.mark.parametrize("seconds", [3.0, pytest.param(600.0, marks=pytest.mark.slow)])
+def test_whatever_bytes_come_nothing_breaks_and_it_drives_again(seconds):
+    assert fuzz.main(seconds, seed=5) == []

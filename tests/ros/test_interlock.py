@@ -1,0 +1,137 @@
+"""An emergency stop's lock, and whoever else commands the base: each keeps it from moving."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Twist
+from cohelm.ros.dds import DdsTransport
+from cohelm.ros.interlock import Interlock
+from cohelm.ros.look import Topics
+from cohelm.ros.mismatch import BOOL, TWIST, lock
+from cohelm.ros.port import COMMAND, LATCHED, Endpoint, Qos
+from tests.ros.stage import Controller, alone, stage, until
+
+pytestmark = pytest.mark.xdist_group("realtime")
+LOCK = "/emergency_stop"
+
+
+@pytest.fixture(scope="module")
+def others():
+    alone()
+    made = DdsTransport("others")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def locked():
+    alone()
+    transport = DdsTransport("gate")
+    made: list[Interlock] = []
+
+    def make(**options):
+        made.append(Interlock(transport, "/cmd_vel", LOCK, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+    transport.close()
+
+
+def says(one: Interlock, *words: str) -> bool:
+    return until(lambda: all(any(word in said for said in one.faults()) for word in words))
+
+
+@pytest.mark.parametrize("qos", [Qos(False), Qos(True), LATCHED], ids=["best", "sure", "latched"])
+def test_while_the_lock_is_on_it_must_not_move_and_a_lock_that_leaves_is_one_that_is_on(
+    locked, qos
+):
+    theirs = DdsTransport("button")
+    out = theirs.publish(LOCK, BOOL, qos)
+    if qos == LATCHED:
+        out.send(Bool(True))  # before anybody listened, and never again
+    one = locked()
+    assert until(lambda: out.send(Bool(True)) or bool(one.faults()) or qos == LATCHED)
+    assert says(one, "/emergency_stop is on")
+    out.send(Bool(False))
+    assert until(lambda: not one.faults())
+    theirs.close()
+    assert says(one, "nobody publishes /emergency_stop any more")
+
+
+def test_a_lock_that_was_on_for_a_moment_is_not_missed(locked, others):
+    one = locked()
+    out = others.publish(LOCK, BOOL, Qos(True, False, 10))
+    assert until(lambda: out.send(Bool(True)) or bool(one.faults()))
+    out.send(Bool(False))
+    assert until(lambda: not one.faults())
+    for state in (True, False):
+        out.send(Bool(state))
+    assert says(one, "is on")
+
+
+def test_a_lock_that_has_to_be_told_again_and_again_locks_when_it_falls_silent(locked):
+    one = locked(silence=0.3)
+    assert not one.faults()
+    assert says(one, "silent for more than 0.3 s")
+
+
+def test_who_commands_the_base_too_is_a_fault_from_when_he_comes_until_he_goes(locked):
+    one, free = locked(), locked(bypass=True)
+    theirs = DdsTransport("teleop")
+    theirs.publish("/cmd_vel", TWIST, COMMAND)
+    assert says(one, "/cmd_vel is published by /teleop as well")
+    assert not free.faults()
+    theirs.close()
+    assert until(lambda: not one.faults())
+
+
+def test_what_is_no_lock_is_told_before_anything_moves():
+    by = Endpoint(LOCK, "std_msgs/msg/String", COMMAND, True, "/panel")
+    right = Endpoint("/stop", BOOL, COMMAND, True, "/button")
+    _, wrong = lock(LOCK, [by, right])
+    assert "is std_msgs/msg/String by /panel, and std_msgs/msg/Bool is needed" in wrong
+    assert "Bool is on /stop" in wrong
+    assert lock(LOCK, []) == (f"emergency stop: nobody publishes {LOCK}", "")
+    assert lock("/stop", [right]) == ("emergency stop: /stop by /button", "")
+
+
+def test_a_lock_is_in_the_namespace_or_there_is_none():
+    assert Topics.named("/j100").lock == "/j100/emergency_stop"
+    assert Topics.named("/j100", lock="/stop").lock == "/stop"
+    assert Topics.named(lock="").lock == ""
+    with pytest.raises(CohelmError, match="no name of a topic"):
+        Topics.named(lock="no name")
+
+
+@pytest.mark.slow
+def test_pressed_it_stops_the_base_and_let_go_of_it_needs_a_reset(others):
+    button = others.publish(LOCK, BOOL, LATCHED)
+    button.send(Bool(False))
+    reset = others.publish("/cohelm_filter/reset", "std_msgs/msg/Empty", COMMAND)
+    with stage() as hall:
+        assert hall.turned_round()
+        assert hall.drives(0.4)
+        button.send(Bool(True))
+        assert hall.stands(2.0)
+        assert until(lambda: any("/emergency_stop is on" in said for said in hall.filter.said))
+        button.send(Bool(False))
+        assert not until(lambda: hall.speed() > 0.01, 1.0)  # still wanted, and not driven
+        from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
+
+        assert until(lambda: reset.send(Empty(0)) or hall.speed() > 0.2)
+        teleop = DdsTransport("teleop")
+        other = Controller(teleop, "/cmd_vel")
+        other.twist = None
+        assert hall.stands(3.0)
+        assert until(lambda: any("published by /teleop" in said for said in hall.filter.said))
+        other.close()
+        teleop.close()
+        assert hall.controller.twist == Twist(0.4, 0.0)
