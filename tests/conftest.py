@@ -3,13 +3,17 @@
 `pytest --hypothesis-profile=thorough` digs; CI repeats its examples.
 """
 
+import functools
 import gc
 import os
 import signal
+from typing import Any
 
 import numba
 import pytest
 from hypothesis import HealthCheck, settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 _calm = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("default", max_examples=40 if numba.config.DISABLE_JIT else 100, **_calm)
@@ -27,14 +31,8 @@ NOT_QUICK = ("test_mutants.py", "test_examples.py", "api/test_drive.py", "api/te
 """... but for what starts processes there, or drives in real time."""
 
 
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what is quick; one worker is meant to run all that watches the clock, each file as a
-    whole, and what waits first.
-
-    pytest-xdist 3.8 says groups by a name that pytest 9.2 reads no more: until one of them is
-    mended, tests are dealt out one by one, whatever their group.
-    """
+    """Mark what is quick."""
     tests = config.rootpath / "tests"
     for item in items:
         where = item.path.relative_to(tests).as_posix() if tests in item.path.parents else ""
@@ -42,10 +40,29 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         quick = quick and not where.endswith(NOT_QUICK)
         if quick and item.get_closest_marker("slow") is None:
             item.add_marker(pytest.mark.quick)
-        if item.get_closest_marker("xdist_group") is None:
-            together = where.startswith("station/")  # one robot and one browser for them all
-            item.add_marker(pytest.mark.xdist_group("realtime" if together else where))
-    items.sort(key=lambda item: item.get_closest_marker("xdist_group").args != ("realtime",))
+
+
+class ByFile(LoadScopeScheduling):
+    """Each file as a whole to one worker, and to the same one all that watch the clock.
+
+    pytest-xdist 3.8 tells groups by a name of tests that pytest 9.2 reads no more.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.split("::")[0]
+        return "realtime" if self._realtime(file) else file
+
+    @functools.cache  # noqa: B019  there is one, for the whole run
+    def _realtime(self, file: str) -> bool:
+        if file.startswith("tests/station/"):  # one robot and one browser for them all
+            return True
+        return 'xdist_group("realtime")' in (self.config.rootpath / file).read_text()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Any:
+    """What `--dist loadgroup` does here."""
+    return ByFile(config, log) if config.getoption("dist") == "loadgroup" else None
 
 
 # Started in the background of a shell, a process ignores Ctrl-C, and so would all that tests start.

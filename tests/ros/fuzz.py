@@ -50,8 +50,11 @@ TOPICS = {
     "/scan_rear": CLOUD, "/emergency_stop": BOOL, "/cohelm_filter/reset": EMPTY,
 }  # fmt: skip
 PERIOD = 0.02
-PATIENT = 10.0
-"""So long after the last damaged message it may take to drive [s]."""
+PATIENT = 20.0
+"""So long after the last damaged message it may take to drive: it crawls until its senses agree
+again over some way [s]."""
+AWAY = Twist(-0.4, 0.0)
+"""Where there is room. Wishes that come and go would keep it from going any way."""
 
 
 class Inside:
@@ -139,7 +142,7 @@ def main(seconds: float, seed: int) -> list[str]:
         node.warm_up()
         node.may_drive = True
         begun, drove, memory = time.monotonic(), 0, 0
-        wanted, due = Twist(0.5, 0.0), begun
+        wanted, due, row = Twist(0.5, 0.0), begun, node.step()
         while (passed := time.monotonic() - begun) < seconds or (
             not drove and passed < seconds + PATIENT
         ):
@@ -151,7 +154,9 @@ def main(seconds: float, seed: int) -> list[str]:
                 data = network.last.get((topic, kind), b"\0\1\0\0")
                 network.deliver(topic, kind, wild(rng, data))
                 count[topic] += 1
-            if rng.random() < 0.02:
+            if passed > seconds:
+                wanted = AWAY
+            elif rng.random() < 0.02:
                 wanted = Twist(rng.uniform(-0.5, 0.8), rng.uniform(-1.0, 1.0))
             controller.send(command(wanted, TWIST, ""))
             lock.send(Bool(False))
@@ -172,7 +177,7 @@ def main(seconds: float, seed: int) -> list[str]:
             f"{drove} periods; nearest while moving {robot.truth().least_moving:.3f} m"
         )
         if not drove:
-            wrong.append("it never drove")
+            wrong.append(f"it never drove: {keeper.gate.mode.name}, {row.reason}")
         if grown > 20_000:
             wrong.append(f"memory grew by {grown} kB")
         if robot.truth().least_moving <= 0.0:
