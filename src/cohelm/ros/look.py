@@ -349,7 +349,7 @@ class _Heard:
         elif given is not None:
             return Mount(
                 Pose(given.mount_x_m, given.mount_y_m, math.radians(given.mount_yaw_deg)),
-                False, 0.0,
+                False, math.nan if given.mount_z_m is None else given.mount_z_m,
             )  # fmt: skip
         frames = self._transforms.frames()
         raise CohelmError(mismatch.no_frame(topic, self._frame(topic), self._body(), frames))

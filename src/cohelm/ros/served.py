@@ -45,7 +45,7 @@ _LOOKS = 0.004
 """The robot is looked at so often [s]."""
 _BODY, _LASER, _ODOM = "base_link", "laser", "odom"
 _HEIGHT = 0.2
-"""Of every LiDAR above the body's origin [m]."""
+"""Of a LiDAR above the body's origin, whose description does not say it [m]."""
 Tamper = Callable[[str, Any], Any]
 """Of a topic and a message makes what is published instead; None: nothing."""
 
@@ -135,7 +135,7 @@ def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
     stamped = header(_nanoseconds(reading.stamp + ahead), frame)
     if lidar.height_band_m is not None:
         hit = np.isfinite(reading.ranges)
-        middle = 0.5 * sum(lidar.height_band_m) - _HEIGHT
+        middle = 0.5 * sum(lidar.height_band_m) - _height(lidar)
         xy = reading.ranges[hit, None] * numbers.beams[hit]
         rows = np.column_stack([xy, np.full(len(xy), middle)]).astype("<f4")
         fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate("xyz")]
@@ -155,11 +155,15 @@ def mounts(model: RobotModel) -> Any:
     for lidar, frame in _frames(model).values():
         half = 0.5 * math.radians(lidar.mount_yaw_deg)
         at = Transform(
-            Vector3(lidar.mount_x_m, lidar.mount_y_m, _HEIGHT),
+            Vector3(lidar.mount_x_m, lidar.mount_y_m, _height(lidar)),
             Quaternion(0.0, 0.0, math.sin(half), math.cos(half)),
         )
         found.append(TransformStamped(header(now, _BODY), frame, at))
     return TFMessage(found)
+
+
+def _height(lidar: LidarModel) -> float:
+    return _HEIGHT if lidar.mount_z_m is None else lidar.mount_z_m
 
 
 def _frames(model: RobotModel) -> dict[str, tuple[LidarModel, str]]:
