@@ -25,6 +25,7 @@ from cohelm.robot.gate.modes import Mode, driving, latched
 from cohelm.robot.keep.gated_robot import Keeper, rules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
+from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.commands import Commands, Nominal
 from cohelm.ros.look import Found
 from cohelm.ros.pacing import Pacing
@@ -77,8 +78,10 @@ class FilterNode:
         self._filter = SafetyFilter(model, params.period)
         self._watchdog = SensorWatchdog(model, patience(model, params.period))
         self._transport = transport
-        self._commands = Commands(transport, found.topics.command, params.timeout, found.odom_clock)
-        self._report = Report(transport, found, say)
+        clock = SimulatedClock.on(transport) if found.simulated else None
+        ticks = found.odom_clock if clock is None else clock
+        self._commands = Commands(transport, found.topics.command, params.timeout, ticks)
+        self._report = Report(transport, found, say, clock)
         self._reset_asked = False
         transport.subscribe(
             self._report.topic("reset"), "std_msgs/msg/Empty", _ONCE, self._asked_to_reset
