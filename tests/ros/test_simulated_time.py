@@ -73,26 +73,20 @@ def test_the_robots_own_never_goes_back_nor_runs_away(steps):
             before = now
 
 
-def hall(rate: float):
-    """A stage, and whether its reset is asked for by who plays on it."""
-    pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
-    from tests.ros.stage import stage
-
-    return stage(rate=rate, stamped=True)
-
-
 @pytest.mark.xdist_group("realtime")
-@pytest.mark.parametrize("rate", [0.5, pytest.param(1.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [0.5, 1.0])
 def test_a_simulated_robot_is_stopped_before_a_wall_and_stands_while_its_simulator_does(rate):
-    from tests.ros.stage import until
+    pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+    from tests.ros.stage import stage, until
 
-    with hall(rate) as it:
+    with stage(rate=rate, stamped=True) as it:
         assert it.found.simulated
         assert any("simulated time: /clock" in note for note in it.found.notes)
         assert it.found.model.lidar.rate_hz == pytest.approx(10.0, rel=0.2)
         assert it.drives(0.5)
         it.base.fault("pause")
-        assert until(lambda: any("is 3" in said or "ms old" in said for said in it.filter.said))
+        assert until(lambda: any("ms old" in said for said in it.filter.said))
         assert not it.filter.latched
         it.base.fault("")
         it.filter.said.clear()
