@@ -129,7 +129,7 @@ class FilterNode:
         seen = self._perception.take(now, readings)
         result = self._filter(
             _NOWHERE if wrong or readings.scan is None else seen.odometry, seen.twist,
-            nominal.twist, obstacles(seen), min(after, self._params.period),
+            nominal.twist, obstacles(seen), after if math.isfinite(after) else None,
         )  # fmt: skip
         stamp = now
         if not wrong and readings.odometry is not None:
