@@ -47,6 +47,7 @@ FIRST = "gw0"
 """The worker that runs what watches the clock."""
 
 
+@pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """What watches the clock mostly waits: one worker more than there are cores."""
     return 1 + (os.cpu_count() or 1)
