@@ -45,6 +45,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 FIRST = "gw0"
 """The worker that runs what watches the clock."""
+LONG = "tests/docs/test_tutorial.py"
+"""Few tests, and the longest: at the end, where files of few tests come, all would wait for it."""
 
 
 @pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
@@ -66,6 +68,8 @@ class ByFile(LoadScopeScheduling):
     """
 
     def _assign_work_unit(self, node: WorkerController) -> None:
+        if LONG in self.workqueue:
+            self.workqueue.move_to_end(LONG, last=False)
         if "realtime" in self.workqueue:
             self.workqueue.move_to_end("realtime", last=node.gateway.id != FIRST)
         super()._assign_work_unit(node)
