@@ -305,7 +305,7 @@ def test_ranges_that_all_grow_by_0_2_m_at_once_are_noticed_and_crawled_after():
     longer = ranges(lambda r, _: np.minimum(r + 0.2, SALLY.lidar.range_max_m))
     found = watched(ahead, AT + 3.0, told=longer)
     assert found[0][0] <= AT + 1.5 * SCAN
-    assert "0.20 m farther, at once" in found[0][1].reason
+    assert "all walls are 0.20 m farther, at once" in found[0][1].reason
     assert not any(one.fault for _, one in found)
     after = [one for t, one in found if t > AT + 1.0]
     assert len(after) >= 1.9 / PERIOD  # for as long as it did not go two metres

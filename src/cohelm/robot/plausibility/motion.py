@@ -141,7 +141,7 @@ class Motion:
         deeper, surface = farther(last, now, self._lidar)
         if deeper > t.longer and surface > t.scene:
             self._other, self._deeper = now, deeper
-            return [hold(f"all that is seen is {deeper:.2f} m farther, at once")]
+            return [hold(f"all walls are {deeper:.2f} m farther, at once")]
         if gone.width > t.replaced * longer:
             return [hold(f"the scan shows something else over {gone.width:.1f} m, at once")]
         return []

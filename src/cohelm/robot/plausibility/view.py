@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Floats, Ints
-from cohelm.robot.plausibility.sight import Sight, foretold, polar
+from cohelm.robot.plausibility.sight import Sight, foretold, normals, polar
 from cohelm.robot.sensors import Lidar
 
 _FAR = 0.85  # surfaces foretold farther than this share of range_max may be out of range
@@ -62,17 +62,19 @@ def vanished(before: Sight, now: Sight, lidar: Lidar, slack: float) -> Vanished:
 
 
 def farther(before: Sight, now: Sight, lidar: Lidar) -> tuple[float, float]:
-    """How much farther all is than foretold, in the middle [m], and how much surface says so [m].
+    """How much farther all that is flat is than foretold, in the middle [m], and how much surface
+    that is [m]. People are not flat: they may all walk away at once.
 
     0 where a tenth of it is not half as much farther: whoever is pushed sees only what lies that
     way farther, so this is the ranges and not the motion.
     """
-    beams, r = polar(lidar, foretold(before, now))
+    _, flat = normals(before, lidar, max(lidar.noise, 0.005))
+    beams, r = polar(lidar, foretold(before, now)[flat])
     index = np.rint(beams)
     there = (index >= 0) & (index < len(now.ranges)) & (r < _FAR * lidar.range_max)
     seen = now.ranges[index[there].astype(np.int64)]
     told = np.isfinite(seen) & (seen > lidar.range_min)
-    off, arc = (seen - r[there])[told], before.arc[there][told]
+    off, arc = (seen - r[there])[told], before.arc[flat][there][told]
     surface = float(arc.sum())
     if surface == 0.0:
         return 0.0, 0.0
