@@ -160,3 +160,17 @@ def test_what_stands_there_is_returned_by_the_other_one_itself():
     found = who_went_ahead(described_at(0.2, 0.2), front)
     assert found.share < 0.9
     assert "ahead" in found.reason
+
+
+def test_what_one_lidar_sees_itself_stays_whatever_another_sees_past():
+    """Beside the robot, in view of both; the newer scan, of the front one, goes past it."""
+    model = described_at(0.2, 0.2)
+
+    def beside(t):
+        rear = empty()
+        rear[:14] = 0.55
+        given = readings(t, rear=rear)
+        return given._replace(scan=given.scan._replace(stamp=t + 0.01))
+
+    rear = standing(beside, model)._sources[1]
+    assert len(rear.by_odometry.points) == 14
