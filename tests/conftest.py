@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
+from xdist.workermanage import WorkerController
 
 _calm = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("default", max_examples=40 if numba.config.DISABLE_JIT else 100, **_calm)
@@ -42,11 +43,36 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.quick)
 
 
+FIRST = "gw0"
+"""The worker that runs what watches the clock."""
+LONG = "tests/docs/test_tutorial.py"
+"""Few tests, and the longest: at the end, where files of few tests come, all would wait for it."""
+
+
+@pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """What watches the clock mostly waits: one worker more than there are cores."""
+    return 1 + (os.cpu_count() or 1)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The other workers take what the first one leaves of the cores."""
+    if getattr(config, "workerinput", {"workerid": FIRST})["workerid"] != FIRST:
+        os.nice(10)
+
+
 class ByFile(LoadScopeScheduling):
-    """Each file as a whole to one worker, and to the same one all that watch the clock.
+    """Each file as a whole to one worker, and to the first one all that watch the clock.
 
     pytest-xdist 3.8 tells groups by a name of tests that pytest 9.2 reads no more.
     """
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        if LONG in self.workqueue:
+            self.workqueue.move_to_end(LONG, last=False)
+        if "realtime" in self.workqueue:
+            self.workqueue.move_to_end("realtime", last=node.gateway.id != FIRST)
+        super()._assign_work_unit(node)
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.split("::")[0]

@@ -115,7 +115,7 @@ def station_guard(robot: Robot, browser: Browser, take_it: Callable[[Page], None
         drive(page)
         page.keyboard.down("ArrowUp")
         held = re.compile("held back|braking|standing: no")
-        still = re.compile(r"given\s*0\.0\d m/s")
+        still = re.compile(r"applied\s*0\.0\d m/s")
         expect(page.locator(".why.abnormal")).to_have_text(held, timeout=90_000)
         expect(given(page)).to_contain_text(still, timeout=60_000)
         expect(page.locator(".why.abnormal")).to_have_text(held, timeout=90_000)

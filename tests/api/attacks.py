@@ -45,11 +45,13 @@ def standing(rng: np.random.Generator, outline: np.ndarray) -> tuple[np.ndarray,
 
 
 def attacked(
-    name: str, seed: int, delay: float, period: float, seconds: float = 10.0, noise: float = 0.0
-) -> Attacked:
+    name: str, seed: int, delay: float, period: float, seconds: float = 10.0, noise: float = 0.0,
+    uneven: bool = False,
+) -> Attacked:  # fmt: skip
     """Half of the time at the nearest thing, else full deflections at random.
 
-    noise: standard deviation of the twist that the filter is told [m/s, rad/s].
+    noise: standard deviation of the twist that the filter is told [m/s, rad/s]. uneven: calls come
+    when they like, none later than a period after the last, and not many more.
     """
     rng = np.random.default_rng(seed)
     made = model(name, delay)
@@ -57,7 +59,7 @@ def attacked(
     bodies = [Body(disc(*row)) for row in discs.tolist()]
     plant = Kinematic(made, HERE, world((bodies, walls)), seed=seed)
     safe, seen = SafetyFilter(made, period), Obstacles(discs=discs, segments=walls)
-    nominal, driven, k = Twist(2.0, 0.0), 0.0, 0
+    nominal, driven, k, after = Twist(2.0, 0.0), 0.0, 0, period
     while plant.now() < seconds:
         pose, twist = plant.truth().pose, plant.truth().twist
         if k * period % 3.0 < 1.5 and len(discs):
@@ -68,9 +70,13 @@ def attacked(
         elif rng.random() < 2.5 * period:
             nominal = Twist(rng.choice([-2.0, 0.0, 2.0]), rng.uniform(-4.0, 4.0))
         told = Twist(twist.v + noise * rng.normal(), twist.omega + noise * rng.normal())
-        command = safe(pose, told, nominal, seen).twist
+        command = safe(pose, told, nominal, seen, after).twist
         plant.send(command)
-        driven += abs(command.v) * period
         k += 1
-        plant.wait(k * period)
+        if uneven:
+            after = period * min(2.0 * rng.random(), 1.0) if k % 2 else period
+            plant.wait(plant.now() + after)
+        else:
+            plant.wait(k * period)
+        driven += abs(command.v) * after
     return Attacked(plant.truth().least, driven)

@@ -42,6 +42,41 @@ def test_no_command_reaches_what_stands_when_the_twist_is_measured_with_noise(na
         assert attacked(name, seed, 0.05, DT, noise=0.03).least >= PROMISED, seed
 
 
+@pytest.mark.parametrize("name", ["sally", "jackal"])
+@pytest.mark.parametrize("delay", [0.0, 0.007, 0.05])
+def test_no_command_reaches_what_stands_when_calls_come_unevenly(name, delay):
+    for seed in range(3):
+        got = attacked(name, seed, delay, DT, uneven=True)
+        assert got.least >= PROMISED, seed
+        assert got.driven > 0.5, seed
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.03, 0.05])
+def test_a_command_is_worked_out_for_where_it_takes_effect_however_calls_come(delay):
+    """At a steady speed that is so far ahead as the robot goes in the delay, and half a period."""
+    made, rng = model("sally", delay), np.random.default_rng(1)
+    safe = SafetyFilter(made, DT)
+    x, after = 0.0, DT
+    for _ in range(50):
+        seen = Obstacles(points=[[x + 0.56, 0.0]])
+        got = safe(Pose(x, 0.0, 0.0), Twist(0.5, 0.0), Twist(0.5, 0.0), seen, after)
+        assert got.twist.v == pytest.approx(0.5)
+        there = 0.56 - 0.36 - 0.5 * (delay + 0.5 * DT)
+        assert got.clearance == pytest.approx(there, abs=1e-9)
+        after = rng.uniform(0.2, 1.0) * DT
+        x += 0.5 * after
+
+
+def test_a_command_that_soon_had_a_successor_is_not_taken_to_have_been_reached():
+    """Told to brake twice within a millisecond, the wheels have not braked for two periods."""
+    safe = SafetyFilter(model("sally", 0.0), DT)
+    for _ in range(3):
+        safe(HERE, AHEAD, AHEAD)
+    braked = [safe(HERE, AHEAD, REST, after=after).twist.v for after in (DT, 0.001)]
+    assert braked[0] == pytest.approx(1.0 - 2.0 * DT)
+    assert braked[1] == pytest.approx(1.0 - 2.0 * (DT + 0.001))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sally", "jackal"])
 def test_no_command_lets_a_robot_reach_what_stands_in_many_drives(name):

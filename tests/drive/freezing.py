@@ -236,8 +236,8 @@ def moved(drive: Drive, who: str, chance: random.Random) -> dict[str, Any]:
 def helped(drive: Drive, who: str, chance: random.Random) -> dict[str, Any]:
     """One round for planner or recorder."""
     within, says = {
-        "planner": (ANSWER, "plans ways round does not answer"),
-        "recorder": (MUTE, "recorder gives no sign of life"),
+        "planner": (ANSWER, "planner does not answer"),
+        "recorder": (MUTE, "recorder does not answer"),
     }[who]
     found: dict[str, Any] = {"who": who, "wrong": ""}
     if drive.wait(lambda s, t: s.mode == "AUTOMATIC" and t.v > 0.1, 20.0) is None:

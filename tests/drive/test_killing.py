@@ -260,7 +260,7 @@ def test_without_its_helpers_the_loop_drives_on(drive, who):
     going.driving()
     os.kill(child(going.process.pid, who), signal.SIGKILL)
     if who == "planner":
-        going.said("what plans ways round is gone", 10.0)
+        going.said("the path planner is gone", 10.0)
     out, _ = going.process.communicate(timeout=STARTED)
     summary = json.loads(out)
     assert summary["reason"] == "the drive is over"

@@ -39,6 +39,10 @@ def test_no_lie_drives_the_robot_into_a_wall(lie, mode, seed):
     held(lie, mode, "kinematic", False, seed)
 
 
+def test_a_lag_that_begins_close_before_a_wall_of_the_map_is_noticed():
+    held("0.3 s older than stamped", "automatic", "kinematic", True, 471)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["kinematic", "twin"])
 @pytest.mark.parametrize("mode", list(MODES))

@@ -1,6 +1,13 @@
 """Alarms have numbers that the link can carry, however many there were."""
 
+import pytest
+
+from cohelm.link import messages as m
+from cohelm.link.wire import encode, from_robot
+from cohelm.loop import loop
 from cohelm.loop.alarms import Alarms
+from tests.link.ends import STATUS
+from tests.link.test_wire import HEADER
 
 
 def test_no_number_is_too_large_for_the_link_after_a_hundred_thousand_alarms():
@@ -12,3 +19,10 @@ def test_no_number_is_too_large_for_the_link_after_a_hundred_thousand_alarms():
         alarms.off("stick")
     assert min(numbers) == 1
     assert max(numbers) == 65_535
+
+
+@pytest.mark.parametrize("text", [loop._NO_PLANNER, loop._LATE_PLANNER, loop._MUTE_RECORDER])
+def test_what_the_loop_says_of_its_helpers_is_shown_whole(text):
+    alarm = m.Alarm(1, m.Severity.ALARM, True, False, text)
+    status = STATUS._replace(alarms=(alarm,))
+    assert from_robot(encode(HEADER, status))[1].alarms == (alarm,)

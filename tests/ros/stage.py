@@ -43,6 +43,25 @@ def alone() -> None:
     os.environ.setdefault("ROS_DOMAIN_ID", str(DOMAIN))
 
 
+class Simulator:
+    """A `robot.pace.Pace` so many times as fast as the wall, which stands still while it pauses."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._passed, self._since = rate, 0.0, time.monotonic()
+        self.pauses = False
+
+    def due(self) -> float:
+        now = time.monotonic()
+        if not self.pauses:
+            self._passed += self._rate * (now - self._since)
+        self._since = now
+        return self._passed
+
+    def wait(self, until: float) -> None:
+        while self.due() < until:
+            time.sleep(0.001)
+
+
 class Faults:
     """What is done to the messages of a robot."""
 
@@ -78,11 +97,13 @@ class Faults:
 def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     """The robot's process: `line` names faults, asks for the truth, or ends it."""
     faults, ended = Faults(), threading.Event()
-    robot = Kinematic(
-        load_robot(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=OnTheWall()
-    )
+    rate = options.pop("rate", None)
+    pace = OnTheWall() if rate is None else Simulator(rate)
+    robot = Kinematic(load_robot(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=pace)
     transport = DdsTransport("base")
-    served = ServedRobot(transport, robot, Topics(), tamper=faults, **options)
+    served = ServedRobot(
+        transport, robot, Topics(), tamper=faults, simulated=rate is not None, **options
+    )
     line.send("ready")
 
     def over() -> bool:
@@ -94,6 +115,8 @@ def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
                 ended.set()
             else:
                 faults.now = asked
+                if isinstance(pace, Simulator):
+                    pace.pauses = asked == "pause"
         return ended.is_set()
 
     served.run(over)

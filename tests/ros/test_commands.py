@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -67,3 +68,24 @@ def test_it_drives_a_base_and_when_it_is_killed_the_base_stands(driven):
             process.kill()
             process.communicate()
     assert driven.truth().least_moving > 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("time", ["wall", "simulated"])
+def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
+    """Loop, plan and gate on one side of DDS, the simulated robot on the other."""
+    alone()
+    own = ["--sim-time"] if time == "simulated" else []
+    with cohelm("base", "lab-guard", "--json", *own) as base:
+        try:
+            asked = "lab-guard --ros2 --mode automatic --arrive --for 90 --json"
+            with cohelm("robot", *asked.split()) as process:
+                told = json.loads(process.communicate(timeout=400.0)[0])
+        finally:
+            base.send_signal(signal.SIGINT)
+            truth = json.loads(base.communicate(timeout=30.0)[0])
+    assert truth["least_clearance_moving_m"] > 0.05
+    if re.search("ms old|no sound command", told["reason"]):
+        pytest.skip(f"this machine is too busy for it: {told['reason']}")
+    assert told["arrived"], told
+    assert not told["lost"]

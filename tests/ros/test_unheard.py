@@ -9,11 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rosbags.typesys.stores.ros2_jazzy import (
+    builtin_interfaces__msg__Time as Time,
     geometry_msgs__msg__Quaternion as Quaternion,
     geometry_msgs__msg__Transform as Transform,
     geometry_msgs__msg__TransformStamped as TransformStamped,
     geometry_msgs__msg__Vector3 as Vector3,
     nav_msgs__msg__Odometry as Odometry,
+    rosgraph_msgs__msg__Clock as Clock,
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
@@ -22,6 +24,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.record.markers import header
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import look as looking
+from cohelm.ros.clock import TYPE
 from cohelm.ros.look import Allowed, Topics, look
 from cohelm.ros.mismatch import CLOUD, ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.port import Endpoint, Qos, Received
@@ -199,6 +202,7 @@ def test_a_robot_that_is_all_there_is_found_as_it_is():
     assert found.body == "base_link"
     assert found.model.lidar.beams == 720
     assert found.model.lidar.mount_x_m == pytest.approx(SALLY.lidar.mount_x_m)
+    assert found.model.lidar.mount_z_m == pytest.approx(SALLY.lidar.mount_z_m)
     assert found.odom_clock.ahead == 0.0
 
 
@@ -265,6 +269,7 @@ def test_a_frame_that_nobody_tells_of_is_refused_unless_the_model_may_say():
     assert "it tells of base_link, laser" in said
     found = seen(ENDS, readings(frame="velodyne"), Allowed(mount_from_model=True))
     assert found.model.lidar.mount_x_m == SALLY.lidar.mount_x_m
+    assert found.model.lidar.mount_z_m == SALLY.lidar.mount_z_m
 
 
 def fixed(parent, child, at=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0, 1.0)):
@@ -281,10 +286,13 @@ def test_mounts_are_followed_through_the_tree_turned_and_upside_down():
         fixed("mast", "laser", (0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
         fixed("mast", "tilted", (0.0, 0.0, 0.0), (0.0, math.sin(0.2), 0.0, math.cos(0.2))),
         fixed("mast", "broken", (math.nan, 0.0, 0.0)),
+        fixed("mast", "bent", (0.0, 0.0, 0.0), (0.0, math.sin(0.004), 0.0, math.cos(0.004))),
     ]))  # fmt: skip
     mount = tree.mount("laser", "base_footprint")
     assert mount.pose == pytest.approx(Pose(0.2, 0.2, 0.5 * math.pi))
     assert mount.upside_down
+    assert mount.height == pytest.approx(0.4)
+    assert math.isnan(tree.mount("bent", "base_footprint").height)  # 0.46 deg: it has not one
     assert tree.mount("nowhere", "base_link") is None
     assert tree.mount("broken", "base_link") is None
     with pytest.raises(CohelmError, match="tilted is inclined by 23 deg to base_link"):
@@ -299,3 +307,33 @@ def test_a_namespace_takes_in_the_topics_and_names_are_checked():
     with pytest.raises(CohelmError, match="is no name of a topic"):
         Topics.named(scan="/2 scans")
     assert Odometry.__msgtype__ == ODOMETRY
+
+
+def clock(*times: float):
+    """A simulator that tells these [s]."""
+    return [(("/clock", TYPE), Clock(Time(int(t), round(1e9 * (t % 1.0)) % 10**9))) for t in times]
+
+
+def simulated(at: float = 100.0):
+    """What a simulated robot tells at such a time [s]."""
+    return [*FRAMES, *readings(time.time() - at)]
+
+
+def test_stamps_of_the_time_on_clock_are_taken_by_it_and_told_so():
+    found = seen(ENDS, [*clock(100.0), *simulated()])
+    assert found.simulated
+    assert "simulated time: /clock, 1.00 of the wall's" in found.notes
+    assert found.odom_clock.ahead == found.lidars[0].clock.ahead == 0.0
+
+
+def test_a_clock_beside_stamps_of_the_wall_or_far_from_them_is_not_theirs():
+    assert not seen(ENDS, [*clock(100.0), *FRAMES, *readings()]).simulated
+    assert "/clock does not tell its time: bridge it" in refused(
+        ENDS, [*clock(500.0), *simulated()]
+    )
+
+
+def test_a_simulator_without_clock_and_one_that_is_too_fast_are_refused():
+    assert "/clock does not tell its time: bridge it" in refused(ENDS, simulated())
+    fast = clock(*(99.9 + 0.001 * k for k in range(100)))
+    assert "2.0 times as fast as the wall" in refused(ENDS, [*fast, *simulated()])

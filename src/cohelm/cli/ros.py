@@ -168,6 +168,9 @@ def base(
         str | None,
         typer.Option(metavar="V,OMEGA", help="Also ask for this on /cmd_vel_nav, all the time."),
     ] = None,
+    sim_time: Annotated[
+        bool, typer.Option("--sim-time", help="Its stamps are of its own time, told on /clock.")
+    ] = False,
     seed: Annotated[
         int | None, typer.Option(min=0, max=2**32 - 1, help="Of the simulated errors.")
     ] = None,
@@ -200,7 +203,7 @@ def base(
         robot = made()
         transport = DdsTransport("cohelm_base", topics.namespace)
         try:
-            served = ServedRobot(transport, robot, topics, stamped=stamped)
+            served = ServedRobot(transport, robot, topics, stamped=stamped, simulated=sim_time)
             over = wanting(transport, topics, wish)
             stop.heed()
             line.over()

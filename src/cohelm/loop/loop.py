@@ -45,11 +45,11 @@ _PLANNED = (Mode.AUTOMATIC, Mode.SHARED)
 _MODES = frozenset(int(mode) for mode in Mode)
 _TOLD = 50.0  # statuses a second, at most
 _DISCS = 40  # shown, at most
-_NO_PLANNER = "what plans ways round is gone: the robot keeps to the course it has"
+_NO_PLANNER = "the path planner is gone: the robot keeps to its course"
 _MOST_REQUESTS = 8
 """Done for one client in one period, as many as one command carries; a stop always."""
-_LATE_PLANNER = "what plans ways round does not answer: the robot keeps to the course it has"
-_MUTE_RECORDER = "the recorder gives no sign of life: what it has no room for is lost"
+_LATE_PLANNER = "the path planner does not answer: the robot keeps to its course"
+_MUTE_RECORDER = "the recorder does not answer: what it has no room for is lost"
 
 
 class LoopParams(NamedTuple):

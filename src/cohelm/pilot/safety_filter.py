@@ -105,21 +105,24 @@ class SafetyFilter:
         self.horizon = delay + lag + 0.5 * self.period
         """How far ahead a command is worked out [s]: a drive follows on a straight line through a
         period, at whose beginning the certificate takes the speed to be reached, hence the half."""
-        whole, rest = periods(self.horizon, self.period)
-        patience = max(round(_OFF_FOR / self.period), 1)
+        whole, _ = periods(self.horizon, self.period)
+        patience = (max(round(_OFF_FOR / self.period), 1) - 0.5) * self.period
         self._outline = robot.outline
-        self._settings = np.array([*self.limits, *self._rules, self.horizon, rest, patience])
-        self._sent, self._count = np.zeros((whole + 1, 2)), np.zeros(2, dtype=np.int64)
+        self._settings = np.array([*self.limits, *self._rules, self.horizon, patience])
+        self._sent = np.zeros((2 * whole + 3, 3))
+        self._count, self._off = np.zeros(1, dtype=np.int64), np.zeros(1)
         nan = math.nan
         self(Pose(nan, nan, nan), Twist(nan, nan), Twist(nan, nan))  # compiles
         self.reset()
 
     def __call__(
-        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles | None = None
-    ) -> FilterResult:
+        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles | None = None,
+        after: float | None = None,
+    ) -> FilterResult:  # fmt: skip
         """The command for now. pose: where the robot is now, in the obstacles' frame [m, m, rad].
         twist: measured now [m/s, rad/s]. nominal: what a person or controller wants. obstacles: as
-        of now; None: there are none.
+        of now; None: there are none. after: since the last call [s]; by default the period, and
+        never more; twice as many calls as periods are counted with.
 
         Numbers that are not finite give a braking or standing twist and the verdict INVALID. Raises
         CohelmError only for what is no pose, twist or Obstacles at all.
@@ -129,10 +132,12 @@ class SafetyFilter:
             x, y, psi = pose
             now_v, now_omega = twist
             want_v, want_omega = nominal
+            lasted = self.period if after is None else float(after)
             v, omega, verdict, change, gap, row = _filtered(
                 float(x), float(y), float(psi), float(now_v), float(now_omega),
                 float(want_v), float(want_omega), seen.discs, seen.max_acceleration, seen.segments,
-                seen.points, self._outline, self._settings, self._sent, self._count,
+                seen.points, self._outline, self._settings, lasted, self._sent, self._count,
+                self._off,
             )  # fmt: skip
         except (TypeError, ValueError, AttributeError) as error:
             raise CohelmError(_meant(pose, twist, nominal, seen)) from error
@@ -144,38 +149,57 @@ class SafetyFilter:
         v, omega = float(twist[0]), float(twist[1])
         if not (math.isfinite(v) and math.isfinite(omega)):
             raise CohelmError("a twist that was sent must be finite: a robot can not do NaN")
-        self._sent[(self._count[0] - 1) % len(self._sent)] = v, omega
+        self._sent[(self._count[0] - 1) % len(self._sent), :2] = v, omega
 
     def reset(self) -> None:
         """Forget what was sent, as when driving begins: the measured twist is believed at first."""
-        self._sent[:], self._count[:] = 0.0, 0
+        self._sent[:], self._count[:], self._off[:] = 0.0, 0, 0.0
+        self._sent[:, 2] = self.period
 
 
 @jit
 def _filtered(
     x: float, y: float, psi: float, now_v: float, now_omega: float, v: float, omega: float,
     discs: Floats, agility: Floats, segments: Floats, points: Floats, outline: Floats,
-    s: Floats, sent: Floats, count: Ints,
+    s: Floats, after: float, sent: Floats, count: Ints, away: Floats,
 ) -> tuple[float, float, int, float, float, int]:  # fmt: skip
-    """One call. sent: (d, 2), the command in effect now and those under way; the oldest in row
-    count[0] % d. count: calls so far, and those for which the wheels have done something else."""
+    """One call. after: since the last one [s]. sent: (d, 3), the command in effect now and those
+    under way, each with the time until the next; the newest in row (count - 1) % d. away: for how
+    long the wheels have done something else [s]."""
     limits = Limits(s[0], s[1], s[2], s[3], s[4], s[5], s[6])
     rules = Rules(s[7], s[8], s[9], s[10], s[11])
-    horizon, rest, patience = s[12], s[13], s[14]
+    horizon, patience = s[12], s[13]
     d, k = len(sent), count[0]
+    if not after >= 0.0:  # nor for NaN
+        after = rules.dt
     known = is_finite(now_v) and is_finite(now_omega)
     if k == 0 and known:
         for j in range(d):
             sent[j, 0], sent[j, 1] = now_v, now_omega
-    before = Twist(sent[k % d, 0], sent[k % d, 1])
+    elif k > 0:
+        sent[(k - 1) % d, 2] = after
+    ahead, under_way = 0.0, 0  # of those under way
+    while under_way < d - 1:
+        lasted = sent[(k - 1 - under_way) % d, 2]
+        if ahead + lasted > horizon + 1e-6 * rules.dt:
+            break
+        ahead += lasted
+        under_way += 1
+    now = (k - 1 - under_way) % d
+    before = Twist(sent[now, 0], sent[now, 1])
     off = abs(now_v - before.v) > _OFF_V or abs(now_omega - before.omega) > _OFF_OMEGA
-    count[1] = count[1] + 1 if known and off else 0
-    if count[1] >= patience:
+    away[0] = away[0] + after if known and off else 0.0
+    if away[0] > patience:
         before = Twist(now_v, now_omega)
-    pose = arc(Pose(x, y, psi), before, rest)
-    for j in range(k + 1, k + d):
-        before = achievable(Twist(sent[j % d, 0], sent[j % d, 1]), before, limits, rules.dt)
-        pose = arc(pose, before, rules.dt)
+    rest = horizon - ahead
+    if rest > 1e-6 * rules.dt:
+        pose = arc(Pose(x, y, psi), before, rest)
+    else:
+        pose = Pose(x, y, psi)
+    for j in range(k - under_way, k):
+        lasted = sent[j % d, 2]
+        before = achievable(Twist(sent[j % d, 0], sent[j % d, 1]), before, limits, lasted)
+        pose = arc(pose, before, lasted)
     around = Surroundings(discs, agility, segments, points)
     if len(discs) > 0:
         around = moved_on(around, horizon, stopping(before, limits, rules.dt))

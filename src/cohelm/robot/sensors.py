@@ -46,6 +46,9 @@ class LidarModel(Schema):
     """Where it is mounted: left of the body's origin."""
     mount_yaw_deg: float = 0.0
     """Where it looks: counter-clockwise from the body's forward axis."""
+    mount_z_m: float | None = None
+    """Where it is mounted: above the body's origin. What a LiDAR remembers of what it does not see
+    any more goes when another sees past it, if both heights are given and the same."""
     timeout_s: Annotated[float, Field(gt=0.0)] | None = None
     """Without a scan for so long, counted from the last beam, the robot stops; without it, after
     three scans that are missing."""

@@ -7,10 +7,12 @@ a delay only where it is larger than any sound one, or where messages seem to be
 from __future__ import annotations
 
 import math
+import threading
 import time
 from typing import Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
+from cohelm.ros.port import SENSOR, Received, Transport
 
 AHEAD, BEHIND = 0.02, 0.15
 """Readings that are this much younger or older than now may come from a clock that is right [s]."""
@@ -18,6 +20,16 @@ MOST = 5.0
 """Clocks that differ by more are not taken into account but refused, unless allowed [s]."""
 SIMULATED = 1e8
 """Stamps before this are of a simulator's clock, or of none [s]: three years after 1970."""
+TOPIC, TYPE = "/clock", "rosgraph_msgs/msg/Clock"
+"""Where a simulator tells its time; in no namespace."""
+FASTEST = 1.1
+"""A simulator may be so many times as fast as the wall: what the filter counts with in seconds of
+the wall, its period and the delay of the wheels, must be no longer there."""
+SILENT = 0.3
+"""A simulator that tells nothing for so long stands, or is gone [s]; the slowest tell it ten times
+a second."""
+_LEARNS = 0.1
+"""Weight of the newest rate among those before."""
 
 
 class Clock(NamedTuple):
@@ -49,11 +61,90 @@ def estimated(ages: list[float], topic: str, most: float = MOST) -> Clock:
         return Clock(-least)
     if time.time() - least < SIMULATED:
         raise CohelmError(
-            f"the stamps of {topic} are a simulator's or zero, not of this time: simulated time is "
-            "not supported yet; let the driver stamp with the wall clock (use_sim_time:=false)"
+            f"the stamps of {topic} are a simulator's or zero, and {TOPIC} does not tell its time: "
+            "bridge it (ros_gz_bridge), or let the driver stamp with the wall clock "
+            "(use_sim_time:=false)"
         )
     direction = "ahead of" if least < 0.0 else "behind"
     raise CohelmError(
         f"the stamps of {topic} are {abs(least):.1f} s {direction} this machine's clock, which is "
         f"more than {most:g} s: set both clocks (chrony, ntp), or allow it with --clock-difference"
     )
+
+
+class SimulatedClock:
+    """A simulator's clock, as it comes on /clock; and one of the robot's own that goes with it.
+
+    That one only goes forward: it runs as fast as the simulator's, and as the wall's where that is
+    silent, so that readings get old when a simulator stands still. When it is set back, as at a
+    reset of the world, the robot's own goes on.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._heard = time.monotonic()
+        self._own, self._time = 0.0, math.nan
+        self._newest = 0.0
+        self._rate = 1.0
+
+    @classmethod
+    def on(cls, transport: Transport) -> SimulatedClock:
+        """The one that is heard there."""
+        made = cls()
+        transport.subscribe(TOPIC, TYPE, SENSOR, made.hear)
+        return made
+
+    @property
+    def known(self) -> bool:
+        """Whether it has been heard at all."""
+        return not math.isnan(self._time)
+
+    @property
+    def rate(self) -> float:
+        """Its seconds in one of the wall's, of late."""
+        return self._rate
+
+    def hear(self, received: Received) -> None:
+        """A message."""
+        if received.message is not None:
+            self.take(seconds(received.message.clock), received.stamp)
+
+    def take(self, told: float, wall: float) -> None:
+        """A time that it told [s], when this machine's monotonic clock said `wall` [s]."""
+        with self._lock:
+            passed, way = wall - self._heard, told - self._time
+            if passed <= 0.0:
+                return
+            own = self._own + self._passed(wall)
+            if way >= 0.0:
+                own = max(own, self._own + min(way, FASTEST * passed + SILENT))
+                if passed < SILENT:
+                    self._rate += _LEARNS * (min(way / passed, 2.0) - self._rate)
+            self._own, self._time, self._heard = own, told, wall
+
+    def now(self) -> float:
+        """The robot's own [s]; never goes back."""
+        with self._lock:
+            self._newest = max(self._newest, self._own + self._passed(time.monotonic()))
+            return self._newest
+
+    def time(self) -> float:
+        """The simulator's [s]; NaN: it has told none yet."""
+        with self._lock:
+            return self._time + self._rate * min(self._since(time.monotonic()), SILENT)
+
+    def age(self, stamp: float) -> float:
+        """How long ago a stamp of the simulator's was [s]."""
+        return self.time() - stamp
+
+    def _since(self, wall: float) -> float:
+        return max(wall - self._heard, 0.0)
+
+    def _passed(self, wall: float) -> float:
+        """Of the robot's own since the last message."""
+        since = self._since(wall)
+        return min(self._rate, 1.0) * min(since, SILENT) + max(since - SILENT, 0.0)
+
+
+Ticks = Clock | SimulatedClock
+"""By which stamps become ages."""

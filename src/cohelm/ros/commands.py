@@ -7,7 +7,7 @@ import threading
 from typing import NamedTuple
 
 from cohelm.core.types import Twist
-from cohelm.ros.clock import Clock, seconds
+from cohelm.ros.clock import Ticks, seconds
 from cohelm.ros.mismatch import STAMPED, TWIST
 from cohelm.ros.port import SENSOR, Received, Transport
 
@@ -29,7 +29,7 @@ class Nominal(NamedTuple):
 class Commands:
     """Of one topic, as Twist or TwistStamped, whichever comes."""
 
-    def __init__(self, transport: Transport, topic: str, timeout: float, clock: Clock) -> None:
+    def __init__(self, transport: Transport, topic: str, timeout: float, clock: Ticks) -> None:
         """timeout: so long after it came, or its stamp, a command counts [s]. clock: of its
         sender."""
         self._topic, self._timeout, self._clock = topic, timeout, clock

@@ -25,14 +25,19 @@ from cohelm.robot.gate.modes import Mode, driving, latched
 from cohelm.robot.keep.gated_robot import Keeper, rules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
+from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.commands import Commands, Nominal
 from cohelm.ros.look import Found
-from cohelm.ros.pacing import LONGEST, Pacing
+from cohelm.ros.pacing import Pacing
 from cohelm.ros.port import Qos, Transport
 from cohelm.ros.report import Report, Row
 
 WATCHDOG = 0.2
 """Without a sound proposal for so long the keeper brakes the base [s]."""
+FRESH = 0.01
+"""Readings that were taken in longer ago are taken in anew before a command goes by them [s]."""
+LEAD = 0.006
+"""So long before a command is expected they are taken in [s]: as a rule a scan takes less."""
 WARM = 0.5
 """So long the node works while it lets nothing move [s]."""
 SHAPED = 0.01
@@ -68,19 +73,22 @@ class FilterNode:
         """transport: for commands and reports; the keeper has one of its own for the robot. say:
         hears each new reason."""
         model = found.model
-        self._keeper, self._params = keeper, params
+        self._keeper, self._params, self._every = keeper, params, found.command_period
         self._perception = Perception(model)
-        self._filter = SafetyFilter(model, params.period, delay=model.delay_s * LONGEST)
+        self._filter = SafetyFilter(model, params.period)
         self._watchdog = SensorWatchdog(model, patience(model, params.period))
         self._transport = transport
-        self._commands = Commands(transport, found.topics.command, params.timeout, found.odom_clock)
-        self._report = Report(transport, found, say)
+        clock = SimulatedClock.on(transport) if found.simulated else None
+        ticks = found.odom_clock if clock is None else clock
+        self._commands = Commands(transport, found.topics.command, params.timeout, ticks)
+        self._report = Report(transport, found, say, clock)
         self._reset_asked = False
         transport.subscribe(
             self._report.topic("reset"), "std_msgs/msg/Empty", _ONCE, self._asked_to_reset
         )
         self._readings = Readings()
-        self._seen: Seen | None = None
+        self._looked = self._begun = -math.inf
+        """When the readings were taken in, and when the last period began [s]."""
         self._number = 0
         self.may_drive = False
         """Whether a command may let the base move; `run` allows it."""
@@ -90,20 +98,21 @@ class FilterNode:
         rehearse(self._keeper.model, False)
         end = time.monotonic() + WARM
         while time.monotonic() < end:
-            self._look()
             self.step()
             time.sleep(self._params.period)
 
     def run(self, over: Callable[[], bool]) -> None:
         """Until somebody says that it is over; the keeper is left to be closed."""
         self.may_drive = True
-        pacing = Pacing(self._params.period, time.monotonic())
+        pacing = Pacing(self._params.period, time.monotonic(), self._every)
         while not over():
-            self._look()
             while (left := pacing.earliest() - time.monotonic()) > 0.0:
                 time.sleep(left)
-            self._commands.wait(pacing.latest() - time.monotonic())
-            pacing.begin(time.monotonic())
+            came = self._commands.wait(pacing.expected() - LEAD - time.monotonic())
+            if not came:
+                self._look()
+                came = self._commands.wait(pacing.latest() - time.monotonic())
+            pacing.begin(time.monotonic(), came)
             self.step()
 
     def step(self) -> Row:
@@ -111,16 +120,16 @@ class FilterNode:
         begun = time.monotonic()
         keeper = self._keeper
         nominal = self._commands.now(begun)
-        readings = keeper.read()
-        now = keeper.now()
+        after, self._begun = begun - self._begun, begun
+        if begun - self._looked > FRESH:
+            self._look()
+        readings, now = self._readings, keeper.now()
         wrong = self._watchdog.wrong(now, readings)
         wrong = wrong and (self._transport.lost() or wrong)
-        last, further = self._readings.scan, self._readings.further
-        looked = readings._replace(scan=last, further=further)
-        seen = self._seen = self._perception.take(now, looked)
+        seen = self._perception.take(now, readings)
         result = self._filter(
-            _NOWHERE if wrong or last is None else seen.odometry, seen.twist, nominal.twist,
-            obstacles(seen),
+            _NOWHERE if wrong or readings.scan is None else seen.odometry, seen.twist,
+            nominal.twist, obstacles(seen), after if math.isfinite(after) else None,
         )  # fmt: skip
         stamp = now
         if not wrong and readings.odometry is not None:
@@ -142,9 +151,10 @@ class FilterNode:
         return row
 
     def _look(self) -> None:
-        """Between two commands: take in what the sensors have seen since."""
+        """Take in what the sensors have seen since: between two commands, so that none waits."""
+        self._looked = time.monotonic()
         self._readings = self._keeper.read()
-        self._seen = self._perception.take(self._keeper.now(), self._readings)
+        self._perception.take(self._keeper.now(), self._readings)
 
     def _drive(self, nominal: Nominal, wrong: str) -> None:
         """The base may move as soon as a controller is there, and nothing is amiss."""

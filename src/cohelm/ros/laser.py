@@ -80,6 +80,7 @@ def lidar_model(
         sweep_s=min(duration, 0.999 / rate), latency_s=min(max(latency, 0.0), 1.0),
         mount_x_m=mount.pose.x, mount_y_m=mount.pose.y,
         mount_yaw_deg=math.degrees(wrap(mount.pose.psi + middle)),
+        mount_z_m=mount.height if math.isfinite(mount.height) else None,
     )  # fmt: skip
 
 

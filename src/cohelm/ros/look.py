@@ -14,7 +14,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, cloud, laser, mismatch
-from cohelm.ros.clock import Clock, estimated, seconds
+from cohelm.ros.clock import Clock, SimulatedClock, estimated, seconds
 from cohelm.ros.connection import Connection
 from cohelm.ros.mismatch import CLOUD, ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.names import namespace_of, resolved
@@ -133,6 +133,8 @@ class Found(NamedTuple):
     """Whether others may drive the base past the filter."""
     lock_silence: float = math.inf
     """Without a word on the lock's topic for so long the base is locked [s]."""
+    simulated: bool = False
+    """Whether stamps are of the simulator's time on /clock."""
 
 
 def look(
@@ -165,25 +167,37 @@ def look(
         heard.end()
 
 
+class _Came(NamedTuple):
+    """A message with a stamp."""
+
+    stamp: float
+    """When it came, of this machine's monotonic clock [s]."""
+    age: float
+    """By this machine's wall clock [s]..."""
+    simulated: float
+    """... and by the simulator's; NaN: there is none [s]."""
+    message: Any
+
+
 class _Heard:
     """What has come so far."""
 
     def __init__(self, transport: Transport, topics: Topics, model: RobotModel) -> None:
         self._transport, self._topics = transport, topics
-        self._odometry: list[tuple[float, float, Any]] = []
-        self._scans: dict[str, list[tuple[float, float, Any]]] = {
-            topic: [] for topic in topics.of_lidars(model)
-        }
+        self._odometry: list[_Came] = []
+        self._scans: dict[str, list[_Came]] = {topic: [] for topic in topics.of_lidars(model)}
         """By their topics, the first LiDAR's first."""
         described = zip(self._scans, (model.lidar, *model.further_lidars), strict=True)
         self._kinds = {topic: kind_of(given) for topic, given in described}
         self._commands: list[float] = []
+        self._clock, self._simulated = SimulatedClock(), False
         self._damage: dict[str, str] = {}
         self._transforms = StaticTransforms()
         frames = LATCHED._replace(depth=100)
         self._ends = [
             transport.subscribe(*what)
             for what in (
+                (clock.TOPIC, clock.TYPE, SENSOR, self._clock.hear),
                 (topics.odom, ODOMETRY, SENSOR, self._into(self._odometry, topics.odom)),
                 *(
                     (topic, self._kinds[topic], SENSOR, self._into(rows, topic))
@@ -251,8 +265,11 @@ class _Heard:
         self, model: RobotModel, allowed: Allowed, out_type: str, notes: list[str]
     ) -> Found:
         topics = self._topics
-        odom_clock = estimated([age for _, age, _ in self._odometry], topics.odom, allowed.clock)
-        odom_rate = _rate(self._odometry)
+        self._simulated = self._by_simulator()
+        if self._simulated:
+            notes.append(f"simulated time: {clock.TOPIC}, {self._clock.rate:.2f} of the wall's")
+        odom_clock = estimated(self._ages(self._odometry), topics.odom, allowed.clock)
+        odom_rate = self._rate(self._odometry)
         notes.append(
             f"odometry: {topics.odom}, {odom_rate:.0f} Hz, {self._odom()} -> {self._body()}"
         )
@@ -284,8 +301,33 @@ class _Heard:
         return Found(
             topics, made, out_type, self._body(), self._odom(), odom_clock,
             tuple(one for one, _ in lidars), period, tuple(notes), bypass=allowed.bypass,
-            lock_silence=allowed.lock_silence,
+            lock_silence=allowed.lock_silence, simulated=self._simulated,
         )  # fmt: skip
+
+    def _by_simulator(self) -> bool:
+        """Whether the stamps are of the time on /clock, and not of the wall's. CohelmError where
+        that goes too fast."""
+        newest = self._odometry[-1]
+        if abs(newest.age) <= clock.MOST or not abs(newest.simulated) <= 1.0:  # nor for NaN
+            return False
+        if self._clock.rate > clock.FASTEST:
+            raise CohelmError(
+                f"{clock.TOPIC} is {self._clock.rate:.1f} times as fast as the wall, and the "
+                "filter counts with its own seconds: slow the simulator down to real time"
+            )
+        return True
+
+    def _ages(self, rows: list[_Came]) -> list[float]:
+        """How old each was when it came [s]."""
+        if not self._simulated:
+            return [one.age for one in rows]
+        return [one.simulated for one in rows if not math.isnan(one.simulated)]
+
+    def _rate(self, rows: list[_Came]) -> float:
+        """How many come a second [Hz]; of a simulator's."""
+        if not self._simulated:
+            return _rate([one.stamp for one in rows])
+        return _rate([seconds(one.message.header.stamp) for one in rows])
 
     def _lidar(
         self, topic: str, given: LidarModel | None, allowed: Allowed, notes: list[str]
@@ -294,9 +336,9 @@ class _Heard:
         if given is not None and given.height_band_m is not None:
             return self._cloud(topic, given, allowed, notes)
         rows = self._scans[topic]
-        mount, scan, rate = self._placed(topic, given, allowed), rows[-1][2], _rate(rows)
+        mount, scan, rate = self._placed(topic, given, allowed), rows[-1].message, self._rate(rows)
         late, duration = laser.taken(scan, mount)
-        ages = [age - duration - late for _, age, _ in rows]
+        ages = [age - duration - late for age in self._ages(rows)]
         at_end = -(duration + clock.AHEAD) <= min(ages) < -_LATE
         if at_end:
             ages = [age + duration for age in ages]
@@ -322,7 +364,7 @@ class _Heard:
         if matrix is None:
             frames = self._transforms.frames()
             raise CohelmError(mismatch.no_frame(topic, self._frame(topic), body, frames))
-        ages, rate = [age for _, age, _ in rows], _rate(rows)
+        ages, rate = self._ages(rows), self._rate(rows)
         ticks = estimated(ages, topic, allowed.clock)
         x, y, z = matrix[:3, 3].tolist()
         lidar = given.model_copy(
@@ -331,7 +373,7 @@ class _Heard:
                 "latency_s": min(max(min(ages) + ticks.ahead, 0.0), 1.0),
             }
         )  # fmt: skip
-        cloud.CloudRanges(lidar, matrix, topic).of(rows[-1][2])
+        cloud.CloudRanges(lidar, matrix, topic).of(rows[-1].message)
         low, high = given.height_band_m or (0.0, 0.0)
         notes.append(
             f"point cloud: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
@@ -349,27 +391,29 @@ class _Heard:
         elif given is not None:
             return Mount(
                 Pose(given.mount_x_m, given.mount_y_m, math.radians(given.mount_yaw_deg)),
-                False, 0.0,
+                False, math.nan if given.mount_z_m is None else given.mount_z_m,
             )  # fmt: skip
         frames = self._transforms.frames()
         raise CohelmError(mismatch.no_frame(topic, self._frame(topic), self._body(), frames))
 
     def _frame(self, topic: str) -> str:
-        return self._scans[topic][-1][2].header.frame_id
+        return self._scans[topic][-1].message.header.frame_id
 
     def _body(self) -> str:
-        return self._odometry[-1][2].child_frame_id or "base_link"
+        return self._odometry[-1].message.child_frame_id or "base_link"
 
     def _odom(self) -> str:
-        return self._odometry[-1][2].header.frame_id or "odom"
+        return self._odometry[-1].message.header.frame_id or "odom"
 
-    def _into(self, rows: list[tuple[float, float, Any]], topic: str) -> Callable[[Received], None]:
+    def _into(self, rows: list[_Came], topic: str) -> Callable[[Received], None]:
         def heard(received: Received) -> None:
             message = received.message
             if message is None:
                 self._damage[topic] = received.damage
                 return
-            rows.append((received.stamp, time.time() - seconds(message.header.stamp), message))
+            stamp = seconds(message.header.stamp)
+            ages = time.time() - stamp, self._clock.age(stamp)
+            rows.append(_Came(received.stamp, *ages, message))
             del rows[:-200]
 
         return heard
@@ -388,9 +432,10 @@ def kind_of(lidar: LidarModel | None) -> str:
     return SCAN if lidar is None or lidar.height_band_m is None else CLOUD
 
 
-def _rate(came: list[tuple[float, float, Any]]) -> float:
-    """How many come a second; by the median, as discovery holds the first ones up [Hz]."""
-    steps = [b[0] - a[0] for a, b in pairwise(came)]
+def _rate(came: list[float]) -> float:
+    """How many come a second, by when they did; but for the first ones, which discovery holds up
+    [Hz]."""
+    steps = [b - a for a, b in pairwise(came)]
     usual = statistics.mean(steps[len(steps) // 3 :])
     return min(max(1.0 / max(usual, 1e-3), 0.1), 1000.0)
 

@@ -34,13 +34,18 @@ _COLOURS = {
 }  # fmt: skip
 
 
-def command(twist: Twist, kind: str, frame: str) -> Any:
-    """A `geometry_msgs/msg/Twist`, or a TwistStamped of now."""
+def command(twist: Twist, kind: str, frame: str, now: float | None = None) -> Any:
+    """A `geometry_msgs/msg/Twist`, or a TwistStamped of now, by default the wall's [s]."""
     zero = 0.0
     made = TwistMessage(
         Vector3(float(twist.v), zero, zero), Vector3(zero, zero, float(twist.omega))
     )
-    return TwistStamped(header(time.time_ns(), frame), made) if kind == STAMPED else made
+    return TwistStamped(header(nanoseconds(now), frame), made) if kind == STAMPED else made
+
+
+def nanoseconds(now: float | None) -> int:
+    """Of a time [s], by default the wall's."""
+    return time.time_ns() if now is None else round(1e9 * now)
 
 
 def reason(text: str) -> Any:
@@ -48,18 +53,23 @@ def reason(text: str) -> Any:
     return String(text)
 
 
-def diagnostics(name: str, robot: str, level: int, text: str, values: Mapping[str, object]) -> Any:
-    """A `diagnostic_msgs/msg/DiagnosticArray` with one status; numbers to four digits."""
+def diagnostics(
+    name: str, robot: str, level: int, text: str, values: Mapping[str, object],
+    now: float | None = None,
+) -> Any:  # fmt: skip
+    """A `diagnostic_msgs/msg/DiagnosticArray` with one status; numbers to four digits. now: by
+    default the wall's [s]."""
     pairs = [KeyValue(key, _plain(value)) for key, value in values.items()]
     status = DiagnosticStatus(level, name, text, robot, pairs)
-    return DiagnosticArray(header(time.time_ns(), ""), [status])
+    return DiagnosticArray(header(nanoseconds(now), ""), [status])
 
 
 def markers(
     outline: Floats, body: str, odom: str, level: int, limiting: tuple[float, float] | None
 ) -> Any:
-    """The outline in the colour of what the filter does, and what holds the robot back."""
-    stamp, here = time.time_ns(), pose(0.0, 0.0, 0.0)
+    """The outline in the colour of what the filter does, and what holds the robot back; both for
+    the newest transforms that there are."""
+    here = pose(0.0, 0.0, 0.0)
     corners = outline.tolist()
     drawn = [
         marker(
@@ -69,7 +79,7 @@ def markers(
     ]  # fmt: skip
     at = pose(*limiting, 0.0) if limiting is not None else here
     thing = marker(
-        header(stamp, odom), "cohelm limiting", 1, Marker.SPHERE, at, (0.12, 0.12, 0.12),
+        header(0, odom), "cohelm limiting", 1, Marker.SPHERE, at, (0.12, 0.12, 0.12),
         _COLOURS[ERROR],
     )  # fmt: skip
     if limiting is None:

@@ -7,14 +7,10 @@ import math
 USUAL = 0.02
 """A control period, where nobody says otherwise [s]."""
 LEAST, MOST = 0.008, 0.04
-SPARE = 0.08
-"""So much longer than the controller's own is the period that the filter counts with, as a share;
-so its command is waited for, and never a whole period late for having just been missed."""
-EARLY = 0.08
-"""So much earlier than after the controller's own period a command may begin one, as a share: by
-so much periods move towards the commands until they begin with them."""
-LONGEST = (1.0 + SPARE) / (1.0 - EARLY)
-"""The longest period in the shortest ones: a delay may span so many more than it seems."""
+SPARE = 0.25
+"""So much longer than the controller's own is the period that the filter counts with, as a share:
+its command is waited for while it is no later, and processes that are not real-time are late by
+some milliseconds now and then."""
 
 
 def period(command: float) -> float:
@@ -29,22 +25,37 @@ def period(command: float) -> float:
 
 
 class Pacing:
-    """Begins a period with the next command, but no earlier than a share before it is due, and at
-    the latest when it is due."""
+    """Begins a period with the next command, whenever that comes, and at the latest when it is due.
 
-    def __init__(self, length: float, now: float) -> None:
-        """length: the longest a period may be [s]."""
-        self.length = length
-        self._began = now
+    So that neither processor nor filter gets more of them than they are made for, they are twice as
+    many as the longest ones at most, in the long run; one may be as short as it likes: the generic
+    cell rate algorithm (ITU-T I.371), with a tolerance of one cell.
+    """
+
+    def __init__(self, length: float, now: float, every: float = math.nan) -> None:
+        """length: the longest a period may be [s]. every: so often commands come, NaN for nobody
+        knows [s]."""
+        self.length, self._every = length, every
+        self._began = self._even = now
+        self._came = math.nan
+        """When the last command did [s]."""
 
     def earliest(self) -> float:
         """From when on a command begins the next period [s]."""
-        return self._began + self.length / LONGEST
+        return self._even
+
+    def expected(self) -> float:
+        """When it will, as far as is known [s]: with the next command, or when it is due."""
+        next_ = self._came + self._every
+        return next_ if self._began < next_ < self.latest() else self.latest()
 
     def latest(self) -> float:
         """When it begins without one [s]."""
         return self._began + self.length
 
-    def begin(self, now: float) -> None:
-        """It begins."""
+    def begin(self, now: float, command: bool = False) -> None:
+        """It begins, maybe with a command."""
         self._began = now
+        if command:
+            self._came = now
+        self._even = max(now, self._even + 0.5 * self.length)

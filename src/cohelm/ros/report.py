@@ -11,6 +11,7 @@ from typing import NamedTuple
 from cohelm.core.types import Twist
 from cohelm.law.verdict import Verdict
 from cohelm.ros import messages
+from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.look import Found
 from cohelm.ros.names import resolved
 from cohelm.ros.port import COMMAND, LATCHED, Transport
@@ -62,9 +63,13 @@ class Row(NamedTuple):
 class Report:
     """Of one node."""
 
-    def __init__(self, transport: Transport, found: Found, say: Callable[[str], None]) -> None:
-        """say: hears each new reason, in a sentence."""
-        self._found, self._say = found, say
+    def __init__(
+        self, transport: Transport, found: Found, say: Callable[[str], None],
+        clock: SimulatedClock | None = None,
+    ) -> None:  # fmt: skip
+        """say: hears each new reason, in a sentence. clock: whose time is told, by default the
+        wall's."""
+        self._found, self._say, self._clock = found, say, clock
         space = found.topics.namespace
         self._diagnostics = transport.publish(
             resolved("diagnostics", space), messages.DIAGNOSTICS, COMMAND._replace(depth=10)
@@ -126,8 +131,9 @@ class Report:
             "scan_clock_ahead_s": found.lidars[0].clock.ahead, "base_type": found.out_type,
         }  # fmt: skip
         return messages.diagnostics(
-            NODE, found.model.name, _LEVELS[self._kind], self._text or "commands pass", values
-        )
+            NODE, found.model.name, _LEVELS[self._kind], self._text or "commands pass", values,
+            None if self._clock is None else self._clock.time(),
+        )  # fmt: skip
 
 
 def _words(text: str) -> str:

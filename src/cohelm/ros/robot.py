@@ -17,7 +17,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import laser
-from cohelm.ros.clock import seconds
+from cohelm.ros.clock import Clock, SimulatedClock, seconds
 from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.connection import connection
 from cohelm.ros.interlock import Interlock
@@ -55,6 +55,7 @@ class Ros2Robot(Robot):
             """What has come of each LiDAR, by its name, and was not read yet."""
             self._told = _STILL
             self._still_since = -math.inf
+            self._simulated = SimulatedClock.on(self._transport) if found.simulated else None
             self.damaged = 0
             """Messages that could not be read, so far."""
             if model.lidar is None:
@@ -75,11 +76,18 @@ class Ros2Robot(Robot):
             self._transport.close()
             raise
 
+    def now(self) -> float:
+        """The robot's clock [s]: of a simulated one as its simulator's goes."""
+        simulated = self._simulated
+        return super().now() if simulated is None else simulated.now()
+
     def read(self) -> Readings:
-        """What has come since; a scan once."""
+        """What has come since; a scan once. Nothing before a simulator's time is known."""
         with self._lock:
             odometry, self._odometry = self._odometry, None
             scans, self._came = self._came, {}
+        if self._simulated is not None and not self._simulated.known:
+            odometry, scans = None, {}
         seen = {name: self._seen(name, scan.message) for name, scan in scans.items()}
         first = seen.pop(next(iter(self._lidars)), None)
         measured = None if odometry is None else self._measured(odometry.message)
@@ -93,7 +101,9 @@ class Ros2Robot(Robot):
             self._still_since = now
         self._told = twist
         if now - self._still_since <= _QUIET:
-            self._out.send(command(twist, self._found.out_type, self._found.body))
+            simulated = self._simulated
+            stamp = None if simulated is None or not simulated.known else simulated.time()
+            self._out.send(command(twist, self._found.out_type, self._found.body, stamp))
 
     def stop(self) -> None:
         """Zero; the base brakes as hard as it does."""
@@ -107,7 +117,7 @@ class Ros2Robot(Robot):
         self._transport.close()
 
     def _measured(self, message: Any) -> Odometry:
-        age = self._found.odom_clock.age(seconds(message.header.stamp))
+        age = self._aged(self._found.odom_clock, seconds(message.header.stamp))
         at, turned = message.pose.pose.position, message.pose.pose.orientation
         way = message.twist.twist
         return self.odometry(
@@ -120,8 +130,12 @@ class Ros2Robot(Robot):
         stamp = seconds(message.header.stamp) + late
         if not lidar.stamped_at_end:
             stamp += duration
-        age = _near(lidar.clock.age(stamp))
+        age = _near(self._aged(lidar.clock, stamp))
         return self.scan(ranges.of(message), age, duration, name)
+
+    def _aged(self, clock: Clock, stamp: float) -> float:
+        """By the simulator's time, if there is one, else by a clock."""
+        return (self._simulated or clock).age(stamp)
 
     def _hear_odometry(self, received: Received) -> None:
         with self._lock:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import (
+    builtin_interfaces__msg__Time as TimeMessage,
     geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
     geometry_msgs__msg__Quaternion as Quaternion,
     geometry_msgs__msg__Transform as Transform,
@@ -23,6 +24,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
     geometry_msgs__msg__Vector3 as Vector3,
     nav_msgs__msg__Odometry as OdometryMessage,
+    rosgraph_msgs__msg__Clock as ClockMessage,
     sensor_msgs__msg__LaserScan as LaserScan,
     sensor_msgs__msg__PointCloud2 as PointCloud2,
     sensor_msgs__msg__PointField as PointField,
@@ -35,6 +37,7 @@ from cohelm.record.markers import header, pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Robot, Scan
 from cohelm.robot.sensors import LidarModel
+from cohelm.ros import clock
 from cohelm.ros.look import Topics, kind_of
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import ODOMETRY, STAMPED, TF, TWIST
@@ -43,9 +46,11 @@ from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received, Transport
 
 _LOOKS = 0.004
 """The robot is looked at so often [s]."""
+_TICK = 0.01
+"""It tells its time so often, where that is not the wall's [s]."""
 _BODY, _LASER, _ODOM = "base_link", "laser", "odom"
 _HEIGHT = 0.2
-"""Of every LiDAR above the body's origin [m]."""
+"""Of a LiDAR above the body's origin, whose description does not say it [m]."""
 Tamper = Callable[[str, Any], Any]
 """Of a topic and a message makes what is published instead; None: nothing."""
 
@@ -56,8 +61,11 @@ class ServedRobot:
     def __init__(
         self, transport: Transport, robot: Robot, topics: Topics, *, stamped: bool = False,
         commands: Qos | None = None, tamper: Tamper = lambda _, message: message,
+        simulated: bool = False,
     ) -> None:  # fmt: skip
-        """stamped: whether it wants TwistStamped. commands: as it subscribes to them."""
+        """stamped: whether it wants TwistStamped. commands: as it subscribes to them. simulated:
+        its stamps are of its own time, which it tells on /clock, and not of the wall's."""
+        self._simulated, self._ticked = simulated, -math.inf
         self._robot, self._topics, self.tamper = robot, topics, tamper
         self._arrived = threading.Condition()
         self._command: Twist | None = None
@@ -67,6 +75,8 @@ class ServedRobot:
         self._publishers = {
             topics.odom: transport.publish(topics.odom, ODOMETRY, Qos(True, False, 10)),
         }
+        if simulated:
+            self._publishers[clock.TOPIC] = transport.publish(clock.TOPIC, clock.TYPE, SENSOR)
         self._lidars: dict[str, str] = {}
         """The topic of each, by its name."""
         for lidar, topic in zip(robot.model.lidars, topics.of_lidars(robot.model), strict=False):
@@ -91,7 +101,11 @@ class ServedRobot:
         robot, topics = self._robot, self._topics
         if command is not None:
             robot.send(command)
-        readings, ahead = robot.read(), time.time() - robot.now()
+        readings, now = robot.read(), robot.now()
+        ahead = 0.0 if self._simulated else time.time() - now
+        if self._simulated and now - self._ticked >= _TICK:
+            self._ticked = now
+            self._send(clock.TOPIC, ClockMessage(TimeMessage(int(now), int(1e9 * (now % 1.0)))))
         if readings.odometry is not None and readings.odometry is not self._odometry:
             self._odometry = readings.odometry
             self._send(topics.odom, odometry(readings.odometry, ahead))
@@ -135,7 +149,7 @@ def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
     stamped = header(_nanoseconds(reading.stamp + ahead), frame)
     if lidar.height_band_m is not None:
         hit = np.isfinite(reading.ranges)
-        middle = 0.5 * sum(lidar.height_band_m) - _HEIGHT
+        middle = 0.5 * sum(lidar.height_band_m) - _height(lidar)
         xy = reading.ranges[hit, None] * numbers.beams[hit]
         rows = np.column_stack([xy, np.full(len(xy), middle)]).astype("<f4")
         fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate("xyz")]
@@ -155,11 +169,15 @@ def mounts(model: RobotModel) -> Any:
     for lidar, frame in _frames(model).values():
         half = 0.5 * math.radians(lidar.mount_yaw_deg)
         at = Transform(
-            Vector3(lidar.mount_x_m, lidar.mount_y_m, _HEIGHT),
+            Vector3(lidar.mount_x_m, lidar.mount_y_m, _height(lidar)),
             Quaternion(0.0, 0.0, math.sin(half), math.cos(half)),
         )
         found.append(TransformStamped(header(now, _BODY), frame, at))
     return TFMessage(found)
+
+
+def _height(lidar: LidarModel) -> float:
+    return _HEIGHT if lidar.mount_z_m is None else lidar.mount_z_m
 
 
 def _frames(model: RobotModel) -> dict[str, tuple[LidarModel, str]]:

@@ -12,6 +12,8 @@ from cohelm.core.types import Floats, Pose
 
 TILTED = math.radians(3.0)
 """A planar LiDAR whose plane is inclined by more does not see what the robot meets [rad]."""
+LEVEL = math.radians(0.2)
+"""One that is inclined by less is as high everywhere: to 1 cm, over the 3 m that count [rad]."""
 
 
 class Mount(NamedTuple):
@@ -22,7 +24,7 @@ class Mount(NamedTuple):
     upside_down: bool
     """Its beams that run counter-clockwise run clockwise on the floor then."""
     height: float
-    """Above the frame it is given in [m]."""
+    """Of its plane above the body's origin [m]; NaN: it is not level, or nobody says."""
 
 
 class StaticTransforms:
@@ -74,7 +76,7 @@ class StaticTransforms:
             )
         x, y, z = (float(v) for v in matrix[:3, 3])
         yaw = math.atan2(float(matrix[1, 0]), float(matrix[0, 0]))
-        return Mount(Pose(x, y, yaw), up < 0.0, z)
+        return Mount(Pose(x, y, yaw), up < 0.0, z if tilt < LEVEL else math.nan)
 
     def _to_root(self, frame: str) -> dict[str, Floats]:
         """Every frame above, the frame itself first, with the transform into it."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from tests.mutation import Target, main
 
 NAMES = (
-    "fields", "odometry", "returns", "surroundings", "free_space", "runaway", "sweep", "monitor"
+    "fields", "odometry", "returns", "surroundings", "free_space", "runaway", "sweep", "monitor",
+    "several_lidars",
 )  # fmt: skip
 
 _EDGE = "exactly at the edge, to the last bit, either is right"
@@ -134,7 +135,8 @@ _EQUAL = (
 COLLISION_MONITOR = Target(
     folder="robot/collision_monitor",
     tests=tuple(f"robot/collision_monitor/test_{name}.py" for name in NAMES),
-    nearest={f"{name}.py": f"robot/collision_monitor/test_{name}.py" for name in NAMES},
+    nearest={f"{name}.py": f"robot/collision_monitor/test_{name}.py" for name in NAMES[:-1]}
+    | {"source.py": "robot/collision_monitor/test_several_lidars.py"},
     equal={(file, function, f"{was}  ->  {now}"): why for file, function, was, now, why in _EQUAL},
 )
 

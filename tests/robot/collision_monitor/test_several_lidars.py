@@ -101,3 +101,62 @@ def test_each_has_a_time_out_of_its_own():
 def test_all_scans_gone_is_as_one_gone():
     it = standing()
     assert it.restrict(2.0, Twist(0.3, 0.0)).reason.endswith("front LiDAR: no scan for 1000 ms")
+
+
+def described_at(front, rear, **changes):
+    """Sally with both, their planes so high."""
+    given = (front, rear)
+    lidars = [
+        one.model_copy(update={"mount_z_m": z, **changes})
+        for one, z in zip(REAR.lidars, given, strict=True)
+    ]
+    return REAR.model_copy(update={"lidar": lidars[0], "further_lidars": (lidars[1],)})
+
+
+def who_went_ahead(model, front=None):
+    """The rear LiDAR sees somebody at its left end; then the robot turns left, and he would stand
+    0.2 m before its bow, where that one does not look. front: the scan of the front one then, by
+    default of nothing."""
+    it = CollisionMonitor(described(model, rules(model, PERIOD)))
+    turn = math.radians(60.0)
+    for k in range(46, 61):
+        t, pose = 0.02 * k, Pose(0.0, 0.0, turn if k > 50 else 0.0)
+        rear = empty()
+        if k <= 50:
+            rear[:14] = 0.75  # from 45 deg to the left of straight ahead
+        given = readings(t, front=front if k > 50 else None, rear=rear)
+        it.observe(t, given._replace(odometry=Odometry(t, pose, STILL)), STILL)
+    return it.restrict(1.2, Twist(1.0, 0.0))
+
+
+def test_what_one_lidar_remembers_goes_when_another_as_high_sees_past_it():
+    assert who_went_ahead(described_at(0.2, 0.2)) == UNRESTRICTED
+    assert who_went_ahead(described_at(0.2, 0.205)) == UNRESTRICTED
+
+
+@pytest.mark.parametrize("heights", [(None, None), (0.2, None), (None, 0.2), (0.2, 0.25)])
+def test_it_stays_where_nobody_says_that_both_are_as_high(heights):
+    found = who_went_ahead(described_at(*heights))
+    assert found.share < 0.9
+    assert "ahead" in found.reason
+
+
+def test_a_point_cloud_sees_past_nothing():
+    assert who_went_ahead(described_at(0.2, 0.2, height_band_m=(0.1, 0.5))).share < 0.9
+
+
+@pytest.mark.parametrize("front", [np.full(720, math.nan), np.full(720, -math.inf)])
+def test_it_stays_where_the_other_one_sees_nothing(front):
+    assert who_went_ahead(described_at(0.2, 0.2), front).share < 0.9
+
+
+def test_it_stays_where_the_other_ones_range_ends_before_it():
+    assert who_went_ahead(described_at(0.2, 0.2, range_max_m=0.3)).share < 0.9
+
+
+def test_what_stands_there_is_returned_by_the_other_one_itself():
+    front = empty()
+    front[340:380] = 0.3
+    found = who_went_ahead(described_at(0.2, 0.2), front)
+    assert found.share < 0.9
+    assert "ahead" in found.reason

@@ -7,15 +7,17 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.odometry import PoseHistory, placed
-from cohelm.robot.collision_monitor.returns import Returns, Sensor
+from cohelm.robot.collision_monitor.returns import SURE, Returns, Sensor
 from cohelm.robot.collision_monitor.surroundings import (
     BESIDE,
     GRAIN,
     NOTHING,
     REMEMBERED,
+    Look,
     Surroundings,
     all_round,
     joined,
+    looked_past,
     of_scan,
     out_of_sight,
 )
@@ -158,3 +160,118 @@ def test_both_are_joined_in_order():
     both = joined(things((1.0, 0.0), seen=2.0), things((2.0, 0.0), (3.0, 0.0), seen=1.0))
     assert both.points[:, 0].tolist() == [1.0, 2.0, 3.0]
     assert both.seen.tolist() == [2.0, 1.0, 1.0]
+
+
+WIDE = 0.03 + math.sqrt(2.0) * GRAIN
+"""So far from a thing it may be, with all for which it stands."""
+CENTRE = sensor(180.0, mount=Pose(0.0, 0.0, 0.0))._replace(range_max=12.0)
+
+
+def past(thing, ranges, s=CENTRE, stamp=1.0, first=HERE, last=HERE):
+    """Whether a scan shows that one thing is not there any more."""
+    found = looked_past(thing, Look(s, Scan(stamp, 0, ranges, 0.1), first, last))
+    assert found.shape == (1,)
+    return bool(found[0])
+
+
+def ranges_but(value=math.inf, beams=slice(0, 0), there=0.0):
+    out = np.full(720, value)
+    out[beams] = there
+    return out
+
+
+def test_what_all_beams_go_past_is_not_there_any_more():
+    assert past(at(0.3), ranges_but())
+    assert past(at(0.3), ranges_but(5.0))
+    assert looked_past(NOTHING, Look(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)).size == 0
+    both = looked_past(
+        joined(at(0.3), at(2.0)), Look(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)
+    )
+    assert both.tolist() == [True, False]
+
+
+def test_they_have_to_go_past_it_by_its_error_and_their_own():
+    beyond = 1.0 + WIDE + SURE * CENTRE.noise
+    assert past(at(0.3), ranges_but(beyond + 1e-6))
+    assert not past(at(0.3), ranges_but(beyond - 1e-6))
+
+
+@pytest.mark.parametrize("there", [0.5, math.nan, -math.inf])
+def test_no_beam_that_may_meet_it_may_end_before_it_or_say_nothing(there):
+    """Any one of them, and none of the others matters."""
+    bearing, half = 0.3, math.asin(WIDE)
+    for k, along in enumerate(CENTRE.bearings.tolist()):
+        ends = ranges_but(math.inf, k, there)
+        if abs(along - bearing) < half:
+            assert not past(at(bearing), ends), k
+        elif abs(along - bearing) > half + CENTRE.step:
+            assert past(at(bearing), ends), k
+
+
+def test_it_was_seen_before_the_scan():
+    seen_at = things((1.0, 0.0), seen=1.0)
+    assert past(seen_at, ranges_but(), stamp=1.01)
+    assert not past(seen_at, ranges_but(), stamp=1.0)
+    assert not past(seen_at, ranges_but(), stamp=0.9)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_may_be_at_the_end_of_the_view_stays(side):
+    end = CENTRE.bearings[-1] - math.asin(WIDE)
+    assert past(at(side * (end - 1e-6)), ranges_but())
+    assert not past(at(side * (end + 1e-6)), ranges_but())
+    assert not past(at(side * 3.0), ranges_but())
+    assert not past(at(math.pi), ranges_but())
+
+
+def test_what_may_be_beyond_the_range_stays():
+    near = 1.0 + WIDE + SURE * CENTRE.noise
+    assert past(at(0.3), ranges_but(), CENTRE._replace(range_max=near + 1e-6))
+    assert not past(at(0.3), ranges_but(), CENTRE._replace(range_max=near - 1e-6))
+
+
+def test_what_may_stand_between_two_beams_stays():
+    coarse = sensor(180.0, beams=20, mount=Pose(0.0, 0.0, 0.0))._replace(range_max=12.0)
+    open_ = np.full(20, math.inf)
+    far = WIDE / coarse.step
+    assert past(at(0.0, far - 1e-6), open_, coarse)
+    assert not past(at(0.0, far + 1e-6), open_, coarse)
+
+
+def test_what_may_be_where_the_sensor_is_stays():
+    s = sensor(350.0, mount=HERE)._replace(range_max=12.0)
+    assert past(at(0.3, WIDE + 1e-6), ranges_but(), s)
+    assert not past(at(0.3, WIDE - 1e-6), ranges_but(), s)
+    assert not past(at(0.3, 0.0), ranges_but(), s)
+
+
+@pytest.mark.parametrize("turn", [0.2, -0.2])
+def test_wherever_the_robot_was_during_the_scan_its_beams_have_to_go_past(turn):
+    """It turned: the beam that met the thing was one of those from either end of the turn."""
+    last, half = Pose(0.0, 0.0, turn), math.asin(WIDE)
+    for bearing in (0.3, 0.3 - 0.5 * turn, 0.3 - turn):
+        k = round((bearing - CENTRE.bearings[0]) / CENTRE.step)
+        assert not past(at(0.3), ranges_but(math.inf, k, 0.5), last=last)
+    ends = sorted((0.3, 0.3 - turn))
+    for clear in (ends[0] - half - 0.01, ends[1] + half + 0.01):
+        k = round((clear - CENTRE.bearings[0]) / CENTRE.step)
+        assert past(at(0.3), ranges_but(math.inf, k, 0.5), last=last)
+
+
+def test_the_nearest_and_the_farthest_that_it_was_count():
+    """The robot drove on during the scan: from 1 m to 0.5 m before the thing."""
+    on = Pose(0.5, 0.0, 0.0)
+    beyond = 1.0 + WIDE + SURE * CENTRE.noise
+    assert past(at(0.0), ranges_but(beyond + 1e-6), last=on)
+    assert not past(at(0.0), ranges_but(beyond - 1e-6), last=on)
+    assert not past(at(0.0), ranges_but(beyond - 1e-6), first=on)
+    edge = round((math.asin(WIDE / 0.5) - 0.002 - CENTRE.bearings[0]) / CENTRE.step)
+    assert not past(at(0.0), ranges_but(math.inf, edge, 0.3), last=on)
+
+
+def test_a_mount_that_looks_elsewhere_is_heeded():
+    back = sensor(180.0, mount=Pose(-0.3, 0.1, math.pi))._replace(range_max=12.0)
+    thing = things((-1.3, 0.1))
+    assert past(thing, ranges_but(), back)
+    assert not past(thing, ranges_but(math.inf, 360, 0.5), back)
+    assert not past(things((0.7, 0.1)), ranges_but(), back)

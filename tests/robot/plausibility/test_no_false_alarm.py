@@ -53,6 +53,17 @@ def test_no_alarm_among_people_who_walk():
     assert watched(ahead, 10.0, people=people) == []
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_no_alarm_when_all_that_is_in_sight_are_people_who_walk_away(seed):
+    rng = np.random.default_rng(seed)
+    people = []
+    for bearing in rng.uniform(-2.2, 2.2, 12):
+        c, s, r = math.cos(bearing), math.sin(bearing), rng.uniform(1.0, 4.0)
+        people.append(person(r * c, r * s, 0.3 + 1.5 * c, 1.5 * s))
+    found = watched(ahead, 3.0, walls=NOTHING, people=people, seed=seed)
+    assert not any("at once" in one.reason for _, one in found)
+
+
 def test_no_alarm_when_someone_walks_beside_the_robot_in_a_corridor():
     corridor = np.array([[-50.0, -1.5, 80.0, -1.5], [-50.0, 1.5, 80.0, 1.5]])
     group = [person(1.5, 0.7, 0.5, 0.0), person(1.6, -0.7, 0.5, 0.0), person(2.4, 0.0, 0.5, 0.0)]

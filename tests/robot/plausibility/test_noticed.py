@@ -17,7 +17,7 @@ from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.scenario.load import robot
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
-from tests.robot.plausibility.watched import SALLY, watched
+from tests.robot.plausibility.watched import PERIOD, SALLY, watched
 
 AT = 3.0
 SCAN = 0.1
@@ -299,6 +299,27 @@ def test_ranges_that_are_all_half_a_metre_too_long_slow_the_robot_to_a_crawl(see
     assert all(one.share <= CRAWL / 0.4 * 1.1 for t, one in found if t > first + 0.5)
     said = [re.search(r"seem (\d\.\d\d) m too long", one.reason) for _, one in found]
     assert all(one and abs(float(one[1]) - 0.5) < 0.15 for one in said)
+
+
+def test_ranges_that_all_grow_by_0_2_m_at_once_are_noticed_and_crawled_after():
+    longer = ranges(lambda r, _: np.minimum(r + 0.2, SALLY.lidar.range_max_m))
+    found = watched(ahead, AT + 3.0, told=longer)
+    assert found[0][0] <= AT + 1.5 * SCAN
+    assert "all walls are 0.20 m farther, at once" in found[0][1].reason
+    assert not any(one.fault for _, one in found)
+    after = [one for t, one in found if t > AT + 1.0]
+    assert len(after) >= 1.9 / PERIOD  # for as long as it did not go two metres
+    assert all(one.share <= CRAWL / 0.4 + 0.01 for one in after)
+
+
+@pytest.mark.parametrize("way", [-0.2, -0.1, 0.1, 0.2])
+def test_a_push_is_not_taken_for_ranges_that_grow(way):
+    def pushed(t, readings, _):
+        odometry = readings.odometry
+        x = odometry.pose.x + (way if t >= AT else 0.0)  # the wheels went, the robot did not
+        return readings._replace(odometry=odometry._replace(pose=odometry.pose._replace(x=x)))
+
+    assert not any("farther, at once" in one.reason for _, one in watched(ahead, 5.0, told=pushed))
 
 
 def test_a_wall_says_how_much_too_long_all_ranges_are():

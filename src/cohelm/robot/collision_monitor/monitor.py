@@ -196,6 +196,10 @@ class CollisionMonitor:
     def _look(self, readings: Readings) -> str:
         """Take in new scans; what is wrong with any, or nothing."""
         looks = [source.look(readings, self._measured, self._commanded) for source in self._sources]
+        for source, (new, _) in zip(self._sources, looks, strict=True):
+            for other in self._sources if new else ():
+                if other is not source:
+                    other.heed(source)
         if any(new for new, _ in looks):
             spaces = [source.ground for source in self._sources if source.ground is not None]
             self._unknown = unknown_to_all(spaces)

@@ -45,6 +45,11 @@ class Sensor(NamedTuple):
     """What to call it where there are several."""
     timeout: float = math.nan
     """Largest age of its newest scan [s]; NaN: by its rate."""
+    range_max: float = math.inf
+    """Farther surfaces return inf [m]."""
+    height: float = math.nan
+    """Of the plane in which it measures, above the body's origin [m]; NaN: nobody says so, or it
+    measures in no plane."""
 
 
 class Returns(NamedTuple):

@@ -1,7 +1,7 @@
 """One LiDAR of the collision monitor: its newest scan, what it returned, and what it can not see.
 
 Each is judged by its own: its beams, its stamps, its time-out. What one does not see any more is
-remembered even where another looks, which may look over it.
+remembered even where another looks, which may look over it; unless both look in one plane.
 """
 
 from __future__ import annotations
@@ -14,9 +14,13 @@ from cohelm.robot.collision_monitor.odometry import PoseHistory
 from cohelm.robot.collision_monitor.returns import Sensor, returns
 from cohelm.robot.collision_monitor.surroundings import (
     BESIDE,
+    LEVEL,
     NOTHING,
+    Look,
+    Surroundings,
     all_round,
     joined,
+    looked_past,
     of_scan,
     out_of_sight,
 )
@@ -47,6 +51,7 @@ class Source:
         self.ground = FreeSpace(sensor, shape, farthest) if remembers else None
         """What it has looked at."""
         self._scan: Scan | None = None
+        self._newest: Look | None = None
         self.by_odometry = NOTHING
         """Returns of the newest scan, in the frame of the odometry's poses, and remembered ones."""
         self.by_command = NOTHING
@@ -54,7 +59,7 @@ class Source:
 
     def forget(self) -> None:
         """What odometry had placed: it began anew."""
-        self._scan = None
+        self._scan = self._newest = None
         self.by_odometry = NOTHING
         if self.ground is not None:
             self.ground.forget()
@@ -78,12 +83,22 @@ class Source:
         before = out_of_sight(
             self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach
         )  # fmt: skip
-        self._scan = scan
+        self._scan, self._newest = scan, Look(sensor, scan, first, last)
         found = returns(scan.ranges, sensor, self._near)
         self.by_odometry = joined(of_scan(found, scan, measured), before)
         self.by_command = of_scan(found, scan, commanded)
         self._look_at_ground(scan, first, last, measured)
         return True, ""
+
+    def heed(self, other: Source) -> None:
+        """Of what it does not see any more, forget what another's newest scan goes past."""
+        look, own = other._newest, self._scan
+        if look is None or own is None:
+            return
+        if abs(look.sensor.height - self._sensor.height) <= LEVEL:  # not for NaN
+            old = self.by_odometry
+            stays = (old.seen >= own.stamp) | ~looked_past(old, look)
+            self.by_odometry = Surroundings(*(column[stays] for column in old))
 
     def stale(self, now: float) -> str:
         """What is wrong with the newest scan's age, or nothing."""

@@ -6,10 +6,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.collision_monitor.odometry import PoseHistory, placed, seen_from
-from cohelm.robot.collision_monitor.returns import Returns, Sensor
+from cohelm.robot.collision_monitor.returns import SURE, Returns, Sensor
 from cohelm.robot.port import Scan
 
 REMEMBERED = 60.0
@@ -19,6 +20,9 @@ BESIDE = 3.0
 """And while it is nearer to the outline than this [m]: 3 s of backing at full speed."""
 GRAIN = 0.02
 """Of what is remembered one return stands for all so near to each other [m]."""
+
+LEVEL = 0.01
+"""Planes whose heights differ by no more are one [m]: the spot of a beam is as high."""
 
 
 class Surroundings(NamedTuple):
@@ -36,6 +40,17 @@ class Surroundings(NamedTuple):
 
 
 NOTHING = Surroundings(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+
+
+class Look(NamedTuple):
+    """A scan, and where it was taken."""
+
+    sensor: Sensor
+    scan: Scan
+    first: Pose
+    """Of the robot at its first beam, in the odometry's frame..."""
+    last: Pose
+    """... and at its last."""
 
 
 def of_scan(found: Returns, scan: Scan, poses: PoseHistory) -> Surroundings:
@@ -72,7 +87,7 @@ def out_of_sight(
         return NOTHING
     middle = 0.5 * (sensor.bearings[0] + sensor.bearings[-1])
     half = 0.5 * (sensor.bearings[-1] - sensor.bearings[0] + sensor.step)
-    begin, end = (_bearings(old.points, pose, sensor, middle) for pose in (first, last))
+    begin, end = (_polar(old.points, pose, sensor, middle)[0] for pose in (first, last))
     right = begin < 0.0
     hidden = np.flatnonzero((right & (begin < -half)) | (~right & (np.abs(end) > half)))
     here = seen_from(old.points[hidden], last)
@@ -84,7 +99,45 @@ def out_of_sight(
     return left
 
 
-def _bearings(points: Floats, pose: Pose, sensor: Sensor, middle: float) -> Floats:
-    """Of points from the sensor of a robot at a pose, from the middle of its view, (n,) [rad]."""
+def looked_past(old: Surroundings, look: Look) -> NDArray[np.bool_]:
+    """Which of these a scan shows not to be there any more, (n,): all beams that would meet the
+    thing, wherever it is within its margin, go past it, and have done so since it was seen.
+
+    That margin holds those, too, for which one stands. They would meet it from where the robot was
+    at the first beam and at the last, and everywhere between. What the beams are too far apart to
+    meet for sure, or what is at the end of the view or of the range, may be there.
+    """
+    sensor, ranges = look.sensor, look.scan.ranges
+    points, _, margins, seen = old
+    half = 0.5 * (sensor.bearings[-1] - sensor.bearings[0])
+    middle = sensor.bearings[0] + half
+    wide = margins + math.sqrt(2.0) * GRAIN
+    ends = [_polar(points, pose, sensor, middle) for pose in (look.first, look.last)]
+    bearings, distances = (np.stack(both) for both in zip(*ends, strict=True))
+    nearest, farthest = distances.min(axis=0), distances.max(axis=0)
+    around = np.arcsin(np.minimum(wide / np.maximum(nearest, 1e-9), 1.0))
+    right, left = bearings.min(axis=0) - around, bearings.max(axis=0) + around
+    beyond = farthest + wide + SURE * sensor.noise
+    can = (
+        (right >= -half) & (left <= half) & (nearest > wide) & (beyond < sensor.range_max)
+        & (farthest * sensor.step <= wide) & (seen < look.scan.stamp)
+    )  # fmt: skip
+    past = np.zeros(len(points), dtype=np.bool_)
+    which = np.flatnonzero(can)
+    if len(which):
+        last = len(ranges) - 1
+        begin = np.floor((right[which] + half) / sensor.step).astype(np.intp)
+        end = np.minimum(np.ceil((left[which] + half) / sensor.step).astype(np.intp), last)
+        between = np.column_stack((begin, end + 1)).ravel()
+        shortest = np.minimum.reduceat(np.append(ranges, math.inf), between)[::2]
+        past[which] = shortest > beyond[which]  # not for NaN
+    return past
+
+
+def _polar(
+    points: Floats, pose: Pose, sensor: Sensor, middle: float
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Of points from the sensor of a robot at a pose: bearings from the middle of its view, (n,)
+    [rad], and distances, (n,) [m]."""
     there = seen_from(seen_from(points, pose), sensor.mount._replace(psi=sensor.mount.psi + middle))
-    return np.arctan2(there[:, 1], there[:, 0])
+    return np.arctan2(there[:, 1], there[:, 0]), np.hypot(there[:, 0], there[:, 1])

@@ -14,6 +14,7 @@ from cohelm.robot.sensors import Lidar
 _WIDTHS = (0.5, 0.3, 0.15, 0.1, 0.08)
 """Residuals beyond this count no more, round after round [m]."""
 _PIECE, _FEW = 0.5, 4  # a piece of surface is so long [m], and has so many points
+_WHOLE = 2.0 / 3.0  # of its points lie on a line: people abreast are no wall
 _LEAST = 30  # points that look square at a direction, before anything is said of it
 _PRIOR = np.diag([0.5, 0.5, 0.2])
 """What is not seen stays as odometry has it: as if half a point said so."""
@@ -55,11 +56,7 @@ def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match 
     lines, where = normals(now, lidar, sigma)
     if len(where) < _LEAST or len(before.points) < _LEAST:
         return None
-    table = np.full(len(lidar.beams), -1, dtype=np.int64)
-    beams, _ = polar(lidar, now.points[where])
-    index = np.rint(beams).astype(np.int64)
-    inside = (index >= 0) & (index < len(table))
-    table[index[inside]] = np.flatnonzero(inside)
+    table = _lines_by_beam(lidar, now, where)
     given = foretold(before, now)
     if least > 0.0:
         away = _residuals(lidar, given, now, lines, where, table)
@@ -86,6 +83,22 @@ def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match 
             break
     against, for_it = _votes(lidar, given, off, now, lines, where, table, before.arc, sigma)
     return Match(off, known, against, for_it)
+
+
+def _lines_by_beam(lidar: Lidar, now: Sight, where: Ints) -> Ints:
+    """Which line each beam falls on, -1: none. A point that was kept stands for its neighbours,
+    too, that were not."""
+    beams, _ = polar(lidar, now.points[where])
+    index = np.rint(beams).astype(np.int64)
+    table = np.full(len(lidar.beams), -1, dtype=np.int64)
+    for beside in range(-(now.every // 2), now.every // 2 + 1):
+        at = index + beside
+        inside = np.flatnonzero((at >= 0) & (at < len(table)))
+        free = inside[table[at[inside]] < 0]
+        table[at[free]] = free
+    inside = np.flatnonzero((index >= 0) & (index < len(table)))
+    table[index[inside]] = inside
+    return table
 
 
 def _solved(matrix: Floats, wanted: Floats) -> Floats:
@@ -157,6 +170,7 @@ def _votes(
 ) -> tuple[float, float]:  # fmt: skip
     """Surface that tells the two motions apart, and fits only one of them: piece by piece."""
     piece = _pieces(arc)
+    points = np.bincount(piece)
     a = _residuals(lidar, given, now, lines, where, table)
     b = _residuals(lidar, _moved(given, off), now, lines, where, table)
     told = ~np.isnan(a) & ~np.isnan(b)
@@ -168,7 +182,7 @@ def _votes(
     b = np.abs(np.bincount(piece, b)) / count
     length = np.bincount(piece, arc)
     near = _near(count, sigma)
-    enough = count >= _FEW
+    enough = count >= np.maximum(_FEW, _WHOLE * points[: len(count)])
     against = float(length[enough & (b < 2.0 * near) & (a > b + near)].sum())
     for_it = float(length[enough & (a < 2.0 * near) & (b > a + near)].sum())
     return against, for_it

@@ -16,7 +16,7 @@ from cohelm.robot.plausibility.content import CAREFUL, CRAWL
 from cohelm.robot.plausibility.finding import Finding, fault, hold, slow
 from cohelm.robot.plausibility.match import Match, match
 from cohelm.robot.plausibility.sight import Sight, motion, turned
-from cohelm.robot.plausibility.view import vanished
+from cohelm.robot.plausibility.view import farther, vanished
 from cohelm.robot.sensors import Lidar
 
 
@@ -42,6 +42,8 @@ class Tolerance(NamedTuple):
     scene: float = 2.0
     """What neither a person nor a door uncovers from one scan to the next, of one surface [m]: all
     that is seen is another, so the robot was moved, or its LiDAR says other ranges than before."""
+    longer: float = 0.12
+    """So much farther all around can not be at once [m]: walls tell no less, `bow.py`."""
     lag: float = 0.1
     """Scans may be stamped so wrongly [s]: 2 cm when Sally brakes from 0.2 m/s."""
     scale: float = 0.1
@@ -136,6 +138,10 @@ class Motion:
             return [hold(f"{gone.empty:.1f} m of what stood there has vanished from the scan")]
         if gone.width > t.scene * longer:
             self._other, self._deeper = now, gone.deeper
+        deeper, surface = farther(last, now, self._lidar)
+        if deeper > t.longer and surface > t.scene:
+            self._other, self._deeper = now, deeper
+            return [hold(f"all walls are {deeper:.2f} m farther, at once")]
         if gone.width > t.replaced * longer:
             return [hold(f"the scan shows something else over {gone.width:.1f} m, at once")]
         return []

@@ -32,6 +32,8 @@ class Sight(NamedTuple):
     beam looked; 0 for too near."""
     arc: Floats
     """(m,), how much of a surface each point stands for, seen square on [m]."""
+    every: int
+    """So many returns there are for each point."""
 
 
 def sighted(
@@ -62,7 +64,8 @@ def sighted(
         ))  # fmt: skip
         seen = _binned(lidar, seen, poses[:, 2] - now[2], finite, body)
     every = -(-len(r) // _POINTS) or 1
-    return Sight(end, now[:3], now[3:5], body[::every], seen, every * lidar.step * r[::every])
+    arc = every * lidar.step * r[::every]
+    return Sight(end, now[:3], now[3:5], body[::every], seen, arc, every)
 
 
 def _binned(

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Floats, Ints
-from cohelm.robot.plausibility.sight import Sight, foretold, polar
+from cohelm.robot.plausibility.sight import Sight, foretold, normals, polar
 from cohelm.robot.sensors import Lidar
 
 _FAR = 0.85  # surfaces foretold farther than this share of range_max may be out of range
 _APART = 0.3  # points in a row that are farther apart are not on one surface [m]
+_ALL = 0.9  # of the surface: the rest are edges, and what moves
 _FOR = 3  # scans in a row without what had stood there are no accident
 _BIN = math.radians(10.0)
 _CONE = math.radians(30.0)
@@ -58,6 +59,28 @@ def vanished(before: Sight, now: Sight, lidar: Lidar, slack: float) -> Vanished:
         where,
         float(np.median((nearest - r)[behind])) if behind.any() else math.inf,
     )
+
+
+def farther(before: Sight, now: Sight, lidar: Lidar) -> tuple[float, float]:
+    """How much farther all that is flat is than foretold, in the middle [m], and how much surface
+    that is [m]. People are not flat: they may all walk away at once.
+
+    0 where a tenth of it is not half as much farther: whoever is pushed sees only what lies that
+    way farther, so this is the ranges and not the motion.
+    """
+    _, flat = normals(before, lidar, max(lidar.noise, 0.005))
+    beams, r = polar(lidar, foretold(before, now)[flat])
+    index = np.rint(beams)
+    there = (index >= 0) & (index < len(now.ranges)) & (r < _FAR * lidar.range_max)
+    seen = now.ranges[index[there].astype(np.int64)]
+    told = np.isfinite(seen) & (seen > lidar.range_min)
+    off, arc = (seen - r[there])[told], before.arc[flat][there][told]
+    surface = float(arc.sum())
+    if surface == 0.0:
+        return 0.0, 0.0
+    middle = float(np.median(off))
+    alike = float(arc[off > 0.5 * middle].sum()) > _ALL * surface
+    return (middle, surface) if middle > 0.0 and alike else (0.0, surface)
 
 
 def _widest(gone: NDArray[np.bool_], surface: Ints, arc: Floats) -> float:
