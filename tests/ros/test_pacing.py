@@ -71,11 +71,11 @@ def test_no_more_commands_are_under_way_than_the_filter_counts_with(apart, lengt
 
 
 def test_the_next_command_is_expected_after_the_last_one_not_after_a_period_without_one():
-    pacing = Pacing(0.031, 0.0, 0.05)
+    pacing = Pacing(0.03, 0.0, 0.05)
     pacing.begin(1.0, True)
-    assert pacing.expected() == pacing.latest() == pytest.approx(1.031)
-    pacing.begin(1.031)
+    assert pacing.expected() == pytest.approx(1.024)
+    pacing.begin(1.03)
     assert pacing.expected() == pytest.approx(1.05)
-    pacing.begin(1.062)
-    assert pacing.expected() == pacing.latest()
-    assert Pacing(0.02, 1.0).expected() == pytest.approx(1.02)
+    pacing.begin(1.06)
+    assert pacing.expected() == pytest.approx(1.084)
+    assert Pacing(0.02, 1.0).expected() == pytest.approx(1.016)

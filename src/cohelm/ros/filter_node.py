@@ -34,8 +34,9 @@ from cohelm.ros.report import Report, Row
 
 WATCHDOG = 0.2
 """Without a sound proposal for so long the keeper brakes the base [s]."""
-FRESH = 0.01
-"""Readings that were taken in longer ago are taken in anew before a command goes by them [s]."""
+FRESH = 0.015
+"""Readings that were taken in longer ago are taken in anew before a command goes by them [s]: more
+than `LEAD` and the spare time of the longest period."""
 LEAD = 0.006
 """So long before a command is expected they are taken in [s]: as a rule a scan takes less."""
 WARM = 0.5

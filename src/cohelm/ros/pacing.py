@@ -45,9 +45,11 @@ class Pacing:
         return self._even
 
     def expected(self) -> float:
-        """When it will, as far as is known [s]: with the next command, or when it is due."""
+        """When it will, as far as is known [s]: with the next command, or when one that is on time
+        would come. So what is done before leaves the spare time to be late in."""
+        on_time = self._began + self.length / (1.0 + SPARE)
         next_ = self._came + self._every
-        return next_ if self._began < next_ < self.latest() else self.latest()
+        return next_ if self._began < next_ < on_time else on_time
 
     def latest(self) -> float:
         """When it begins without one [s]."""

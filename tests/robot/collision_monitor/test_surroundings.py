@@ -219,6 +219,8 @@ def test_it_was_seen_before_the_scan():
 def test_what_may_be_at_the_end_of_the_view_stays(side):
     end = CENTRE.bearings[-1] - math.asin(WIDE)
     assert past(at(side * (end - 1e-6)), ranges_but())
+    outer = 719 if side > 0.0 else 0
+    assert not past(at(side * (end - 1e-6)), ranges_but(math.inf, outer, 0.5))
     assert not past(at(side * (end + 1e-6)), ranges_but())
     assert not past(at(side * 3.0), ranges_but())
     assert not past(at(math.pi), ranges_but())

@@ -124,13 +124,11 @@ def looked_past(old: Surroundings, look: Look) -> NDArray[np.bool_]:
     )  # fmt: skip
     past = np.zeros(len(points), dtype=np.bool_)
     which = np.flatnonzero(can)
-    if len(which):
-        last = len(ranges) - 1
-        begin = np.floor((right[which] + half) / sensor.step).astype(np.intp)
-        end = np.minimum(np.ceil((left[which] + half) / sensor.step).astype(np.intp), last)
-        between = np.column_stack((begin, end + 1)).ravel()
-        shortest = np.minimum.reduceat(np.append(ranges, math.inf), between)[::2]
-        past[which] = shortest > beyond[which]  # not for NaN
+    begin = np.floor((right[which] + half) / sensor.step).astype(np.intp)
+    end = np.ceil((left[which] + half) / sensor.step).astype(np.intp)
+    between = np.column_stack((begin, np.minimum(end, len(ranges) - 1) + 1)).ravel()
+    shortest = np.minimum.reduceat(np.append(ranges, math.inf), between)[::2]
+    past[which] = shortest > beyond[which]  # not for NaN
     return past
 
 
