@@ -16,6 +16,7 @@ import argparse
 import math
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -26,11 +27,15 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.places import errors, kept, laid, published  # noqa: E402
+from cohelm.core.frames import placed  # noqa: E402
 from cohelm.core.types import Floats  # noqa: E402
 from cohelm.drive.session import Session, SessionConfig  # noqa: E402
 from cohelm.drive.simulated import Simulated  # noqa: E402
 from cohelm.link.messages import Mode  # noqa: E402
 from cohelm.perceive.localize.localization_map import LocalizationMap  # noqa: E402
+from cohelm.plan.distance_field import swept  # noqa: E402
+from cohelm.plan.elastic_band import tangents  # noqa: E402
+from cohelm.plan.path_planner import PathParams  # noqa: E402
 from cohelm.robot.gate.modes import Mode as GateMode  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.model import Scenario  # noqa: E402
@@ -39,7 +44,10 @@ from cohelm.study.campaign.plant import sensing  # noqa: E402
 from tests.perceive.buildings import Artefacts, boxes, building, tour  # noqa: E402
 from tests.perceive.drives import along  # noqa: E402
 
-SPEED = 0.5  # [m/s]
+SPEED = 0.5  # [m/s], or three quarters of what the robot can
+ROBOTS = ("sally", "turtlebot3_waffle")
+"""A map is driven by the first that fits through all of its way: a map of a desk is no place for
+a robot of 0.72 m."""
 ROOM, TIGHT = 0.38, 0.33  # from the way to what stands; where there is no other way [m]
 
 
@@ -75,11 +83,22 @@ class Result(NamedTuple):
     """What was said while lost, each time."""
 
 
-def sally() -> dict[str, object]:
-    """With the sensors of campaigns; nobody looks through a camera."""
-    model = robot("sally")
+def carried(name: str) -> dict[str, object]:
+    """A robot with the sensors of campaigns; nobody looks through a camera."""
+    model = robot(name)
     fitted = sensing(model).fitted(model).model_copy(update={"camera": None})
     return fitted.model_dump(mode="json", exclude_none=True)
+
+
+def fitting(made: OccupancyMap, way: list[tuple[float, float]]) -> str:
+    """The first robot that comes through, with the gap that a planner leaves [m]."""
+    cells = np.argwhere(made.cells >= OCCUPIED)[:, ::-1]
+    stands = placed((cells + 0.5) * made.resolution, made.origin)
+    line = tangents(np.vstack([np.linspace(a, b, 7, endpoint=False) for a, b in pairwise(way)]))
+    for name in ROBOTS[:-1]:
+        if swept(stands, np.array(robot(name).footprint_m), line).min() >= PathParams().gap:
+            return name
+    return ROBOTS[-1]
 
 
 def on_a_map(
@@ -97,7 +116,9 @@ def on_a_map(
     walls = boxes(place, along(way, SPEED)[0], 10, seed) if variant == "boxes" else []
     write_map(folder, world)
     about = {"world": {"kind": "map", "file": str(folder / "map.yaml")}}
-    return Site(f"{name}, {seed}", scenario(name, way, walls, seed, about), known.known())
+    by = fitting(made, way)
+    called = f"{name}, {seed}" if by == ROBOTS[0] else f"{name} ({by}), {seed}"
+    return Site(called, scenario(name, way, walls, seed, about, by), known.known())
 
 
 def in_a_building(seed: int, variant: str, length: float) -> Site:
@@ -113,11 +134,12 @@ def in_a_building(seed: int, variant: str, length: float) -> Site:
 
 def scenario(
     name: str, way: list[tuple[float, float]], walls: Floats | list[float], seed: int,
-    about: dict[str, object],
+    about: dict[str, object], by: str = ROBOTS[0],
 ) -> Scenario:  # fmt: skip
+    speed = min(SPEED, 0.75 * robot(by).limits.speed_mps)
     return Scenario.model_validate({
-        "name": name, "robot": sally(),
-        "reference": {"speed_mps": SPEED, "waypoints_m": way},
+        "name": name, "robot": carried(by),
+        "reference": {"speed_mps": speed, "waypoints_m": way},
         "law": {"filter": "guard", "tracking": {"k_x": 0.9, "k_psi": 2.0}},
         "walls_m": [tuple(w) for w in np.asarray(walls).tolist()],
         "simulation": {"step_s": 0.02, "seed": seed}, **about,

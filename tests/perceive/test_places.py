@@ -156,6 +156,27 @@ def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
     assert right.weighed > beside.weighed + 6.0
 
 
+def test_told_its_start_beside_niches_that_are_on_no_map_it_is_not_turned_round():
+    """A quarter of the view ends where the map knows nothing. Turned round, the other wall explains
+    that a little worse than not at all, and the told place contradicts nothing."""
+    cell, origin = 0.05, Pose(0.0, 0.0, 0.0)
+    drawn = np.zeros((120, 280), dtype=bool)
+    drawn[[20, 100], 20:261] = drawn[20:101, [20, 260]] = True  # 12 m by 4 m
+    free = np.zeros_like(drawn)
+    free[21:100, 21:260] = True
+    stands = drawn.copy()
+    for first in (50, 110):
+        drawn[100, first : first + 40] = stands[100, first : first + 40] = False
+        stands[102, first : first + 40] = stands[100:103, [first - 1, first + 40]] = True
+    here = Pose(5.5, 3.2, 0.5 * math.pi)
+    rows = followed(
+        known(drawn, free, cell, origin), [here] * 101, [Twist(0.0, 0.0)] * 100, 1,
+        grid=grid(stands, cell, origin),
+    )  # fmt: skip
+    assert not rows[1:, 1].any()
+    assert rows[:, 0].max() < 0.1
+
+
 @pytest.mark.parametrize("start", [16, 24, 33, 41])
 def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(start):
     """More places look like this one than can be followed: what is left of some is no proof."""

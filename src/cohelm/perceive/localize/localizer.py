@@ -54,7 +54,8 @@ class Caution(NamedTuple):
     """and no more than this worse than the old one did, makes it doubtful whether the robot was
     moved."""
     settled: int = 5
-    """After as many scans with no other place that fits so well, it was."""
+    """After as many scans with no other place that comes near, it was. As many that contradict the
+    one before, and the pose is checked."""
     pause: int = 8
     """Which is asked again after so many scans."""
     contradicted: float = -1.2
@@ -93,10 +94,9 @@ class Caution(NamedTuple):
     """and no other pose comes within this of its log likelihood,"""
     travelled: float = 0.5
     """or, with half that margin, after this way [m] or twice the angle [rad]."""
-    ahead: float = 1.0
-    """or, whatever its margin, where it leads by this"""
     steady: int = 10
-    """through as many scans: a robot that stands would else be lost for ever."""
+    """or with half of it through as many scans: a robot that stands would else be lost for ever.
+    Where two places differ by less, one thing, neither is ruled out: a map errs by as much."""
     views: int = 4
     """Switched on with no idea where it is, it must hold from so many places some way apart."""
     view: float = 0.5
@@ -116,6 +116,9 @@ class Caution(NamedTuple):
     """Log odds that a robot is where it was told to start, or where its pose has fitted for
     `proven`: once in e^12, some hundred thousand, it is moved without scans that contradict each
     other."""
+    turned: float = 0.5
+    """Who is pushed or dragged is turned by this, one sigma [rad]; where he was turned farther, a
+    place must make up for it by half of `margin`, as of some twenty one is carried."""
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40
@@ -222,11 +225,13 @@ class Locator:
         self._led = 0  # scans in which it led well
         self._usual = -math.inf  # log likelihood of scans, as they were before they were odd
         self._likely = 0.0  # log likelihood of the believed pose
+        self._blank = 0.0  # by how much what ended where the map knows nothing made it less likely
         self._spread = 0.0  # how far those of scans are from what is usual, in the mean
         self._keyframe: Keyframe | None = None
         self._there = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
         self._witness: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
         self._jolts = self._alarm = self._aged = 0
+        self._shaken = False  # whether scans contradicted each other when it began to be checked
         self._ranges: Floats = np.empty(0)  # of the newest scan
         self._fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
         self._rivals = 0
@@ -391,7 +396,7 @@ class Locator:
             self._forget()
             self._everywhere = False
             why = "what the LiDAR sees is not what the map shows here"
-            self._left, self._left_joint, self._odds = foretold, told, self._trust
+            self._leave(foretold, told, self._trust)
             self._joint = self._told_joint = joint
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
             self._seek(points, across, sweep)
@@ -413,19 +418,21 @@ class Locator:
             self.located = Located(
                 fit.pose, self._told_joint[:3, :3].copy(), judged.agree, False, ""
             )
-        self._likely = judged.weighed
         odd = judged.log < max(c.odd, self._usual - max(c.drop, 3.0 * self._spread))
         if self._usual == -math.inf:
-            self._usual = judged.log
+            self._usual, self._blank = judged.log, judged.log - judged.weighed
         if not odd or not movable:
+            self._blank += 0.1 * (judged.log - judged.weighed - self._blank)
             self._spread += 0.01 * (abs(judged.log - self._usual) - self._spread)
             self._usual += 0.01 * (judged.log - self._usual)
+        self._likely = self._weighed(judged)
         self._odd = self._odd + 1 if odd else 0
         self._rivalled += way
         due = self._odd >= c.patience and self._odd % c.pause == c.patience
-        if (due or self._told or astray) and not self._searched:
-            self._everywhere, self._checking = astray, True
-            self._checked = judged.weighed
+        shaken = self._jolts >= c.settled
+        if (due or self._told or astray or shaken) and not self._searched:
+            self._everywhere, self._checking, self._shaken = astray, True, shaken
+            self._checked = self._likely
             self._seek(points, across, sweep)
             self._told = self._told and self._searched is None
 
@@ -476,7 +483,7 @@ class Locator:
             joint = joined(one.covariance, self._joint[3:, 3:])
             one.pose, one.covariance = fit.pose, updated(joint, fit.information)[:3, :3]
             one.judged = self._judge(fit.pose, sweep.ranges)
-            new = one.judged.weighed
+            new = self._weighed(one.judged)
             one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
             one.witnessed = self._witnessed(one.pose)
             one.age, one.stale = 0, False
@@ -537,29 +544,30 @@ class Locator:
         joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, UNKNOWN)
         covariance = updated(joint, fit.information)[:3, :3]
         pose = compose(fit.pose, self._base)
+        new = self._weighed(judged)
         for other in self._hypotheses:
             if _same(other.pose, pose):
-                if judged.weighed > other.latest:
+                if new > other.latest:
                     other.pose, other.covariance = pose, covariance
-                    other.latest, other.judged = judged.weighed, judged
+                    other.latest, other.judged = new, judged
                 return -1e3  # nothing new
         # as unlikely from the places before as it is, or else as from this one: to come late is no
         # advantage
-        before = self._weight * judged.weighed
+        before = self._weight * new
         if self._cold:
             before = sum(
                 self._judge(compose(fit.pose, view.back), view.ranges).weighed
                 for view in self._earlier
             )
-        new = _Hypothesis(pose, covariance, before, judged.weighed, judged)
-        new.witnessed = self._witnessed(pose)
-        self._hypotheses.append(new)
-        return before + judged.weighed
+        found = _Hypothesis(pose, covariance, before, new, judged)
+        found.witnessed = self._witnessed(pose)
+        self._hypotheses.append(found)
+        return before + new
 
     def _settle(self) -> None:
         """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
         for one in self._hypotheses:
-            one.prior = -min(0.5 * self._strayed(one), self._odds)
+            one.prior = self._prior(one)
         alive = [h for h in self._hypotheses if self._possible(h.pose, h.judged)]
         alive.sort(key=lambda h: -h.total)
         kept: list[_Hypothesis] = []
@@ -636,6 +644,16 @@ class Locator:
         spread = self._left_joint[:3, :3] + one.covariance + np.diag([0.1, 0.1, 0.05]) ** 2
         return float(off @ np.linalg.solve(spread, off))
 
+    def _prior(self, one: _Hypothesis) -> float:
+        """What where the robot was says to a hypothesis: that it stayed, or that who is pushed or
+        dragged is hardly turned round."""
+        c = self.caution
+        if self._odds > 0.0:
+            return -min(0.5 * self._strayed(one), self._odds)
+        if self._left is None or self._everywhere:
+            return 0.0
+        return -min(0.5 * (wrap(one.pose.psi - self._left.psi) / c.turned) ** 2, 0.5 * c.margin)
+
     def _witnessed(self, pose: Pose) -> float:
         """What was seen before scans began to contradict each other says to the newest scan, had
         the robot been moved to this pose: it stood there without the map, however poor that is.
@@ -661,15 +679,20 @@ class Locator:
         self._checking = False
         if self._everywhere:
             return self._holds_on_the_map(best)
+        if self._shaken and self._hypotheses:
+            best = max(self._hypotheses, key=lambda h: h.latest + self._gained(h.pose))
         if best is not None and not _same(best.pose, self.located.pose):
-            better = best.latest > self._likely + c.margin
+            gained = self._gained(best.pose)
+            lead = best.latest + gained - self._likely
+            better = lead > c.margin
             clearly = max(c.drop, self._trust)
-            as_before = (
-                best.latest > self._likely + clearly and best.judged.log > self._usual - c.alike
-            )
+            as_before = lead > clearly and best.judged.log > self._usual - c.alike
+            if self._shaken and lead > 0.5 * c.margin:
+                as_before = self._plausible(best.judged)
             if self._movable:
-                if self._agrees(best.pose) and (better or as_before):
+                if (gained > 0.0 or self._shaken or not self._alarm) and (better or as_before):
                     self._moved = as_before and not better
+                    self._leave(self.located.pose, self._told_joint, 0.0)
                     return False
             elif better and self._rivals_again(best.pose):
                 return False
@@ -693,20 +716,21 @@ class Locator:
             self._unheld = c.unheld - 1.0 if self._elsewhere else 0.0
             self._hypotheses, self._before = [], None
             return True
-        self._left, self._left_joint, self._odds = self.located.pose, self._told_joint, 0.0
+        self._leave(self.located.pose, self._told_joint, 0.0)
         return False
 
-    def _agrees(self, pose: Pose) -> bool:
-        """Whether the newest scan, had the robot been moved to this pose, agrees with the keyframe,
-        and better than where it takes itself to be."""
-        key = self._keyframe
-        if key is None or not self._alarm:
-            return True
-        here = agreement(
-            self.lidar, key.ranges, self._ranges, between(self._there, self.located.pose)
-        )
-        there = agreement(self.lidar, key.ranges, self._ranges, between(self._there, pose))
-        return there > here
+    def _leave(self, pose: Pose, joint: Floats, odds: float) -> None:
+        """Keep where it was when it became lost, and the log odds that it still is."""
+        self._left, self._left_joint, self._odds = pose, joint, odds
+
+    def _gained(self, pose: Pose) -> float:
+        """By how much likelier the newest scan is after what was seen before the alarm, had the
+        robot been moved to this pose, than where it takes itself to be."""
+        if self._witness is None or not self._alarm:
+            return 0.0
+        key, there = self._witness
+        here = agreement(self.lidar, key.ranges, self._ranges, between(there, self.located.pose))
+        return agreement(self.lidar, key.ranges, self._ranges, between(there, pose)) - here
 
     def _rivals_again(self, pose: Pose) -> bool:
         """Whether the same other place has been found better often enough, and for long enough."""
@@ -722,17 +746,17 @@ class Locator:
     def _wanted(self, best: _Hypothesis, lead: float) -> float:
         """The lead in log likelihood that makes the best hypothesis believed."""
         c = self.caution
-        leads = lead >= (c.drop if self._moved else c.ahead)
-        self._led = (self._led + 1 if best is self._leading else 1) if leads else 0
+        half = 0.5 * c.margin
+        again = best is self._leading and self._led > 0
+        self._led = (self._led + 1 if again else 1) if lead >= half else 0
         self._leading = best
         if self._moved:
-            return -math.inf if self._led >= c.settled else math.inf
+            return half if self._led >= c.settled else math.inf
         if self._cold:
             return c.margin
-        if self._led >= c.steady:
-            return -math.inf
         driven = self._way >= c.travelled or self._turned >= 2.0 * c.travelled
-        return 0.5 * c.margin if driven or not self._everywhere else c.margin
+        enough = driven or self._led >= c.steady or not self._everywhere
+        return half if enough else c.margin
 
     def _forget(self) -> None:
         self._search, self._searched, self._found, self._hypotheses = None, None, [], []
@@ -743,6 +767,11 @@ class Locator:
 
     def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
         return judge(self.known, self.lidar, pose, ranges, 1)
+
+    def _weighed(self, judged: Judgement) -> float:
+        """How likely a place is beside others: where much of the view ended where the map knows
+        nothing until now, as much of it may."""
+        return judged.log - max(judged.log - judged.weighed - self._blank, 0.0)
 
     def _fits(self, judged: Judgement) -> bool:
         """Whether a tracked pose may be kept; after a jolt, less is excused than before."""
