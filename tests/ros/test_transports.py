@@ -95,7 +95,7 @@ def test_what_was_said_before_is_told_to_who_comes_late_if_it_is_transient_local
     offers = request.node.callspec.params["pair"].graph  # a bridge's own publishers are volatile
     one.publish("/late_latched", TF, LATCHED).send(TFMessage([]))
     one.publish("/late_volatile", STRING, COMMAND).send(String("gone"))
-    time.sleep(0.2)
+    time.sleep(1.0)
     latched = Heard(two, "/late_latched", TF, LATCHED if offers else COMMAND)
     volatile = Heard(two, "/late_volatile", STRING)
     assert until(lambda: len(latched) == 1)
