@@ -6,6 +6,7 @@
 import functools
 import gc
 import os
+import re
 import signal
 from typing import Any
 
@@ -62,7 +63,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class ByFile(LoadScopeScheduling):
-    """Each file as a whole to one worker, and to the first one all that watch the clock.
+    """Each file as a whole to one worker, with those of its group; what watches the clock, to the
+    first one.
 
     pytest-xdist 3.8 tells groups by a name of tests that pytest 9.2 reads no more.
     """
@@ -75,14 +77,14 @@ class ByFile(LoadScopeScheduling):
         super()._assign_work_unit(node)
 
     def _split_scope(self, nodeid: str) -> str:
-        file = nodeid.split("::")[0]
-        return "realtime" if self._realtime(file) else file
+        return self._group(nodeid.split("::")[0])
 
     @functools.cache  # noqa: B019  there is one, for the whole run
-    def _realtime(self, file: str) -> bool:
+    def _group(self, file: str) -> str:
         if file.startswith("tests/station/"):  # one robot and one browser for them all
-            return True
-        return 'xdist_group("realtime")' in (self.config.rootpath / file).read_text()
+            return "realtime"
+        group = re.search(r'xdist_group\("(\w+)"\)', (self.config.rootpath / file).read_text())
+        return group[1] if group else file
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -13,7 +13,7 @@ from tests.record.runs import bits, lab, parts, recorded, traces
 
 
 @given(trace=traces(), cuts=st.lists(st.integers(0, 40), max_size=4))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_any_run_in_any_pieces_is_read_back_to_the_last_bit(trace: Trace, cuts: list[int]) -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"

@@ -4,7 +4,7 @@ import os
 from contextlib import suppress
 
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
@@ -236,12 +236,14 @@ def test_a_robot_that_is_not_there_or_not_whole_is_told(tmp_path):
 
 
 @given(st.text(max_size=200))
+@settings(max_examples=40)
 def test_no_text_whatever_brings_more_than_a_sentence(text):
     with suppress(CohelmError):
         parsed(text)
 
 
 @given(st.text(max_size=40), st.text(max_size=40))
+@settings(max_examples=40)
 def test_no_override_whatever_brings_more_than_a_sentence(key, value):
     for path in (key, "law.barrier.k_cbf", "obstacles.0", "stick.kind"):
         with suppress(CohelmError):
