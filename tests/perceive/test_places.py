@@ -221,17 +221,24 @@ def test_boxes_on_no_map_where_it_begins_send_it_to_no_place_that_looks_alike(st
     assert rows[rows[:, 1] == 0.0, 0].max() < 0.2
 
 
+def standing_without_a_third(start, steps):
+    """What a robot that stands in the dotted corridor is told, and what it reads there where a
+    third of the walls is gone."""
+    occupied, free, cell, origin = dotted(4, length=60.0)
+    here = Pose(start, 0.0, 0.0)
+    moments = drive(
+        [here] * (steps + 1), [Twist(0.0, 0.0)] * steps, 6, NO_DISCS, NO_WALLS,
+        grid=grid(gone(occupied, 0.35, 6), cell, origin),
+    )  # fmt: skip
+    return Perception(SALLY, known(occupied, free, cell, origin), here), moments
+
+
 @pytest.mark.parametrize("start", [14.0, 22.0, 30.0, 38.0])
 def test_told_its_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
     """The map is as wrong elsewhere, and nobody moved the robot: it need not drive to be sure."""
-    occupied, free, cell, origin = dotted(4, length=60.0)
-    here = Pose(start, 0.0, 0.0)
-    perception = Perception(SALLY, known(occupied, free, cell, origin), here)
+    perception, moments = standing_without_a_third(start, 300)
     seen = None
-    for moment in drive(
-        [here] * 301, [Twist(0.0, 0.0)] * 300, 6, NO_DISCS, NO_WALLS,
-        grid=grid(gone(occupied, 0.35, 6), cell, origin),
-    ):  # fmt: skip
+    for moment in moments:
         seen = perception.take(moment.now, moment.readings)
         off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
         assert seen.lost or off < 0.2
@@ -246,14 +253,9 @@ def test_who_steps_past_where_a_third_of_the_walls_is_gone_does_not_make_it_lost
     One start, at which it was lost before. Starts 14 and 22 m were lost too; they have not been
     tried again.
     """
-    occupied, free, cell, origin = dotted(4, length=60.0)
-    here = Pose(38.0, 0.0, 0.0)
-    perception = Perception(SALLY, known(occupied, free, cell, origin), here)
+    perception, moments = standing_without_a_third(38.0, 650)
     seen = None
-    for moment in drive(
-        [here] * 651, [Twist(0.0, 0.0)] * 650, 6, NO_DISCS, NO_WALLS,
-        grid=grid(gone(occupied, 0.35, 6), cell, origin),
-    ):  # fmt: skip
+    for moment in moments:
         readings, scan = moment.readings, moment.readings.scan
         if scan is not None and 6.0 < scan.stamp < 6.6:
             ranges = scan.ranges.copy()

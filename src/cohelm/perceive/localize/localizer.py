@@ -747,8 +747,7 @@ class Locator:
         """The lead in log likelihood that makes the best hypothesis believed."""
         c = self.caution
         half = 0.5 * c.margin
-        again = best is self._leading and self._led > 0
-        self._led = (self._led + 1 if again else 1) if lead >= half else 0
+        self._led = (self._led + 1 if best is self._leading else 1) if lead >= half else 0
         self._leading = best
         if self._moved:
             return half if self._led >= c.settled else math.inf

@@ -87,17 +87,14 @@ def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match 
 
 def _lines_by_beam(lidar: Lidar, now: Sight, where: Ints) -> Ints:
     """Which line each beam falls on, -1: none. A point that was kept stands for its neighbours,
-    too, that were not."""
+    too, that were not; the nearest is written last."""
     beams, _ = polar(lidar, now.points[where])
     index = np.rint(beams).astype(np.int64)
     table = np.full(len(lidar.beams), -1, dtype=np.int64)
-    for beside in range(-(now.every // 2), now.every // 2 + 1):
-        at = index + beside
-        inside = np.flatnonzero((at >= 0) & (at < len(table)))
-        free = inside[table[at[inside]] < 0]
-        table[at[free]] = free
-    inside = np.flatnonzero((index >= 0) & (index < len(table)))
-    table[index[inside]] = inside
+    for far in range(now.every // 2, -1, -1):
+        for at in (index + far, index - far):
+            inside = np.flatnonzero((at >= 0) & (at < len(table)))
+            table[at[inside]] = inside
     return table
 
 
