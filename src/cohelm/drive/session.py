@@ -27,7 +27,7 @@ from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception, rehearse
 from cohelm.pilot.margin_inflation import SLOP, inflated, noise
 from cohelm.pilot.pilot import Pilot
-from cohelm.record.file import Photo
+from cohelm.record.topics import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
