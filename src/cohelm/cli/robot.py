@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.live import Foxglove, live, shown_at
 from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say, starting
 
@@ -78,6 +79,7 @@ def robot(
         str | None,
         typer.Option(metavar="HOST[:PORT]", help="Paired stations drive it, see `cohelm pair`."),
     ] = None,
+    foxglove: Foxglove = None,
     changes: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As in `cohelm run`.")
     ] = None,
@@ -109,8 +111,9 @@ def robot(
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
     plan = SessionConfig(
-        made, rate, record, known, ways=LoopParams(carry_on=carry_on), pictures=pictures
-    )
+        made, rate, record, live(foxglove), known, ways=LoopParams(carry_on=carry_on),
+        pictures=pictures,
+    )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
     if listen is not None:
         say(begins)
@@ -125,6 +128,7 @@ def robot(
     ):
         stop.heed()
         line.over()
+        shown_at(plan.live)
         operator.watches(session.loop.keeper.now)
         begun = session.loop.keeper.now()
 
@@ -174,6 +178,7 @@ def _served(plan: SessionConfig, where: str, seconds: float | None) -> dict[str,
             stop.heed()
             line.over()
             say(f"listening on {at[0]}:{at[1]}; robot {plain(own.name)}, Ctrl-C ends it")
+            shown_at(plan.live)
 
         def over() -> str:
             late = seconds is not None and time.monotonic() - begun >= seconds
@@ -197,7 +202,11 @@ def _line(session: Session) -> Any:
         def show() -> None:
             last = ""
             with screen.status("") if screen.is_terminal else nullcontext() as status:
+                shows = session.live is not None
                 while not over.wait(0.5):
+                    if shows and session.loop.log.view_lost:
+                        shows = False
+                        say("the live view is gone: the robot goes on without")
                     gate = session.loop.keeper.gate
                     now = gate.mode.name.lower() + (f": {gate.reason}" if gate.reason else "")
                     if now != last:
@@ -230,6 +239,8 @@ def failures(summary: dict[str, Any]) -> list[str]:
         )
     if summary["record_whole"] is False:
         found.append(f"the record is not whole: {summary['record_fault']}")
+    if summary["live"] is False:
+        found.append("the live view ended before the drive: nothing was shown any more")
     return found
 
 
@@ -257,6 +268,9 @@ def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ]  # fmt: skip
     found.append(("proposals the gate refused", f"{summary['refused']}"))
     found.append(("scheduling", summary["scheduling"]))
+    if summary["live"] is not None:
+        whole = "to the end" if summary["live"] else "ended before the drive"
+        found.append(("live view", whole))
     if summary["record"]:
         dropped = summary["record_dropped"]
         whole = "whole" if summary["record_whole"] else "NOT WHOLE"

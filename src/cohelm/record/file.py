@@ -71,7 +71,7 @@ class RecordWriter:
         self._topics.begin(outline, walls)
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, a Photo, an Event, or what was Displayed."""
+        """One message, as `Topics.write` takes them."""
         self._topics.write(message)
 
     def period(

@@ -35,6 +35,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
+from cohelm.core.row import ROW
 from cohelm.core.types import Floats, Pose, wrap
 from cohelm.link.recorded_status import Displayed
 from cohelm.record import markers, period, shown
@@ -159,8 +160,11 @@ class Topics:
             self._say(0.0, "/scene", markers.scene(corners, BASE, walls, MAP, start))
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, a Photo, an Event, or what was Displayed."""
-        if isinstance(message, Odometry):
+        """One message: an Odometry, a Scan, a Photo, an Event, what was Displayed, or a row of ROW
+        as bytes."""
+        if isinstance(message, bytes):
+            self.period(np.frombuffer(message, dtype=ROW).reshape(()))
+        elif isinstance(message, Odometry):
             self._odom(message)
         elif isinstance(message, Displayed):
             for topic, what in shown.said(message.what, self._stamp(message.stamp), MAP):
