@@ -1,5 +1,6 @@
 """Who looks on sees what a record holds, holds nobody up, and can do nothing else."""
 
+import asyncio
 import itertools
 import json
 import os
@@ -21,7 +22,8 @@ from websockets.sync.client import connect
 from cohelm.cli.live import live as live_view
 from cohelm.cli.robot import failures, rows
 from cohelm.core.errors import CohelmError
-from cohelm.drive.live import ROOM, Live, LiveConfig
+from cohelm.drive import live as of_live
+from cohelm.drive.live import ROOM, Live, LiveConfig, _Viewer
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
@@ -31,7 +33,7 @@ from cohelm.record.topics import IMAGE, LASTING, Photo, definitions
 from cohelm.robot.keep.gated_robot import GatedRobot, rules
 from cohelm.robot.keep.record_pipe import Line, line
 from cohelm.sim.kinematic import Kinematic
-from tests.drive.onlooker import Onlooker
+from tests.drive.onlooker import HEAD, Onlooker
 from tests.robot.keep.robots import SALLY
 
 ONCE = {"/tf_static", "/scene", "/map", "/reference"}
@@ -214,6 +216,45 @@ def test_who_never_reads_costs_no_memory_and_holds_nobody_up(live):
     reads.close()
 
 
+class Full:
+    """A connection that takes nothing any more."""
+
+    def __init__(self) -> None:
+        self.transport, self.over = self, False
+
+    async def send(self, _) -> None:
+        await asyncio.sleep(60.0)
+
+    def abort(self) -> None:
+        self.over = True
+
+
+def test_who_takes_nothing_is_let_go(monkeypatch):
+    monkeypatch.setattr(of_live, "STUCK", 0.05)
+    connection = Full()
+    asyncio.run(_Viewer(connection, ["hello"]).speak())
+    assert connection.over
+
+
+def test_what_lasts_is_not_dropped_for_who_is_slow():
+    async def slow() -> list:
+        viewer = _Viewer(Full(), [])
+        for number, topic in enumerate([IMAGE, "/map", "/scene"]):
+            viewer.subscribe(topic, number)
+        for k in range(40):
+            viewer.give(IMAGE, k, bytes(100_000))
+            viewer.give("/map", k, bytes(200_000))
+        viewer.give(IMAGE, 40, bytes(100_000))
+        viewer.give("/scene", 0, b"")
+        viewer.give("/odom", 0, b"not asked for")
+        return list(viewer._waiting)
+
+    waiting = asyncio.run(slow())
+    assert sum(len(data) for _, data in waiting) < ROOM + 300_000
+    stamps = {topic: HEAD.unpack_from(data)[2] for topic, data in waiting}
+    assert stamps == {IMAGE: 40, "/map": 39, "/scene": 0}
+
+
 def test_nothing_can_be_done_but_look_on(live):
     viewer = Onlooker(live.address, [])
     assert viewer.info["capabilities"] == []
@@ -273,7 +314,9 @@ def test_it_greets_as_foxgloves_own_server_does(live, protocol):
 def test_a_port_that_is_taken_is_one_sentence():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(CohelmError, match=f"port {port} .*in use.*--foxglove HOST:PORT"):
+        with pytest.raises(
+            CohelmError, match=rf"port {port} \(Address already in use\): .*--foxglove"
+        ):
             Live(LiveConfig(port=port), SALLY)
 
 

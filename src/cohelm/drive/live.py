@@ -106,8 +106,8 @@ def _bound(host: str, port: int) -> socket.socket:
     family, where = resolved(host, port, socket.SOCK_STREAM)
     try:
         return socket.create_server(where[:2], family=family)
-    except (OSError, OverflowError) as error:
-        why = getattr(error, "strerror", None) or error
+    except OSError as error:
+        why = os.strerror(error.errno) if error.errno else error
         raise CohelmError(
             f"can not listen on {host} port {port} ({why}): choose another with "
             "--foxglove HOST:PORT"
@@ -302,8 +302,9 @@ class _Viewer:
         self._waiting.append((topic, data))
         self._size += len(data)
         if self._size > ROOM:  # too slow: on with the newest, and the last of what lasts
+            newest = self._waiting.pop()
             kept = {topic: (topic, data) for topic, data in self._waiting if topic in LASTING}
-            self._waiting = deque(kept.values())
+            self._waiting = deque((*kept.values(), newest))
             self._size = sum(len(data) for _, data in self._waiting)
         self._bell.set()
 
