@@ -143,7 +143,7 @@ class Motion:
         return []
 
     def _grown(self, now: Sight) -> list[Finding]:
-        """Ranges that are longer than some seconds ago, all of them: at once, or little by little."""
+        """Ranges that are all longer than some seconds ago, at once or little by little."""
         if not self._lately:
             return []
         t, before = self._t, _oldest(self._lately, now)
