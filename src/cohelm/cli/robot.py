@@ -50,6 +50,21 @@ def robot(
     transforms: Annotated[
         bool, typer.Option("--tf/--no-tf", help="With --ros2: publish map -> odom on /tf.")
     ] = True,
+    goals_from: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="TOPIC",
+            help="With --ros2: goals (PoseStamped) or paths (Path) on this topic are driven; "
+            "whoever can publish there says where to. More than once for more.",
+        ),
+    ] = None,
+    initial_pose_from: Annotated[
+        str,
+        typer.Option(
+            metavar="TOPIC",
+            help="With --ros2: where the robot is told to be, while it stands; RViz: /initialpose.",
+        ),
+    ] = "",
     twin: Annotated[
         bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
     ] = False,
@@ -122,7 +137,8 @@ def robot(
         made, rate, record, known, ways=LoopParams(carry_on=carry_on), pictures=pictures
     )
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
-    topics_too = on_topics(made, TopicsConfig(map_frame, transforms), lambda text: say(plain(text)))
+    config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)
+    topics_too = on_topics(made, config, lambda text: say(plain(text)))
     if listen is not None:
         say(begins)
         _told(made.scenario.name, _served(plan, listen, seconds, topics_too), as_json)
@@ -137,6 +153,7 @@ def robot(
     ):
         stop.heed()
         line.over()
+        beside.begin(session)
         operator.watches(session.loop.keeper.now)
         begun = session.loop.keeper.now()
 

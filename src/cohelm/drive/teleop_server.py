@@ -62,7 +62,8 @@ def serve(
     )  # fmt: skip
     try:
         with Session(plan, operator) as session:
-            desk = OperatorRequests(session, operator, plan.known, door.records)
+            wishes = () if topics is None else (topics,)
+            desk = OperatorRequests(session, operator, plan.known, door.records, wishes=wishes)
             try:
                 ready(operator.address)
                 said = ""
