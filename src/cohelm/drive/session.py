@@ -84,6 +84,8 @@ class Session:
         self.live: Live | None = None
         self.keeper: Keeper | None = None
         self.driver: Driver | None = None
+        self.known: LocalizationMap | None = None
+        """The map that the robot localises on."""
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
         """Who is shown the pictures, with their age [s]."""
@@ -98,6 +100,7 @@ class Session:
             where = plan.known
             if where is None and plan.localise:
                 where = map_from_geometry(robot.scenario.walls(), robot.start)
+            self.known = where
             rehearsed = _beside(lambda: rehearse(model, where is not None)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             told = [None if one is None else one.keeper for one in (self.recording, self.live)]
