@@ -204,7 +204,8 @@ def test_who_never_reads_costs_no_memory_and_holds_nobody_up(live):
     before = of_memory(live.pid)
     for k in range(250):  # 25 MB for each
         camera(Photo(0.1 * k, k, photo))
-        reads.listen(lambda k=k: len(reads.heard[IMAGE]) > k)
+        if k % 5 == 4:
+            reads.listen(lambda k=k: len(reads.heard[IMAGE]) > k)
         if k == 50:
             settled = of_memory(live.pid)
     assert settled - before < 8 * ROOM

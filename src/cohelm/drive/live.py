@@ -120,7 +120,7 @@ def _show(
 ) -> None:  # fmt: skip
     """The other process. It ends when both lines are closed."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    os.nice(5)  # all else is more important
+    os.nice(5)  # loop, keeper and recorder come first
     asyncio.run(_shown(listening, Server(model, token), [loop, keeper]))
 
 

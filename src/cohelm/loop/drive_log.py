@@ -38,9 +38,6 @@ class DriveLog:
 
     def __call__(self, message: object) -> None:
         """Anything."""
-        self._say(message)
-
-    def _say(self, message: object) -> None:
         self._line(message)
         self._live(message)
 
@@ -92,36 +89,36 @@ class DriveLog:
 
     def event(self, text: str, serious: bool = False) -> None:
         """What happened."""
-        self._say(Event(self._clock(), "loop", text, serious))
+        self(Event(self._clock(), "loop", text, serious))
 
     def show(self, what: Map | Polyline | Discs) -> None:
         """What the stations are shown, that the drive can be shown again."""
-        self._say(Displayed(self._clock(), what))
+        self(Displayed(self._clock(), what))
 
     def readings(self, readings: Readings) -> Scan | None:
         """What is new among them; the scan of the first LiDAR, if that is."""
         odometry, scan = readings.odometry, readings.scan
         if odometry is not None and odometry.stamp != self._odometry:
             self._odometry = odometry.stamp
-            self._say(odometry)
+            self(odometry)
         for one in readings.further:
             if self._further.get(one.sensor) != one.number:
                 self._further[one.sensor] = one.number
-                self._say(one)
+                self(one)
         if scan is None or scan.number == self._scan:
             return None
         self._scan = scan.number
-        self._say(scan)
+        self(scan)
         return scan
 
     def period(self, known: Mapping[str, Any]) -> None:
         """One period, of which so much is known."""
         self._row[()] = values(known)
-        self._say(self._row.tobytes())
+        self(self._row.tobytes())
 
     def words(self, driver: tuple[int, str], s: Status) -> None:
         """The words of a status, where they are new. driver: number and name."""
         told = StatusWords(*driver, s.mode, s.stopped, s.why, s.speed_cap, s.cap_reason, s.alarms)
         if told != self._words:
             self._words = told
-            self._say(Displayed(self._clock(), told))
+            self(Displayed(self._clock(), told))
