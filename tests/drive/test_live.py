@@ -200,7 +200,9 @@ def of_memory(pid: int) -> int:
 def test_who_never_reads_costs_no_memory_and_holds_nobody_up(live):
     photo, camera = os.urandom(100_000), Line(live.loop)
     reads = Onlooker(live.address, [IMAGE])
-    lazy = [Onlooker(live.address, max_queue=1) for _ in range(3)]  # as far as the sockets hold
+    lazy = [
+        Onlooker(live.address, max_queue=1, close_timeout=0.1) for _ in range(3)
+    ]  # as far as the sockets hold
     before = of_memory(live.pid)
     for k in range(250):  # 25 MB for each
         camera(Photo(0.1 * k, k, photo))
