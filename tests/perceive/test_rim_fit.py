@@ -51,7 +51,9 @@ def errors(where, velocity, radius, last, standing=None):
 
     def around(t):
         x, y = where(t)
-        return discs(disc(x, y, radius)) if standing is None else discs(standing, disc(x, y, radius))
+        return (
+            discs(disc(x, y, radius)) if standing is None else discs(standing, disc(x, y, radius))
+        )
 
     eyes, found = Perception(SALLY), []
     n = round((last + 0.8) / 0.02)
@@ -60,7 +62,10 @@ def errors(where, velocity, radius, last, standing=None):
         for after in (0.0, 0.6):
             if abs(moment.now - last - 0.06 - after) < 0.005:
                 frame = compose(moment.truth, inverse(seen.odometry))
-                place, going = placed(seen.discs[:, :2], frame), turned(seen.discs[:, 2:4], frame.psi)
+                place, going = (
+                    placed(seen.discs[:, :2], frame),
+                    turned(seen.discs[:, 2:4], frame.psi),
+                )
                 off = np.hypot(*(place - where(moment.now)).T)
                 i = int(np.argmin(off))
                 found += [float(off[i]), math.dist(going[i], velocity)]
@@ -90,7 +95,10 @@ def test_who_leaves_the_view_is_told_to_go_on_as_he_did(radius, speed, aside):
 
 @pytest.mark.parametrize(
     ("radius", "speed"),
-    [(0.4, 1.2), *(pytest.param(r, v, marks=pytest.mark.slow) for r in (0.25, 0.5) for v in (1.2, 1.8))],
+    [
+        (0.4, 1.2),
+        *(pytest.param(r, v, marks=pytest.mark.slow) for r in (0.25, 0.5) for v in (1.2, 1.8)),
+    ],
 )  # fmt: skip
 def test_who_passes_behind_a_post_is_told_to_go_on_as_he_did(radius, speed):
     post = disc(2.1, 0.0, 0.45)  # 14.5 degrees to either side of the LiDAR

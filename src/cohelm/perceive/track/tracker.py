@@ -223,7 +223,9 @@ def _followed(
                 if d > 0.6:
                     continue
                 if _in_part(out[i], found[j]):
-                    d = rim_distance(_seen(places, found[j]), out[i, TX], out[i, TY], out[i, RADIUS])
+                    d = rim_distance(
+                        _seen(places, found[j]), out[i, TX], out[i, TY], out[i, RADIUS]
+                    )
                     cost = d * d / (care.scatter * care.scatter + out[i, PP])
                 else:
                     wide = _scatter(found[j], care) + out[i, PP]
