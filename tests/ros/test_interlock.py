@@ -93,6 +93,31 @@ def test_who_commands_the_base_too_is_a_fault_from_when_he_comes_until_he_goes(l
     assert until(lambda: not one.faults())
 
 
+@pytest.mark.parametrize("error", [CohelmError("closed"), RuntimeError("damaged")])
+def test_a_watch_that_can_not_look_is_a_fault_until_it_can(error):
+    class Sightless:
+        """Of a transport, what the watch asks for; it fails, once it is told to."""
+
+        fails = False
+
+        def lost(self) -> str:
+            return ""
+
+        def endpoints(self) -> list[Endpoint]:
+            if self.fails:
+                raise error
+            return []
+
+    transport = Sightless()
+    one = Interlock(transport, "/cmd_vel", "")
+    assert not one.faults()
+    transport.fails = True
+    assert says(one, "can not be looked at")
+    transport.fails = False
+    assert until(lambda: not one.faults())
+    one.close()
+
+
 def test_what_is_no_lock_is_told_before_anything_moves():
     by = Endpoint(LOCK, "std_msgs/msg/String", COMMAND, True, "/panel")
     right = Endpoint("/stop", BOOL, COMMAND, True, "/button")

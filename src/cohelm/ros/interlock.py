@@ -12,7 +12,6 @@ import math
 import threading
 import time
 
-from cohelm.core.errors import CohelmError
 from cohelm.ros import mismatch
 from cohelm.ros.mismatch import BOOL
 from cohelm.ros.port import LATCHED, SENSOR, Endpoint, Received, Transport
@@ -36,7 +35,7 @@ class Interlock:
         self._pressed, self._unread = "", ""
         self._heard = time.monotonic()
         self._there, self._missed = False, 0
-        self._gone = self._other = ""
+        self._gone = self._other = self._blind = ""
         self._over = threading.Event()
         if lock:
             # Who says it all the time, maybe best effort; and who said it once, to all who come.
@@ -51,7 +50,7 @@ class Interlock:
         silent = ""
         if self._lock and time.monotonic() - self._heard > self._silence:
             silent = f"{self._lock} has been silent for more than {self._silence:g} s"
-        return tuple(filter(None, (pressed, silent, self._gone, self._other)))
+        return tuple(filter(None, (pressed, silent, self._gone, self._other, self._blind)))
 
     def close(self) -> None:
         """Look no more."""
@@ -71,8 +70,9 @@ class Interlock:
             try:
                 if not self._transport.lost():
                     self._look(self._transport.endpoints())
-            except CohelmError:
-                return  # the transport is closed
+                self._blind = ""
+            except Exception as error:  # whatever it is: a watch that has ended tells nobody
+                self._blind = f"who publishes what can not be looked at ({error!r:.60})"
 
     def _look(self, seen: list[Endpoint]) -> None:
         there = any(e.publishes and e.topic == self._lock and e.type == BOOL for e in seen)
