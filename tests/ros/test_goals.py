@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -71,6 +72,15 @@ class Network:
         assert until(lambda: self.out[GOAL].send(goal()) or self.goals.way())
         assert until(lambda: self.out[PATH].send(path((0.0, 0.0))) or self.goals.way())
         assert until(lambda: self.out[POSE].send(told()) or self.goals.initial())
+        self.quiet()
+
+    def quiet(self):
+        """What was sent more than once, until somebody heard, has come, and is forgotten."""
+        still = 0
+        while still < 5:
+            heard = self.goals.way() is not None or self.goals.initial() is not None
+            still = 0 if heard else still + 1
+            time.sleep(0.1)
 
     def close(self):
         self.goals.close()
