@@ -363,14 +363,14 @@ class Loop:
         return self.driver.follow(now, seen.pose, stick, around)
 
     def _bound(self, seen: Seen, around: Surroundings) -> None:
-        """How fast it may be asked to go: what the driver allows, his delay, and where the robot
-        has lost its place, what it sees."""
-        driver, self.cap = self.driver, FREE
+        """How fast it may be asked to go: what the driver allows, his delay, speed zones, and where
+        the robot has lost its place, what it sees."""
+        driver, caps = self.driver, [FREE, self.driver.slowed(seen)]
         if self._delay > NOTICED or seen.lost:
             clear, settings = driver.clear(seen.pose, around, seen.blind), driver.settings
-            caps = [cap(self._delay, clear, settings)]
+            caps += [cap(self._delay, clear, settings)]
             caps += [crawl(clear, self.driver.delay, settings)] if seen.lost else []
-            self.cap = min(caps)
+        self.cap = min(caps)
         usual = self._scale * driver.settings.gains.u_d if self._scale < 1.0 else math.inf
         driver.fastest = min(usual, self.cap.speed)
 
