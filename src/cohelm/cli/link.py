@@ -113,14 +113,21 @@ def stick(
         str | None,
         typer.Option(
             metavar="DEVICE",
-            help="/dev/input/event..., the number of a gamepad, or a stick file (CSV); else the "
-            "first that is found.",
+            help="/dev/input/event..., the number of a gamepad, brunner://HOST?force=N for a "
+            "Brunner stick, or a stick file (CSV); else the first that is found.",
         ),
     ] = None,
     k_s: Annotated[
         float, typer.Option(min=0.0, max=10.0, help="Constant of the spring (35); 10 is stiffest.")
     ] = 5.0,
     listing: Annotated[bool, typer.Option("--list", help="Only list the devices here.")] = False,
+    trial: Annotated[
+        bool,
+        typer.Option("--trial", help="Only find out which way a Brunner stick pushes: it moves."),
+    ] = False,
+    strongest: Annotated[
+        float, typer.Option(min=1.0, max=10000.0, help="--trial pushes no harder than this.")
+    ] = 500.0,
 ) -> None:
     """Drive with a stick of this machine, and feel it.
 
@@ -136,6 +143,13 @@ def stick(
     if listing:
         for line in choose.listed():
             print(line)
+        return
+    if trial:
+        from cohelm.link.sticks import trial as trials
+
+        found = trials.run(device or "", strongest, lambda text: say(plain(text)))
+        say("now, with the force that feels right (this one is a beginning):")
+        print(f"--device '{found}'")
         return
     from cohelm.link import keys
     from cohelm.link.local_credentials import borrowed
