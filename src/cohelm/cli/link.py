@@ -135,7 +135,7 @@ def stick(
 
     A station without a screen, in a process of its own: open `cohelm station` beside it to see,
     and hand the lease over there. Buttons: 1 stop, 2 reset, 3 shared or automatic, 4 take the
-    lease or give it back. Ctrl-C ends it.
+    lease or give it back; in this terminal: space, r, m, l. Ctrl-C ends it.
     """
     from cohelm.core.errors import CohelmError
     from cohelm.link.sticks import choose
@@ -154,6 +154,7 @@ def stick(
     from cohelm.link import keys
     from cohelm.link.local_credentials import borrowed
     from cohelm.link.sticks import at_helm
+    from cohelm.link.sticks.terminal_buttons import TerminalButtons
     from cohelm.link.udp import PORT, address
 
     if drive:
@@ -165,4 +166,7 @@ def stick(
         )
     else:
         own, to = keys.station(name), address(robot, PORT)
-    at_helm.drive(choose.opened(device), own, to, k_s, lambda text: say(plain(text)))
+    held = TerminalButtons(choose.opened(device))
+    if held.listens:
+        say("space: stop, r: reset, m: shared or automatic, l: take the lease or give it back")
+    at_helm.drive(held, own, to, k_s, lambda text: say(plain(text)))

@@ -18,6 +18,7 @@ from cohelm.core.types import Stick
 from cohelm.link.sticks import trial
 from cohelm.link.sticks.brunner_stick import BrunnerStick, parameters
 from cohelm.link.sticks.cls2sim import Forces, positions, request, unit
+from cohelm.link.sticks.feel import returning
 from cohelm.link.sticks.force import NO_FORCE, ForceRules, Swings, changed, wanted
 from cohelm.link.sticks.port import CENTRED, Feel
 from tests.link.ends import until
@@ -142,15 +143,27 @@ def test_let_go_it_comes_back_to_the_centre_whatever_the_signs(forward, left, el
     assert bench.run(1.5).stick == pytest.approx((0.0, 0.0), abs=0.05)
 
 
-def test_the_cue_moves_a_stick_that_nobody_holds_and_is_felt_by_a_hand():
-    bench = Bench()
+def test_the_cue_is_felt_by_a_hand_and_bounded_with_the_spring():
+    bench = Bench("brunner://h?force=1000&damping=0")
+    bench.stick.hold(Stick(0.2, 0.0))
     bench.run(2.5)
-    reading = bench.run(2.0, Feel(0.5, Stick(-0.2, 0.1)))
-    # it stands where the spring balances the cue: 0.5 x = push
-    assert reading.stick == pytest.approx((-0.4, 0.2), abs=0.03)
-    bench.stick.hold(CENTRED)
-    bench.run(1.0, Feel(0.5, Stick(-0.2, 0.1)))
-    assert bench.force() == pytest.approx((-200, 100), abs=1)
+    bench.run(0.5, Feel(0.5, Stick(-0.2, 0.1)))
+    assert bench.force() == pytest.approx((-100 - 200, 100), abs=1)
+    bench.stick.hold(Stick(1.0, -1.0))
+    bench.run(0.5, Feel(1.0, Stick(-0.4, 0.4)))
+    assert bench.force() == pytest.approx((-1000, 1000), abs=1)
+
+
+@pytest.mark.parametrize("delay", [0.001, 0.02])
+@pytest.mark.parametrize("push", [Stick(-0.4, 0.4), Stick(0.4, 0.0)])
+def test_let_go_it_comes_back_against_any_cue_of_the_guard(delay, push):
+    bench = Bench(delay=delay, stick=SimulatedStick(Axis(mass=0.03), Axis(mass=0.03)))
+    bench.stick.hold(Stick(0.8, 0.1))
+    bench.run(2.5)
+    bench.stick.hold(None)
+    for _ in range(250):
+        bench.run(0.01, Feel(0.5, returning(push, bench.device.read().stick, 0.5)))
+    assert bench.device.read().stick == pytest.approx((0.0, 0.0), abs=0.05)
 
 
 def test_the_force_rises_from_nothing_when_it_begins():
