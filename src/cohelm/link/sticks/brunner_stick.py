@@ -99,10 +99,10 @@ def parameters(text: str, pushes: bool = True) -> BrunnerParams:
         raise CohelmError(f"{text!r} is no force stick, as in brunner://10.0.0.5?force=300")
     options: dict[str, str] = {}
     for key, value in given:
-        if key not in _OPTIONS:
-            near = get_close_matches(key, _OPTIONS, 1)
+        if key not in OPTIONS:
+            near = get_close_matches(key, OPTIONS, 1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            raise CohelmError(f"{text}: no option {key!r}: it knows {', '.join(_OPTIONS)}{hint}")
+            raise CohelmError(f"{text}: no option {key!r}: it knows {', '.join(OPTIONS)}{hint}")
         if key in options:
             raise CohelmError(f"{text}: {key} stands there twice")
         options[key] = value
@@ -280,7 +280,7 @@ def numeric(host: str, port: int) -> str:
     return resolved(host, port, socket.SOCK_DGRAM)[1][0]
 
 
-_OPTIONS = ("force", "forward", "left", "damping", "silence_ms")
+OPTIONS = ("force", "forward", "left", "damping", "silence_ms")
 
 
 def _number(text: str, key: str, value: str, least: float, most: float) -> float:
