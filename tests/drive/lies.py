@@ -56,6 +56,7 @@ LIES = {
     "a wall that is not there": Lie(UNSEEN),
     "shorter by half a metre": Lie(UNSEEN),
     "longer by half a metre": Lie(0.5, ""),
+    "longer by 5 cm more every second": Lie(4.0, ""),  # 0.12 m in 2.4 s
     "stamped 0.2 s ago": Lie(0.6, ""),
     # odometry
     "odometry frozen": Lie(0.6, "odometry"),
@@ -252,6 +253,9 @@ _OF_SCAN: dict[str, Callable] = {
     "a wall that is not there": _with(_wall),
     "shorter by half a metre": _with(lambda liar, r: liar.cut(r - 0.5)),
     "longer by half a metre": _with(lambda liar, r: liar.cut(r + 0.5)),
+    "longer by 5 cm more every second": lambda liar, s: s._replace(
+        ranges=liar.cut(s.ranges + 0.05 * (s.stamp - liar.kept.stamp))
+    ),
     "stamped 0.2 s ago": lambda _, s: s._replace(stamp=s.stamp - 0.2),
 }
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from cohelm.core.types import Twist
 from cohelm.drive.checking import CheckingHere
+from cohelm.drive.on_topics import OnTopics
 from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.proposed import NONE, Judged
 from cohelm.drive.session import Session, SessionConfig
@@ -196,8 +197,10 @@ class Drive:
     """Robot, loop, desk and link; `run` turns them and holds the rule after each period."""
 
     def __init__(
-        self, folder: Path, ways: LoopParams | None = None, changes: list[str] | None = None
-    ) -> None:
+        self, folder: Path, ways: LoopParams | None = None, changes: list[str] | None = None,
+        topics: OnTopics | None = None,
+    ) -> None:  # fmt: skip
+        """topics: what a ROS 2 robot hears beside."""
         made = simulated(CORRIDOR, real_time=False, seed=2, changes=changes)
         robot = made.model
         few = robot.lidar.model_copy(update={"beams": 120})
@@ -214,7 +217,10 @@ class Drive:
         self.wheels: Wheels = self.keeper._robot
         self.rule = Rule()
         self.moved = 0
-        self.desk = OperatorRequests(self.session, self.link, known, folder, beside=SessionJobs)
+        self.topics = topics
+        self.desk = OperatorRequests(
+            self.session, self.link, known, folder, SessionJobs, () if topics is None else (topics,)
+        )
         self.beside: SessionJobs = self.desk._beside
         self._build = self.desk._rerouting._build
         self.desk._rerouting._build = self._built
@@ -240,6 +246,8 @@ class Drive:
         """After each period."""
         loop = self.loop
         self.desk.turn(loop)
+        if self.topics is not None:
+            self.topics.turn(loop)
         self.rule.follow(self.keeper.now(), self.link.log, self.keeper.gate)
         self.link.log.clear()
         self.rule.holds(self.keeper.now(), self.wheels.sent)

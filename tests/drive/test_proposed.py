@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.drive.proposed import ROOM, judged
+from cohelm.drive.proposed import ROOM, judged, planned
+from cohelm.law.reference import demand
 from cohelm.plan.course import poses_along
 from cohelm.plan.distance_field import swept
+from cohelm.plan.path_planner import Goal
 
 OUTLINE = np.array([(-0.36, -0.29), (0.36, -0.29), (0.36, 0.29), (-0.36, 0.29)])
 WALL = np.column_stack((np.full(200, 3.0), np.linspace(-5.0, 5.0, 200)))
@@ -49,3 +51,38 @@ def test_two_equal_way_points_in_a_row_are_refused_in_words() -> None:
 def test_the_first_way_point_may_be_where_the_robot_stands() -> None:
     said = judged(np.array([(0.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is not None
+
+
+DOOR = WALL[(WALL[:, 1] > 3.6) | (WALL[:, 1] < 2.4)]
+
+
+def test_a_goal_behind_a_wall_is_reached_through_the_door_with_the_room_that_ways_have() -> None:
+    said = planned(Goal(5.0, 0.0), HERE, 0.5, OUTLINE, DOOR, BOUNDS)
+    assert said.reference is not None, said.why
+    poses = poses_along(said.reference, 0.05)
+    assert poses[0, :2] == pytest.approx((0.0, 0.0))
+    assert poses[-1, :2] == pytest.approx((5.0, 0.0))
+    assert swept(DOOR, OUTLINE, poses).min() >= ROOM
+
+
+def test_in_the_open_a_goal_is_straight_ahead() -> None:
+    nothing = np.empty((0, 2))
+    said = planned(Goal(3.0, 4.0), HERE, 0.5, OUTLINE, nothing, nothing)
+    assert said.reference is not None
+    assert demand(said.reference).length == pytest.approx(5.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("goal", "why"),
+    [
+        ((3.05, 0.0), "the goal 3.0, 0.0 is in a wall, or too near to one"),
+        ((5.0, 0.0), "no way to 5.0, 0.0 is known"),
+        ((9.0, 0.0), "the goal 9.0, 0.0 is not on the map"),
+        ((0.05, 0.0), "the robot is at 0.1, 0.0 already"),
+    ],
+)
+def test_a_goal_that_can_not_be_reached_is_refused_in_words(goal, why) -> None:
+    shut = np.column_stack((np.full(300, 3.0), np.linspace(-6.5, 6.5, 300)))
+    said = planned(Goal(*goal), HERE, 0.5, OUTLINE, shut, BOUNDS)
+    assert said.reference is None
+    assert said.why == why

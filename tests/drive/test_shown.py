@@ -1,9 +1,15 @@
 """What a station is shown of a drive, without asking for it."""
 
 import numpy as np
+import pytest
 
+from cohelm.drive.session import Session, SessionConfig
+from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Ask, Health, Line, Mode, Polyline
+from cohelm.loop.operator import Scripted
+from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
+from tests.drive.simulated_link import CENTRED
 
 POST = "obstacles=[{name: post, center_m: [3.0, 0.1], radius_m: 0.15}]"
 
@@ -56,3 +62,21 @@ def test_what_the_robot_says_is_wrong_with_it_comes_to_the_station(tmp_path):
     with Drive(tmp_path) as drive:
         drive.run(script())
     assert said[-1].faults == ("the bumper is pressed",)
+
+
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.AUTOMATIC])
+def test_how_near_the_nearest_thing_is_is_shown_whether_the_filter_minds_it_or_not(mode):
+    made = simulated(CORRIDOR, "kinematic", real_time=False)
+    operator = Scripted(lambda t: CENTRED, lambda: 0.0)
+    with Session(SessionConfig(made), operator) as session:
+        off: list[float] = []
+
+        def look(loop) -> bool:
+            if operator.statuses:
+                shown = operator.statuses[-1].guarding.clearance
+                off.append(shown - session.keeper.truth().clearance)
+            return loop.keeper.now() > 4.0
+
+        session.run(look, mode)
+        assert session.loop.mode == mode
+    assert np.abs(off).max() < 0.08  # what is shown is a scan older

@@ -4,6 +4,7 @@ moving."""
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import signal
@@ -15,8 +16,13 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
 
-from cohelm.core.types import Twist
+from cohelm.core.frames import compose
+from cohelm.core.types import Pose, Twist
+from cohelm.ros.clock import seconds
 from cohelm.ros.dds import DdsTransport
+from cohelm.ros.mismatch import TF
+from cohelm.ros.port import SENSOR
+from cohelm.ros.transforms import yaw_of
 from tests.ros.stage import Base, Controller, alone, until
 
 pytestmark = pytest.mark.xdist_group("realtime")
@@ -76,6 +82,16 @@ def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
     """Loop, plan and gate on one side of DDS, the simulated robot on the other."""
     alone()
     own = ["--sim-time"] if time == "simulated" else []
+    rviz, placed = DdsTransport("rviz"), dict[float, Pose]()
+    moved = dict[float, Pose]()
+
+    def hear(received):
+        for one in received.message.transforms:
+            at, stamp = one.transform, seconds(one.header.stamp)
+            known = {"odom": placed, "base_link": moved}.get(one.child_frame_id, {})
+            known[stamp] = Pose(at.translation.x, at.translation.y, yaw_of(at.rotation))
+
+    rviz.subscribe("/tf", TF, SENSOR, hear)
     with cohelm("base", "lab-guard", "--json", *own) as base:
         try:
             asked = "lab-guard --ros2 --mode automatic --arrive --for 90 --json"
@@ -84,8 +100,15 @@ def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
         finally:
             base.send_signal(signal.SIGINT)
             truth = json.loads(base.communicate(timeout=30.0)[0])
+            rviz.close()
     assert truth["least_clearance_moving_m"] > 0.05
     if re.search("ms old|no sound command", told["reason"]):
         pytest.skip(f"this machine is too busy for it: {told['reason']}")
     assert told["arrived"], told
     assert not told["lost"]
+    at = compose(placed[max(placed)], moved[max(moved)])
+    assert math.hypot(at.x - truth["x_m"], at.y - truth["y_m"]) < 0.1
+    assert abs(math.remainder(at.psi - truth["heading_rad"], math.tau)) < 0.05
+    # each is of the time of an odometry, to some ms
+    off = [min(abs(stamp - other) for other in moved) for stamp in sorted(placed)[10:-10]]
+    assert sorted(off)[len(off) // 2] < 0.02

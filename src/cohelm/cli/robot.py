@@ -12,6 +12,9 @@ from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say, starting
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from cohelm.drive.on_topics import OnTopics
     from cohelm.drive.session import Session, SessionConfig
 
 
@@ -41,6 +44,27 @@ def robot(
     topics: TopicNames = None,
     transport: Transports = "auto",
     url: Bridge = "",
+    map_frame: Annotated[
+        str, typer.Option(metavar="FRAME", help="With --ros2: the map's frame on /tf.")
+    ] = "map",
+    transforms: Annotated[
+        bool, typer.Option("--tf/--no-tf", help="With --ros2: publish map -> odom on /tf.")
+    ] = True,
+    goals_from: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="TOPIC",
+            help="With --ros2: goals (PoseStamped) or paths (Path) on this topic are driven; "
+            "whoever can publish there says where to. More than once for more.",
+        ),
+    ] = None,
+    initial_pose_from: Annotated[
+        str,
+        typer.Option(
+            metavar="TOPIC",
+            help="With --ros2: where the robot is told to be, while it stands; RViz: /initialpose.",
+        ),
+    ] = "",
     twin: Annotated[
         bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
     ] = False,
@@ -91,6 +115,7 @@ def robot(
     With --listen 0.0.0.0 it stands until a paired station takes over (`cohelm station --robot`).
     """
     from cohelm.core.errors import CohelmError
+    from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import Asked, ended, hands, meant
     from cohelm.drive.session import Session, SessionConfig
     from cohelm.drive.simulated import mapped
@@ -112,23 +137,28 @@ def robot(
         made, rate, record, known, ways=LoopParams(carry_on=carry_on), pictures=pictures
     )
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
+    config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)
+    topics_too = on_topics(made, config, lambda text: say(plain(text)))
     if listen is not None:
         say(begins)
-        _told(made.scenario.name, _served(plan, listen, seconds), as_json)
+        _told(made.scenario.name, _served(plan, listen, seconds, topics_too), as_json)
         return
     chosen, operator = hands(made, mode)
     say(begins)
     with (
         starting(made.model.name) as line,
         ended() as stop,
+        topics_too as beside,
         Session(plan, operator) as session,
     ):
         stop.heed()
         line.over()
+        beside.begin(session)
         operator.watches(session.loop.keeper.now)
         begun = session.loop.keeper.now()
 
         def until(loop: Any) -> bool:
+            beside.turn(loop)
             late = seconds is not None and loop.keeper.now() - begun >= seconds
             return stop.asked != "" or late or (arrive and loop.driver.arrived)
 
@@ -153,7 +183,9 @@ def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
         raise typer.Exit(1)
 
 
-def _served(plan: SessionConfig, where: str, seconds: float | None) -> dict[str, Any]:
+def _served(
+    plan: SessionConfig, where: str, seconds: float | None, topics: AbstractContextManager[OnTopics]
+) -> dict[str, Any]:
     """Drive as paired stations want, until Ctrl-C or the time is over."""
     import time
 
@@ -168,7 +200,7 @@ def _served(plan: SessionConfig, where: str, seconds: float | None) -> dict[str,
     host, port = address(where, PORT)
     begun = time.monotonic()
 
-    with starting(own.name) as line, ended() as stop:
+    with starting(own.name) as line, ended() as stop, topics as beside:
 
         def ready(at: tuple[Any, ...]) -> None:
             stop.heed()
@@ -179,7 +211,7 @@ def _served(plan: SessionConfig, where: str, seconds: float | None) -> dict[str,
             late = seconds is not None and time.monotonic() - begun >= seconds
             return stop.asked or ("its time is over" if late else "")
 
-        return serve(plan, TeleopConfig(own, host, port), ready, over)
+        return serve(plan, TeleopConfig(own, host, port), ready, over, beside)
 
 
 def _line(session: Session) -> Any:

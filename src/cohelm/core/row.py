@@ -65,7 +65,11 @@ FIELDS = (
     ("limiting", "i8", "index of the obstacle it acted for; -1: none, or the heading term"),
     ("limiting_x", "f8", "[m] where in the map that is; NaN: nowhere"),
     ("limiting_y", "f8", "[m]"),
-    ("clearance_seen", "f8", "[m] the smallest among what the filter saw; inf: nothing near"),
+    (
+        "clearance_seen",
+        "f8",
+        "[m] to what is seen; in a run, to what the filter looked at; inf: nothing",
+    ),
     ("change", "f8", "[m/s] distance of the command from the blend, in the guard's metric"),
     ("clearance", "f8", "[m] of the real outline to the nearest disc or wall; NaN in a drive"),
     ("energy", "f8", "passivity integral (40)"),

@@ -15,6 +15,7 @@ import numpy as np
 from cohelm.core.types import Floats, Pose
 from cohelm.drive.jobs import InThread
 from cohelm.drive.proposed import NONE, Judge, Judged
+from cohelm.plan.path_planner import Goal
 from cohelm.robot.keep.child import Child
 
 WITHIN = 5.0
@@ -31,7 +32,7 @@ class Checking(Protocol):
         """Whether a check can be begun."""
         ...
 
-    def begin(self, now: float, points: Floats, pose: Pose) -> None:
+    def begin(self, now: float, points: Floats | Goal, pose: Pose) -> None:
         """Check this, when it is ready. now: a clock that goes on [s]."""
         ...
 
@@ -47,7 +48,7 @@ class Checking(Protocol):
 class CheckingHere:
     """Checks at once: for simulated time."""
 
-    def __init__(self, judge: Callable[[Floats, Pose], Judged]) -> None:
+    def __init__(self, judge: Callable[[Floats | Goal, Pose], Judged]) -> None:
         self._judge = judge
         self._made: Judged | None = None
 
@@ -56,7 +57,7 @@ class CheckingHere:
         """When the last one has been taken."""
         return self._made is None
 
-    def begin(self, now: float, points: Floats, pose: Pose) -> None:
+    def begin(self, now: float, points: Floats | Goal, pose: Pose) -> None:
         """Check it now."""
         self._made = safely(self._judge, points, pose)
 
@@ -91,7 +92,7 @@ class CheckingElsewhere:
                 self._replace(child)
         return self._up
 
-    def begin(self, now: float, points: Floats, pose: Pose) -> None:
+    def begin(self, now: float, points: Floats | Goal, pose: Pose) -> None:
         """Send it over."""
         if self._child is not None:
             self._busy, self._since = True, now
@@ -138,7 +139,9 @@ class CheckingElsewhere:
         self._jobs.do(again)
 
 
-def safely(judge: Callable[[Floats, Pose], Judged], points: Floats, pose: Pose) -> Judged:
+def safely(
+    judge: Callable[[Floats | Goal, Pose], Judged], points: Floats | Goal, pose: Pose
+) -> Judged:
     """What is thought of a way; a mistake in the check is no approval."""
     try:
         return judge(points, pose)
@@ -152,12 +155,13 @@ class _Check:
     def __init__(self, judge: Judge) -> None:
         self._judge = judge
 
-    def __call__(self, asked: tuple[Floats, Pose]) -> Judged:
+    def __call__(self, asked: tuple[Floats | Goal, Pose]) -> Judged:
         return safely(self._judge, *asked)
 
     def warm(self) -> str:
         """Compile it."""
         self((_WARM, Pose(0.0, 0.0, 0.0)))
+        self((Goal(1.0, 0.0), Pose(0.0, 0.0, 0.0)))
         return "up"
 
 

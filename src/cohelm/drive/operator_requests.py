@@ -6,7 +6,7 @@ the loop, and taken up by a later turn. No mode is kept here, and none is chosen
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +14,13 @@ import numpy as np
 from cohelm.core.frames import placed
 from cohelm.core.types import Floats
 from cohelm.drive.checking import Checking, CheckingElsewhere, CheckingHere
+from cohelm.drive.factory import RobotFactory
 from cohelm.drive.jobs import AtOnce, InThread, Jobs
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.proposed import Judge
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
-from cohelm.drive.rerouting import Rerouting
+from cohelm.drive.rerouting import Rerouting, Wishes
 from cohelm.drive.session import Session, driver_of
 from cohelm.drive.shown import detour, drawn, way
 from cohelm.law.reference import Reference
@@ -48,15 +49,19 @@ class OperatorRequests:
 
     def __init__(
         self, session: Session, operator: OverLink, known: LocalizationMap | None, records: Path,
-        beside: Callable[[Judge, bool], SessionJobs] = SessionJobs,
+        beside: Callable[[Judge, bool], SessionJobs] = SessionJobs, wishes: Sequence[Wishes] = (),
     ) -> None:  # fmt: skip
-        """known: the map. records: the folder for records."""
+        """known: the map. records: the folder for records. wishes: of where to go, from others than
+        the operator."""
         self._session, self._operator = session, operator
         robot = session.plan.robot
-        judge = Judge(robot.scenario.reference.speed_mps, robot.model.outline, *_occupied(known))
-        self._beside = beside(judge, robot.real_time)
+        self._beside = beside(judge_of(robot, known), robot.real_time)
         self._rerouting = Rerouting(
-            operator, self._beside.checking, self._beside.ways, self._build, self._taken_up
+            (operator, *wishes),
+            self._beside.checking,
+            self._beside.ways,
+            self._build,
+            self._taken_up,
         )
         self._records = RecordSwitch(
             session, operator, records, self._beside.records, lambda: self._drawn, self._beside.make
@@ -115,6 +120,11 @@ class OperatorRequests:
         self._drawn = all_
         for one in all_:
             self._operator.publish(one)
+
+
+def judge_of(robot: RobotFactory, known: LocalizationMap | None) -> Judge:
+    """What ways of a robot at its site are held against."""
+    return Judge(robot.scenario.reference.speed_mps, robot.model.outline, *_occupied(known))
 
 
 def _occupied(known: LocalizationMap | None) -> tuple[Floats, Floats]:

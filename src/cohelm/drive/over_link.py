@@ -10,6 +10,7 @@ import numpy as np
 
 from cohelm import __version__
 from cohelm.drive.pictures import Packed
+from cohelm.drive.rerouting import Wish
 from cohelm.link.messages import (
     Ask,
     Checked,
@@ -22,7 +23,7 @@ from cohelm.link.messages import (
     Status,
 )  # fmt: skip
 from cohelm.link.operator_input import Asked, OperatorInput
-from cohelm.link.robot_bulk import Proposed, RobotBulk
+from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.robot_records import listed
 from cohelm.robot.model import RobotModel
@@ -87,9 +88,9 @@ class OverLink:
         """Say which records there are."""
         self.publish(Records(listed(self._records)))
 
-    def proposed(self) -> tuple[Proposed, ...]:
+    def wishes(self) -> tuple[Wish, ...]:
         """Way-points proposed since the last call."""
-        return self._bulk.proposed()
+        return tuple(Wish(one.client, *one.what) for one in self._bulk.proposed())
 
     def reply(self, client: int, said: Checked) -> None:
         """What is thought of them."""

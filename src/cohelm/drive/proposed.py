@@ -1,4 +1,4 @@
-"""Checks way-points that somebody proposes: can the robot go there?"""
+"""Checks way-points or a goal that somebody proposes: can the robot go there?"""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import Reference, through
 from cohelm.plan.course import poses_along
-from cohelm.plan.distance_field import swept
+from cohelm.plan.distance_field import inscribed, swept
+from cohelm.plan.path_planner import Goal, PathParams, way
 
 ROOM = 0.05
 """Least gap between the outline and anything known [m]."""
@@ -20,6 +21,12 @@ _FARTHEST = 200.0
 _MOST = 256
 """Way-points of one way: a person sets a few dozen."""
 _NEAR = 0.05
+_SPARE = 0.02
+"""More than the least room is planned with: the curve through the points cuts corners [m]."""
+_SPARSE, _DENSE = 0.3, 0.1
+"""Between way-points of a way that is planned: where there is room, and where not [m]."""
+_THERE = 0.1
+"""A goal that is nearer is where the robot stands [m]."""
 NONE = 65535
 """No way-point is to blame."""
 
@@ -45,9 +52,11 @@ class Judge(NamedTuple):
     bounds: Floats
     """(2, 2), its corners [m]."""
 
-    def __call__(self, points: Floats, robot: Pose) -> Judged:
-        """`judged`; takes up to a second of processor."""
-        return judged(points, robot, self.speed, self.outline, self.known, self.bounds)
+    def __call__(self, what: Floats | Goal, robot: Pose) -> Judged:
+        """`judged`, or `planned`; takes up to a second of processor, in a large map some."""
+        if isinstance(what, Goal):
+            return planned(what, robot, self.speed, self.outline, self.known, self.bounds)
+        return judged(what, robot, self.speed, self.outline, self.known, self.bounds)
 
 
 def judged(
@@ -86,3 +95,47 @@ def judged(
     x, y = poses[tight, :2]
     room = f"{100.0 * gaps[tight]:.0f} cm of room" if gaps[tight] > 0.0 else "something in the way"
     return Judged(None, f"on the way to {i + 1}: {room} at {x:.1f}, {y:.1f}", i)
+
+
+def planned(
+    goal: Goal, robot: Pose, speed: float, outline: Floats, known: Floats, bounds: Floats
+) -> Judged:
+    """A way to a goal around what is known, held against it as `judged` does; the arguments are
+    that one's. The goal is where it is, with whatever heading the way has there."""
+    at = f"{goal.x:.1f}, {goal.y:.1f}"
+    point = np.array([goal], dtype=np.float64)
+    if len(bounds) and not ((bounds[0] <= point) & (point <= bounds[1])).all():
+        return Judged(None, f"the goal {at} is not on the map", 0)
+    if len(known):
+        gap = float(np.hypot(*(known - point).T).min())
+        if gap < inscribed(outline) + ROOM:
+            return Judged(None, f"the goal {at} is in a wall, or too near to one", 0)
+    far = math.hypot(goal.x - robot.x, goal.y - robot.y)
+    if far < _THERE:
+        return Judged(None, f"the robot is at {at} already", 0)
+    share = np.linspace(0.0, 1.0, math.ceil(far / _DENSE) + 1)[:, None]
+    line: Floats = (1.0 - share) * np.array([robot[:2]]) + share * point
+    fenced = np.vstack((known, _border(bounds)))
+    everywhere = float(np.ptp(bounds, axis=0).max()) if len(bounds) else 0.0
+    said = Judged(None, f"no way to {at} is known", 0)
+    for border in (PathParams().border, everywhere):
+        manners = PathParams(gap=ROOM + _SPARE, stray=0.0, beside=0.0, border=border)
+        found = way(robot, fenced, line, outline, manners, farther=False)
+        if found is None:
+            continue
+        for spacing in (_SPARSE, _DENSE):
+            every = max(round(spacing / manners.spacing), math.ceil(len(found.points) / _MOST))
+            kept = np.vstack((found.points[every:-1:every], point))
+            said = judged(kept, robot, speed, outline, known, bounds)
+            if said.reference is not None:
+                return said
+    return said
+
+
+def _border(bounds: Floats) -> Floats:
+    """Points along the edge of the map whose corners these are, (p, 2) [m]."""
+    if not len(bounds):
+        return np.empty((0, 2))
+    x, y = (np.arange(low, high, _SPACING) for low, high in bounds.T)
+    sides = [(x, bounds[k, 1]) for k in (0, 1)] + [(bounds[k, 0], y) for k in (0, 1)]
+    return np.vstack([np.column_stack(np.broadcast_arrays(*side)) for side in sides])

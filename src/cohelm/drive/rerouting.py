@@ -7,19 +7,18 @@ ends it. A way that can not be made ends in HOLD, and the driver is told.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
 
 from cohelm.core.types import Floats
 from cohelm.drive.checking import Checking
 from cohelm.drive.jobs import Jobs
-from cohelm.drive.over_link import OverLink
 from cohelm.drive.proposed import NONE, Judged
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Answer, Checked, Mode, Severity
-from cohelm.link.robot_bulk import Proposed
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
+from cohelm.plan.path_planner import Goal
 from cohelm.robot.gate.gate import STANDING
 from cohelm.robot.keep.gated_robot import standing
 
@@ -28,15 +27,39 @@ WITHIN = 20.0
 _WAITS = 5.0
 """A proposal that was not looked at for so long is answered with that [s]."""
 _PAUSE = "way"
+_DRIVES_NO_MORE = "who drove when it came drives no more"
 _log = logging.getLogger("cohelm.drive")
 
 
-class _Wish(NamedTuple):
-    """A proposal that has not been answered."""
+class Wish(NamedTuple):
+    """Where somebody wants the robot to go."""
+
+    client: int
+    """Of the link, or negative for who is no client of it."""
+    number: int
+    where: Floats | Goal
+    """Way-points (n, 2) [m], or a goal."""
+    only_check: bool
+
+
+class Wishes(Protocol):
+    """Where wishes come from. Calls return at once."""
+
+    def wishes(self) -> Sequence[Wish]:
+        """New since the last call."""
+        ...
+
+    def reply(self, client: int, said: Checked) -> None:
+        """What is thought of one; for who is not known here, nothing."""
+        ...
+
+
+class _Waiting(NamedTuple):
+    """A wish that has not been answered."""
 
     client: int
     number: int
-    points: Floats
+    where: Floats | Goal
     only_check: bool
     lease: tuple[int, int]
     """When it came."""
@@ -46,7 +69,7 @@ class _Wish(NamedTuple):
 class _Way:
     """A way that was accepted, on its way to being driven."""
 
-    def __init__(self, wish: _Wish, now: float) -> None:
+    def __init__(self, wish: _Waiting, now: float) -> None:
         self.wish, self.since = wish, now
         self.checking = False
         """Again, from where the robot stands now."""
@@ -59,16 +82,16 @@ class Rerouting:
     """Of one session. All calls but the jobs come from the loop's thread and take no time."""
 
     def __init__(
-        self, operator: OverLink, checking: Checking, jobs: Jobs,
+        self, sources: Sequence[Wishes], checking: Checking, jobs: Jobs,
         build: Callable[[Reference], Driver], shown: Callable[[Loop, Reference], None],
     ) -> None:  # fmt: skip
         """build: makes a driver, beside the loop; raises what it likes. shown: told of a way that
         the robot has taken up."""
-        self._operator, self._checking, self._jobs = operator, checking, jobs
+        self._sources, self._checking, self._jobs = sources, checking, jobs
         self._build, self._shown = build, shown
-        self._wishes: dict[tuple[int, bool], _Wish] = {}
+        self._wishes: dict[tuple[int, bool], _Waiting] = {}
         """Of each client the newest to check, and to go; longest waiting first."""
-        self._checked: _Wish | _Way | None = None
+        self._checked: _Waiting | _Way | None = None
         """What is being checked."""
         self._way: _Way | None = None
         self._building: _Way | None = None
@@ -76,8 +99,9 @@ class Rerouting:
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
         now = loop.keeper.now()
-        for one in self._operator.proposed():
-            self._take(one, loop.lease, now)
+        for source in self._sources:
+            for one in source.wishes():
+                self._take(one, loop.lease, now)
         self._expire(now)
         judged = self._checking.result(now) if self._checked is not None else None
         if judged is not None:
@@ -97,10 +121,8 @@ class Rerouting:
 
     # ---- proposals ----------------------------------------------------------------------
 
-    def _take(self, one: Proposed, lease: tuple[int, int], now: float) -> None:
-        number, points, only_check = one.what
-        wish = _Wish(one.client, number, points, only_check, lease, now)
-        self._wishes[one.client, only_check] = wish
+    def _take(self, one: Wish, lease: tuple[int, int], now: float) -> None:
+        self._wishes[one.client, one.only_check] = _Waiting(*one, lease, now)
 
     def _expire(self, now: float) -> None:
         for key, wish in list(self._wishes.items()):
@@ -114,14 +136,14 @@ class Rerouting:
             return
         way = self._way
         if way is not None and way.checking:
-            self._checked, points = way, way.wish.points
+            self._checked, where = way, way.wish.where
         elif self._wishes:
             own = sorted(key for key in self._wishes if key[0] == loop.lease[0])  # first: to go
             wish = self._wishes.pop(own[0] if own else next(iter(self._wishes)))
-            self._checked, points = wish, wish.points
+            self._checked, where = wish, wish.where
         else:
             return
-        self._checking.begin(now, points, loop.seen.pose)
+        self._checking.begin(now, where, loop.seen.pose)
 
     def _conclude(self, loop: Loop, judged: Judged, now: float) -> None:
         what, self._checked = self._checked, None
@@ -132,17 +154,19 @@ class Rerouting:
         elif what is not None:
             ok, why = judged.reference is not None, judged.why
             if ok and not what.only_check and what.lease != loop.lease:
-                ok, why = False, "you do not drive"
+                ok = False
+                why = "you do not drive" if what.client > 0 else _DRIVES_NO_MORE
             if ok and not what.only_check:
                 self._accept(loop, what, now)
             self._reply(what, ok, why, judged.worst)
 
-    def _reply(self, wish: _Wish, ok: bool, why: str, worst: int = NONE) -> None:
-        self._operator.reply(wish.client, Checked(Answer(wish.number, ok, why), worst))
+    def _reply(self, wish: _Waiting, ok: bool, why: str, worst: int = NONE) -> None:
+        for source in self._sources:
+            source.reply(wish.client, Checked(Answer(wish.number, ok, why), worst))
 
     # ---- the way that was accepted ------------------------------------------------------
 
-    def _accept(self, loop: Loop, wish: _Wish, now: float) -> None:
+    def _accept(self, loop: Loop, wish: _Waiting, now: float) -> None:
         """Stand, whatever the mode; one that was accepted before is forgotten."""
         self._way = _Way(wish, now)
         loop.pause(_PAUSE, "a new way is being made")
@@ -160,7 +184,7 @@ class Rerouting:
         elif way.reference is not None and self._building is None:
             self._building = way
             self._jobs.do(lambda: self._make(way))
-        elif way.reference is None and not way.checking and _stands(loop):
+        elif way.reference is None and not way.checking and stands(loop):
             way.checking = True
 
     def _make(self, way: _Way) -> None:
@@ -197,6 +221,7 @@ class Rerouting:
         loop.alarms.off("way")  # to be acknowledged; there is nothing that goes on
 
 
-def _stands(loop: Loop) -> bool:
+def stands(loop: Loop) -> bool:
+    """Whether the robot does, and is not told otherwise."""
     seen = loop.seen
     return seen is not None and standing(seen.twist) and loop.keeper.gate.out == STANDING

@@ -80,6 +80,8 @@ class Session:
         self.recording: Recording | None = None
         self.keeper: Keeper | None = None
         self.driver: Driver | None = None
+        self.known: LocalizationMap | None = None
+        """The map that the robot localises on."""
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
         """Who is shown the pictures, with their age [s]."""
@@ -92,6 +94,7 @@ class Session:
             where = plan.known
             if where is None and plan.localise:
                 where = map_from_geometry(robot.scenario.walls(), robot.start)
+            self.known = where
             rehearsed = _beside(lambda: rehearse(model, where is not None)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             ends = (self.recording.loop, self.recording.keeper) if self.recording else (None, None)

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.over_link import OverLink
@@ -16,6 +16,9 @@ from cohelm.link.robot_bulk import both_ends
 from cohelm.link.robot_end import STALE
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+
+if TYPE_CHECKING:
+    from cohelm.drive.on_topics import OnTopics
 
 _log = logging.getLogger("cohelm.drive")
 
@@ -37,11 +40,12 @@ def serve(
     door: TeleopConfig,
     ready: Callable[[tuple[Any, ...]], None],
     over: Callable[[], str],
+    topics: OnTopics | None = None,
 ) -> dict[str, Any]:
     """Drive as the person at the link wants, until `over` has a reason; returns the summary.
 
-    ready: told the address when the robot can be driven. Raises CohelmError where something can
-    not be started.
+    ready: told the address when the robot can be driven. topics: what a ROS 2 robot says besides.
+    Raises CohelmError where something can not be started.
     """
     walls = plan.robot.scenario.walls()
     if plan.known is None and plan.localise:
@@ -58,7 +62,8 @@ def serve(
     )  # fmt: skip
     try:
         with Session(plan, operator) as session:
-            desk = OperatorRequests(session, operator, plan.known, door.records)
+            wishes = () if topics is None else (topics,)
+            desk = OperatorRequests(session, operator, plan.known, door.records, wishes=wishes)
             try:
                 ready(operator.address)
                 said = ""
@@ -66,6 +71,8 @@ def serve(
                 def until(loop: Loop) -> bool:
                     nonlocal said
                     desk.turn(loop)
+                    if topics is not None:
+                        topics.turn(loop)
                     said = over()
                     return said != ""
 

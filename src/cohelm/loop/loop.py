@@ -98,7 +98,8 @@ class Loop:
         self.turning = False
         """Whether `run` is at work."""
         self.decision: Decision | None = None
-        self._has_map = has_map
+        self.has_map = has_map
+        """Whether the pose is that of a map, and not the odometry's."""
         self._senses = SensorWatchdog(
             keeper.model, patience(keeper.model, ways.period + ways.patience)
         )
@@ -216,7 +217,7 @@ class Loop:
         if seen.lost != self._lost:
             self._lost = seen.lost
             self._event(f"lost: {seen.reason}" if seen.lost else "found on the map", seen.lost)
-        if seen.lost and self._has_map:
+        if seen.lost and self.has_map:
             self.alarms.on("lost", f"lost: {seen.reason}")
         else:
             self.alarms.off("lost")
@@ -441,21 +442,21 @@ class Loop:
 
     def _said(self, passed: Passed) -> Report | None:
         """What there is to say of this period; None before the robot has seen anything."""
-        if self.seen is None:
+        seen, driver = self.seen, self.driver
+        if seen is None:
             return None
         return Report(
-            self.mode, self.keeper.gate.reason, self.person, self.seen, self._has_map,
+            self.mode, self.keeper.gate.reason, self.person, seen, self.has_map,
             self.decision, passed.out, passed.reason or self.paused, self._progress(),
             self.log.open, self.timing.recent, self.timing.overruns, self.alarms.worst(), self.cap,
+            driver.clear(seen.pose, driver.around(seen), seen.blind),
         )  # fmt: skip
 
     def _tell(self, now: float, said: Report | None) -> None:
         if said is None or now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period:
             return
-        self._told, seen, clear = now, said.seen, -math.inf
-        if seen.blind:
-            clear = self.driver.clear(seen.pose, self.driver.around(seen), seen.blind)
-        told = status(said, predicted(seen.pose, said.applied), clear)
+        self._told = now
+        told = status(said, predicted(said.seen.pose, said.applied))
         self.operator.tell(told)
         self.log.words(self._driven_by, told)
 

@@ -60,6 +60,8 @@ class Report(NamedTuple):
     overruns: int
     alarms: tuple[Alarm, ...]
     cap: Cap
+    clearance: float
+    """Of the outline to anything that is seen [m]; inf: nothing is."""
 
     @property
     def e_p(self) -> float:
@@ -81,6 +83,7 @@ def known(said: Report, now: float, readings: Readings) -> dict[str, Any]:
         "sigma": sigma(seen.covariance), "share": seen.share, "lost": seen.lost,
         "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
         "e_p": said.e_p, "progress": said.progress, "limiting_x": at[0], "limiting_y": at[1],
+        "clearance_seen": said.clearance,
         "stick_x": person.stick.x, "stick_psi": person.stick.psi, "stick_age": person.age,
         "arming": person.arming, "applied_v": said.applied.v, "applied_omega": said.applied.omega,
         "odometry_age": now - odometry.stamp if odometry else math.nan,
@@ -88,11 +91,8 @@ def known(said: Report, now: float, readings: Readings) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def status(
-    said: Report, ahead: tuple[tuple[float, float], ...], clear: float = -math.inf
-) -> Status:
-    """The message; lease, answers and the link's part of the timing are filled in by the link.
-    clear: clearance of what is seen [m]; -inf where all that the guard knows is seen."""
+def status(said: Report, ahead: tuple[tuple[float, float], ...]) -> Status:
+    """The message; lease, answers and the link's part of the timing are filled in by the link."""
     d, seen = said.decision, said.seen
     nan = math.nan
     nominal = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
@@ -109,7 +109,7 @@ def status(
         nominal=nominal,
         applied=said.applied,
         why=said.why or _unseen(said, nominal),
-        guarding=_guarding(said, clear),
+        guarding=_guarding(said),
         e_p=said.e_p,
         reference=Pose(d.x_d, d.y_d, d.psi_d) if d else Pose(nan, nan, nan),
         progress=said.progress,
@@ -171,12 +171,12 @@ def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
     return (place.x, place.y)
 
 
-def _guarding(said: Report, clear: float) -> Guarding:
-    d = said.decision
+def _guarding(said: Report) -> Guarding:
+    d, clear = said.decision, said.clearance
     if d is None:
-        return Guarding(Verdict.UNTOUCHED, math.nan, (math.nan, math.nan), math.nan)
+        return Guarding(Verdict.UNTOUCHED, clear, (math.nan, math.nan), math.nan)
     verdict = VERDICTS.get(d.verdict, Verdict.NO_FILTER)
-    return Guarding(verdict, max(d.clearance_seen, clear), limiting(d, said.seen), d.h)
+    return Guarding(verdict, clear, limiting(d, said.seen), d.h)
 
 
 def _unseen(said: Report, nominal: Twist) -> str:

@@ -104,7 +104,8 @@ class Perception:
         self._blind = None
         if outline is not None and not any(all_round(source.lidar) for source in self._sources):
             self._blind = Blind(outline)
-        self._known = known
+        self.known = known
+        """The map to localise on, if there is one."""
         self._locator = Locator(known, self.lidar, start) if known is not None else None
         self._trail = EMPTY
         self._twist = Twist(0.0, 0.0)
@@ -173,7 +174,7 @@ class Perception:
 
     def _mapped(self, seen: DeskewedScan, pose: Pose) -> NDArray[np.bool_] | None:
         """Which points are on the map's walls, where the robot knows its place on it."""
-        located, known = self._located, self._known
+        located, known = self._located, self.known
         if known is None or located is None or located.lost:
             return None
         return on_walls(known, compose(self._map_odom, pose), seen.points, _ON_WALL)

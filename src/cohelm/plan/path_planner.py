@@ -50,6 +50,13 @@ _MANNERS = PathParams()
 _NONE: Floats = np.empty((0, 2))
 
 
+class Goal(NamedTuple):
+    """Where to go, by whatever way, world frame [m]."""
+
+    x: float
+    y: float
+
+
 class Way(NamedTuple):
     """Way-points to follow, and what they leave."""
 

@@ -172,12 +172,12 @@ class Ros2Make:
     real_time = True
 
     def __init__(self, found: Found) -> None:
-        self._found = found
+        self.found = found
 
     def __call__(self, model: RobotModel) -> Ros2Robot:
         """A new one. CohelmError where the network can not be joined."""
-        transport = self._found.connection.open("cohelm_gate", self._found.topics.namespace)
-        return Ros2Robot(model, self._found, transport)
+        transport = self.found.connection.open("cohelm_gate", self.found.topics.namespace)
+        return Ros2Robot(model, self.found, transport)
 
 
 def _near(age: float) -> float:

@@ -38,6 +38,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Robot, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock
+from cohelm.ros.localized import transform
 from cohelm.ros.look import Topics, kind_of
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import ODOMETRY, STAMPED, TF, TWIST
@@ -82,6 +83,8 @@ class ServedRobot:
         for lidar, topic in zip(robot.model.lidars, topics.of_lidars(robot.model), strict=False):
             self._lidars[lidar.name] = topic
             self._publishers[topic] = transport.publish(topic, kind_of(lidar), SENSOR)
+        self._tf = resolved("tf", topics.namespace)
+        self._publishers[self._tf] = transport.publish(self._tf, TF, Qos(True, False, 10))
         tf = resolved("tf_static", topics.namespace)
         self._publishers[tf] = transport.publish(tf, TF, LATCHED)
         self._send(tf, mounts(robot.model))
@@ -109,6 +112,7 @@ class ServedRobot:
         if readings.odometry is not None and readings.odometry is not self._odometry:
             self._odometry = readings.odometry
             self._send(topics.odom, odometry(readings.odometry, ahead))
+            self._send(self._tf, odometry_transform(readings.odometry, ahead))
         for one in (readings.scan, *readings.further):
             if one is not None and one is not self._scans.get(one.sensor):
                 self._scans[one.sensor] = one
@@ -139,6 +143,12 @@ def odometry(reading: Odometry, ahead: float) -> Any:
         PoseWithCovariance(pose(*reading.pose), none),
         TwistWithCovariance(moves or TwistMessage(zero, zero), none),
     )  # fmt: skip
+
+
+def odometry_transform(reading: Odometry, ahead: float) -> Any:
+    """The same as a `tf2_msgs/msg/TFMessage`: the pose of the body in the odometry's frame."""
+    stamped = header(_nanoseconds(reading.stamp + ahead), _ODOM)
+    return TFMessage([transform(stamped, _BODY, reading.pose)])
 
 
 def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -15,7 +16,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
 from cohelm.scenario.worlds.gazebo import read_gazebo
 from cohelm.scenario.worlds.maps import read_map
-from cohelm.scenario.worlds.tracks import bodies, read_tracks
+from cohelm.scenario.worlds.tracks import bodies as walkers, read_tracks
 from cohelm.sim.grid import NO_GRID, Grid, borders
 from cohelm.sim.world import Body
 
@@ -27,7 +28,7 @@ class GazeboWorld(Schema):
     """A Gazebo world, and the BARN challenge's path through it if there is one."""
 
     kind: Literal["gazebo"]
-    """A Gazebo .world or .sdf file, plain or gzip: its cylinders, spheres and boxes."""
+    """A Gazebo .world or .sdf file, plain or gzip: cylinders, spheres, boxes, movers."""
     file: File
     """The file, relative to this one."""
     path_file: File | None = None
@@ -140,7 +141,7 @@ def read(world: AnyWorld, reach: float, duration: float) -> Read:
         begin = world.begin_s
         if begin is None:
             begin = min((float(track.times[0]) for track in tracks), default=0.0)
-        names, people = bodies(tracks, world.radius_m, reach, begin, duration)
+        names, people = walkers(tracks, world.radius_m, reach, begin, duration)
         if not names:
             raise CohelmError(f"{world.file}: nobody is there at {begin:g} s; set world.begin_s")
         return Read(tuple(f"person {name}" for name in names), tuple(people))
@@ -149,7 +150,11 @@ def read(world: AnyWorld, reach: float, duration: float) -> Read:
         names = tuple(f"cylinder {i}" for i in range(len(barn.discs)))
         return Read(names, _still(barn.discs), barn.walls, NO_GRID, barn.left_out)
     seen = read_gazebo(world.file, reach)
-    return Read(_apart(seen.names), _still(seen.discs), seen.walls, NO_GRID, seen.left_out)
+    bodies = tuple(
+        body if moved is None else replace(body, path=moved.way(duration))
+        for body, moved in zip(_still(seen.discs), seen.animations, strict=True)
+    )
+    return Read(_apart(seen.names), bodies, seen.walls, NO_GRID, seen.left_out)
 
 
 def _barn(world: AnyWorld, reach: float) -> Barn | None:

@@ -305,11 +305,23 @@ def test_ranges_that_all_grow_by_0_2_m_at_once_are_noticed_and_crawled_after():
     longer = ranges(lambda r, _: np.minimum(r + 0.2, SALLY.lidar.range_max_m))
     found = watched(ahead, AT + 3.0, told=longer)
     assert found[0][0] <= AT + 1.5 * SCAN
-    assert "all walls are 0.20 m farther, at once" in found[0][1].reason
+    assert "all walls are 0.20 m farther than" in found[0][1].reason
     assert not any(one.fault for _, one in found)
     after = [one for t, one in found if t > AT + 1.0]
     assert len(after) >= 1.9 / PERIOD  # for as long as it did not go two metres
     assert all(one.share <= CRAWL / 0.4 + 0.01 for one in after)
+
+
+@pytest.mark.parametrize("rate", [0.04, 0.05, 0.1])
+def test_ranges_that_grow_little_by_little_are_noticed_when_they_are_12_cm_longer(rate):
+    def growing(t, readings, _):
+        longer = readings.scan.ranges + rate * max(readings.scan.stamp - AT, 0.0)
+        return readings._replace(scan=readings.scan._replace(ranges=longer))
+
+    found = watched(ahead, AT + 4.0, told=growing)
+    first, one = found[0]
+    assert first <= AT + 0.12 / rate + 0.75
+    assert "farther than" in one.reason
 
 
 @pytest.mark.parametrize("way", [-0.2, -0.1, 0.1, 0.2])
@@ -319,7 +331,7 @@ def test_a_push_is_not_taken_for_ranges_that_grow(way):
         x = odometry.pose.x + (way if t >= AT else 0.0)  # the wheels went, the robot did not
         return readings._replace(odometry=odometry._replace(pose=odometry.pose._replace(x=x)))
 
-    assert not any("farther, at once" in one.reason for _, one in watched(ahead, 5.0, told=pushed))
+    assert not any("farther than" in one.reason for _, one in watched(ahead, 5.0, told=pushed))
 
 
 def test_a_wall_says_how_much_too_long_all_ranges_are():

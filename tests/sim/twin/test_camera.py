@@ -58,6 +58,20 @@ def test_opengl_and_rays_see_the_same():
         assert abs(np.nonzero(drawn)[axis].mean() - np.nonzero(cast)[axis].mean()) < 1.0
 
 
+@pytest.mark.usefixtures("gl")
+@pytest.mark.parametrize("far", [6.0, 300.0])
+def test_a_wall_right_before_the_camera_hides_all_else_however_large_the_world_is(far):
+    walls = [[0.38, -2.0, 0.38, 2.0], [far, -far, far, far]]
+    at = {"width": 160, "height": 120, "mount_x_m": 0.25, "mount_z_m": 0.3}
+    robot = Twin(sally(camera=at), around=scene(walls=walls), camera="gl")
+    robot.wait(0.1)
+    frame = robot.read().frame
+    robot.close()
+    assert frame is not None
+    ahead = frame.pixels[:90].astype(int)  # all but what stands before the wall's foot
+    assert np.ptp(ahead, axis=(0, 1)).max() < 40  # one surface, no sky and no floor behind it
+
+
 def test_what_is_to_the_left_is_on_the_left():
     robot = Twin(
         sally(camera={"width": 160, "height": 120}), around=scene(disc(1.5, 0.4, 0.1)),

@@ -54,6 +54,7 @@ class Tolerance(NamedTuple):
 
 TOLERANCE = Tolerance()
 _WINDOW = 0.65  # motion is compared over so long [s]
+_LATELY, _APART = 4.0, 0.5  # ranges are compared over so long, with sights so far apart [s]
 _FORGET = 0.995  # of what showed a lag, at each scan: half of it after 14 s
 _CHANGES = 0.1  # a change of speed that shows one [m/s]
 _CHANGED = 0.05  # changes of speed, squared and added up, before a lag is judged [m^2/s^2]
@@ -74,6 +75,7 @@ class Motion:
     def __init__(self, lidar: Lidar, tolerance: Tolerance = TOLERANCE) -> None:
         self._lidar, self._t = lidar, tolerance
         self._recent: deque[Sight] = deque()
+        self._lately: deque[Sight] = deque(maxlen=round(_LATELY / _APART))
         self._leg: Sight | None = None
         self._scales: deque[float] = deque(maxlen=_KEPT)  # scans' way ahead over odometry's
         self._angles: deque[float] = deque(maxlen=_KEPT)  # of the scans' way to odometry's [rad]
@@ -92,6 +94,7 @@ class Motion:
     def forget(self) -> None:
         """As if none had come: what the robot knew of its place is void."""
         self._recent.clear()
+        self._lately.clear()
         self._leg = self._probe = self._other = None
         self._range.forget()
         self.blinded = None
@@ -104,10 +107,12 @@ class Motion:
         self.blinded = None
         if self._recent:
             found += self._look_for(self._recent[-1], now)
-            found += self._compare(self._oldest(now), now)
+            found += self._grown(now)
+            found += self._compare(_oldest(self._recent, now), now)
         found += self._late()
         if found:
             self._recent.clear()
+            self._lately.clear()
             self.doubted, self._probe = True, None
             self._range.forget()  # it may have begun now
         elif self.doubted:
@@ -118,14 +123,9 @@ class Motion:
             said = f"straight walls look bowed: all ranges seem {self._range.bias:.2f} m too long"
             found.append(slow(CRAWL, said))
         self._recent.append(now)
+        if not self._lately or now.stamp - self._lately[-1].stamp >= _APART:
+            self._lately.append(now)
         return found
-
-    def _oldest(self, now: Sight) -> Sight:
-        """That still looks about where this one does."""
-        for before in self._recent:
-            if abs(float(now.pose[2] - before.pose[2])) < 0.7:
-                return before
-        return self._recent[-1]
 
     def _look_for(self, last: Sight, now: Sight) -> list[Finding]:
         """What stood there a scan ago."""
@@ -138,13 +138,21 @@ class Motion:
             return [hold(f"{gone.empty:.1f} m of what stood there has vanished from the scan")]
         if gone.width > t.scene * longer:
             self._other, self._deeper = now, gone.deeper
-        deeper, surface = farther(last, now, self._lidar)
-        if deeper > t.longer and surface > t.scene:
-            self._other, self._deeper = now, deeper
-            return [hold(f"all walls are {deeper:.2f} m farther, at once")]
         if gone.width > t.replaced * longer:
             return [hold(f"the scan shows something else over {gone.width:.1f} m, at once")]
         return []
+
+    def _grown(self, now: Sight) -> list[Finding]:
+        """Ranges that are all longer than some seconds ago, at once or little by little."""
+        if not self._lately:
+            return []
+        t, before = self._t, _oldest(self._lately, now)
+        deeper, surface = farther(before, now, self._lidar)
+        if not (deeper > t.longer and surface > t.scene):
+            return []
+        self._other, self._deeper = now, deeper
+        within = now.stamp - before.stamp
+        return [hold(f"all walls are {deeper:.2f} m farther than {within:.1f} s ago")]
 
     def _compare(self, before: Sight, now: Sight) -> list[Finding]:
         """Scan-to-scan motion against odometry's."""
@@ -265,6 +273,14 @@ class Motion:
                 "is the LiDAR mounted as described?"
             ))  # fmt: skip
         return found
+
+
+def _oldest(sights: deque[Sight], now: Sight) -> Sight:
+    """That still looks about where this one does."""
+    for before in sights:
+        if abs(float(now.pose[2] - before.pose[2])) < 0.7:
+            return before
+    return sights[-1]
 
 
 def _off(legs: list[float], most: float) -> float:

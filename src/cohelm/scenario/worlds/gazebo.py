@@ -1,4 +1,5 @@
-"""Gazebo worlds (SDF): cylinders, spheres and boxes as a planar robot meets them."""
+"""Gazebo worlds (SDF): cylinders, spheres and boxes as a planar robot meets them, and those that a
+plugin moves."""
 
 from __future__ import annotations
 
@@ -14,6 +15,7 @@ from defusedxml.ElementTree import fromstring
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
+from cohelm.scenario.worlds.animated import Animation, read_animation, source
 from cohelm.scenario.worlds.file import contents
 
 _DEEPEST = 16  # nested models
@@ -33,6 +35,8 @@ class Obstacles:
     """(s, 4) segments: the outlines of boxes, seen from above [m]."""
     left_out: tuple[str, ...]
     """What could not be read, a sentence each: the robot would not know of it."""
+    animations: tuple[Animation | None, ...] = ()
+    """How each disc moves, (n,); None: it rests."""
 
 
 def read_gazebo(path: Path | str, reach: float, low: float = 0.02, high: float = 2.0) -> Obstacles:
@@ -41,13 +45,17 @@ def read_gazebo(path: Path | str, reach: float, low: float = 0.02, high: float =
     reach: distance kept between the robot's centre and a surface, for the paper's r_i (19) [m].
     Shapes wholly below `low` or above `high` [m] are not in the way. Upright cylinders and
     spheres become discs, all else the outline of its shadow: exact for upright boxes, never too
-    small for tilted shapes. Poses saved in `<state>` hold, as they do in Gazebo.
+    small for tilted shapes. Poses saved in `<state>` hold, as they do in Gazebo. What a plugin
+    moves from key frame to key frame, as in DynaBARN, is read from the plugin's source, in the
+    world's folder or near it; a box that moves becomes the disc around it.
     Planes are ignored; includes, meshes and poses in named frames are listed in `left_out`.
 
     Raises CohelmError where the file is missing, damaged, not SDF, or holds a bad number.
     """
     try:
-        root = fromstring(contents(path, "a Gazebo .world or .sdf file"), forbid_dtd=True)
+        data = contents(path, "a Gazebo .world or .sdf file")
+        # DynaBARN's walls are written so, and Gazebo's own reader minds it as little
+        root = fromstring(data.replace(b"<pose frame=>", b"<pose>"), forbid_dtd=True)
     except (ParseError, LookupError, ValueError) as error:
         if isinstance(error, DefusedXmlException):
             raise CohelmError(
@@ -69,6 +77,7 @@ def read_gazebo(path: Path | str, reach: float, low: float = 0.02, high: float =
         tuple(reader.names),
         np.concatenate([np.empty((0, 4)), *reader.walls]),
         tuple(reader.left_out),
+        tuple(reader.animations),
     )
 
 
@@ -99,6 +108,9 @@ class _Reader:
     names: list[str] = field(default_factory=list[str])
     walls: list[Floats] = field(default_factory=list[Floats])
     left_out: list[str] = field(default_factory=list[str])
+    animations: list[Animation | None] = field(default_factory=list[Animation | None])
+    animation: Animation | None = None
+    """Of the model that is being read, from its origin."""
 
     def member(self, element: Element, parent: Floats, path: str, depth: int) -> None:
         """A child of a world or model."""
@@ -122,8 +134,23 @@ class _Reader:
         pose = self.pose(element, parent, path)
         if pose is None:
             return
+        before = self.animation
+        for plugin in element.iterfind("plugin"):
+            self.animation = self.moved_by(plugin.get("filename", ""), pose, path) or self.animation
         for child in element:
             self.member(child, pose, path, depth + 1)
+        self.animation = before
+
+    def moved_by(self, plugin: str, pose: Floats, path: str) -> Animation | None:
+        """How a plugin moves a model; None, and noted, where nobody knows."""
+        found = source(Path(self.file), plugin)
+        if found is None:
+            self.left_out.append(
+                f"{path}: what {plugin or 'its plugin'} does is not known, so it stands; "
+                "put the plugin's source beside the world"
+            )
+            return None
+        return read_animation(found).moved(-float(pose[0, 3]), -float(pose[1, 3]))
 
     def link(self, element: Element, parent: Floats, path: str) -> None:
         """A link and its collision shapes."""
@@ -193,6 +220,7 @@ class _Reader:
         if self.in_the_way(z - half_height, z + half_height):
             self.discs.append((x, y, 0.0, 0.0, radius, radius + self.reach))
             self.names.append(path)
+            self.animations.append(self.animation and self.animation.moved(x, y))
 
     def shadow(self, size: list[float], pose: Floats, path: str) -> None:
         """The outline of a box from above: the hull of its eight corners."""
@@ -203,7 +231,13 @@ class _Reader:
                 outline = flat[scipy.spatial.ConvexHull(flat).vertices]
             except scipy.spatial.QhullError as error:
                 raise CohelmError(f"{self.file}: {path} is too thin to have an outline") from error
-            self.walls.append(np.hstack((outline, np.roll(outline, -1, axis=0))))
+            if self.animation is None:
+                self.walls.append(np.hstack((outline, np.roll(outline, -1, axis=0))))
+                return
+            at = pose.copy()
+            at[:2, 3] = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
+            radius = float(np.hypot(*(outline - at[:2, 3]).T).max())
+            self.disc(radius, float(np.ptp(corners[2])) / 2.0, at, path)
 
     def in_the_way(self, bottom: float, top: float) -> bool:
         """Whether a shape is at the height of the robot."""

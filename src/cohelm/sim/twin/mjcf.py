@@ -56,10 +56,12 @@ def mjcf(
     resting = [i for i in range(len(discs)) if i not in set(moving)]
     radii = sorted({float(discs[i, RADIUS]) for i in resting if discs[i, RADIUS] <= _CONE})
     camera = robot.camera or CameraModel()
+    # znear and zfar are parts of the extent: of a large world's, walls nearby would not be drawn
     return f"""<mujoco model="{escape(robot.name, {'"': "&quot;"})}">
 <compiler angle="radian"/>
 <option timestep="{step}" integrator="discrete" jacobian="dense" cone="elliptic"
  impratio="10" gravity="0 0 -{GRAVITY}"/>
+<statistic extent="1"/>
 <visual><global offwidth="{max(camera.width, 1280)}" offheight="{max(camera.height, 960)}"/>
 <map znear="0.02" zfar="60"/><quality offsamples="2"/>
 <headlight ambient="0.55 0.55 0.55" diffuse="0.25 0.25 0.25"/></visual>

@@ -112,7 +112,8 @@ function turn(now: number): void {
     psi: present ? reading.psi : 0, valid: present, armed: arming === 'armed',
     device, speed_scale: speedScale.value,
   })
-  if (drives && device === 'gamepad') rumble(s.state.value?.clearance_m ?? null, now)
+  const leads = drives && device === 'gamepad' && deflected(hand.value)
+  if (leads) rumble(s.state.value?.clearance_m ?? null, now)
 }
 
 function reason(reading: Reading): string {

@@ -38,7 +38,7 @@ export function padStops(): boolean {
   return pressed
 }
 
-const NEAR_M = 0.6
+const NEAR_M = 0.3
 const RUMBLE_MS = 200
 let rumbledAt = 0
 

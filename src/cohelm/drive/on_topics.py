@@ -1,0 +1,183 @@
+"""What a ROS 2 robot that cohelm drives says and hears on topics of its own, beside the loop.
+
+Nothing that comes on a topic chooses a mode: a goal or a path becomes another way through the same
+checks as the page's, and a told pose is taken while the robot stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from cohelm.core.errors import CohelmError
+from cohelm.drive.factory import OwnRobot, RobotFactory
+from cohelm.drive.operator_requests import SessionJobs, judge_of
+from cohelm.drive.rerouting import Rerouting, Wish, stands
+from cohelm.drive.session import Session, driver_of
+from cohelm.drive.shown import way
+from cohelm.law.reference import Reference
+from cohelm.link.messages import Checked
+from cohelm.loop.driver import Driver
+from cohelm.loop.loop import Loop
+from cohelm.perceive.localize.localization_map import gap_at
+from cohelm.ros.goals import Goals, Placed
+from cohelm.ros.localized import MAP, NODE, Localized
+from cohelm.ros.robot import Ros2Make
+
+TOPICS = -1
+"""Who wishes on a topic, where clients of the link have their numbers."""
+_FIRST = "first way"
+
+
+class TopicsConfig(NamedTuple):
+    """What is said and heard on topics."""
+
+    frame: str = MAP
+    """Of the map."""
+    transforms: bool = True
+    """Whether map -> odom is published."""
+    ways: tuple[str, ...] = ()
+    """Topics of goals or paths that become ways; without, none does."""
+    initial: str = ""
+    """Topic of initial poses; empty: none is heard."""
+
+
+class OnTopics:
+    """Of one drive; `turn` is called between two periods and takes no time."""
+
+    def __init__(self, localized: Localized | None, goals: Goals | None) -> None:
+        """None: what there is not."""
+        self._localized, self._goals = localized, goals
+        self._session: Session | None = None
+        self._jobs: SessionJobs | None = None
+        self._rerouting: Rerouting | None = None
+        self._asked: dict[int, str] = {}
+        """The topic of each wish that was not answered."""
+        self._count = 0
+
+    def begin(self, session: Session, jobs: Callable[..., SessionJobs] = SessionJobs) -> None:
+        """Of a session that no station drives: ways are made here, and the robot stands until the
+        first one comes. jobs: what works beside the loop."""
+        if self._goals is None or not self._goals.ways:
+            return
+        robot = session.plan.robot
+        self._session = session
+        self._jobs = jobs(judge_of(robot, session.known), robot.real_time)
+        self._rerouting = Rerouting(
+            (self,), self._jobs.checking, self._jobs.ways, self._build, self._taken_up
+        )
+        session.loop.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
+
+    def turn(self, loop: Loop) -> None:
+        """Between two periods."""
+        seen, readings, pilot = loop.seen, loop.readings, loop.driver.pilot
+        if seen is None or readings is None:
+            return
+        if self._localized is not None and loop.has_map:
+            line = None if pilot is None else pilot.course.poses
+            self._localized.take(seen, readings.odometry, loop.keeper.now(), line)
+        if self._goals is not None:
+            if pilot is not None and not loop.paused:
+                self._goals.route = pilot.planner.route.line
+            told = self._goals.initial()
+            if told is not None:
+                said = self._place(loop, told) or "the robot is looked for there"
+                self._goals.tell(told.topic, said)
+                loop.log.event(f"{told.topic}: {said}")
+        if self._rerouting is not None:
+            self._rerouting.turn(loop)
+
+    def wishes(self) -> Sequence[Wish]:
+        """See `rerouting.Wishes`."""
+        made = None if self._goals is None else self._goals.way()
+        if made is None:
+            return ()
+        self._count += 1
+        self._asked = {self._count: made[0]}
+        return (Wish(TOPICS, self._count, made[1], False),)
+
+    def reply(self, client: int, said: Checked) -> None:
+        """See `rerouting.Wishes`."""
+        topic = self._asked.pop(said.answer.number, "") if client == TOPICS else ""
+        if topic and self._goals is not None:
+            self._goals.tell(topic, said.answer.reason or "it is the robot's way from now on")
+
+    def close(self) -> None:
+        """Make no more ways."""
+        if self._jobs is not None and self._rerouting is not None:
+            self._jobs.ways.close(1.0)
+            self._jobs.records.close(1.0)
+            self._rerouting.close()
+        if self._goals is not None:
+            self._goals.close()
+
+    def _place(self, loop: Loop, told: Placed) -> str:
+        """Why it is not, or nothing."""
+        if not loop.has_map:
+            return "there is no map on which the robot could be"
+        if not stands(loop):
+            return (
+                "the robot moves, and a pose is told while it stands: hold it, then tell it again"
+            )
+        pose, known = told.pose, loop.perception.known
+        gap = 1.0 if known is None else float(gap_at(known, pose.x, pose.y))
+        if not gap > 0.0:  # nor for NaN
+            at = f"{pose.x:.1f}, {pose.y:.1f}"
+            return f"{at} is in a wall of the map" if gap == 0.0 else f"{at} is not on the map"
+        loop.perception.place(pose, told.sigma)
+        return ""
+
+    def _build(self, reference: Reference) -> Driver:
+        if self._session is None:
+            raise ValueError("there is no session")
+        plan = self._session.plan
+        return driver_of(plan, plan.robot.real_time, reference)
+
+    def _taken_up(self, loop: Loop, reference: Reference) -> None:
+        if self._session is not None:
+            self._session.driver = loop.driver
+        for line in way(reference):
+            loop.log.show(line)
+        loop.go_on(_FIRST)
+
+
+@contextmanager
+def on_topics(
+    robot: RobotFactory, config: TopicsConfig, say: Callable[[str], None]
+) -> Generator[OnTopics]:
+    """Of a robot, as long as it is driven; of one that is none of ROS 2, nothing.
+
+    say: hears a sentence for a person. CohelmError for what only a ROS 2 robot has, or where the
+    network can not be joined.
+    """
+    make = robot.make if isinstance(robot, OwnRobot) else None
+    if not isinstance(make, Ros2Make):
+        if config != TopicsConfig():
+            raise CohelmError(
+                "--map-frame, --no-tf, --goals-from and --initial-pose-from are of a ROS 2 robot: "
+                "add --ros2"
+            )
+        yield OnTopics(None, None)
+        return
+    found = make.found
+    if config.frame in ("", found.odom, found.body):
+        raise CohelmError(
+            f"--map-frame {config.frame!r}: give a frame of its own, such as {MAP}, beside "
+            f"{found.odom} and {found.body}"
+        )
+    space = found.topics.namespace
+    transport = found.connection.open(NODE, space)
+    try:
+        goals = None
+        if config.ways or config.initial:
+            goals = Goals(transport, config.frame, config.ways, config.initial, say, space)
+        localized = Localized(transport, found, say, config.frame, config.transforms)
+        made = OnTopics(localized, goals)
+        try:
+            yield made
+        finally:
+            made.close()
+            localized.close()
+    finally:
+        transport.close()

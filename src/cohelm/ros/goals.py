@@ -1,0 +1,191 @@
+"""Hears goals, paths and where the robot is told to be on topics: what they say, or what is wrong.
+
+Nothing is done with it here: `drive.on_topics` hands it to what checks ways, or to localization.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose
+from cohelm.plan.path_planner import Goal
+from cohelm.ros import messages
+from cohelm.ros.localized import NODE, PATH, POSE
+from cohelm.ros.names import resolved
+from cohelm.ros.port import LATCHED, Qos, Received, Transport
+from cohelm.ros.transforms import yaw_of
+
+GOAL = "geometry_msgs/msg/PoseStamped"
+_ONCE = Qos(reliable=True, depth=5)
+"""Of what is said once: it must not be lost on its way."""
+_STEP = 0.25
+"""Between two poses of a path that are kept, at least [m]."""
+_MOST = 250
+"""So many poses of a path are kept."""
+_SAME, _SAME_END = 0.25, 0.1
+"""A path that is nowhere farther from the route, and ends as near to its end, is no new one [m]."""
+_SURE, _LEAST, _MOST_SIGMA = 0.3, 0.05, 1.0
+"""How sure a told pose is that does not say so, and what is heeded of those that do [m]."""
+
+
+class Placed(NamedTuple):
+    """Where the robot is told to be."""
+
+    topic: str
+    pose: Pose
+    """In the map."""
+    sigma: float
+    """[m]"""
+
+
+class Goals:
+    """What came on the topics that somebody named, the newest of each kind."""
+
+    def __init__(
+        self, transport: Transport, frame: str, ways: Sequence[str], initial: str,
+        say: Callable[[str], None], namespace: str = "/",
+    ) -> None:  # fmt: skip
+        """ways: topics of goals (PoseStamped) or paths (Path). initial: of initial poses; empty:
+        none. frame: the map's, in which all of it has to be. say: hears what is not done, and why;
+        it is also published. CohelmError for what is no topic's name."""
+        self.frame, self._say = frame, say
+        self.route: Floats = np.empty((0, 2))
+        """(m, 2), the route that is followed: a path that is the same is no new one [m]."""
+        self._beside = ThreadPoolExecutor(1, "goals")
+        self._lock = threading.Lock()
+        self._way: tuple[str, Goal | Floats] | None = None
+        self._initial: Placed | None = None
+        self._reason = transport.publish(
+            resolved(f"{NODE}/reason", namespace), messages.STRING, LATCHED
+        )
+        self.ways = tuple(resolved(name, namespace) for name in ways)
+        for topic in self.ways:
+            transport.subscribe(topic, GOAL, _ONCE, partial(self._goal, topic))
+            transport.subscribe(topic, PATH, _ONCE, partial(self._path, topic))
+        if initial:
+            topic = resolved(initial, namespace)
+            transport.subscribe(topic, POSE, _ONCE, partial(self._told, topic))
+
+    def way(self) -> tuple[str, Goal | Floats] | None:
+        """The newest way and its topic, once: a goal, or way-points (n, 2) [m]."""
+        with self._lock:
+            made, self._way = self._way, None
+        return made
+
+    def initial(self) -> Placed | None:
+        """The newest initial pose, once."""
+        with self._lock:
+            made, self._initial = self._initial, None
+        return made
+
+    def tell(self, topic: str, what: str) -> None:
+        """What became of something on a topic, in a sentence; returns at once."""
+        said = f"{topic}: {what}"
+        self._beside.submit(self._reason.send, messages.reason(said))
+        self._beside.submit(self._say, said)
+
+    def close(self) -> None:
+        """Tell no more."""
+        self._beside.shutdown()
+
+    def _goal(self, topic: str, received: Received) -> None:
+        message = received.message
+        wrong = received.damage or _framed((message.header,), self.frame)
+        if not wrong:
+            at = message.pose.position
+            if math.isfinite(at.x) and math.isfinite(at.y):
+                with self._lock:
+                    self._way = topic, Goal(float(at.x), float(at.y))
+                return
+            wrong = "the goal is no number"
+        self.tell(topic, wrong)
+
+    def _path(self, topic: str, received: Received) -> None:
+        message = received.message
+        made = received.damage if message is None else self._points(message)
+        if isinstance(made, str):
+            self.tell(topic, made)
+        elif not _same(made, self.route):
+            with self._lock:
+                self._way = topic, made
+
+    def _points(self, message: Any) -> Floats | str:
+        """Of a `nav_msgs/Path`; or what is wrong with it."""
+        poses: list[Any] = message.poses
+        wrong = _framed((message.header, *(one.header for one in poses)), self.frame, True)
+        if wrong:
+            return wrong
+        if not poses:
+            return "the path is empty"
+        places = [(one.pose.position.x, one.pose.position.y) for one in poses]
+        points: Floats = np.array(places, dtype=np.float64)
+        if not np.isfinite(points).all():
+            return "the path has a pose that is no number"
+        return thinned(points)
+
+    def _told(self, topic: str, received: Received) -> None:
+        message = received.message
+        wrong = received.damage or _framed((message.header,), self.frame)
+        if not wrong:
+            made = placed(topic, message.pose)
+            if isinstance(made, Placed):
+                with self._lock:
+                    self._initial = made
+                return
+            wrong = made
+        self.tell(topic, wrong)
+
+
+def placed(topic: str, said: Any) -> Placed | str:
+    """Of a `geometry_msgs/msg/PoseWithCovariance`; or what is wrong with it."""
+    at, psi = said.pose.position, yaw_of(said.pose.orientation)
+    if not (math.isfinite(at.x) and math.isfinite(at.y)):
+        return "the initial pose is no number"
+    if math.isnan(psi):
+        return "the initial pose's orientation is no rotation"
+    worst = max(float(said.covariance[0]), float(said.covariance[7]))
+    if not math.isfinite(worst) or worst < 0.0:
+        return "the initial pose's covariance is none"
+    sigma = min(max(math.sqrt(worst), _LEAST), _MOST_SIGMA) if worst > 0.0 else _SURE
+    return Placed(topic, Pose(float(at.x), float(at.y), psi), sigma)
+
+
+def thinned(points: Floats) -> Floats:
+    """Of (n, 2) those some way apart, and the last one; at most 250."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    along = np.concatenate((np.zeros(1), np.cumsum(steps)))
+    step = max(_STEP, float(along[-1]) / (_MOST - 2))
+    _, first = np.unique(np.floor(along / step), return_index=True)
+    kept = points[first]
+    if len(points) > 1 and float(np.hypot(*(points[-1] - kept[-1]))) > 1e-6:
+        close = len(kept) > 1 and float(np.hypot(*(points[-1] - kept[-1]))) < 0.5 * step
+        kept = np.vstack((kept[:-1] if close else kept, points[-1:]))
+    return np.ascontiguousarray(kept)
+
+
+def _same(points: Floats, route: Floats) -> bool:
+    """Whether a path leads where the route does, on the same way."""
+    if not len(route) or float(np.hypot(*(points[-1] - route[-1]))) > _SAME_END:
+        return False
+    off = points[:: max(len(points) // 60, 1), None] - route[None, :]
+    return float(np.hypot(off[..., 0], off[..., 1]).min(axis=1).max()) < _SAME
+
+
+def _framed(headers: Sequence[Any], frame: str, empty: bool = False) -> str:
+    """What is wrong with the frames of headers, in a sentence. empty: whether they may be left
+    out, but for the first."""
+    for i, one in enumerate(headers):
+        name = one.frame_id.lstrip("/")
+        if name != frame and not (empty and i and not name):
+            return (
+                f"it is in the frame {name!r}, and the map's is {frame!r}: publish it in that "
+                "(RViz: Fixed Frame), or name the map's with --map-frame"
+            )
+    return ""

@@ -1,0 +1,180 @@
+"""map -> odom, pose and path on ROS topics: over every transport, and never beside another's."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMessage
+
+from cohelm.core.frames import compose
+from cohelm.core.types import Pose, Twist
+from cohelm.perceive.pipeline import Seen
+from cohelm.record.markers import header
+from cohelm.robot.port import Odometry
+from cohelm.ros.clock import Clock, seconds
+from cohelm.ros.localized import PATH, POSE, Localized, transform
+from cohelm.ros.look import Found, Topics
+from cohelm.ros.mismatch import TF, TWIST
+from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received
+from cohelm.ros.transforms import yaw_of
+from cohelm.scenario.load import robot as load_robot
+from tests.ros.stage import until
+from tests.ros.transports import TRANSPORTS
+
+pytestmark = pytest.mark.xdist_group("realtime")
+MAP_ODOM, ODOM = Pose(3.0, -1.0, 0.4), Pose(1.5, 0.25, -1.1)
+LINE = np.array([(0.0, 0.0, 0.1), (1.0, 0.5, 0.6)])
+
+
+def found(namespace: str = "/", ahead: float = 0.0) -> Found:
+    return Found(
+        Topics.named(namespace), load_robot("sally"), TWIST, "base", "wheels", Clock(ahead), (),
+        math.nan, (),
+    )  # fmt: skip
+
+
+def seen(lost: bool = False, map_odom: Pose = MAP_ODOM) -> Seen:
+    nothing = np.empty((0, 2))
+    return Seen(
+        0.0, compose(map_odom, ODOM), np.diag([0.01, 0.02, 0.03]), 1.0, lost, "", ODOM,
+        Twist(0.0, 0.0), map_odom, nothing, 0, nothing, nothing, nothing, nothing, 0.0, 0.0,
+    )  # fmt: skip
+
+
+class Heard(list[Received]):
+    """What came on a topic."""
+
+    def __init__(self, transport, topic, kind, qos=SENSOR):
+        super().__init__()
+        transport.subscribe(topic, kind, qos, self.append)
+
+    @property
+    def last(self):
+        return self[-1].message
+
+
+@pytest.fixture(scope="module", params=TRANSPORTS.values(), ids=TRANSPORTS)
+def pair(request):
+    """Cohelm's own transport, and what somebody else listens with."""
+    made = request.param.one("cohelm_robot", "/"), request.param.two("rviz", "/")
+    yield made
+    for transport in made:
+        transport.close()
+
+
+class Robot:
+    """One that is localised, in a namespace of its own as tests share the network."""
+
+    def __init__(self, transport, space: str, ahead: float = 0.0, **options) -> None:
+        self.said: list[str] = []
+        self.localized = Localized(
+            transport, found(space, ahead), self.said.append, listens=0.0, **options
+        )
+        self.now = 100.0
+
+    def take(self, line=None, **known) -> None:
+        """Odometry that is 0.1 s old."""
+        self.now += 0.05
+        odometry = Odometry(self.now - 0.1, ODOM, Twist(0.0, 0.0))
+        self.localized.take(seen(**known), odometry, self.now, line)
+        time.sleep(0.02)
+
+
+def test_the_robot_is_found_on_the_map_by_its_odometry_and_the_transform(pair):
+    ours, theirs = pair
+    tf, pose = Heard(theirs, "/one/tf", TF), Heard(theirs, "/one/cohelm_robot/pose", POSE)
+    robot = Robot(ours, "/one", ahead=2.0)
+    assert until(lambda: robot.take() or (tf and pose))
+    robot.localized.close()
+    (one,) = tf.last.transforms
+    assert (one.header.frame_id, one.child_frame_id) == ("map", "wheels")
+    at = one.transform
+    there = Pose(at.translation.x, at.translation.y, yaw_of(at.rotation))
+    assert there == pytest.approx(MAP_ODOM)
+    said, place = pose.last.pose.pose, compose(there, ODOM)
+    assert (said.position.x, said.position.y) == pytest.approx(place[:2])
+    assert yaw_of(said.orientation) == pytest.approx(place.psi)
+    assert pose.last.pose.covariance[[0, 7, 35]].tolist() == [0.01, 0.02, 0.03]
+    # by the clock that stamps the odometry, which is 2 s ahead
+    behind = time.time() + 2.0 - seconds(one.header.stamp)
+    assert 0.1 <= behind < 5.0
+    assert robot.said[0] == "map -> wheels goes out on /one/tf"
+    assert robot.said[1].startswith("nobody publishes wheels -> base on /one/tf, so ROS does not")
+
+
+def test_the_path_is_told_to_who_comes_later_and_again_when_it_is_another(pair, request):
+    ours, theirs = pair
+    robot = Robot(ours, "/way")
+    robot.take(LINE)
+    time.sleep(0.1)
+    late = LATCHED if request.node.callspec.params["pair"].graph else COMMAND
+    path = Heard(theirs, "/way/cohelm_robot/path", PATH, late)
+    assert until(lambda: bool(path))
+    robot.take(LINE.copy())
+    robot.take(LINE[:1])
+    assert until(lambda: len(path.last.poses) == 1)
+    robot.localized.close()
+    assert len({seconds(one.message.header.stamp) for one in path}) == 2
+    assert path.last.header.frame_id == "map"
+
+
+def test_while_lost_nothing_is_said_and_found_again_it_is(pair):
+    ours, theirs = pair
+    tf = Heard(theirs, "/lost/tf", TF)
+    robot = Robot(ours, "/lost")
+    assert until(lambda: robot.take() or bool(tf))
+    for _ in range(10):
+        robot.take(lost=True)
+    count = len(tf)
+    for _ in range(10):
+        robot.take(lost=True)
+    assert len(tf) == count
+    assert until(lambda: robot.take() or len(tf) > count)
+    robot.localized.close()
+    stamps = [seconds(one.message.transforms[0].header.stamp) for one in tf]
+    assert stamps == sorted(set(stamps))  # tf2 refuses one that it has already
+
+
+@pytest.mark.parametrize("topic", ["tf", "tf_static"])
+def test_beside_another_that_publishes_the_frame_none_is_published_and_that_is_said(
+    pair, topic, request
+):
+    if topic == "tf_static" and request.node.callspec.id.startswith("to_foxglove"):
+        pytest.skip("what a bridge's client publishes is volatile")
+    ours, theirs = pair
+    space = f"/other_{topic}"
+    other = theirs.publish(f"{space}/{topic}", TF, LATCHED if topic == "tf_static" else COMMAND)
+    robot = Robot(ours, space)
+    elsewhere = TFMessage([transform(header(5, "world"), "wheels", MAP_ODOM)])
+    assert until(
+        lambda: other.send(elsewhere) or robot.take() or any("amcl" in s for s in robot.said)
+    )
+    tf = Heard(theirs, f"{space}/tf", TF)
+    for _ in range(10):
+        robot.take()
+    robot.localized.close()
+    own = [t for one in tf for t in one.message.transforms if t.header.frame_id == "map"]
+    assert not own
+    (said,) = [one for one in robot.said if "amcl" in one]
+    assert said.startswith("world -> wheels is published by somebody else (amcl, slam_toolbox?)")
+
+
+def test_it_goes_where_the_base_says_its_own_and_can_be_left_out(pair):
+    ours, theirs = pair
+    base = theirs.publish("/tf", TF, COMMAND)
+    tf = Heard(theirs, "/tf", TF)
+    quiet, robot = Robot(ours, "/three", transforms=False), Robot(ours, "/two")
+    moved = TFMessage([transform(header(7, "wheels"), "base", ODOM)])
+    assert until(lambda: base.send(moved) or bool(robot.localized._carries))
+
+    def parents():
+        return [t.header.frame_id for one in tf for t in one.message.transforms]
+
+    assert until(lambda: robot.take() or quiet.take() or "map" in parents())
+    for one in (quiet, robot):
+        one.localized.close()
+    assert robot.said == ["map -> wheels goes out on /tf"]
+    assert quiet.said == []
