@@ -142,8 +142,9 @@ class BrunnerStick:
         self.name = f"Brunner stick at {params.host}"
         self.force = any(params.force)
         self._params, self._clock, self._wait = params, clock, wait
-        self._rules = ForceRules(
-            damping=params.damping, fresh=0.4 * params.silence, gone=params.silence
+        rules = ForceRules(damping=params.damping)
+        self._rules = rules._replace(
+            fresh=min(rules.fresh, 0.4 * params.silence), gone=min(rules.gone, params.silence)
         )
         self._line = line or Line(params.host, params.port, params.silence)
         self._why = ""

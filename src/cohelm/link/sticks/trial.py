@@ -40,11 +40,9 @@ def run(
     watchdog = watchdog or ForceWatchdog(*address)
     trial = _Trial(line, watchdog, say, clock, wait)
     try:
-        say("hold the stick fully forward")
-        forward = trial.end(0)
-        say("hold it fully to the left")
-        left = trial.end(1)
-        say("bring it to the middle and take your hand away; if it falls over, hold it loosely")
+        forward = trial.end(0, "forward")
+        left = trial.end(1, "to the left")
+        say("bring it to the middle, and take your hand away; if it falls over, hold it loosely")
         elevator = trial.push(0, strongest)
         aileron = trial.push(1, strongest)
     finally:
@@ -69,8 +67,11 @@ class _Trial:
         self._clock, self._wait = clock, wait
         self._heard = clock()
 
-    def end(self, axis: int) -> int:
+    def end(self, axis: int, where: str) -> int:
         """Which end of its travel the axis is held at, 0 or 1; the other one need not be there."""
+        self._say("hold the stick in the middle")  # from where it falls to no end by itself
+        self._middle()
+        self._say(f"hold it fully {where}")
         since, last = math.inf, -1
         for now, at in self._positions(lambda: Forces(0, 0), _PATIENCE):
             far = abs(at[axis] - 0.5) > _FAR and abs(at[axis] - 0.5) > abs(at[1 - axis] - 0.5)
@@ -82,6 +83,14 @@ class _Trial:
         raise CohelmError(
             f"the {_NAMES[axis]} was not moved: is that axis there, and is it the one that moves?"
         )
+
+    def _middle(self) -> None:
+        since = math.inf
+        for now, at in self._positions(lambda: Forces(0, 0), _PATIENCE):
+            since = min(since, now) if max(abs(a - 0.5) for a in at) <= _MIDDLE else math.inf
+            if now - since >= _HELD:
+                return
+        raise CohelmError("the stick was not held in the middle of its travel")
 
     def push(self, axis: int, strongest: float) -> float:
         """The force that moves the axis; negative if a positive number moves it towards 0."""
