@@ -90,6 +90,14 @@ def robot(
             "`cohelm map` from the same start; else on the scenario's walls.",
         ),
     ] = None,
+    keep_out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Where it must not go: a mask of map_server."),
+    ] = None,
+    speed_zones: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Where it goes slowly: a mask of Nav2's speed filter."),
+    ] = None,
     carry_on: Annotated[
         bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
     ] = False,
@@ -121,6 +129,7 @@ def robot(
     from cohelm.drive.operate import Asked, ended, hands, meant
     from cohelm.drive.session import Session, SessionConfig
     from cohelm.drive.simulated import mapped
+    from cohelm.drive.zones import read_zones
     from cohelm.loop.loop import LoopParams
 
     asked = Asked(
@@ -136,8 +145,9 @@ def robot(
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
     plan = SessionConfig(
-        made, rate, record, live(foxglove), known, ways=LoopParams(carry_on=carry_on),
-        pictures=pictures,
+        made, rate, record, live(foxglove), known,
+        zones=read_zones(keep_out, speed_zones, made.start),
+        ways=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
     config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)

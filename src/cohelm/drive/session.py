@@ -16,6 +16,7 @@ from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Listening, Recording
 from cohelm.drive.shown import drawn, way
+from cohelm.drive.zones import check
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
@@ -28,6 +29,7 @@ from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception, rehearse
 from cohelm.pilot.margin_inflation import SLOP, inflated, noise
 from cohelm.pilot.pilot import Pilot
+from cohelm.plan.zones import Zones
 from cohelm.record.topics import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
@@ -55,6 +57,8 @@ class SessionConfig:
     """The map to localise on; by default the scenario's walls."""
     localise: bool = True
     """Without, the robot trusts its odometry."""
+    zones: Zones | None = None
+    """Where the robot keeps out, and where it goes slowly, on that map."""
     ways: LoopParams = field(default_factory=LoopParams)
     watchdog: float = 0.1
     """The loop may be so late, or the robot stops [s]."""
@@ -101,6 +105,8 @@ class Session:
             if where is None and plan.localise:
                 where = map_from_geometry(robot.scenario.walls(), robot.start)
             self.known = where
+            if plan.zones is not None:
+                check(plan.zones, where)
             rehearsed = _beside(lambda: rehearse(model, where is not None)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             told = [None if one is None else one.keeper for one in (self.recording, self.live)]
@@ -320,4 +326,4 @@ def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None 
     settings, manners, care = inflated(settings, law.manners(), law.care(), off, noise(model))
     pilot = Pilot(reference, settings, delay=delay, manners=manners, care=care)
     planning = RemotePlanner(pilot.planner) if real_time else InProcessPlanner(pilot.planner)
-    return Driver(pilot, settings, delay, planning)
+    return Driver(pilot, settings, delay, planning, plan.zones)

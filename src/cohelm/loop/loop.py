@@ -103,6 +103,10 @@ class Loop:
         self._senses = SensorWatchdog(
             keeper.model, patience(keeper.model, ways.period + ways.patience)
         )
+        self._lidars = {"": (0, perception.lidar)} | {
+            one.name: (k, one.lidar()) for k, one in enumerate(keeper.model.further_lidars, 1)
+        }
+        """By the names of their scans; the first one's has none that counts."""
         self._number = 0
         self._due = -math.inf
         self._lost = False
@@ -359,14 +363,14 @@ class Loop:
         return self.driver.follow(now, seen.pose, stick, around)
 
     def _bound(self, seen: Seen, around: Surroundings) -> None:
-        """How fast it may be asked to go: what the driver allows, his delay, and where the robot
-        has lost its place, what it sees."""
-        driver, self.cap = self.driver, FREE
+        """How fast it may be asked to go: what the driver allows, his delay, speed zones, and where
+        the robot has lost its place, what it sees."""
+        driver, caps = self.driver, [FREE, self.driver.slowed(seen)]
         if self._delay > NOTICED or seen.lost:
             clear, settings = driver.clear(seen.pose, around, seen.blind), driver.settings
-            caps = [cap(self._delay, clear, settings)]
+            caps += [cap(self._delay, clear, settings)]
             caps += [crawl(clear, self.driver.delay, settings)] if seen.lost else []
-            self.cap = min(caps)
+        self.cap = min(caps)
         usual = self._scale * driver.settings.gains.u_d if self._scale < 1.0 else math.inf
         driver.fastest = min(usual, self.cap.speed)
 
@@ -417,12 +421,15 @@ class Loop:
 
     def _write(self, now: float, readings: Readings, said: Report | None) -> None:
         """To the recorder, as much as it has room for."""
-        scan = self.log.readings(readings)
+        new = self.log.readings(readings)
         if said is None:
             return
-        if scan is not None:
-            self.operator.show(*scan_parts(scan, self.perception.lidar, said.seen.pose))
-            discs = Discs(scan.number, self._discs(said.seen))
+        for scan in new:
+            which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
+            if lidar is not None:
+                self.operator.show(*scan_parts(scan, lidar, said.seen.pose, which))
+        if new and new[0] is readings.scan:
+            discs = Discs(new[0].number, self._discs(said.seen))
             self.operator.show(discs)
             self.log.show(discs)
         gate = self.keeper.gate

@@ -135,8 +135,9 @@ def predicted(pose: Pose, twist: Twist) -> tuple[tuple[float, float], ...]:
     return tuple(points)
 
 
-def scan_parts(scan: Scan, lidar: Lidar, body: Pose) -> tuple[ScanPart, ...]:
-    """A scan for the operator's map, in as many parts as it takes, as if taken from one pose."""
+def scan_parts(scan: Scan, lidar: Lidar, body: Pose, which: int = 0) -> tuple[ScanPart, ...]:
+    """A scan for the operator's map, in as many parts as it takes, as if taken from one pose.
+    which: of the robot's LiDARs."""
     sensor = compose(body, lidar.mount)
     known = np.where(scan.ranges == -math.inf, 0.0, scan.ranges)
     far = ~np.isfinite(known)
@@ -145,7 +146,7 @@ def scan_parts(scan: Scan, lidar: Lidar, body: Pose) -> tuple[ScanPart, ...]:
     n = len(ranges)
     return tuple(
         ScanPart(
-            scan.number, scan.stamp, sensor, n, start, lidar.first, lidar.step,
+            scan.number, which, scan.stamp, sensor, n, start, lidar.first, lidar.step,
             ranges[start : start + MOST_BEAMS],
         )
         for start in range(0, n, MOST_BEAMS)
@@ -180,12 +181,15 @@ def _guarding(said: Report) -> Guarding:
 
 
 def _unseen(said: Report, nominal: Twist) -> str:
-    """That the guard holds the robot back for ground that may hold anything, where it does."""
+    """That the guard holds the robot back for what nothing shows: ground that may hold anything, or
+    a keep-out zone."""
     d, seen, applied = said.decision, said.seen, said.applied
     if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.blind:
         return ""
     if abs(nominal.v - applied.v) < _AS_ASKED and abs(nominal.omega - applied.omega) < _AS_ASKED:
         return ""
+    if d.limiting >= len(seen.mobile) + len(seen.points):
+        return "held back: a keep-out zone"
     return "held back: nothing looks there, it may not be free"
 
 
