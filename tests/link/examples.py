@@ -15,6 +15,7 @@ from cohelm.link.wire import MOST_BEAMS, Header
 
 single = st.floats(width=32)
 finite = st.floats(-(2.0**60), 2.0**60, width=32)
+byte = st.integers(0, 2**8 - 1)
 short = st.integers(0, 2**16 - 1)
 long = st.integers(0, 2**32 - 1)
 huge = st.integers(0, 2**64 - 1)
@@ -69,7 +70,7 @@ statuses = st.builds(
     listed(answers, 3), listed(points, 12), single,
 )  # fmt: skip
 scan_parts = st.builds(
-    m.ScanPart, long, clock, poses, long, long, single, single, rows("u2", 0, MOST_BEAMS)
+    m.ScanPart, long, byte, clock, poses, long, long, single, single, rows("u2", 0, MOST_BEAMS)
 )
 discs = st.builds(m.Discs, long, rows("f4", 6, 40))
 datagrams_down = st.one_of(statuses, scan_parts, discs)

@@ -158,14 +158,21 @@ def test_a_scan_comes_whole_through_its_parts(both):
     ranges = np.arange(720, dtype=np.uint16)
     for number in range(3):
         parts = [
-            ScanPart(number, 1.0, Pose(0.0, 0.0, 0.0), 720, start, -1.0, 0.01,
-                     ranges[start : start + 500] + number)
-            for start in (0, 500)
+            ScanPart(number, lidar, 1.0, Pose(0.0, 0.0, 0.0), 720, start, -1.0, 0.01,
+                     ranges[start : start + 500] + number + 100 * lidar)
+            for lidar in (0, 1) for start in (0, 500)
         ]  # fmt: skip
         both.robot.show(*parts, Discs(number, np.ones((2, 6), np.float32)))
         whole = ranges + number  # as long as a part is under way, the others are shown
-        until(lambda whole=whole: one.scan() and np.array_equal(one.scan().ranges, whole))
-        assert one.scan().number == number
+
+        def come(whole=whole, number=number):
+            scans = {scan.lidar: scan for scan in one.scans()}
+            return len(scans) == 2 and all(
+                scan.number == number and np.array_equal(scan.ranges, whole + 100 * k)
+                for k, scan in scans.items()
+            )
+
+        until(come)
     until(lambda: one.discs() and one.discs().number == 2)
     assert one.discs().rows.shape == (2, 6)
 

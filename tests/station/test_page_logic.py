@@ -128,6 +128,18 @@ def test_pixels_and_metres_go_there_and_back(asked) -> None:
     assert seen == pytest.approx([0.5, 0.25])
 
 
+def test_of_several_lidars_all_are_seen_but_for_one_that_fell_silent(asked) -> None:
+    scan = "{{lidar: {0}, sensor: [{0}, 0, 0], first: 0, step: 0.1, at: {1}, ranges: [2000]}}"
+    one, two, later = scan.format(0, 5000), scan.format(1, 4000), scan.format(0, 6000)
+    both, last, none = asked(
+        "map/points.ts",
+        f"[...m.points([{one}, {two}])]", f"[...m.points([{two}, {later}])]", "[...m.points([])]",
+    )  # fmt: skip
+    assert both == [2, 0, 3, 0]
+    assert last == [2, 0]
+    assert none == []
+
+
 def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
     import numpy as np
 
@@ -136,7 +148,9 @@ def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
     from cohelm.link.station_end import WholeScan
     from cohelm.station import binary
 
-    scan = WholeScan(7, 1.0, Pose(1.0, 2.0, 0.5), -2.0, 0.01, np.array([1, 500, 65535], np.uint16))
+    scan = WholeScan(
+        7, 1, 1.0, Pose(1.0, 2.0, 0.5), -2.0, 0.01, np.array([1, 500, 65535], np.uint16)
+    )
     packed = list(binary.scan(scan, 0.25))
     frame = list(binary.frame(Picture(9, 1.0, Pose(3.0, 4.0, 0.1), b"jpeg"), 0.04))
     read = "m.decode(new Uint8Array({}).buffer, 5)"
@@ -146,7 +160,7 @@ def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
         f"(d => ({{...d.frame, jpeg: [...d.frame.jpeg]}}))({read.format(frame)})",
         read.format([99] + [0] * 71),
     )
-    assert got["number"] == 7
+    assert (got["number"], got["lidar"], got["at"]) == (7, 1, 5)
     assert got["sensor"] == [1.0, 2.0, 0.5]
     assert (got["first"], got["step"], got["ageMs"]) == (-2.0, 0.01, 250.0)
     assert got["ranges"] == [1, 500, 65535]

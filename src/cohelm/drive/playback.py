@@ -21,7 +21,7 @@ from cohelm.link import messages as m
 from cohelm.link.recorded_status import StatusWords
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import POOR, VERDICTS
-from cohelm.record.file import IMAGE
+from cohelm.record.file import IMAGE, scan_topic
 from cohelm.record.read import Found, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, understood
@@ -91,13 +91,17 @@ class Playback:
         self._pictures = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as this
         weakref.finalize(self, self._pictures.close)
         # as much as there is of a record that was cut short is worth seeing
-        found = periods(path, ("/scan", "/rosout", IMAGE, *SHOWN), self._add)
+        topics = ("/scan", scan_topic("*"), "/rosout", IMAGE, *SHOWN)
+        found = periods(path, topics, self._add)
         self._simulated = found.kind == "run"
         self._rows = _filled(found.rows) if self._simulated else found.rows
         self._model = _robot(path, found)
-        lidar = self._model.lidar
-        self._mount = lidar.lidar().mount if lidar is not None else Pose(0.0, 0.0, 0.0)
-        self._scan: WholeScan | None = None
+        self._lidars = [
+            ("/scan" if k == 0 else scan_topic(one.name), one.lidar().mount)
+            for k, one in enumerate(self._model.lidars)
+        ]
+        """Topic and mount of each."""
+        self._scans: dict[int, WholeScan] = {}
         self._picture: m.Picture | None = None
         self._times: list[float] = self._rows["t"].tolist()
         self.start = self._times[0]
@@ -119,11 +123,13 @@ class Playback:
         for topic in SHOWN:
             if topic != "/diagnostics" and (what := self._newest(topic, now)) is not None:
                 out.append(News(what, now, 0.0))
-        scan, jpeg = self._newest("/scan", now), self._newest(IMAGE, now)
-        if scan is not None:
-            if self._scan is None or self._scan.number != scan.number:
-                self._scan = self._placed(scan)
-            out.append(News(self._scan, scan.taken, now - scan.taken))
+        for k, (topic, mount) in enumerate(self._lidars):
+            scan = self._newest(topic, now)
+            if scan is not None:
+                if k not in self._scans or self._scans[k].number != scan.number:
+                    self._scans[k] = self._placed(scan, k, mount)
+                out.append(News(self._scans[k], scan.taken, now - scan.taken))
+        jpeg = self._newest(IMAGE, now)
         if jpeg is not None:
             if self._picture is None or self._picture.number != jpeg.number:
                 self._picture = self._seen(jpeg)
@@ -135,7 +141,7 @@ class Playback:
     def _add(self, topic: str, t: float, message: Any) -> None:
         series = self._series.setdefault(topic, _Series())
         count = len(series.all)
-        if topic == "/scan":
+        if topic == "/scan" or topic.startswith(scan_topic("")):
             far = ~np.isfinite(message.ranges)
             known = np.where(far, 0.0, message.ranges)
             ranges = np.minimum(np.round(1000.0 * known), 65534).astype(np.uint16)
@@ -165,9 +171,9 @@ class Playback:
         row = self._rows[max(bisect.bisect_right(self._times, t) - 1, 0)]
         return Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
 
-    def _placed(self, scan: _Scan) -> WholeScan:
-        sensor = compose(self._pose(scan.taken), self._mount)
-        return WholeScan(scan.number, scan.taken, sensor, scan.first, scan.step, scan.ranges)
+    def _placed(self, scan: _Scan, which: int, mount: Pose) -> WholeScan:
+        sensor = compose(self._pose(scan.taken), mount)
+        return WholeScan(scan.number, which, scan.taken, sensor, scan.first, scan.step, scan.ranges)
 
     def _seen(self, jpeg: _Jpeg) -> m.Picture:
         self._pictures.seek(jpeg.at)

@@ -252,6 +252,8 @@ class ScanPart(NamedTuple):
 
     number: int
     """Of the scan."""
+    lidar: int
+    """Which of the robot's LiDARs; the first is 0."""
     taken: float
     """The robot's clock when its first beam was measured [s]."""
     sensor: Pose

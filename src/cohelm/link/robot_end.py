@@ -122,7 +122,8 @@ class RobotEnd(Turning):
     def show(self, *parts: ScanPart | Discs) -> None:
         """Send the parts of a scan, or the discs; older ones not sent yet are forgotten."""
         for part in parts:
-            self._put((type(part), part.start if isinstance(part, ScanPart) else 0), part)
+            which = (part.lidar, part.start) if isinstance(part, ScanPart) else 0
+            self._put((type(part), which), part)
 
     def clients(self) -> dict[int, str]:
         """Who is connected: names by number."""

@@ -44,6 +44,7 @@ from cohelm.link.wire import Header, encode, from_robot
 
 FRESH = 0.1
 """Without `steer` for so long, the robot is told that there is no stick [s]."""
+_MOST_LIDARS = 16
 _BEAT = 0.05  # [s], between messages when there is nothing to say
 _LOST = 2.0  # [s], of silence, until a new connection is tried beside the old one
 _PATIENCE = 5.0  # [s], for a handshake
@@ -68,6 +69,8 @@ class WholeScan(NamedTuple):
     """A scan put together from its parts; where parts were lost, as if nothing had returned."""
 
     number: int
+    lidar: int
+    """Which of the robot's LiDARs; the first is 0."""
     taken: float
     """The robot's clock [s]."""
     sensor: Pose
@@ -135,8 +138,9 @@ class StationEnd(Turning):
         self._answers: dict[int, Answer] = {}
         self._status: tuple[Header, Status] | None = None
         self._robot: int | None = None
-        self._parts: dict[int, ScanPart] = {}
-        self._scan: WholeScan | None = None
+        self._parts: dict[int, dict[int, ScanPart]] = {}
+        """Of the newest scan of each LiDAR, by where they begin."""
+        self._scans: dict[int, WholeScan] = {}
         self._discs: Discs | None = None
         self._start()
 
@@ -190,10 +194,10 @@ class StationEnd(Turning):
             header, status = self._status
             return Told(status, header.stamp, self._path.age(header.stamp, self.clock()))
 
-    def scan(self) -> WholeScan | None:
-        """The newest scan."""
+    def scans(self) -> list[WholeScan]:
+        """The newest scan of each LiDAR."""
         with self._lock:
-            return self._scan
+            return list(self._scans.values())
 
     def discs(self) -> Discs | None:
         """The newest obstacles."""
@@ -317,8 +321,9 @@ class StationEnd(Turning):
         with self._lock:
             if self._robot != header.session:  # it started anew, and counts from the beginning
                 self._robot = header.session
-                self._status = self._scan = self._discs = None
+                self._status = self._discs = None
                 self._parts.clear()
+                self._scans.clear()
             newest = self._path.heard(header, now)
             if newest and self._next is not None and self._way is not None:
                 self._next.socket.close()  # the old way works again
@@ -343,21 +348,25 @@ class StationEnd(Turning):
             self._discs = message
 
     def _put_together(self, part: ScanPart) -> None:
-        if self._parts and next(iter(self._parts.values())).number != part.number:
-            if part.number < next(iter(self._parts.values())).number:
+        if part.lidar >= _MOST_LIDARS:
+            return
+        parts = self._parts.setdefault(part.lidar, {})
+        if parts and next(iter(parts.values())).number != part.number:
+            if part.number < next(iter(parts.values())).number:
                 return
-            self._parts.clear()
+            parts.clear()
         if part.start + len(part.ranges) > part.beams or part.beams > 100_000:
             return
-        self._parts[part.start] = part
+        parts[part.start] = part
         ranges = np.full(part.beams, 65535, np.uint16)
-        for piece in self._parts.values():
+        for piece in parts.values():
             if piece.beams == part.beams:
                 ranges[piece.start : piece.start + len(piece.ranges)] = piece.ranges
-        whole = sum(len(piece.ranges) for piece in self._parts.values()) >= part.beams
-        if whole or self._scan is None or part.number > self._scan.number + 1:
-            self._scan = WholeScan(
-                part.number, part.taken, part.sensor, part.first, part.step, ranges
+        whole = sum(len(piece.ranges) for piece in parts.values()) >= part.beams
+        before = self._scans.get(part.lidar)
+        if whole or before is None or part.number > before.number + 1:
+            self._scans[part.lidar] = WholeScan(
+                part.number, part.lidar, part.taken, part.sensor, part.first, part.step, ranges
             )
 
     def _expire(self, request: Request, why: str) -> None:

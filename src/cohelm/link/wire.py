@@ -61,7 +61,7 @@ from cohelm.link.messages import (
     Waypoints,
 )
 
-VERSION = 4
+VERSION = 5
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 LARGEST_BULK = 32_000_000
@@ -94,7 +94,7 @@ def _tuple(*parts: float) -> Any:
     return parts
 
 
-_SHORT, _LONG, _HUGE = whole("H"), whole("I"), whole("Q")
+_BYTE, _SHORT, _LONG, _HUGE = (whole(form) for form in "BHIQ")
 _TIME, _TOLD = real("d"), told("f")
 _POSE, _TWIST = record(Pose, _TOLD, _TOLD, _TOLD), record(Twist, _TOLD, _TOLD)
 _DEFLECTION = real("f", -1.0, 1.0)
@@ -140,7 +140,8 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
     65: (
         ScanPart,
         record(
-            ScanPart, _LONG, _TIME, _POSE, _LONG, _LONG, _TOLD, _TOLD, array("u2", 0, MOST_BEAMS)
+            ScanPart, _LONG, _BYTE, _TIME, _POSE, _LONG, _LONG, _TOLD, _TOLD,
+            array("u2", 0, MOST_BEAMS),
         ),
     ),
     66: (Discs, record(Discs, _LONG, array("f4", 6, 40))),

@@ -67,21 +67,22 @@ class DriveLog:
         """What the stations are shown, that the drive can be shown again."""
         self._line(Displayed(self._clock(), what))
 
-    def readings(self, readings: Readings) -> Scan | None:
-        """What is new among them; the scan of the first LiDAR, if that is."""
+    def readings(self, readings: Readings) -> tuple[Scan, ...]:
+        """What is new among them. Returns the scans that are, that of the first LiDAR first."""
         odometry, scan = readings.odometry, readings.scan
         if odometry is not None and odometry.stamp != self._odometry:
             self._odometry = odometry.stamp
             self._line(odometry)
+        new = () if scan is None or scan.number == self._scan else (scan,)
+        for one in new:
+            self._scan = one.number
         for one in readings.further:
             if self._further.get(one.sensor) != one.number:
                 self._further[one.sensor] = one.number
-                self._line(one)
-        if scan is None or scan.number == self._scan:
-            return None
-        self._scan = scan.number
-        self._line(scan)
-        return scan
+                new = (*new, one)
+        for one in new:
+            self._line(one)
+        return new
 
     def period(self, known: Mapping[str, Any]) -> None:
         """One period, of which so much is known."""

@@ -103,6 +103,10 @@ class Loop:
         self._senses = SensorWatchdog(
             keeper.model, patience(keeper.model, ways.period + ways.patience)
         )
+        self._lidars = {"": (0, perception.lidar)} | {
+            one.name: (k, one.lidar()) for k, one in enumerate(keeper.model.further_lidars, 1)
+        }
+        """By the names of their scans; the first one's has none that counts."""
         self._number = 0
         self._due = -math.inf
         self._lost = False
@@ -416,12 +420,15 @@ class Loop:
 
     def _write(self, now: float, readings: Readings, said: Report | None) -> None:
         """To the recorder, as much as it has room for."""
-        scan = self.log.readings(readings)
+        new = self.log.readings(readings)
         if said is None:
             return
-        if scan is not None:
-            self.operator.show(*scan_parts(scan, self.perception.lidar, said.seen.pose))
-            discs = Discs(scan.number, self._discs(said.seen))
+        for scan in new:
+            which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
+            if lidar is not None:
+                self.operator.show(*scan_parts(scan, lidar, said.seen.pose, which))
+        if new and new[0] is readings.scan:
+            discs = Discs(new[0].number, self._discs(said.seen))
             self.operator.show(discs)
             self.log.show(discs)
         gate = self.keeper.gate

@@ -135,8 +135,9 @@ def predicted(pose: Pose, twist: Twist) -> tuple[tuple[float, float], ...]:
     return tuple(points)
 
 
-def scan_parts(scan: Scan, lidar: Lidar, body: Pose) -> tuple[ScanPart, ...]:
-    """A scan for the operator's map, in as many parts as it takes, as if taken from one pose."""
+def scan_parts(scan: Scan, lidar: Lidar, body: Pose, which: int = 0) -> tuple[ScanPart, ...]:
+    """A scan for the operator's map, in as many parts as it takes, as if taken from one pose.
+    which: of the robot's LiDARs."""
     sensor = compose(body, lidar.mount)
     known = np.where(scan.ranges == -math.inf, 0.0, scan.ranges)
     far = ~np.isfinite(known)
@@ -145,7 +146,7 @@ def scan_parts(scan: Scan, lidar: Lidar, body: Pose) -> tuple[ScanPart, ...]:
     n = len(ranges)
     return tuple(
         ScanPart(
-            scan.number, scan.stamp, sensor, n, start, lidar.first, lidar.step,
+            scan.number, which, scan.stamp, sensor, n, start, lidar.first, lidar.step,
             ranges[start : start + MOST_BEAMS],
         )
         for start in range(0, n, MOST_BEAMS)

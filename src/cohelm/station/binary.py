@@ -34,7 +34,7 @@ def scan(whole: WholeScan, age: float) -> bytes:
     ranges = np.ascontiguousarray(whole.ranges, dtype="<u2")
     head = _SCAN.pack(
         SCAN, whole.number, *whole.sensor, whole.first, whole.step, _finite(age) * 1e3,
-        len(ranges), 0,
+        len(ranges), whole.lidar,
     )  # fmt: skip
     return head + ranges.tobytes()
 

@@ -30,20 +30,21 @@ class Linked:
         self._name = f"{host}:{port}"
         self._proposals = 0
         self._told: object = None
-        self._scan: object = None
+        self._scans: dict[int, object] = {}
         self._discs: object = None
 
     def news(self) -> list[News]:
         """What has come since the last call."""
         out: list[News] = []
-        told, scan, discs = self._end.status(), self._end.scan(), self._end.discs()
+        told, scans, discs = self._end.status(), self._end.scans(), self._end.discs()
         now = math.nan if told is None else told.stamp + told.age
         if told is not None and told.status is not self._told:
             self._told = told.status
             out.append(News(told.status, told.stamp, told.age))
-        if scan is not None and scan is not self._scan:
-            self._scan = scan
-            out.append(News(scan, scan.taken, now - scan.taken))
+        for scan in scans:
+            if scan is not self._scans.get(scan.lidar):
+                self._scans[scan.lidar] = scan
+                out.append(News(scan, scan.taken, now - scan.taken))
         if discs is not None and discs is not self._discs:
             self._discs = discs
             out.append(News(discs, now, 0.0))

@@ -89,7 +89,7 @@ class Operator:
                     self.client = message.lease.you
                     _log.info("%s is client %d of the robot", self.name, self.client)
             case WholeScan():
-                self._outbox.put("scan", binary.scan(message, age))
+                self._outbox.put(f"scan/{message.lidar}", binary.scan(message, age))
             case robot.Picture():
                 self._outbox.put("frame", binary.frame(message, age))
             case robot.Discs():

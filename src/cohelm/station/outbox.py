@@ -11,7 +11,8 @@ CREDIT = {"state": 4, "scan": 2, "frame": 2}
 class Outbox:
     """Newest wins: a message replaces one of its slot that was not sent yet.
 
-    What belongs to a stream of `CREDIT` waits until the page has shown earlier ones.
+    What belongs to a stream of `CREDIT` waits until the page has shown earlier ones, and so
+    does what has a slot of its own in one, `scan/1`.
     """
 
     def __init__(self) -> None:
@@ -35,9 +36,10 @@ class Outbox:
         """What can be sent now."""
         out: list[str | bytes] = []
         for slot in list(self._waiting):
-            if isinstance(slot, str) and slot in self._credit:
-                if self._credit[slot] == 0:
+            stream = slot.partition("/")[0] if isinstance(slot, str) else ""
+            if stream in self._credit:
+                if self._credit[stream] == 0:
                     continue
-                self._credit[slot] -= 1
+                self._credit[stream] -= 1
             out.append(self._waiting.pop(slot))
         return out

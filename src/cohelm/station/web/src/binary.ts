@@ -30,10 +30,14 @@ export interface Grid {
 
 export interface Scan {
   number: number
+  /** Which of the robot's LiDARs; the first is 0. */
+  lidar: number
   sensor: Pose
   first: number
   step: number
   ageMs: number
+  /** When it came [ms, performance.now()]. */
+  at: number
   /** [mm]; 65535 no return, 0 too near */
   ranges: Uint16Array
 }
@@ -69,7 +73,8 @@ export function decode(data: ArrayBuffer, now: number): Binary {
   }
   if (kind === SCAN) {
     const ranges = new Uint16Array(data, 64, u(56))
-    return { scan: { number, sensor: pose, first: f(32), step: f(40), ageMs: f(48), ranges } }
+    const [first, step, ageMs, lidar] = [f(32), f(40), f(48), u(60)]
+    return { scan: { number, lidar, sensor: pose, first, step, ageMs, at: now, ranges } }
   }
   if (kind === FRAME) {
     return { frame: { number, pose, ageMs: f(32), at: now, jpeg: new Uint8Array(data, 40) } }

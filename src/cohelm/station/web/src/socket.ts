@@ -127,7 +127,8 @@ function bytes(data: ArrayBuffer): void {
   if ('map' in got) {
     parts = parts.then(() => paint(got.map)).catch((error) => console.error('map', error))
   } else if ('scan' in got) {
-    s.scan.value = got.scan
+    const { lidar } = got.scan
+    s.scans.value = [...s.scans.value.filter((one) => one.lidar !== lidar), got.scan]
     send({ type: 'got', stream: 'scan' })
   } else {
     s.frame.value = got.frame // credited when it has been drawn

@@ -22,7 +22,8 @@ export const refused = signal<{ text: string; at: number } | null>(null)
 export const pageMs = signal<number | null>(null)
 
 export const grid = signal<Grid | null>(null)
-export const scan = signal<Scan | null>(null)
+/** The newest of each LiDAR. */
+export const scans = signal<Scan[]>([])
 export const frame = signal<Frame | null>(null)
 
 /** When the newest state came [ms, performance.now()]; its age is counted on from there. */

@@ -5,7 +5,7 @@ import * as s from '../state'
 import { draw, type Scene } from './draw'
 import * as edit from './edit'
 import { ghost } from './ghost'
-import { points } from './ring'
+import { points } from './points'
 import { trail } from './trail'
 import { EditPanel } from './EditPanel'
 import { around, moved, toPixel, toWorld, zoomed, type Point, type Size, type View } from './view'
@@ -18,11 +18,11 @@ const drawn: number[] = []
 
 /** Whether anything has changed since the last frame: who paints what is there already takes half a core. */
 let dirty = true
-let seen: { scan: unknown; points: Float64Array } = { scan: null, points: new Float64Array() }
+let seen: { scans: unknown; points: Float64Array } = { scans: null, points: new Float64Array() }
 
 function scene(now: number): Scene {
-  const scan = s.scan.value
-  if (seen.scan !== scan) seen = { scan, points: scan === null ? new Float64Array() : points(scan) }
+  const scans = s.scans.value
+  if (seen.scans !== scans) seen = { scans, points: points(scans) }
   const state = s.state.value
   const quality = s.link.value
   const delay = (s.stateAge(now) + (quality?.round_trip_ms ?? 0) / 2) / 1000

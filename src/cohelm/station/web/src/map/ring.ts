@@ -1,24 +1,8 @@
 // How near things are, all round the robot: one number a sector. Pure.
-import type { Pose, Scan } from '../binary'
+import type { Pose } from '../binary'
 import { seenFrom, type Point } from './view'
 
 export const SECTORS = 24
-const NO_RETURN = 65535
-
-/** Beams of a scan as points in the world; no return and too near left out. */
-export function points(scan: Scan): Float64Array {
-  const out = new Float64Array(2 * scan.ranges.length)
-  let k = 0
-  const [x, y, psi] = scan.sensor
-  for (let i = 0; i < scan.ranges.length; i++) {
-    const mm = scan.ranges[i]
-    if (mm === undefined || mm === 0 || mm === NO_RETURN) continue
-    const bearing = psi + scan.first + i * scan.step
-    out[k++] = x + (mm / 1000) * Math.cos(bearing)
-    out[k++] = y + (mm / 1000) * Math.sin(bearing)
-  }
-  return out.subarray(0, k)
-}
 
 /** Distance from the origin of the body to its outline, looking along `bearing` [m]. */
 export function reach(outline: Point[], bearing: number): number {

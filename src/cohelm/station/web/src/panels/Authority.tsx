@@ -3,7 +3,8 @@ import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
 import { hand, idle } from '../input/drive'
 import { DEVICE_NAMES } from '../input/source'
-import { gaps, points, SECTORS } from '../map/ring'
+import { points } from '../map/points'
+import { gaps, SECTORS } from '../map/ring'
 import type { State } from '../messages'
 import * as s from '../state'
 import { metres, speed, yaw } from './words'
@@ -104,8 +105,7 @@ function drawDial(canvas: HTMLCanvasElement): void {
   if (ctx === null) return
   ctx.clearRect(0, 0, 320, 320)
   ctx.translate(160, 160)
-  const scan = s.scan.value
-  const seen = scan === null ? new Float64Array() : points(scan)
+  const seen = points(s.scans.value)
   const bodies = s.discs.value.map((d): [number, number, number] => [d[0], d[1], d[4]])
   const all = state === null || robot === null
     ? new Array<number>(SECTORS).fill(Infinity)

@@ -1,0 +1,26 @@
+// What the LiDARs see, as points in the world. Pure.
+import type { Scan } from '../binary'
+
+const NO_RETURN = 65535
+
+/** A LiDAR that is silent for so long, while another one is not, shows nothing [ms]. */
+const SILENT_MS = 1500
+
+/** Beams of the newest scan of each LiDAR as points in the world; no return and too near left out. */
+export function points(scans: Scan[]): Float64Array {
+  const newest = Math.max(...scans.map((scan) => scan.at))
+  const heard = scans.filter((scan) => newest - scan.at < SILENT_MS)
+  const out = new Float64Array(2 * heard.reduce((sum, scan) => sum + scan.ranges.length, 0))
+  let k = 0
+  for (const scan of heard) {
+    const [x, y, psi] = scan.sensor
+    for (let i = 0; i < scan.ranges.length; i++) {
+      const mm = scan.ranges[i]
+      if (mm === undefined || mm === 0 || mm === NO_RETURN) continue
+      const bearing = psi + scan.first + i * scan.step
+      out[k++] = x + (mm / 1000) * Math.cos(bearing)
+      out[k++] = y + (mm / 1000) * Math.sin(bearing)
+    }
+  }
+  return out.subarray(0, k)
+}
