@@ -21,6 +21,9 @@ FAR = 7.0
 """Zones are shown as far as this: more than plans look ahead [m]."""
 _MOVED = 0.5
 """What is shown is chosen anew when the robot has gone so far [m]."""
+_EDGE = 1.5
+"""Cells of a border are no deeper than so many: those that have the outside beside them, or at a
+corner."""
 _BEYOND = 0.1
 """Of a zone that the robot is in, what is deeper than the robot by this stands in its way [m]."""
 
@@ -45,6 +48,11 @@ class Cells(NamedTuple):
         found = np.zeros(len(points))
         found[on] = self.values[rows[on], columns[on]]
         return found
+
+    def centres(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
+        """Those of cells, (p, 2) in the map [m]."""
+        own: Floats = np.column_stack((columns, rows)).astype(np.float64) + 0.5
+        return placed(own * self.resolution, self.origin)
 
 
 class KeepOut(NamedTuple):
@@ -84,7 +92,13 @@ class Fence:
         self._allowed: dict[int, float] = {}
         """Of each zone that the robot is in, the depth that it may have [m]."""
         self._points: Floats = np.empty((0, 2))
-        self._shown: tuple[Pose, dict[int, float]] | None = None
+        self._shown: dict[int, float] | None = None
+        self._here: Pose | None = None
+        cells = zones.depth
+        i, j = np.nonzero((zones.zone > 0) & (cells.values <= _EDGE * cells.resolution))
+        self._border, self._of = cells.centres(i, j), zones.zone[i, j]
+        self._near = np.zeros(len(i), np.bool_)
+        self._standing(self._near, self._window(Pose(0.0, 0.0, 0.0)))  # compiles what is needed
 
     def points(self, pose: Pose) -> Floats:
         """(p, 2), in the map [m], for a robot there."""
@@ -99,10 +113,14 @@ class Fence:
             else min(depth, self._allowed[zone])
             for zone, depth in deepest.items()
         }  # fmt: skip
-        shown = self._shown
-        if shown is None or _far(shown[0], pose) > _MOVED or not _alike(shown[1], self._allowed):
-            self._shown = pose, dict(self._allowed)
-            self._points = self._standing(pose)
+        if self._here is None or _far(self._here, pose) > _MOVED:
+            self._here = pose
+            off = self._border - np.array(pose[:2])
+            self._near = np.hypot(off[:, 0], off[:, 1]) < FAR + _MOVED
+            self._shown = None
+        if self._shown is None or not _alike(self._shown, self._allowed):
+            self._shown = dict(self._allowed)
+            self._points = self._standing(self._near, self._window(pose))
         return self._points
 
     def _deepest(self, body: Floats) -> dict[int, float]:
@@ -117,34 +135,31 @@ class Fence:
     def everywhere(self, pose: Pose) -> Floats:
         """The same of all the map, however far, (p, 2) [m]."""
         self.points(pose)
-        return self._edge(0, 0, *self.zones.zone.shape)
+        return self._standing(np.ones(len(self._border), np.bool_), np.s_[:, :])
 
-    def _standing(self, pose: Pose) -> Floats:
-        """What stands around a pose."""
+    def _standing(self, near: NDArray[np.bool_], window: tuple[slice, slice]) -> Floats:
+        """The border of what stands, (p, 2) [m]. near: of whole zones, which points of it. window:
+        the part of the raster where that of others is looked for."""
+        zones, cells = self.zones, self.zones.depth
+        found = [self._border[near & ~np.isin(self._of, list(self._allowed))]]
+        top, left = (part.start or 0 for part in window)
+        for one, depth in self._allowed.items():
+            least, here = depth + self._beyond, cells.values[window]
+            edge = (here > least) & (here <= least + _EDGE * cells.resolution)
+            i, j = np.nonzero(edge & (zones.zone[window] == one))
+            found.append(cells.centres(i + top, j + left))
+        return np.ascontiguousarray(np.vstack(found))
+
+    def _window(self, pose: Pose) -> tuple[slice, slice]:
+        """The part of the raster around a pose."""
         cells = self.zones.depth
         here = between(cells.origin, pose)
         reach = math.ceil((FAR + _MOVED) / cells.resolution)
-        row, column = (math.floor(v / cells.resolution) for v in (here.y, here.x))
-        rows, columns = cells.values.shape
-        return self._edge(
-            min(max(row - reach, 0), rows), min(max(column - reach, 0), columns),
-            min(max(row + reach, 0), rows), min(max(column + reach, 0), columns),
-        )  # fmt: skip
-
-    def _edge(self, low: int, left: int, high: int, right: int) -> Floats:
-        """The border of what stands in a part of the raster, (p, 2) [m]."""
-        zones, cells = self.zones, self.zones.depth
-        part = np.s_[low:high, left:right]
-        zone = zones.zone[part]
-        if not zone.any():
-            return np.empty((0, 2))
-        stands = zone > 0
-        for one, depth in self._allowed.items():
-            stands &= (zone != one) | (cells.values[part] > depth + self._beyond)
-        inner = scipy.ndimage.binary_erosion(stands, np.ones((3, 3), np.int64), border_value=1)
-        i, j = np.nonzero(stands & ~inner)
-        own: Floats = np.column_stack((j + left, i + low)).astype(np.float64) + 0.5
-        return np.ascontiguousarray(placed(own * cells.resolution, cells.origin))
+        parts: list[slice] = []
+        for middle, most in zip((here.y, here.x), cells.values.shape, strict=True):
+            at = math.floor(middle / cells.resolution)
+            parts.append(slice(min(max(at - reach, 0), most), min(max(at + reach, 0), most)))
+        return parts[0], parts[1]
 
 
 class SpeedZones(NamedTuple):
