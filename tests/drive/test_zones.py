@@ -160,10 +160,15 @@ def test_no_way_leads_through_a_keep_out_zone_but_round_it(tmp_path):
         ("keep_out", {"boxes": ACROSS, "resolution": 0.0}, "resolution"),
         ("keep_out", {"boxes": ACROSS, "origin": [50.0, 0.0, 0.0]}, "the mask lies beside the map"),
         ("slow", {}, "no cell has a limit: draw zones darker, with mode: scale"),
+        ("slow", {"boxes": ACROSS}, "no zone is slower than 100 %: draw them grey, with mode"),
         ("slow", {"boxes": ACROSS, "base": 100.0, "multiplier": -1.0}, "a zone has a limit of 0 %"),
         ("slow", {"boxes": ACROSS, "base": -101.0, "type": 2}, "a zone has a limit of -1 m/s"),
         ("slow", {"boxes": ACROSS, "type": 0}, "is a keep-out mask by its type"),
-        ("slow", {"boxes": ACROSS, "origin": [50.0, 0.0, 0.0]}, "the mask lies beside the map"),
+        (
+            "slow",
+            {"boxes": ACROSS, "origin": [50.0, 0.0, 0.0], "multiplier": 0.5},
+            "the mask lies beside the map",
+        ),
     ],
 )
 def test_a_mask_that_can_not_be_used_is_refused_in_a_sentence(tmp_path, zone, made, why):

@@ -71,6 +71,11 @@ def _slow(path: Path, start: Pose) -> SpeedZones:
     made, limits = _on_map(mask.cells, start), mask.limits()
     if not mask.absolute:
         limits = np.where(limits < 100.0, limits / np.float32(100.0), np.float32(0.0))
+        if not limits.any():
+            raise CohelmError(
+                f"{path}: no zone is slower than 100 %: draw them grey, with mode: scale, or give "
+                "base and multiplier"
+            )
     return SpeedZones(Cells(limits, made.resolution, made.origin), not mask.absolute)
 
 
