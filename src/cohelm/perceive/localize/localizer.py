@@ -461,11 +461,11 @@ class Locator:
             self._told = self._told and self._searched is None
 
     def _fall(self, log: float) -> None:
-        """Scans that are much less likely, all at once, on the map alone: a robot that was moved
-        along a corridor sees no contradiction. What was seen before decides as after others."""
+        """Scans that are much less likely on the map, all at once: a robot that was moved along a
+        corridor sees no contradiction. What was seen before decides as after others."""
         c = self.caution
         key = self._keyframe
-        least = self._level - (0.5 * c.margin if self._level > c.odd else c.margin)
+        least = self._level - c.margin * (0.5 if self._level > c.odd else 2.0)
         self._fallen = self._fallen + 1 if log < least else 0
         if self._fallen > c.patience or self._level == -math.inf:
             self._level = log
