@@ -6,7 +6,8 @@ comes 50 ms late, wheels 1.5 % wrong), and whatever it tells the filter is held 
 at every scan, for each disc that is within NEAR of the outline and touches it not.
 
 A disc is told *too far* where nothing that is told within ABOUT of it, disc or point, is as near
-to the outline as it is, by more than SLACK. *View*: the share of the beams that would end on it,
+to the outline as it is, by more than SLACK; ground that may hold anything also counts where it
+begins on the way to it. *View*: the share of the beams that would end on it,
 if the LiDAR looked all round and nothing else stood there. Who is out of view is asked for by when
 it last was in view: nobody can tell who never was.
 
@@ -51,6 +52,8 @@ NEAR = 1.5
 """From the outline to a disc that counts [m]."""
 ABOUT = 0.5
 """What is told so near to a disc's surface is told of it [m]."""
+ROUND = 0.15
+"""By so much longer the way from the outline to a disc is through what begins on that way [m]."""
 SLACK = 0.05
 """By more than this a disc is told too far [m]."""
 FULL, BEAMS = 0.9, 5
@@ -119,6 +122,7 @@ def sampled(way: Way, seed: int, care: TrackerParams | None = None) -> Iterator[
         number = scan.number
         discs = at(around, moment.now)
         things = told(seen, moment.truth)
+        ground = things[len(things) - seen.blind :]
         beams = in_view(moment.truth, lidar, discs, around.walls)
         far = np.maximum(distances(moment.truth, lidar, discs), discs[:, RADIUS])
         whole = 2.0 * np.arcsin(discs[:, RADIUS] / far) / lidar.step
@@ -133,7 +137,9 @@ def sampled(way: Way, seed: int, care: TrackerParams | None = None) -> Iterator[
             else:
                 since = moment.now - last[i]
                 view = VIEWS[2 if since <= JUST else 3 if since <= LONG else 4]
-            yield Sample(view, true, nearest(moment.truth, outline, d, things), moment.now, i)
+            gap = nearest(moment.truth, outline, d, things)
+            gap = min(gap, before(moment.truth, outline, d, true, ground))
+            yield Sample(view, true, gap, moment.now, i)
 
 
 def told(seen: Seen, truth: Pose) -> Floats:
@@ -149,6 +155,18 @@ def nearest(pose: Pose, outline: Floats, disc: Floats, things: Floats) -> float:
     far = np.hypot(things[:, 0] - disc[X], things[:, 1] - disc[Y]) - things[:, 2] - disc[RADIUS]
     gaps = [disc_clearance(pose, outline, x, y, r) for x, y, r in things[far < ABOUT].tolist()]
     return min(gaps, default=math.inf)
+
+
+def before(pose: Pose, outline: Floats, disc: Floats, true: float, ground: Floats) -> float:
+    """The least clearance of ground (n, 3) on the way to a disc that has a `true` one [m]."""
+    least = math.inf
+    for x, y, _ in ground.tolist():
+        off = math.hypot(x - disc[X], y - disc[Y]) - disc[RADIUS]
+        if off < true + ROUND:
+            gap = disc_clearance(pose, outline, x, y, 0.0)
+            if gap + off < true + ROUND:
+                least = min(least, gap)
+    return least
 
 
 def distances(pose: Pose, lidar: Lidar, discs: Floats) -> Floats:

@@ -21,7 +21,7 @@ SOUND = {
     "overruns": 0, "within_2ms": 0.9991, "late_median": 1e-5, "late_99": 2e-5, "late_999": 2e-5,
     "late_worst": 0.0123, "took_median": 0.002, "took_99": 0.004, "took_worst": 0.009,
     "refused": 0, "scheduling": "real time", "record": "a.mcap", "record_whole": True,
-    "record_fault": None, "record_dropped": 0,
+    "record_fault": None, "record_dropped": 0, "live": None,
 }  # fmt: skip
 
 

@@ -62,3 +62,10 @@ def test_a_robot_of_ones_own_that_is_not_there_is_said(cohelm):
     said = cohelm("robot", "sally", "--driver", "no_such_package:Cart")
     assert said.code == 2
     assert "no_such_package:Cart can not be imported" in said.err
+
+
+def test_where_nothing_can_be_shown_nothing_starts(cohelm):
+    said = cohelm("robot", "--foxglove", "host:port")
+    assert said.code == 2
+    assert "'host:port' is no HOST[:PORT]" in said.err
+    assert "starting" not in said.err

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from cohelm.record import file, period
+from cohelm.record import period, topics
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -11,7 +11,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 def test_the_frames_are_those_of_the_records():
     page = (DOCS / "frames.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \|", page.split("## Frames")[1].split("\n## ")[0], re.M)
-    assert {*rows} == {file.MAP, file.ODOM, file.BASE, file.LASER, file.CAMERA}
+    assert {*rows} == {topics.MAP, topics.ODOM, topics.BASE, topics.LASER, topics.CAMERA}
 
 
 def test_every_field_the_glossary_names_is_in_a_record():

@@ -12,6 +12,7 @@ from cohelm.law.blend import authority
 from cohelm.law.gains import Gains
 from cohelm.law.human import intent
 from cohelm.link.stick import read
+from cohelm.link.sticks.brunner_stick import OPTIONS, parameters
 
 PAGE = (Path(__file__).parents[2] / "docs/sticks.md").read_text(encoding="utf-8")
 ERRORS = re.findall(r"^\| (`t.*`) \| (bad\.csv.*) \|$", PAGE, re.MULTILINE)
@@ -40,3 +41,19 @@ def test_the_example_is_a_stick_in_order(tmp_path) -> None:
 def test_the_automatic_share_is_as_told(stick, share) -> None:
     assert f"{share * 100:g} %" in PAGE
     assert math.isclose(authority(intent(stick, Gains()), Gains()).x, share, rel_tol=0.05)
+
+
+def test_the_options_of_a_brunner_stick_are_told_with_what_they_are_without() -> None:
+    rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]*) \|", PAGE, re.MULTILINE)
+    told = dict(
+        pair
+        for names, values in rows
+        for pair in zip(names.replace("`", "").split(", "), values.split(", "), strict=False)
+    )
+    assert set(OPTIONS) <= set(told)
+    given = parameters("brunner://10.0.0.5?force=1")
+    assert (given.forward, given.left) == (int(told["forward"]), int(told["left"]))
+    assert given.damping == float(told["damping"])
+    assert given.silence * 1000 == float(told["silence_ms"])
+    for example in re.findall(r"'(brunner:.*?)'", PAGE):
+        parameters(example)

@@ -8,7 +8,7 @@ import cohelm
 from cohelm.law.verdict import Verdict
 from cohelm.link.messages import Arming
 from cohelm.pilot import step
-from cohelm.record import file, period
+from cohelm.record import period, topics
 from cohelm.robot.gate.modes import Mode
 from tools.tables import DOCS, TABLES, written
 
@@ -43,7 +43,7 @@ def section(title: str) -> str:
 
 def test_every_topic_is_told_with_its_type():
     rows = re.findall(r"^\| `(/[\w/]+)` \| `([\w/]+)` \|", section("Topics"), re.M)
-    assert dict(rows) == file.TOPICS
+    assert dict(rows) == topics.TOPICS
 
 
 def test_every_verdict_is_told_with_its_number():

@@ -12,9 +12,9 @@ from cohelm.drive.pictures import Pictures
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
-from cohelm.record.file import IMAGE
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed
+from cohelm.record.topics import IMAGE
 from cohelm.robot.keep.record_pipe import LARGEST
 from cohelm.robot.port import Frame
 from cohelm.robot.sensors import CameraModel

@@ -27,7 +27,8 @@ from cohelm.link.messages import (
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.record.file import About, Photo, RecordWriter
+from cohelm.record.file import About, RecordWriter
+from cohelm.record.topics import Photo
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
 

@@ -20,8 +20,9 @@ from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
 from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
 from cohelm.link.recorded_status import Displayed, StatusWords
-from cohelm.record.file import About, Photo, RecordWriter
+from cohelm.record.file import About, RecordWriter
 from cohelm.record.replay import Replayed
+from cohelm.record.topics import Photo
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot as BaseRobot
 from cohelm.robot.keep.gated_robot import Event

@@ -9,11 +9,12 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
 from cohelm.record import period
-from cohelm.record.file import TOPICS, About, RecordWriter
+from cohelm.record.file import About, RecordWriter
 from cohelm.record.messages import messages
 from cohelm.record.read import read_record
 from cohelm.record.replay import Replayed, recorded_model
 from cohelm.record.shown import TOPICS as SHOWN_TOPICS, understood
+from cohelm.record.topics import TOPICS
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.port import Odometry
 from cohelm.scenario.load import robot as load_robot

@@ -7,7 +7,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from cohelm.record.file import TOPICS
+from cohelm.record.topics import TOPICS
 from tests.ports.adapters import recorded as drive
 from tests.record.runs import lab, recorded as run
 

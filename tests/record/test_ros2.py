@@ -15,7 +15,7 @@ from cohelm import __version__
 from cohelm.core.row import ROW
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, SAFE, VX, VY, X, Y
-from cohelm.record.file import TOPICS
+from cohelm.record.topics import TOPICS
 from cohelm.record.write import EPOCH, RATE
 from tests.record.runs import LAB, OUTLINE, WALLS, lab, recorded
 

@@ -16,12 +16,17 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
 
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as PoseStamped
+
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
+from cohelm.record.markers import header, pose
 from cohelm.ros.clock import seconds
 from cohelm.ros.dds import DdsTransport
+from cohelm.ros.goals import GOAL
+from cohelm.ros.messages import STRING
 from cohelm.ros.mismatch import TF
-from cohelm.ros.port import SENSOR
+from cohelm.ros.port import COMMAND, LATCHED, SENSOR
 from cohelm.ros.transforms import yaw_of
 from tests.ros.stage import Base, Controller, alone, until
 
@@ -112,3 +117,37 @@ def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
     # each is of the time of an odometry, to some ms
     off = [min(abs(stamp - other) for other in moved) for stamp in sorted(placed)[10:-10]]
     assert sorted(off)[len(off) // 2] < 0.02
+
+
+@pytest.mark.slow
+def test_a_robot_behind_ros_topics_stands_until_a_goal_comes_and_drives_there():
+    """One in a wall is refused, on stderr and on a topic; one that is free is driven to."""
+    alone()
+    rviz, reasons = DdsTransport("rviz"), list[str]()
+    rviz.subscribe(
+        "/cohelm_robot/reason", STRING, LATCHED,
+        lambda received: reasons.append(received.message.data),
+    )  # fmt: skip
+    out = rviz.publish("/goal_pose", GOAL, COMMAND)
+
+    def asked(x: float, y: float, answer: str) -> bool:
+        goal = PoseStamped(header(0, "map"), pose(x, y, 0.0))
+        return until(lambda: out.send(goal) or time.sleep(0.5) or answer in "".join(reasons), 300.0)
+
+    with cohelm("base", "lab-guard", "--json") as base:
+        try:
+            wanted = "lab-guard --ros2 --goals-from /goal_pose --for 45 --json"
+            with cohelm("robot", *wanted.split()) as process:
+                assert asked(4.0, 3.0, "is in a wall, or too near to one")
+                assert asked(3.0, -1.0, "it is the robot's way from now on")
+                out_, said = process.communicate(timeout=400.0)
+        finally:
+            base.send_signal(signal.SIGINT)
+            truth = json.loads(base.communicate(timeout=30.0)[0])
+            rviz.close()
+    told = json.loads(out_)
+    assert truth["least_clearance_moving_m"] > 0.05
+    assert "/goal_pose: it is the robot's way from now on" in said
+    if re.search("ms old|no sound command", told["reason"]):
+        pytest.skip(f"this machine is too busy for it: {told['reason']}")
+    assert math.hypot(truth["x_m"] - 3.0, truth["y_m"] + 1.0) < 0.3, (told, said)

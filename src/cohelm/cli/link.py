@@ -113,14 +113,21 @@ def stick(
         str | None,
         typer.Option(
             metavar="DEVICE",
-            help="/dev/input/event..., the number of a gamepad, or a stick file (CSV); else the "
-            "first that is found.",
+            help="/dev/input/event..., the number of a gamepad, brunner://HOST?force=N for a "
+            "Brunner stick, or a stick file (CSV); else the first that is found.",
         ),
     ] = None,
     k_s: Annotated[
         float, typer.Option(min=0.0, max=10.0, help="Constant of the spring (35); 10 is stiffest.")
     ] = 5.0,
     listing: Annotated[bool, typer.Option("--list", help="Only list the devices here.")] = False,
+    trial: Annotated[
+        bool,
+        typer.Option("--trial", help="Only find out which way a Brunner stick pushes: it moves."),
+    ] = False,
+    strongest: Annotated[
+        float, typer.Option(min=1.0, max=10000.0, help="--trial pushes no harder than this.")
+    ] = 500.0,
 ) -> None:
     """Drive with a stick of this machine, and feel it.
 
@@ -128,7 +135,7 @@ def stick(
 
     A station without a screen, in a process of its own: open `cohelm station` beside it to see,
     and hand the lease over there. Buttons: 1 stop, 2 reset, 3 shared or automatic, 4 take the
-    lease or give it back. Ctrl-C ends it.
+    lease or give it back; in this terminal: space, r, m, l. Ctrl-C ends it.
     """
     from cohelm.core.errors import CohelmError
     from cohelm.link.sticks import choose
@@ -137,9 +144,17 @@ def stick(
         for line in choose.listed():
             print(line)
         return
+    if trial:
+        from cohelm.link.sticks import trial as trials
+
+        found = trials.run(device or "", strongest, lambda text: say(plain(text)))
+        say("now, with the force that feels right (this one is a beginning):")
+        print(f"--device '{found}'")
+        return
     from cohelm.link import keys
     from cohelm.link.local_credentials import borrowed
     from cohelm.link.sticks import at_helm
+    from cohelm.link.sticks.terminal_buttons import TerminalButtons
     from cohelm.link.udp import PORT, address
 
     if drive:
@@ -151,4 +166,7 @@ def stick(
         )
     else:
         own, to = keys.station(name), address(robot, PORT)
-    at_helm.drive(choose.opened(device), own, to, k_s, lambda text: say(plain(text)))
+    held = TerminalButtons(choose.opened(device))
+    if held.listens:
+        say("space: stop, r: reset, m: shared or automatic, l: take the lease or give it back")
+    at_helm.drive(held, own, to, k_s, lambda text: say(plain(text)))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.live import Foxglove, live, shown_at
 from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say, starting
 
@@ -89,6 +90,14 @@ def robot(
             "`cohelm map` from the same start; else on the scenario's walls.",
         ),
     ] = None,
+    keep_out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Where it must not go: a mask of map_server."),
+    ] = None,
+    speed_zones: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Where it goes slowly: a mask of Nav2's speed filter."),
+    ] = None,
     carry_on: Annotated[
         bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
     ] = False,
@@ -102,6 +111,7 @@ def robot(
         str | None,
         typer.Option(metavar="HOST[:PORT]", help="Paired stations drive it, see `cohelm pair`."),
     ] = None,
+    foxglove: Foxglove = None,
     changes: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As in `cohelm run`.")
     ] = None,
@@ -119,6 +129,7 @@ def robot(
     from cohelm.drive.operate import Asked, ended, hands, meant
     from cohelm.drive.session import Session, SessionConfig
     from cohelm.drive.simulated import mapped
+    from cohelm.drive.zones import read_zones
     from cohelm.loop.loop import LoopParams
 
     asked = Asked(
@@ -134,8 +145,10 @@ def robot(
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
     plan = SessionConfig(
-        made, rate, record, known, ways=LoopParams(carry_on=carry_on), pictures=pictures
-    )
+        made, rate, record, live(foxglove), known,
+        zones=read_zones(keep_out, speed_zones, made.start),
+        ways=LoopParams(carry_on=carry_on), pictures=pictures,
+    )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
     config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)
     topics_too = on_topics(made, config, lambda text: say(plain(text)))
@@ -153,6 +166,7 @@ def robot(
     ):
         stop.heed()
         line.over()
+        shown_at(plan.live)
         beside.begin(session)
         operator.watches(session.loop.keeper.now)
         begun = session.loop.keeper.now()
@@ -206,6 +220,7 @@ def _served(
             stop.heed()
             line.over()
             say(f"listening on {at[0]}:{at[1]}; robot {plain(own.name)}, Ctrl-C ends it")
+            shown_at(plan.live)
 
         def over() -> str:
             late = seconds is not None and time.monotonic() - begun >= seconds
@@ -229,7 +244,11 @@ def _line(session: Session) -> Any:
         def show() -> None:
             last = ""
             with screen.status("") if screen.is_terminal else nullcontext() as status:
+                shows = session.live is not None
                 while not over.wait(0.5):
+                    if shows and session.loop.log.view_lost:
+                        shows = False
+                        say("the live view is gone: the robot goes on without")
                     gate = session.loop.keeper.gate
                     now = gate.mode.name.lower() + (f": {gate.reason}" if gate.reason else "")
                     if now != last:
@@ -262,6 +281,8 @@ def failures(summary: dict[str, Any]) -> list[str]:
         )
     if summary["record_whole"] is False:
         found.append(f"the record is not whole: {summary['record_fault']}")
+    if summary["live"] is False:
+        found.append("the live view ended before the drive: nothing was shown any more")
     return found
 
 
@@ -289,6 +310,9 @@ def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ]  # fmt: skip
     found.append(("proposals the gate refused", f"{summary['refused']}"))
     found.append(("scheduling", summary["scheduling"]))
+    if summary["live"] is not None:
+        whole = "to the end" if summary["live"] else "ended before the drive"
+        found.append(("live view", whole))
     if summary["record"]:
         dropped = summary["record_dropped"]
         whole = "whole" if summary["record_whole"] else "NOT WHOLE"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.live import Foxglove, live, shown_at
 from cohelm.cli.tell import Pictures, plain, say, starting
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ def drive(
         bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
     ] = False,
     pictures: Pictures = 5.0,
+    foxglove: Foxglove = None,
     host: Host = "127.0.0.1",
     port: Port = 8765,
     tls: Tls = False,
@@ -135,11 +137,11 @@ def drive(
         twin = False
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
-    door = TeleopConfig(of_robot, "127.0.0.1", 0, records)
+    door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove)
     with (
         ExitStack() as joined,
         RobotProcess(
-            scenario, twin, door, carry_on, pictures=pictures, wait=False, driver=driver
+            scenario, twin, door, carry_on, pictures=pictures, wait=False, driver=driver, live=view
         ) as robot,
         starting(f"the robot in {scenario}") as begun,
     ):
@@ -154,6 +156,7 @@ def drive(
             joined.enter_context(lent(of_stick, robot.host, robot.port))
             begun.over()
             say("the robot is ready; to join it with a stick of this machine: cohelm stick --drive")
+            shown_at(view)
 
         def connect(_: str) -> Awaited:
             return Awaited(linked, lambda: robot.over or begun.text())

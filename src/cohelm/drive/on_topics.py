@@ -63,7 +63,7 @@ class OnTopics:
             return
         robot = session.plan.robot
         self._session = session
-        self._jobs = jobs(judge_of(robot, session.known), robot.real_time)
+        self._jobs = jobs(judge_of(session.plan, session.known), robot.real_time)
         self._rerouting = Rerouting(
             (self,), self._jobs.checking, self._jobs.ways, self._build, self._taken_up
         )

@@ -14,14 +14,13 @@ import numpy as np
 from cohelm.core.frames import placed
 from cohelm.core.types import Floats
 from cohelm.drive.checking import Checking, CheckingElsewhere, CheckingHere
-from cohelm.drive.factory import RobotFactory
 from cohelm.drive.jobs import AtOnce, InThread, Jobs
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.proposed import Judge
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import Rerouting, Wishes
-from cohelm.drive.session import Session, driver_of
+from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.shown import detour, drawn, way
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Health, Map, Polyline
@@ -29,6 +28,7 @@ from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import Course
+from cohelm.plan.zones import Zones
 
 _LEAVE = 5.0
 """A driver that is still being made at the end of the drive is left to itself [s]."""
@@ -55,7 +55,7 @@ class OperatorRequests:
         the operator."""
         self._session, self._operator = session, operator
         robot = session.plan.robot
-        self._beside = beside(judge_of(robot, known), robot.real_time)
+        self._beside = beside(judge_of(session.plan, known), robot.real_time)
         self._rerouting = Rerouting(
             (operator, *wishes),
             self._beside.checking,
@@ -122,9 +122,12 @@ class OperatorRequests:
             self._operator.publish(one)
 
 
-def judge_of(robot: RobotFactory, known: LocalizationMap | None) -> Judge:
+def judge_of(plan: SessionConfig, known: LocalizationMap | None) -> Judge:
     """What ways of a robot at its site are held against."""
-    return Judge(robot.scenario.reference.speed_mps, robot.model.outline, *_occupied(known))
+    robot, zones = plan.robot, plan.zones or Zones()
+    return Judge(
+        robot.scenario.reference.speed_mps, robot.model.outline, *_occupied(known), zones.keep_out
+    )
 
 
 def _occupied(known: LocalizationMap | None) -> tuple[Floats, Floats]:

@@ -21,10 +21,10 @@ from cohelm.link import messages as m
 from cohelm.link.recorded_status import StatusWords
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import POOR, VERDICTS
-from cohelm.record.file import IMAGE, scan_topic
 from cohelm.record.read import Found, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, understood
+from cohelm.record.topics import IMAGE, scan_topic
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load

@@ -13,6 +13,7 @@ from cohelm.law.reference import Reference, through
 from cohelm.plan.course import poses_along
 from cohelm.plan.distance_field import inscribed, swept
 from cohelm.plan.path_planner import Goal, PathParams, way
+from cohelm.plan.zones import Fence, KeepOut
 
 ROOM = 0.05
 """Least gap between the outline and anything known [m]."""
@@ -51,12 +52,20 @@ class Judge(NamedTuple):
     """(p, 2), surfaces of the map [m]."""
     bounds: Floats
     """(2, 2), its corners [m]."""
+    zones: KeepOut | None = None
+    """Where no way may lead."""
 
     def __call__(self, what: Floats | Goal, robot: Pose) -> Judged:
         """`judged`, or `planned`; takes up to a second of processor, in a large map some."""
+        known = self.known
+        if self.zones is not None:
+            known = np.vstack((known, Fence(self.zones, self.outline).everywhere(robot)))
         if isinstance(what, Goal):
-            return planned(what, robot, self.speed, self.outline, self.known, self.bounds)
-        return judged(what, robot, self.speed, self.outline, self.known, self.bounds)
+            if self.zones is not None and self.zones.depth.at(np.array([what]))[0] > 0.0:
+                at = f"{what.x:.1f}, {what.y:.1f}"
+                return Judged(None, f"the goal {at} is in a keep-out zone", 0)
+            return planned(what, robot, self.speed, self.outline, known, self.bounds)
+        return judged(what, robot, self.speed, self.outline, known, self.bounds)
 
 
 def judged(

@@ -14,13 +14,11 @@ import select
 import signal
 import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
-
 from cohelm.core.errors import CohelmError
-from cohelm.core.row import ROW
 from cohelm.record.file import About, RecordWriter
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.keep.processes import left_alone, started
@@ -32,18 +30,16 @@ _MODE = 0o640  # who drove, and from where, is no business of everybody's
 _FLUSH = 0.5  # from one time the file is made good to the next [s]
 
 
-class Recording:
-    """A recorder at work. `loop` and `keeper` are the ends to speak into, as `keep.lines.Line`."""
+class Listening:
+    """A process that loop and keeper speak to, each into its end of a line."""
 
-    def __init__(self, path: Path, model: RobotModel, scenario: str = "") -> None:
-        """Raises CohelmError where the file can not be made; none is ever overwritten."""
-        self.path = path
-        _make(path)
+    def __init__(
+        self, name: str, target: Callable[..., None], *args: Any, outlives: bool = False
+    ) -> None:
+        """target: is given the other ends of both lines behind the arguments."""
         self.loop, loops = line()
         self.keeper, keepers = line()
-        self._process = started(
-            "cohelm recorder", _record, path, model, scenario, loops, keepers, outlives=True
-        )
+        self._process = started(name, target, *args, loops, keepers, outlives=outlives)
         loops.close()
         keepers.close()
 
@@ -56,12 +52,38 @@ class Recording:
         """The wall-clock time when the robot's clock was 0 [ns]: the first thing to be said."""
         self.loop.send(pickle.dumps(epoch))
 
-    def close(self, within: float = 20.0) -> bool:
-        """Wait until the file is finished; whether it was, and is whole. If it is not finished by
-        then, its process goes on with it."""
+    def hang_up(self) -> None:
+        """Nothing more is said; the process ends by itself."""
         for end in (self.loop, self.keeper):
             with contextlib.suppress(OSError):
                 end.close()
+
+
+def received(end: socket.socket) -> Any:
+    """What was said into a line; None where something was in the way, and more is to come. EOFError
+    where all has been heard."""
+    try:
+        data = end.recv(LARGEST)
+    except ConnectionResetError:  # who spoke is gone without having heard all that was said:
+        return None  # what they told before is still to come
+    if not data:
+        raise EOFError
+    return pickle.loads(data)
+
+
+class Recording(Listening):
+    """A recorder at work."""
+
+    def __init__(self, path: Path, model: RobotModel, scenario: str = "") -> None:
+        """Raises CohelmError where the file can not be made; none is ever overwritten."""
+        self.path = path
+        _make(path)
+        super().__init__("cohelm recorder", _record, path, model, scenario, outlives=True)
+
+    def close(self, within: float = 20.0) -> bool:
+        """Wait until the file is finished; whether it was, and is whole. If it is not finished by
+        then, its process goes on with it."""
+        self.hang_up()
         self._process.join(within)
         if self._process.is_alive():
             left_alone(self._process)
@@ -137,23 +159,21 @@ class _Desk:
 
     def sit(self, loop: socket.socket, keeper: socket.socket) -> None:
         """Until both lines are closed."""
-        lines = {loop.fileno(): (loop, "loop"), keeper.fileno(): (keeper, "keeper")}
+        lines = {loop.fileno(): loop, keeper.fileno(): keeper}
         poll = select.poll()
         for fd in lines:
             poll.register(fd, select.POLLIN)
         flushed = time.monotonic()
         while lines:
             for fd, _ in poll.poll(500):
-                end, who = lines[fd]
                 try:
-                    data = end.recv(LARGEST)
-                except ConnectionResetError:  # it is gone without having heard all that was said:
-                    continue  # what it told before is still to come
-                if not data:
+                    message = received(lines[fd])
+                except EOFError:
                     poll.unregister(fd)
                     del lines[fd]
                     continue
-                self._take(pickle.loads(data), who, loop)
+                if message is not None:
+                    self._take(message, loop)
             if time.monotonic() - flushed > _FLUSH:
                 flushed = time.monotonic()
                 if self._drive is not None:
@@ -163,7 +183,7 @@ class _Desk:
         if self._drive is not None:
             self._try(self._drive.finish, None)
 
-    def _take(self, message: Any, who: str, loop: socket.socket) -> None:
+    def _take(self, message: Any, loop: socket.socket) -> None:
         if isinstance(message, int):
             self._drive = RecordWriter(
                 self._file, About("drive", message, self._scenario), self._model
@@ -175,11 +195,7 @@ class _Desk:
         drive = self._drive
         if drive is None or self.full:
             return
-        if isinstance(message, bytes):
-            row = np.frombuffer(message, dtype=ROW).reshape(())
-            self._try(lambda: drive.period(row), loop)
-        else:
-            self._try(lambda: drive.write(message), loop)
+        self._try(lambda: drive.write(message), loop)
 
     def _try(self, write: Any, loop: socket.socket | None) -> None:
         """Write; where that fails, say so in the log and to the loop, and write no more."""

@@ -10,6 +10,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from cohelm.core.errors import CohelmError
+from cohelm.drive.live import LiveConfig
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.robot.keep.processes import bound, started
 
@@ -29,17 +30,19 @@ class RobotProcess:
     def __init__(
         self, name: str, twin: bool, door: TeleopConfig, carry_on: bool = False,
         patience: float = 0.0, pictures: float = 5.0, wait: bool = True, driver: str | None = None,
+        live: LiveConfig | None = None,
     ) -> None:  # fmt: skip
-        """name: of a scenario. patience, pictures: as in `session.Plan`. wait: until the robot can
-        be driven; else see `ready`, and `over` where it can not be started. driver: of a robot that
-        is not simulated, see `operate.Asked`.
+        """name: of a scenario. patience, pictures, live: as in `SessionConfig`. wait: until the
+        robot can be driven; else see `ready`, and `over` where it can not be started. driver: of a
+        robot that is not simulated, see `operate.Asked`.
 
         Raises CohelmError where the robot can not be started.
         """
         self._line, theirs = multiprocessing.Pipe()
         self._process = started(
-            "cohelm robot", _drive, theirs, name, twin, door, carry_on, patience, pictures, driver
-        )
+            "cohelm robot", _drive, theirs, name, twin, door, carry_on, patience, pictures, driver,
+            live,
+        )  # fmt: skip
         theirs.close()
         self.host, self.port = "", 0
         self.ready = threading.Event()
@@ -152,7 +155,7 @@ class RobotProcess:
 
 def _drive(
     line: Connection, name: str, twin: bool, door: TeleopConfig, carry_on: bool, patience: float,
-    pictures: float, driver: str | None,
+    pictures: float, driver: str | None, live: LiveConfig | None,
 ) -> None:  # fmt: skip
     """The robot's process."""
     let_go = bound()
@@ -178,7 +181,7 @@ def _drive(
             kind = "twin" if twin else "kinematic"
             made = meant(Asked(name, "lab-guard", kind, True, None, [], driver))
             ways = LoopParams(carry_on=carry_on)
-            plan = SessionConfig(made, ways=ways, patience=patience, pictures=pictures)
+            plan = SessionConfig(made, live=live, ways=ways, patience=patience, pictures=pictures)
             serve(plan, door, ready, over)
         except CohelmError as error:
             try:

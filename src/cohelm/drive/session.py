@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.drive.factory import RobotFactory
+from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.pictures import Packed, Pictures
-from cohelm.drive.recorder import Recording
+from cohelm.drive.recorder import Listening, Recording
 from cohelm.drive.shown import drawn, way
+from cohelm.drive.zones import check
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
@@ -27,7 +29,8 @@ from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception, rehearse
 from cohelm.pilot.margin_inflation import SLOP, inflated, noise
 from cohelm.pilot.pilot import Pilot
-from cohelm.record.file import Photo
+from cohelm.plan.zones import Zones
+from cohelm.record.topics import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
@@ -48,15 +51,19 @@ class SessionConfig:
     rate: float = 50.0
     """Periods a second, 10 to 500."""
     record: Path | None = None
+    live: LiveConfig | None = None
+    """Where it is shown as it goes."""
     known: LocalizationMap | None = None
     """The map to localise on; by default the scenario's walls."""
     localise: bool = True
     """Without, the robot trusts its odometry."""
+    zones: Zones | None = None
+    """Where the robot keeps out, and where it goes slowly, on that map."""
     ways: LoopParams = field(default_factory=LoopParams)
     watchdog: float = 0.1
     """The loop may be so late, or the robot stops [s]."""
     pictures: float = 5.0
-    """Of the camera, so many a second are recorded; 0: none [Hz]."""
+    """Of the camera, so many a second are recorded or shown; 0: none [Hz]."""
     patience: float = 0.0
     """How much longer than usual loop, readings and driver may be silent: for a robot that shares
     its computer with a crowd, as in tests, and is only simulated [s]."""
@@ -78,6 +85,7 @@ class Session:
         robot, real_time = plan.robot, plan.robot.real_time
         model = robot.model
         self.recording: Recording | None = None
+        self.live: Live | None = None
         self.keeper: Keeper | None = None
         self.driver: Driver | None = None
         self.known: LocalizationMap | None = None
@@ -91,29 +99,35 @@ class Session:
         try:
             if plan.record is not None:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
+            if plan.live is not None:
+                self.live = Live(plan.live, model)
             where = plan.known
             if where is None and plan.localise:
                 where = map_from_geometry(robot.scenario.walls(), robot.start)
             self.known = where
+            if plan.zones is not None:
+                check(plan.zones, where)
             rehearsed = _beside(lambda: rehearse(model, where is not None)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
-            ends = (self.recording.loop, self.recording.keeper) if self.recording else (None, None)
+            told = [None if one is None else one.keeper for one in (self.recording, self.live)]
             if real_time:
-                self.keeper = RemoteGatedRobot(robot, gate, ends[1])
+                self.keeper = RemoteGatedRobot(robot, gate, *told)
             else:
-                self.keeper = GatedRobot(robot(), gate, Line(ends[1], waits=True))
-            if self.recording is not None:
+                lines = [Line(end, waits=True) for end in told]
+                self.keeper = GatedRobot(robot(), gate, lines[0], shown=lines[1])
+            epoch = time.time_ns() - round(self.keeper.now() * 1e9)
+            for one in self._listeners():
                 if real_time:
-                    self.recording.keeper.close()  # the keeper's process has it
-                self.recording.begin(time.time_ns() - round(self.keeper.now() * 1e9))
+                    one.keeper.close()  # the keeper's process has it
+                one.begin(epoch)
             if rehearsed is not None:
                 rehearsed()
             perception = Perception(model, where, robot.start)
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(
                 self.keeper, perception, self.driver, operator or NullOperator(),
-                Line(ends[0], waits=not real_time),
-                _ways(plan), has_map=where is not None,
+                _line(self.recording, real_time), _ways(plan), has_map=where is not None,
+                live=_line(self.live, real_time),
             )  # fmt: skip
             for one in () if where is None else (drawn(where),):
                 self.loop.log.show(one)
@@ -163,7 +177,7 @@ class Session:
         frame = loop.readings.frame if loop.readings is not None else None
         if frame is None or loop.seen is None:
             return
-        due = rate > 0.0 and loop.log.open and frame.stamp - self._recorded > 0.9 / rate
+        due = rate > 0.0 and loop.log.wants_pictures and frame.stamp - self._recorded > 0.9 / rate
         if due or self.shown is not None:
             self.pictures.give(frame, loop.seen.pose)
         packed = self.pictures.take()
@@ -218,6 +232,7 @@ class Session:
             **{key: value for key, value in kept._asdict().items() if value == value},
             "refused": gate.refused,
             "scheduling": self.scheduling,
+            "live": None if self.plan.live is None else not loop.log.view_lost,
             **self.record_summary(),
         }
 
@@ -242,8 +257,13 @@ class Session:
         self.pictures.close()
         if self.recording is not None:
             self._whole = self.recording.close() and self._whole
+        if self.live is not None:
+            self.live.close()
         if self._urgent:
             ordinary(self._niceness)
+
+    def _listeners(self) -> list[Listening]:
+        return [one for one in (self.recording, self.live) if one is not None]
 
     def _warm(self) -> None:
         """Compile what a period needs, before the first one is due: a few, standing."""
@@ -259,6 +279,11 @@ class Session:
         loop.driver.rehearse_plan(seen, keeper)
         loop.period()
         loop.timing = Timing()
+
+
+def _line(listener: Listening | None, real_time: bool) -> Line:
+    """From the loop."""
+    return Line(None if listener is None else listener.loop, waits=not real_time)
 
 
 def _beside(what: Callable[[], None]) -> Callable[[], None]:
@@ -301,4 +326,4 @@ def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None 
     settings, manners, care = inflated(settings, law.manners(), law.care(), off, noise(model))
     pilot = Pilot(reference, settings, delay=delay, manners=manners, care=care)
     planning = RemotePlanner(pilot.planner) if real_time else InProcessPlanner(pilot.planner)
-    return Driver(pilot, settings, delay, planning)
+    return Driver(pilot, settings, delay, planning, plan.zones)

@@ -15,13 +15,20 @@ from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.port import Readings, Scan
 
+_NO_VIEW = "the live view is gone: the robot goes on without"
+_MUTE_VIEW = "the live view does not answer: what it has no room for is not shown"
+
 
 class DriveLog:
-    """Says things once, to the recorder there is, as much as that has room for."""
+    """Says things once, to the recorder there is and to the live view, as much as they have room
+    for."""
 
-    def __init__(self, line: Line, clock: Callable[[], float]) -> None:
+    def __init__(self, line: Line, clock: Callable[[], float], live: Line | None = None) -> None:
         """clock: the robot's [s]."""
         self._line, self._clock = line, clock
+        self._live = Line(None) if live is None else live
+        self._looks = False
+        """Whether somebody looks through the camera, in the live view."""
         self.fault = ""
         """Why the recorder writes no more; empty while it does, or where there is none."""
         self._row = np.zeros((), dtype=ROW)
@@ -32,6 +39,7 @@ class DriveLog:
     def __call__(self, message: object) -> None:
         """Anything."""
         self._line(message)
+        self._live(message)
 
     def into(self, line: Line) -> None:
         """Another recorder from now on, or none; the one before is not closed."""
@@ -41,6 +49,11 @@ class DriveLog:
     def open(self) -> bool:
         """Whether there is a recorder that still writes."""
         return self._line.open and not self.fault
+
+    @property
+    def wants_pictures(self) -> bool:
+        """Whether there is anybody for them."""
+        return self.open or self._looks
 
     @property
     def dropped(self) -> int:
@@ -59,20 +72,35 @@ class DriveLog:
         self.fault = said or self.fault
         return new
 
+    def view_trouble(self) -> str:
+        """What is wrong with the live view; empty: nothing, or there is none."""
+        said = self._live.heard()
+        if isinstance(said, bool):
+            self._looks = said
+        if self._live.broken:
+            self._looks = False
+            return _NO_VIEW
+        return _MUTE_VIEW if self._live.mute else ""
+
+    @property
+    def view_lost(self) -> bool:
+        """Whether the live view has ended by itself."""
+        return bool(self._live.broken)
+
     def event(self, text: str, serious: bool = False) -> None:
         """What happened."""
-        self._line(Event(self._clock(), "loop", text, serious))
+        self(Event(self._clock(), "loop", text, serious))
 
     def show(self, what: Map | Polyline | Discs) -> None:
         """What the stations are shown, that the drive can be shown again."""
-        self._line(Displayed(self._clock(), what))
+        self(Displayed(self._clock(), what))
 
     def readings(self, readings: Readings) -> tuple[Scan, ...]:
         """What is new among them. Returns the scans that are, that of the first LiDAR first."""
         odometry, scan = readings.odometry, readings.scan
         if odometry is not None and odometry.stamp != self._odometry:
             self._odometry = odometry.stamp
-            self._line(odometry)
+            self(odometry)
         new = () if scan is None or scan.number == self._scan else (scan,)
         for one in new:
             self._scan = one.number
@@ -81,17 +109,17 @@ class DriveLog:
                 self._further[one.sensor] = one.number
                 new = (*new, one)
         for one in new:
-            self._line(one)
+            self(one)
         return new
 
     def period(self, known: Mapping[str, Any]) -> None:
         """One period, of which so much is known."""
         self._row[()] = values(known)
-        self._line(self._row.tobytes())
+        self(self._row.tobytes())
 
     def words(self, driver: tuple[int, str], s: Status) -> None:
         """The words of a status, where they are new. driver: number and name."""
         told = StatusWords(*driver, s.mode, s.stopped, s.why, s.speed_cap, s.cap_reason, s.alarms)
         if told != self._words:
             self._words = told
-            self._line(Displayed(self._clock(), told))
+            self(Displayed(self._clock(), told))

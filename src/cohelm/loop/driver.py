@@ -12,6 +12,8 @@ from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.govern import Profile
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference, through
+from cohelm.link.latency_speed_limit import Cap
+from cohelm.loop.latency_limit import FREE
 from cohelm.loop.planning import Planning
 from cohelm.loop.stick_arming import CENTRED
 from cohelm.perceive.pipeline import Seen
@@ -21,9 +23,11 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.replanning import entered
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.distance_field import swept
+from cohelm.plan.zones import CELL, Fence, Zones, covering
 from cohelm.robot.keep.gated_robot import Keeper
 from cohelm.robot.limits import achievable
 
+_NOTHING: Floats = np.empty((0, 2))
 _COMPILING = 180.0  # the first plan may take this long [s]
 _EVERY = 0.2  # from one snapshot for the planner to the next [s]
 _ROUNDING = 1e-6  # of times that add up, as 0.6 - 0.4 < 0.2 [s]
@@ -35,9 +39,10 @@ class Driver:
     """A pilot with what it needs around it. `pilot` None: there is no route to follow."""
 
     def __init__(
-        self, pilot: Pilot | None, settings: Settings, delay: float, planning: Planning | None
-    ) -> None:
-        """delay: from command to wheels [s]."""
+        self, pilot: Pilot | None, settings: Settings, delay: float, planning: Planning | None,
+        zones: Zones | None = None,
+    ) -> None:  # fmt: skip
+        """delay: from command to wheels [s]. zones: of the map, beside what is seen."""
         self.pilot, self.settings, self._planning = pilot, settings, planning
         self.delay = delay
         """From command to wheels [s]."""
@@ -54,6 +59,11 @@ class Driver:
         self._planned = -math.inf
         self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
         self._points: Floats = np.empty((0, 2))
+        keep_out, self._slow = zones or Zones()
+        self._fence = None if keep_out is None else Fence(keep_out, settings.outline)
+        self._zoned = self._points
+        self._joined = self._points
+        self._covering = covering(settings.outline, CELL)
 
     @property
     def arrived(self) -> bool:
@@ -89,19 +99,37 @@ class Driver:
 
     def around(self, seen: Seen) -> Surroundings:
         """What is seen, in the map's frame as the pose has it now: pose and things in it jump
-        together when the robot finds itself elsewhere on the map, and nothing comes nearer."""
+        together when the robot finds itself elsewhere on the map, and nothing comes nearer. Behind
+        its points stand those of the keep-out zones, unless the robot is lost."""
         key = (seen.points, seen.map_odom)
         if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)
-        return obstacles_from_perception(seen, seen.map_odom, self._points)
+            self._joined = self._points
+        if self._fence is None:
+            return obstacles_from_perception(seen, seen.map_odom, self._points)
+        zoned = _NOTHING if seen.lost else self._fence.points(seen.pose)
+        if zoned is not self._zoned or len(self._joined) != len(self._points) + len(zoned):
+            self._zoned, self._joined = zoned, np.vstack((self._points, zoned))
+        return obstacles_from_perception(seen, seen.map_odom, self._joined)
+
+    def slowed(self, seen: Seen) -> Cap:
+        """How fast the speed zones that the robot is on let it go; a lost one is on none."""
+        if self._slow is None or seen.lost:
+            return FREE
+        limit = self._slow.limit(placed(self._covering, seen.pose))
+        if math.isinf(limit):
+            return FREE
+        if self._slow.share:
+            return Cap(limit * self.settings.gains.u_d, f"speed zone, {100.0 * limit:.0f} %")
+        return Cap(limit, f"speed zone, {limit:g} m/s")
 
     def clear(self, pose: Pose, around: Surroundings, blind: int) -> float:
         """Smallest gap between the outline and anything seen; infinite where nothing is [m].
 
-        blind: how many of the points, at their end, are only ground that may hold anything.
+        blind: how many of the points seen, at their end, are only ground that may hold anything.
         """
         outline, here = self.settings.outline, np.array([pose], dtype=np.float64)
-        seen = around.points[: len(around.points) - blind]
+        seen = around.points[: len(around.points) - len(self._zoned) - blind]
         gap = float(swept(seen, outline, here)[0])
         for row in around.discs:
             gap = min(gap, float(swept(row[None, :2], outline, here)[0]) - float(row[4]))

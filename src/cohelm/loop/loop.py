@@ -70,9 +70,9 @@ class Loop:
 
     def __init__(
         self, keeper: Keeper, perception: Perception, driver: Driver, operator: Operator,
-        record: Line, ways: LoopParams, has_map: bool,
+        record: Line, ways: LoopParams, has_map: bool, live: Line | None = None,
     ) -> None:  # fmt: skip
-        """has_map: whether `perception` localises on one."""
+        """has_map: whether `perception` localises on one. live: to who looks on."""
         self.keeper, self.perception, self.driver = keeper, perception, driver
         self.operator, self.ways = operator, ways
         self.timing, self.alarms = Timing(), Alarms()
@@ -89,7 +89,7 @@ class Loop:
         self.lease = (0, 0)
         """Who drives, 0: nobody; and a count of the leases."""
         self.rights = Authorization()
-        self.log = DriveLog(record, keeper.now)
+        self.log = DriveLog(record, keeper.now, live)
         self._latched = (GateMode.IDLE, "")
         self._scale = 1.0
         self._delay = math.nan
@@ -363,14 +363,14 @@ class Loop:
         return self.driver.follow(now, seen.pose, stick, around)
 
     def _bound(self, seen: Seen, around: Surroundings) -> None:
-        """How fast it may be asked to go: what the driver allows, his delay, and where the robot
-        has lost its place, what it sees."""
-        driver, self.cap = self.driver, FREE
+        """How fast it may be asked to go: what the driver allows, his delay, speed zones, and where
+        the robot has lost its place, what it sees."""
+        driver, caps = self.driver, [FREE, self.driver.slowed(seen)]
         if self._delay > NOTICED or seen.lost:
             clear, settings = driver.clear(seen.pose, around, seen.blind), driver.settings
-            caps = [cap(self._delay, clear, settings)]
+            caps += [cap(self._delay, clear, settings)]
             caps += [crawl(clear, self.driver.delay, settings)] if seen.lost else []
-            self.cap = min(caps)
+        self.cap = min(caps)
         usual = self._scale * driver.settings.gains.u_d if self._scale < 1.0 else math.inf
         driver.fastest = min(usual, self.cap.speed)
 
@@ -388,7 +388,7 @@ class Loop:
         return passed
 
     def _watch(self, now: float) -> None:
-        """Follow what the gate did by itself, and whether the recorder lives."""
+        """Follow what the gate did by itself, and whether recorder and live view live."""
         gate = self.keeper.gate
         self._notice()
         if latched(gate.mode):
@@ -400,6 +400,7 @@ class Loop:
             self.alarms.on("recorder", self.log.fault)
         elif not self.log.fault:
             self._heed("recorder", _MUTE_RECORDER if self.log.mute else "")
+        self._heed("live view", self.log.view_trouble())
         late = _LATE_PLANNER if self.driver.planless and self.mode in _PLANNED else ""
         self._heed("planner", _NO_PLANNER if self.driver.stuck else late)
         if self.driver.arrived != self._arrived:

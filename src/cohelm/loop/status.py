@@ -181,12 +181,15 @@ def _guarding(said: Report) -> Guarding:
 
 
 def _unseen(said: Report, nominal: Twist) -> str:
-    """That the guard holds the robot back for ground that may hold anything, where it does."""
+    """That the guard holds the robot back for what nothing shows: ground that may hold anything, or
+    a keep-out zone."""
     d, seen, applied = said.decision, said.seen, said.applied
     if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.blind:
         return ""
     if abs(nominal.v - applied.v) < _AS_ASKED and abs(nominal.omega - applied.omega) < _AS_ASKED:
         return ""
+    if d.limiting >= len(seen.mobile) + len(seen.points):
+        return "held back: a keep-out zone"
     return "held back: nothing looks there, it may not be free"
 
 

@@ -1,80 +1,28 @@
-"""One MCAP file of ROS 2's own messages, written as a run or a drive goes.
-
-`/odom` in the odometry frame, `/scan` (of further LiDARs `/scan_NAME`), `/tf` (map, odom,
-base_link), `/cmd_vel` and `/cmd_vel_safe`, `/joy`, `/camera/image/compressed`, `/rosout` for what
-happened, and `/period`: every number of a period; besides, what the stations were shown
-(`shown.TOPICS`).
-"""
+"""One MCAP file of ROS 2's own messages (`topics`), written as a run or a drive goes."""
 
 from __future__ import annotations
 
 import io
 import json
 import math
-from typing import IO, Any, NamedTuple
+from typing import IO, NamedTuple
 
 import numpy as np
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
-from rosbags.typesys.stores.ros2_jazzy import (
-    builtin_interfaces__msg__Time as Time,
-    geometry_msgs__msg__Point as Point,
-    geometry_msgs__msg__Pose as RosPose,
-    geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
-    geometry_msgs__msg__Quaternion as Quaternion,
-    geometry_msgs__msg__Transform as Transform,
-    geometry_msgs__msg__TransformStamped as TransformStamped,
-    geometry_msgs__msg__Twist as RosTwist,
-    geometry_msgs__msg__TwistStamped as TwistStamped,
-    geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
-    geometry_msgs__msg__Vector3 as Vector3,
-    nav_msgs__msg__Odometry as RosOdometry,
-    rcl_interfaces__msg__Log as Log,
-    sensor_msgs__msg__CompressedImage as CompressedImage,
-    sensor_msgs__msg__Joy as Joy,
-    sensor_msgs__msg__LaserScan as LaserScan,
-    std_msgs__msg__Header as Header,
-    tf2_msgs__msg__TFMessage as TFMessage,
-)
 
 from cohelm import __version__
-from cohelm.core.types import Floats, Pose, wrap
-from cohelm.link.recorded_status import Displayed
-from cohelm.record import markers, period, shown
-from cohelm.record.period import NO_DISCS, NO_H, STORE
-from cohelm.robot.keep.gated_robot import Event
+from cohelm.core.types import Floats
+from cohelm.record import period
+from cohelm.record.period import NO_DISCS, NO_H
+from cohelm.record.topics import NO_WALLS, Topics, definitions
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Scan
-from cohelm.robot.sensors import LidarModel
 
 METADATA, SCENARIO, ROBOT = "cohelm", "scenario.yaml", "robot.json"
 """Names in the file: of the metadata about it, and of its attachments."""
 STOPPED = "cohelm stopped"
 """... and of the metadata of one that was stopped before its end."""
-MAP, ODOM, BASE, LASER, CAMERA = "map", "odom", "base_link", "laser", "camera"
-IMAGE = "/camera/image/compressed"
-
-TOPICS = {
-    period.TOPIC: period.TYPE,
-    "/odom": "nav_msgs/msg/Odometry",
-    "/scan": "sensor_msgs/msg/LaserScan",
-    "/tf": "tf2_msgs/msg/TFMessage",
-    "/tf_static": "tf2_msgs/msg/TFMessage",
-    "/cmd_vel": "geometry_msgs/msg/TwistStamped",
-    "/cmd_vel_safe": "geometry_msgs/msg/TwistStamped",
-    "/joy": "sensor_msgs/msg/Joy",
-    IMAGE: "sensor_msgs/msg/CompressedImage",
-    "/rosout": "rcl_interfaces/msg/Log",
-    "/scene": "visualization_msgs/msg/MarkerArray",
-    **shown.TOPICS,
-}
-"""Every topic, with its type. `/cmd_vel` is what the wheels try, `/cmd_vel_safe` what the law asked
-for; `/joy` has axes fore-aft and left-right; `/scene` holds the robot's outline and a run's walls.
-"""
-
-
-_NO_WALLS: Floats = np.empty((0, 4))
 
 
 class About(NamedTuple):
@@ -92,52 +40,17 @@ class About(NamedTuple):
     """Of a run [s]."""
 
 
-class Photo(NamedTuple):
-    """A frame of the camera, packed."""
-
-    stamp: float
-    """When it was taken [s]."""
-    number: int
-    """As the camera counts."""
-    jpeg: bytes
-
-
-class RecordedLidar(NamedTuple):
-    """Where the scans of a LiDAR go."""
-
-    model: LidarModel
-    topic: str
-    frame: str
-
-
-def scan_topic(name: str) -> str:
-    """Of a further LiDAR."""
-    return f"/scan_{name}"
-
-
-def _lidars(robot: RobotModel | None) -> dict[str, RecordedLidar]:
-    """By their names, the first one first."""
-    if robot is None or robot.lidar is None:
-        return {}
-    first = {robot.lidar.name: RecordedLidar(robot.lidar, "/scan", LASER)}
-    return first | {
-        one.name: RecordedLidar(one, scan_topic(one.name), f"{LASER}_{one.name}")
-        for one in robot.further_lidars
-    }
-
-
 class RecordWriter:
     """Writes a record into an open file. OSError where the file can not grow."""
 
     def __init__(
         self, file: IO[bytes], about: About, robot: RobotModel | None = None,
-        outline: Floats | None = None, walls: Floats = _NO_WALLS,
+        outline: Floats | None = None, walls: Floats = NO_WALLS,
     ) -> None:  # fmt: skip
         """robot: whose drive it is. outline: (k, 2) of a run's robot, body frame; walls: (s, 4)."""
         # the MCAP writer would buffer a bare file itself, where no flush of ours reaches
         self._file = io.BufferedWriter(file) if isinstance(file, io.RawIOBase) else file
-        self._epoch = about.epoch
-        self._count = self._periods = 0
+        self._epoch, self._count = about.epoch, 0
         # a run is flushed piece by piece, each whole; a drive may be cut off anywhere
         chunk = 1 << (16 if about.kind == "drive" else 20)
         self._mcap = Writer(
@@ -150,67 +63,23 @@ class RecordWriter:
         if about.scenario or robot is None:
             self._attach(SCENARIO, "application/yaml", about.scenario)
         self._channels: dict[str, int] = {}
-        self._lidars = _lidars(robot)
-        further = {one.topic: TOPICS["/scan"] for one in self._lidars.values()}
-        self._types = TOPICS | further
-        for topic, name in self._types.items():
-            if name == period.TYPE:
-                definition = period.DEFINITION
-            else:
-                definition, _ = STORE.generate_msgdef(name, ros_version=2)
-            schema = self._mcap.register_schema(name, SchemaEncoding.ROS2, definition.encode())
+        for topic, (name, text) in definitions(robot).items():
+            schema = self._mcap.register_schema(name, SchemaEncoding.ROS2, text.encode())
             channel = self._mcap.register_channel(topic, MessageEncoding.CDR, schema)
             self._channels[topic] = channel
-        mounts = [
-            self._frame(0.0, BASE, one.frame, one.model.lidar().mount)
-            for one in self._lidars.values()
-        ]
-        if mounts:
-            self._say(0.0, "/tf_static", TFMessage(mounts))
-        corners = robot.outline if robot is not None else outline
-        if corners is not None:
-            start = self._stamp(0.0)
-            self._say(0.0, "/scene", markers.scene(corners, BASE, walls, MAP, start))
-        self._odometry: Pose | None = None
+        self._topics = Topics(about.epoch, self._put, robot)
+        self._topics.begin(outline, walls)
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, a Photo, an Event, or what was Displayed."""
-        if isinstance(message, Odometry):
-            self._odom(message)
-        elif isinstance(message, Displayed):
-            for topic, what in shown.said(message.what, self._stamp(message.stamp), MAP):
-                self._say(message.stamp, topic, what)
-        elif isinstance(message, Scan):
-            self._scan(message)
-        elif isinstance(message, Photo):
-            image = np.frombuffer(message.jpeg, dtype=np.uint8)
-            seen = CompressedImage(Header(self._time(message.stamp), CAMERA), "jpeg", image)
-            self._say(message.stamp, IMAGE, seen, message.number)
-        elif isinstance(message, Event):
-            self._event(message)
-        else:
-            raise TypeError(f"a record does not hold a {type(message).__name__}")
+        """One message, as `Topics.write` takes them."""
+        self._topics.write(message)
 
     def period(
         self, row: NDArray[np.void], h: Floats = NO_H, discs: Floats = NO_DISCS, beside: bool = True
     ) -> None:
         """One period: a row of ROW, shape (), of a run with h_i and the discs. beside: whether what
         it says is said in ROS 2's own messages too."""
-        t = float(row["t"])
-        self._say(t, period.TOPIC, period.message(row.tolist(), h, discs), self._periods)
-        self._periods += 1
-        if not beside:
-            return
-        robot = Header(self._time(t), BASE)
-        applied, safe = (_twist(float(row[f"{s}_v"]), float(row[f"{s}_omega"])) for s in _TWISTS)
-        self._say(t, "/cmd_vel", TwistStamped(robot, applied))
-        self._say(t, "/cmd_vel_safe", TwistStamped(robot, safe))
-        axes = np.array([row["stick_x"], row["stick_psi"]], dtype=np.float32)
-        self._say(t, "/joy", Joy(robot, axes, np.empty(0, dtype=np.int32)))
-        place = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
-        if self._odometry is not None and all(math.isfinite(value) for value in place):
-            at = self._frame(t, MAP, ODOM, _under(place, self._odometry))
-            self._say(t, "/tf", TFMessage([at]))
+        self._topics.period(row, h, discs, beside)
 
     def stopped(self, by: str) -> None:
         """It was stopped before its end."""
@@ -229,60 +98,10 @@ class RecordWriter:
     def _attach(self, name: str, kind: str, text: str) -> None:
         self._mcap.add_attachment(self._epoch, self._epoch, name, kind, text.encode())
 
-    def _odom(self, odometry: Odometry) -> None:
-        t, pose, twist = odometry
-        self._odometry = pose
-        header = Header(self._time(t), ODOM)
-        known = PoseWithCovariance(_pose(pose), np.zeros(36))
-        driven = TwistWithCovariance(_twist(twist.v, twist.omega), np.zeros(36))
-        self._say(t, "/odom", RosOdometry(header, BASE, known, driven))
-        self._say(t, "/tf", TFMessage([self._frame(t, ODOM, BASE, pose)]))
-
-    def _scan(self, scan: Scan) -> None:
-        found = self._lidars.get(scan.sensor)
-        if found is None:
-            return
-        lidar = found.model
-        numbers, n = lidar.lidar(), len(scan.ranges)
-        message = LaserScan(
-            header=Header(self._time(scan.stamp), found.frame),
-            angle_min=numbers.first,
-            angle_max=numbers.first + numbers.step * (n - 1),
-            angle_increment=numbers.step,
-            time_increment=scan.duration / max(n - 1, 1),
-            scan_time=1.0 / lidar.rate_hz,
-            range_min=lidar.range_min_m,
-            range_max=lidar.range_max_m,
-            ranges=scan.ranges.astype(np.float32),
-            intensities=np.empty(0, dtype=np.float32),
-        )
-        self._say(scan.stamp, found.topic, message, scan.number)
-
-    def _event(self, event: Event) -> None:
-        level = Log.ERROR if event.serious else Log.INFO
-        message = Log(self._time(event.stamp), level, event.who, event.text, "", "", 0)
-        self._say(event.stamp, "/rosout", message)
-
-    def _frame(self, t: float, parent: str, child: str, pose: Pose) -> TransformStamped:
-        at = _pose(pose)
-        where = Transform(Vector3(pose.x, pose.y, 0.0), at.orientation)
-        return TransformStamped(Header(self._time(t), parent), child, where)
-
-    def _time(self, t: float) -> Time:
-        return Time(*divmod(self._stamp(t), 1_000_000_000))
-
-    def _stamp(self, t: float) -> int:
-        return self._epoch + (round(t * 1e9) if math.isfinite(t) else 0)
-
-    def _say(self, t: float, topic: str, message: Any, number: int | None = None) -> None:
-        data = bytes(STORE.serialize_cdr(message, self._types[topic]))
-        stamp = max(self._stamp(t), 0)
+    def _put(self, topic: str, data: bytes, stamp: int, number: int | None) -> None:
         self._count += 1
         count = self._count if number is None else number
         self._mcap.add_message(self._channels[topic], stamp, data, stamp, sequence=count)
-
-
-_TWISTS = ("applied", "safe")
 
 
 def _described(about: About, robot: RobotModel | None) -> dict[str, str]:
@@ -296,22 +115,3 @@ def _described(about: About, robot: RobotModel | None) -> dict[str, str]:
         "obstacles": json.dumps(about.names),
         "epoch_ns": str(about.epoch),
     }
-
-
-def _pose(pose: Pose) -> RosPose:
-    half = 0.5 * pose.psi if math.isfinite(pose.psi) else math.nan
-    quaternion = Quaternion(0.0, 0.0, math.sin(half), math.cos(half))
-    return RosPose(Point(pose.x, pose.y, 0.0), quaternion)
-
-
-def _twist(v: float, omega: float) -> RosTwist:
-    return RosTwist(Vector3(v, 0.0, 0.0), Vector3(0.0, 0.0, omega))
-
-
-def _under(place: Pose, odometry: Pose) -> Pose:
-    """The pose of the odometry frame in the map, from the robot's poses in both."""
-    psi = wrap(place.psi - odometry.psi)
-    c, s = math.cos(psi), math.sin(psi)
-    return Pose(
-        place.x - c * odometry.x + s * odometry.y, place.y - s * odometry.x - c * odometry.y, psi
-    )

@@ -19,8 +19,9 @@ from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.record import period
-from cohelm.record.file import METADATA, SCENARIO, STOPPED, scan_topic
+from cohelm.record.file import METADATA, SCENARIO, STOPPED
 from cohelm.record.messages import decoder, records
+from cohelm.record.topics import scan_topic
 
 Heed = Callable[[str, float, Any], None]
 

@@ -16,8 +16,9 @@ from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, wrap
-from cohelm.record.file import IMAGE, ROBOT, Photo, scan_topic
+from cohelm.record.file import ROBOT
 from cohelm.record.messages import attachment, messages
+from cohelm.record.topics import IMAGE, Photo, scan_topic
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Frame, Health, Odometry, Readings, Scan

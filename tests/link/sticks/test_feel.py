@@ -13,6 +13,7 @@ from cohelm.link.sticks.feel import (
     CueRules,
     damped,
     faded,
+    returning,
     shake,
     spring,
     wanted,
@@ -58,6 +59,20 @@ def test_it_changes_no_faster_than_the_steepest_and_never_overshoots(before, pus
     after = damped(before, push, dt, RULES)
     assert abs(after.x - before.x) <= RULES.steepest * dt + 1e-12
     assert min(before.x, push.x) - 1e-12 <= after.x <= max(before.x, push.x) + 1e-12
+
+
+@given(st.builds(Stick, shares, shares), st.builds(Stick, shares, shares), st.floats(0.0, 1.0))
+def test_no_cue_holds_a_stick_out_that_nobody_holds(push, stick, stiffness):
+    cue = returning(push, stick, stiffness)
+    force = Stick(cue.x - stiffness * stick.x, cue.psi - stiffness * stick.psi)
+    out = math.hypot(*stick)
+    assert force.x * stick.x + force.psi * stick.psi <= -0.5 * stiffness * out**2 + 1e-9
+    assert math.hypot(*cue) <= math.hypot(*push) + 1e-9
+    assert math.hypot(*cue) <= 2.1 * stiffness * out + 1e-9  # none at the centre, and no jump there
+
+
+def test_the_cue_against_a_hand_is_felt_whole():
+    assert returning(Stick(-0.4, 0.0), Stick(0.5, 0.0), 0.5) == pytest.approx((-0.4, 0.0))
 
 
 @pytest.mark.parametrize("delay", [0, 5, 10, 20, 30])

@@ -110,6 +110,8 @@ def test_a_stick_takes_the_lease_steers_is_felt_and_its_loss_stops_the_robot(rob
     until(lambda: robot.side.stopped)
     held.stick = CENTRED
     until(lambda: robot.hands[-1].arming == 2)
+    # half is held back still, but a cue would move a stick that nobody holds, and so the robot
+    until(lambda: held.felt[-1].push == CENTRED, within=2.0)
     held.buttons = [Button.RESET, Button.MODE]
     until(lambda: not robot.side.stopped and robot.side.mode is Mode.SHARED)
     until(lambda: robot.hands[-1].arming == 2)

@@ -15,6 +15,7 @@ from cohelm.link.sticks import choose
 from cohelm.link.sticks.played import PlayedStick
 from cohelm.link.sticks.port import CENTRED, Button, Feel, StickDevice
 from tests.link.ends import until
+from tests.link.sticks.cls2sim import CLS2SimServer
 from tests.link.sticks.virtual import VirtualEvdev, VirtualSdl
 
 UINPUT = Path("/dev/uinput").exists()
@@ -58,9 +59,25 @@ class Evdev(VirtualEvdev):
         return EvdevStick(self.path)
 
 
-@pytest.fixture(params=[Played, Sdl, pytest.param(Evdev, marks=needs_uinput)])
+class Brunner:
+    """Behind a CLS2Sim of our own; unplugged is a CLS2Sim that ended."""
+
+    def __init__(self) -> None:
+        self._server = CLS2SimServer()
+
+    def open(self) -> StickDevice:
+        return choose.opened(f"{self._server.url}?force=500")
+
+    def move(self, stick: Stick) -> None:
+        self._server.stick.hold(stick)
+
+    def unplug(self) -> None:
+        self._server.close()
+
+
+@pytest.fixture(params=[Played, Sdl, Brunner, pytest.param(Evdev, marks=needs_uinput)])
 def plug(request):
-    if request.param is not Played:
+    if request.param in (Sdl, Evdev):
         pytest.importorskip("pygame" if request.param is Sdl else "evdev")
     plug = request.param()
     plug.open_ = True

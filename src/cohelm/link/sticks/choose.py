@@ -1,4 +1,4 @@
-"""Which stick: by path, by number, or the first there is."""
+"""Which stick: by path, by number, by its place on the network, or the first there is."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 from cohelm.link import stick as recordings
+from cohelm.link.sticks.brunner_stick import SCHEME, BrunnerStick, parameters
 from cohelm.link.sticks.played import PlayedStick
 from cohelm.link.sticks.port import StickDevice
 
@@ -37,6 +38,8 @@ def opened(device: str | None) -> StickDevice:
         return _sdl(int(device))
     if device.startswith("/dev/"):
         return _evdev(device)
+    if device.startswith(SCHEME):
+        return BrunnerStick(parameters(device))
     return PlayedStick(recordings.read(device), Path(device).name, time.monotonic)
 
 

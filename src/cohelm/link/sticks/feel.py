@@ -1,9 +1,9 @@
 """What the person feels: the spring of (35), and a cue from the guard. Pure.
 
 The cue pushes the stick towards what the robot really does, where the guard holds it back. It is
-bounded, so that a hand always wins; damped and limited in how fast it changes, so that hand,
-network and guard do not swing each other up; and it fades with the age of what it is made from,
-for an old push is about where the robot was.
+bounded, so that a hand always wins and that a stick which nobody holds comes back; damped and
+limited in how fast it changes, so that hand, network and guard do not swing each other up; and it
+fades with the age of what it is made from, for an old push is about where the robot was.
 """
 
 from __future__ import annotations
@@ -66,6 +66,25 @@ def damped(before: Stick, push: Stick, dt: float, rules: CueRules) -> Stick:
         before.x + _bounded(share * (push.x - before.x), most),
         before.psi + _bounded(share * (push.psi - before.psi), most),
     )
+
+
+def returning(push: Stick, stick: Stick, stiffness: float) -> Stick:
+    """The push, as far as a stick that nobody holds still comes back to its centre.
+
+    A deflection counts as a person's wish, and the cue must not make one: outwards and across it is
+    at most half of what the spring gives there, towards the centre at most twice that.
+    stiffness: share of the stiffest spring.
+    """
+    out = math.hypot(*stick)
+    if not out > 0.0:
+        return STILL
+    x, psi = stick.x / out, stick.psi / out
+    along = min(push.x * x + push.psi * psi, 0.0)
+    rest = Stick(push.x - along * x, push.psi - along * psi)
+    along = max(along, -2.0 * stiffness * out)
+    size = math.hypot(*rest)
+    share = min(1.0, 0.5 * stiffness * out / size) if size > 0.0 else 0.0
+    return Stick(along * x + share * rest.x, along * psi + share * rest.psi)
 
 
 def shake(feel: Feel) -> float:

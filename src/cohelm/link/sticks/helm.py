@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cohelm.link.messages import Ask, Mode
 from cohelm.link.station_end import StationEnd, Told
-from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, spring, wanted
+from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, returning, spring, wanted
 from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
 
 _CENTRED = 0.05
@@ -47,10 +47,10 @@ class Helm:
         centred = max(map(abs, reading.stick)) <= _CENTRED
         self._armed = reading.valid and (self._armed or centred)
         self._end.steer(reading.stick, reading.valid, self._armed, self._device.kind)
-        self._device.feel(self._felt(told, now))
+        self._device.feel(self._felt(told, reading, now))
         return reading
 
-    def _felt(self, told: Told | None, now: float) -> Feel:
+    def _felt(self, told: Told | None, reading: Reading, now: float) -> Feel:
         dt = now - self._last if now > self._last else 0.0
         self._last = now
         push = STILL
@@ -59,7 +59,9 @@ class Helm:
             push = wanted(told.status.nominal, told.status.applied, speed, yaw_rate, self._rules)
             push = faded(push, told.age, self._rules)
         self._push = damped(self._push, push, dt, self._rules)
-        return Feel(self._spring, self._push)
+        if not self._device.force:  # it shakes, and is not moved by that
+            return Feel(self._spring, self._push)
+        return Feel(self._spring, returning(self._push, reading.stick, self._spring))
 
     def _pressed(self, button: Button, told: Told | None) -> None:
         if button is Button.STOP:

@@ -40,18 +40,22 @@ from cohelm.perceive.track.potentially_dynamic import (
     spread,
     wild,
 )
+from cohelm.perceive.track.rim_fit import rim_distance, rim_fit
 from cohelm.robot.sensors import Lidar
 
 TX, TY, TVX, TVY, PP, PV, VV, RADIUS, SEEN, MISSED, PROOF, MOVES, AX, AY, SINCE = range(15)
-GONE, CALM = 15, 16
+GONE, CALM, WHOLE = 15, 16, 17
+_COLUMNS = 18
 """Columns of tracks: position, velocity, their variances (the same along both axes: of position,
 both, velocity), radius, scans it was seen in, time since [s], proof that it moves, whether it
 counts as moving, where it stood a while ago, how long ago [s], scans in which its place was free,
-how long nothing proved that it moves [s].
+how long nothing proved that it moves [s], scans in which nothing hid a part of it.
 """
 
 
 _LEFT = 0.15  # nearer to where it stood, nothing is said of that place [m]
+_KNOWN = 3.0  # who was in view whole in so many scans, of him the radius is known,
+_SURE = 0.05  # to this, one standard deviation [m]
 _BLIND = Look(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
 _ANCHORED = 1.2  # where it stood is remembered for so long [s]
 
@@ -84,7 +88,7 @@ class TrackerParams(NamedTuple):
 
 
 class Movers(NamedTuple):
-    """tracks: (t, 17). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
+    """tracks: (t, 18). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
     points, whether it belongs to a mover. ground: near the robot. worn: its clock [s]. loose:
     (l, 3) as in `potentially_dynamic`. covered: whether somebody is within the LiDAR's least
     range."""
@@ -100,7 +104,7 @@ class Movers(NamedTuple):
 
 
 NONE = Movers(
-    np.empty((0, 17)), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3)),
+    np.empty((0, _COLUMNS)), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3)),
     False,
 )  # fmt: skip
 
@@ -124,7 +128,8 @@ def follow(
         if earlier is not None:
             freshen(lidar, found, sweep, pose, earlier)
     now = looked(lidar, sweep, pose, stamp)
-    tracks, whose = _followed(before.tracks, found, lidar, now, dt, care)
+    places = placed(sweep.points, pose)
+    tracks, whose = _followed(before.tracks, found, places, lidar, now, dt, care)
     mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
     kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
     covered = any(covers(lidar, now, look, before.covered) for look in (*kept, _BLIND))
@@ -133,7 +138,6 @@ def follow(
     if before.looks:
         way = math.dist(before.looks[-1].sensor[:2], now.sensor[:2])
         worn += way * wary.keep / wary.vouched
-    places = placed(sweep.points, pose)
     near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~mine & ~fixed
     since = worn - wary.keep
     there = came_by_itself(places, near, before.ground, since, now, lidar.noise)
@@ -186,11 +190,13 @@ def _ahead(movers: Movers, now: float) -> float:
 
 @jit
 def _followed(
-    tracks: Floats, found: Floats, lidar: Lidar, now: Look, dt: float, care: TrackerParams
-) -> tuple[Floats, Floats]:
-    """The tracks after these clusters, and the track of each cluster (k,)."""
+    tracks: Floats, found: Floats, places: Floats, lidar: Lidar, now: Look, dt: float,
+    care: TrackerParams,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """The tracks after these clusters of a sweep's points in `odom`, `places`, and the track of
+    each cluster (k,)."""
     t, k = len(tracks), len(found)
-    out = np.zeros((t + k, 17))
+    out = np.zeros((t + k, _COLUMNS))
     out[:t] = tracks
     q = care.agility * care.agility
     for i in range(t):
@@ -216,14 +222,20 @@ def _followed(
                 d = math.hypot(found[j, CX] - out[i, TX], found[j, CY] - out[i, TY])
                 if d > 0.6:
                     continue
-                wide = _scatter(found[j], care) + out[i, PP]
-                cost = d * d / wide + 4.0 * abs(found[j, SIZE] - out[i, RADIUS])
+                if _in_part(out[i], found[j]):
+                    d = rim_distance(
+                        _seen(places, found[j]), out[i, TX], out[i, TY], out[i, RADIUS]
+                    )
+                    cost = d * d / (care.scatter * care.scatter + out[i, PP])
+                else:
+                    wide = _scatter(found[j], care) + out[i, PP]
+                    cost = d * d / wide + 4.0 * abs(found[j, SIZE] - out[i, RADIUS])
                 if cost < best:
                     best, bi, bj = cost, i, j
         if bi < 0:
             break
         whose[bj], taken[bi] = bi, True
-        _update(out[bi], found[bj], care)
+        _update(out[bi], found[bj], _seen(places, found[bj]), now, care)
         _prove(out[bi], found[bj], lidar, now, care)
     n = t
     for j in range(k):
@@ -231,6 +243,7 @@ def _followed(
             out[n, TX], out[n, TY], out[n, RADIUS] = found[j, CX], found[j, CY], found[j, SIZE]
             out[n, PP], out[n, VV] = _scatter(found[j], care), 1.0
             out[n, SEEN], out[n, AX], out[n, AY] = 1.0, math.nan, found[j, CY]
+            out[n, WHOLE] = 1.0 if found[j, HIDDEN] == 0.0 else 0.0
             whose[j] = n
             n += 1
     kept = np.zeros(n, np.bool_)
@@ -252,8 +265,26 @@ def _scatter(cluster: Floats, care: TrackerParams) -> float:
 
 
 @jit
-def _update(one: Floats, cluster: Floats, care: TrackerParams) -> None:
-    """Kalman update of a track by its cluster."""
+def _in_part(one: Floats, cluster: Floats) -> bool:
+    """Whether a cluster may be a part of a mover of known radius, whose rest is not in view."""
+    known = one[MOVES] > 0.0 and one[WHOLE] >= _KNOWN
+    return known and cluster[HIDDEN] > 0.0 and cluster[SIZE] < one[RADIUS] + _SURE
+
+
+@jit
+def _seen(places: Floats, cluster: Floats) -> Floats:
+    """The points of a cluster."""
+    return places[int(cluster[FIRST]) : int(cluster[LAST])]
+
+
+@jit
+def _update(one: Floats, cluster: Floats, seen: Floats, now: Look, care: TrackerParams) -> None:
+    """Kalman update of a track by its cluster of points in `odom`, `seen`."""
+    one[SEEN] += 1.0
+    one[MISSED] = 0.0
+    one[GONE] = 0.0
+    if _in_part(one, cluster) and _fitted(one, seen, now, care):
+        return
     noise = _scatter(cluster, care)
     gain_p = one[PP] / (one[PP] + noise)
     gain_v = one[PV] / (one[PP] + noise)
@@ -268,10 +299,31 @@ def _update(one: Floats, cluster: Floats, care: TrackerParams) -> None:
     size = cluster[SIZE]
     if cluster[HIDDEN] > 0.0:
         size = max(size, one[RADIUS])
+    else:
+        one[WHOLE] += 1.0
     one[RADIUS] += (0.3 if size > one[RADIUS] else 0.1) * (size - one[RADIUS])
-    one[SEEN] += 1.0
-    one[MISSED] = 0.0
-    one[GONE] = 0.0
+
+
+@jit
+def _fitted(one: Floats, seen: Floats, now: Look, care: TrackerParams) -> bool:
+    """Update a mover of which a part is in view by the disc that this is the rim of; whether there
+    is such a disc."""
+    noise = care.scatter * care.scatter
+    fit = rim_fit(seen, one[TX], one[TY], one[RADIUS], one[PP], _SURE * _SURE, noise)
+    ux, uy = fit.x - now.sensor.x, fit.y - now.sensor.y
+    mx, my = seen[:, 0].mean() - now.sensor.x, seen[:, 1].mean() - now.sensor.y
+    before = mx * mx + my * my < ux * ux + uy * uy
+    if not (fit.good and before):
+        return False
+    gain = max(1.0 - fit.variance / one[PP], 0.0)
+    gain_v = one[PV] / one[PP]
+    one[TVX] += gain_v * (fit.x - one[TX])
+    one[TVY] += gain_v * (fit.y - one[TY])
+    one[TX], one[TY] = fit.x, fit.y
+    one[VV] -= gain * gain_v * one[PV]
+    one[PV] *= 1.0 - gain
+    one[PP] *= 1.0 - gain
+    return True
 
 
 @jit

@@ -109,16 +109,17 @@ class GatedRobot:
 
     def __init__(
         self, robot: Robot, rules: Rules, told: Callable[[Event], None] | None = None,
-        watched_by: tuple[Monitor, ...] | None = None,
+        watched_by: tuple[Monitor, ...] | None = None, shown: Callable[[Event], None] | None = None,
     ) -> None:  # fmt: skip
-        """watched_by: by default `watch.monitors`, all there are."""
+        """watched_by: by default `watch.monitors`, all there are. shown: told what happens as the
+        recorder is, whichever that is."""
         self._robot, self._rules = robot, rules
         self._monitors = monitors(robot.model, rules) if watched_by is None else watched_by
         self._restriction = UNRESTRICTED
         """Of the newest readings, whatever is proposed."""
         self.let_through = 1.0
         """Share of the last proposal that the monitors let through."""
-        self._told = told or _nobody
+        self._told, self._shown = told or _nobody, shown or _nobody
         self._line: Line | None = None
         self._gate = Gate()
         self._latched_at = math.nan
@@ -212,8 +213,12 @@ class GatedRobot:
             before.close()
 
     def say(self, text: str, serious: bool = False) -> None:
-        """To the recorder."""
-        self._told(Event(self._robot.now(), "gate", text, serious))
+        """To the recorder, and who looks on."""
+        self._tell(Event(self._robot.now(), "gate", text, serious))
+
+    def _tell(self, event: Event) -> None:
+        self._told(event)
+        self._shown(event)
 
     def close(self) -> None:
         """Stop the robot and let it go."""
@@ -269,7 +274,7 @@ class GatedRobot:
         v, omega = odometry.twist
         if abs(v) < STANDS_V and abs(omega) < STANDS_OMEGA:
             after = odometry.stamp - self._latched_at
-            self._told(Event(odometry.stamp, "gate", f"stands, {after:.2f} s after"))
+            self._tell(Event(odometry.stamp, "gate", f"stands, {after:.2f} s after"))
             self._latched_at = math.nan
 
 

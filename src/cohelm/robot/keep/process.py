@@ -32,13 +32,16 @@ Make = Callable[[], Robot]
 class RemoteGatedRobot:
     """A `Keeper` whose robot lives in another process. In real time only."""
 
-    def __init__(self, make: Make, rules: Rules, record: socket.socket | None = None) -> None:
-        """make: makes the robot, over there; must be picklable. record: where events go.
+    def __init__(
+        self, make: Make, rules: Rules, record: socket.socket | None = None,
+        live: socket.socket | None = None,
+    ) -> None:  # fmt: skip
+        """make: makes the robot, over there; must be picklable. record, live: where events go.
 
         Raises CohelmError if the robot can not be made.
         """
         self._line, theirs = control()
-        self._process = started("cohelm keeper", serve, theirs, make, rules, record)
+        self._process = started("cohelm keeper", serve, theirs, make, rules, record, live)
         theirs.close()
         self._scan: Scan | None = None
         self._further: dict[str, Scan] = {}

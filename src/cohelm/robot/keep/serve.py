@@ -50,12 +50,13 @@ class Begun(NamedTuple):
 
 
 def serve(
-    line: Control, make: Callable[[], Robot], rules: Rules, record: socket.socket | None
-) -> None:
+    line: Control, make: Callable[[], Robot], rules: Rules, record: socket.socket | None,
+    live: socket.socket | None = None,
+) -> None:  # fmt: skip
     """The other process, from its beginning to its end."""
     let_go = bound()  # nothing reaches the wheels before the loop knows of the robot
     try:
-        kept = GatedRobot(make(), rules, Line(record))
+        kept = GatedRobot(make(), rules, Line(record), shown=Line(live))
         memory = shared(kept.model)
         kept.read()
     except CohelmError as error:

@@ -24,6 +24,7 @@ from cohelm.sim.grid import Grid, grid
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a cell, as in nav_msgs/OccupancyGrid; scale and raw maps have 1 ... 99 as well."""
 
+_ABSOLUTE = 2
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -67,12 +68,57 @@ class _Description(BaseModel):
     occupied_thresh: Share = 0.65
     free_thresh: Share = 0.196
     mode: Literal["trinary", "scale", "raw"] = "trinary"
+    type: Literal[0, 1, 2] = 1
+    base: Number = 0.0
+    multiplier: Number = 1.0
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.free_thresh >= self.occupied_thresh:
             raise ValueError("free_thresh must be smaller than occupied_thresh")
         return self
+
+
+@dataclass(frozen=True)
+class SpeedMask:
+    """What Nav2's speed filter is given: a mask, and how its values are speeds."""
+
+    cells: OccupancyMap
+    absolute: bool
+    """Whether the limits are m/s (Nav2's type 2) and not percent (type 1)."""
+    base: float
+    multiplier: float
+
+    def limits(self) -> NDArray[np.float32]:
+        """base + multiplier * value, (rows, columns), in percent or m/s; 0 where there is none: of
+        the value 0, and of cells that nobody knows."""
+        values = self.cells.cells
+        made = self.base + self.multiplier * values.astype(np.float32)
+        return np.where(values > 0, made, 0.0).astype(np.float32)
+
+
+def read_speed_mask(path: Path | str) -> SpeedMask:
+    """A mask of speed limits, read as a map: in its YAML file may be `type`, `base` and
+    `multiplier` too, as the costmap filter info server of Nav2 has them.
+
+    Raises CohelmError as `read_map`, and for a limit that is none.
+    """
+    about, cells = _read(path)
+    if about.type == 0:
+        raise CohelmError(f"{path}: is a keep-out mask by its type, 0: use --keep-out, or type 1")
+    made = SpeedMask(cells, about.type == _ABSOLUTE, about.base, about.multiplier)
+    some = cells.cells > 0
+    if not some.any():
+        raise CohelmError(f"{path}: no cell has a limit: draw zones darker, with mode: scale")
+    limits = made.limits()[some]
+    if not (limits > 0.0).all() or not np.isfinite(limits).all():
+        least = float(limits.min())
+        said = f"{least:g} m/s" if made.absolute else f"{least:g} %"
+        raise CohelmError(
+            f"{path}: a zone has a limit of {said}, which is no speed (Nav2 takes 0 for no limit): "
+            "use --keep-out for where nothing may drive, or mend base, multiplier and mode (scale)"
+        )
+    return made
 
 
 def read_map(path: Path | str) -> OccupancyMap:
@@ -85,6 +131,10 @@ def read_map(path: Path | str) -> OccupancyMap:
 
     Raises CohelmError where either file is missing, damaged, too large or makes no sense.
     """
+    return _read(path)[1]
+
+
+def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
     try:
         given = yaml.safe_load(contents(path, "a map_server YAML file"))
         about = _Description.model_validate(given)
@@ -110,7 +160,8 @@ def read_map(path: Path | str) -> OccupancyMap:
     x, y, yaw = (*about.origin, 0.0)[:3]
     # an image's first row is its top, a map's first row its bottom
     found = np.flipud(cells).astype(np.int8)
-    return OccupancyMap(found, about.resolution, Pose(x, y, yaw), about.cohelm_frame == "start")
+    from_start = about.cohelm_frame == "start"
+    return about, OccupancyMap(found, about.resolution, Pose(x, y, yaw), from_start)
 
 
 def write_map(folder: Path, made: OccupancyMap) -> None:

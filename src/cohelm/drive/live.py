@@ -1,0 +1,334 @@
+"""Shows a drive as it goes to Foxglove and Lichtblick: the topics of a record, over WebSocket.
+
+The server is a process of its own, told by loop and keeper as a recorder is: they never wait for
+it, nor does it for who looks on. Who looks on can do nothing else. The protocol is Foxglove's
+(https://github.com/foxglove/ws-protocol, docs/spec.md).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import json
+import logging
+import os
+import pickle
+import secrets
+import signal
+import socket
+import struct
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any, cast
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+from websockets.typing import Subprotocol
+
+from cohelm.core.errors import CohelmError
+from cohelm.drive.recorder import Listening, received
+from cohelm.link.udp import resolved
+from cohelm.record.topics import IMAGE, LASTING, Topics, definitions
+from cohelm.robot.keep.record_pipe import ALIVE
+from cohelm.robot.model import RobotModel
+
+PORT = 8766
+"""8765 is the page's, and any foxglove_bridge's."""
+ROOM = 1 << 20
+"""So much may wait for one who looks on, besides what lasts; then what waits is dropped [B]."""
+MOST = 16
+"""Who look on at once."""
+STUCK = 10.0
+"""Who takes nothing for so long is let go [s]."""
+_SENT = 1 << 18
+"""On its way in the system's own buffer, for each [B]: what waits there can not be dropped."""
+_OPEN = 10.0
+_CLOSE = 1.0
+"""For the beginning and the end of a connection [s]."""
+_TICK = 0.5
+"""From one sign of life to the next [s]."""
+_LARGEST = 1 << 16
+"""Of what a viewer says [B]."""
+_PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
+_DATA, _HEAD = 1, struct.Struct("<BIQ")
+"""Before a message's bytes: what it is, subscription, stamp [ns]."""
+_ERROR = 2
+"""Level of a status message."""
+
+
+@dataclass(frozen=True)
+class LiveConfig:
+    """Where a drive is shown."""
+
+    host: str = "127.0.0.1"
+    port: int = PORT
+    """0: a free one."""
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    """Only who has it may look on."""
+
+    @property
+    def address(self) -> str:
+        """To be opened as *Foxglove WebSocket*."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        if self.host in ("0.0.0.0", "::"):
+            host = socket.gethostname()
+        return f"ws://{host}:{self.port}/{self.token}"
+
+
+class Live(Listening):
+    """A server at work. `loop` and `keeper` are the ends to speak into, as `record_pipe.Line`."""
+
+    def __init__(self, config: LiveConfig, model: RobotModel) -> None:
+        """Raises CohelmError where it can not listen."""
+        listening = _bound(config.host, config.port)
+        port = listening.getsockname()[1]
+        self.address = LiveConfig(config.host, port, config.token).address
+        """With the token."""
+        try:
+            super().__init__("cohelm live", _show, listening, config.token, model)
+        finally:
+            listening.close()
+
+    def close(self) -> None:
+        """Who looks on is told that it is over."""
+        self.hang_up()
+        self._process.join(2.0 * _CLOSE + 3.0)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    family, where = resolved(host, port, socket.SOCK_STREAM)
+    try:
+        return socket.create_server(where[:2], family=family)
+    except OSError as error:
+        why = os.strerror(error.errno) if error.errno else error
+        raise CohelmError(
+            f"can not listen on {host} port {port} ({why}): choose another with "
+            "--foxglove HOST:PORT"
+        ) from None
+
+
+def _show(
+    listening: socket.socket, token: str, model: RobotModel,
+    loop: socket.socket, keeper: socket.socket,
+) -> None:  # fmt: skip
+    """The other process. It ends when both lines are closed."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    os.nice(5)  # loop, keeper and recorder come first
+    asyncio.run(_shown(listening, Server(model, token), [loop, keeper]))
+
+
+async def _shown(listening: socket.socket, server: Server, lines: list[socket.socket]) -> None:
+    quiet = logging.Logger("cohelm.live", logging.CRITICAL)  # whoever knocks fills no terminal
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SENT)
+    async with serve(
+        server.attend, sock=listening, process_request=server.admit, subprotocols=_PROTOCOLS,
+        compression=None, max_size=_LARGEST, max_queue=4, open_timeout=_OPEN, close_timeout=_CLOSE,
+        server_header=None, logger=quiet,
+    ):  # fmt: skip
+        await _heard(server, lines)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_CLOSE):
+                await server.said()
+
+
+async def _heard(server: Server, lines: list[socket.socket]) -> None:
+    """Hear until all lines are closed. lines: the first one is the loop's."""
+    turning, closed = asyncio.get_running_loop(), [asyncio.Event() for _ in lines]
+
+    def hear(end: socket.socket, over: asyncio.Event) -> None:
+        try:
+            message = received(end)
+        except EOFError:
+            turning.remove_reader(end)
+            over.set()
+            return
+        if message is not None:
+            server.take(message)
+
+    for end, over in zip(lines, closed, strict=True):
+        turning.add_reader(end, hear, end, over)
+    signs = asyncio.create_task(_signs(server, lines[0]))
+    for over in closed:
+        await over.wait()
+    signs.cancel()
+
+
+async def _signs(server: Server, loop: socket.socket) -> None:
+    """Of life, to the loop; and whether anybody looks through the camera."""
+    told = False
+    while True:
+        with contextlib.suppress(OSError):  # the loop is gone, or does not listen
+            loop.send(ALIVE, socket.MSG_DONTWAIT)
+            wanted = server.wanted(IMAGE)
+            if wanted != told:
+                loop.send(pickle.dumps(wanted), socket.MSG_DONTWAIT)
+                told = wanted
+        await asyncio.sleep(_TICK)
+
+
+class Server:
+    """Has what is said passed on to who asked for it; what lasts also to who comes later."""
+
+    def __init__(self, model: RobotModel, token: str) -> None:
+        self._model, self._path = model, f"/{token}".encode()
+        self._topics: Topics | None = None
+        self._viewers: set[_Viewer] = set()
+        self._last: dict[str, tuple[int, bytes]] = {}
+        made = definitions(model)
+        self._channels = dict(enumerate(made, 1))
+        info: dict[str, Any] = {
+            "op": "serverInfo", "name": f"cohelm {model.name}", "capabilities": [],
+            "supportedEncodings": [], "metadata": {}, "sessionId": secrets.token_hex(8),
+        }  # fmt: skip
+        channels = [
+            {
+                "id": number, "topic": topic, "encoding": "cdr", "schemaName": made[topic].name,
+                "schemaEncoding": "ros2msg", "schema": made[topic].text,
+            }
+            for number, topic in self._channels.items()
+        ]  # fmt: skip
+        self._greetings = [json.dumps(one) for one in (info, _op("advertise", channels=channels))]
+
+    def take(self, message: Any) -> None:
+        """One message of loop or keeper; first the time stamp of t = 0 [ns]."""
+        if isinstance(message, int):
+            self._topics = Topics(message, self.put, self._model, self.wanted)
+            self._topics.begin()
+        elif self._topics is not None:
+            self._topics.write(message)
+
+    def wanted(self, topic: str) -> bool:
+        """Whether it is of use to anybody."""
+        return topic in LASTING or any(topic in one.subscribed for one in self._viewers)
+
+    def put(self, topic: str, data: bytes, stamp: int, number: int | None = None) -> None:
+        """One message, in CDR. stamp: [ns]."""
+        if topic in LASTING:
+            self._last[topic] = stamp, data
+        for one in self._viewers:
+            one.give(topic, stamp, data)
+
+    def admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Only who has the token."""
+        if hmac.compare_digest(request.path.encode(), self._path):
+            return None
+        said = "take the whole address that cohelm says, with what stands behind the last /\n"
+        return connection.respond(HTTPStatus.UNAUTHORIZED, said)
+
+    async def attend(self, connection: ServerConnection) -> None:
+        """One who looks on, until they go."""
+        if len(self._viewers) >= MOST:
+            await connection.close(1013, "too many look on already")
+            return
+        viewer = _Viewer(connection, self._greetings)
+        speaking = asyncio.create_task(viewer.speak())
+        self._viewers.add(viewer)
+        try:
+            async for message in connection:
+                self._heed(viewer, message)
+        except ConnectionClosed:
+            pass
+        finally:
+            self._viewers.discard(viewer)
+            speaking.cancel()
+
+    async def said(self) -> None:
+        """Wait until nothing waits for anybody."""
+        while any(one.waits for one in self._viewers):
+            await asyncio.sleep(0.02)
+
+    def _heed(self, viewer: _Viewer, said: str | bytes) -> None:
+        """Subscribe and unsubscribe; there is nothing else to be had here."""
+        try:
+            asked: Any = json.loads(said)
+            match asked["op"]:
+                case "subscribe":
+                    for one in _listed(asked["subscriptions"]):
+                        topic = self._channels[one["channelId"]]
+                        if viewer.subscribe(topic, one["id"]) and topic in self._last:
+                            viewer.give(topic, *self._last[topic])
+                case "unsubscribe":
+                    for number in _listed(asked["subscriptionIds"]):
+                        viewer.unsubscribe(number)
+                case _:
+                    viewer.tell("nothing can be sent to the robot, nor set or called there")
+        except (ValueError, KeyError, TypeError, UnicodeDecodeError, RecursionError, struct.error):
+            viewer.tell("this was not understood")
+
+
+class _Viewer:
+    """One who looks on, and what waits to be sent there."""
+
+    def __init__(self, connection: ServerConnection, greetings: list[str]) -> None:
+        self._connection = connection
+        self._waiting: deque[tuple[str, str | bytes]] = deque(("", one) for one in greetings)
+        self._size = 0
+        self._bell = asyncio.Event()
+        self._bell.set()
+        self.subscribed: dict[str, int] = {}
+        """Topics, with the numbers of the subscriptions."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether anything does."""
+        return bool(self._waiting)
+
+    def subscribe(self, topic: str, number: int) -> bool:
+        """Whether that is new: a topic is subscribed to once."""
+        _HEAD.pack(_DATA, number, 0)  # struct.error: no number that can be sent
+        return self.subscribed.setdefault(topic, number) == number
+
+    def unsubscribe(self, number: int) -> None:
+        """No more of it."""
+        self.subscribed = {topic: own for topic, own in self.subscribed.items() if own != number}
+
+    def give(self, topic: str, stamp: int, data: bytes) -> None:
+        """Have it sent, if it is subscribed to. stamp: [ns]."""
+        if topic in self.subscribed:
+            self._put(topic, _HEAD.pack(_DATA, self.subscribed[topic], stamp) + data)
+
+    def tell(self, text: str) -> None:
+        """In a viewer's list of problems."""
+        self._put("", json.dumps(_op("status", level=_ERROR, message=text)))
+
+    def _put(self, topic: str, data: str | bytes) -> None:
+        self._waiting.append((topic, data))
+        self._size += len(data)
+        if self._size > ROOM:  # too slow: on with the newest, and the last of what lasts
+            newest = self._waiting.pop()
+            kept = {topic: (topic, data) for topic, data in self._waiting if topic in LASTING}
+            self._waiting = deque((*kept.values(), newest))
+            self._size = sum(len(data) for _, data in self._waiting)
+        self._bell.set()
+
+    async def speak(self) -> None:
+        """Send what waits, until the connection ends; a connection that takes nothing is ended."""
+        with contextlib.suppress(ConnectionClosed):
+            while await self._bell.wait():
+                self._bell.clear()
+                while self._waiting:
+                    _, data = self._waiting.popleft()
+                    self._size -= len(data)
+                    try:
+                        async with asyncio.timeout(STUCK):
+                            await self._connection.send(data)
+                    except TimeoutError:
+                        self._connection.transport.abort()
+                        return
+
+
+def _op(name: str, **what: Any) -> dict[str, Any]:
+    return {"op": name} | what
+
+
+def _listed(found: Any) -> Iterator[Any]:
+    if not isinstance(found, list):
+        raise TypeError
+    return iter(cast("list[Any]", found))

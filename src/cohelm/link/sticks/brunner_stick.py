@@ -1,0 +1,301 @@
+"""Brunner's force sticks (CLS-E, CLS-P), through CLS2Sim on the network.
+
+The device has no spring of its own there: it pushes with the force it was told last, so the
+spring is made here, 100 times a second, from where the stick was seen last. Which way a positive
+force pushes, in which unit, and what becomes of the last force when nobody tells a new one, its
+documentation does not say. So how hard it may push has no default, `trial.py` finds the signs,
+and `force_watchdog.py` takes the force away when this process dies or hangs.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable
+from difflib import get_close_matches
+from typing import NamedTuple, Protocol
+from urllib.parse import parse_qsl, urlsplit
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.link.messages import Device
+from cohelm.link.sticks.cls2sim import PORT, Answer, Forces, Line, unit
+from cohelm.link.sticks.force import NO_FORCE, ForceRules, Swings, changed, wanted
+from cohelm.link.sticks.force_watchdog import ForceWatchdog
+from cohelm.link.sticks.port import CENTRED, NOTHING, Feel, Reading
+from cohelm.link.udp import resolved
+
+SCHEME = "brunner://"
+_STRONGEST = 10_000
+_PATIENCE = 2.0  # for the first answer [s]
+_AGAIN = 0.02  # [s]; asked this often while nothing is to be felt
+_SHORTEST = 0.002  # between two positions that a rate is made from [s]
+_SMOOTHING = 0.02  # of the rate [s]
+_LAST = 3  # requests without force at the end, for one may be lost
+_APART = 0.005  # [s]
+
+
+class BrunnerParams(NamedTuple):
+    """Where CLS2Sim is, and what its documentation leaves open."""
+
+    host: str
+    port: int
+    force: tuple[float, float]
+    """Number for the whole force, elevator and aileron, in CLS2Sim's own unit; negative where a
+    positive number pushes towards position 0."""
+    forward: int
+    """Position of the elevator when the stick is fully forward, 0 or 1."""
+    left: int
+    """Position of the aileron when it is fully to the left, 0 or 1."""
+    damping: float
+    """Share of the full force against a full deflection a second [s]."""
+    silence: float
+    """After this time without an answer the stick is gone [s]."""
+
+
+class CLS2Sim(Protocol):
+    """What a stick needs of its `Line`."""
+
+    refused: int
+
+    def ask(self, forces: Forces, now: float) -> None:
+        """Send a request."""
+        ...
+
+    def answers(self, now: float) -> list[Answer]:
+        """Those that came."""
+        ...
+
+    def close(self) -> None:
+        """Let go."""
+        ...
+
+
+class Watchdog(Protocol):
+    """What a stick needs of its `ForceWatchdog`."""
+
+    def beat(self) -> bool:
+        """The force is being made; whether the watchdog is there."""
+        ...
+
+    def close(self) -> None:
+        """The end."""
+        ...
+
+
+def parameters(text: str, pushes: bool = True) -> BrunnerParams:
+    """What `brunner://HOST[:PORT]?force=N,N&...` says. CohelmError for anything else.
+
+    pushes: it has to say how hard; else it need not.
+    """
+    try:
+        parts = urlsplit(text)
+        host, port = parts.hostname, parts.port or PORT
+        given = parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query))
+    except ValueError:
+        host, port, given = None, 0, []
+        parts = urlsplit("")
+    if not host or parts.path.strip("/") or parts.username is not None or parts.fragment:
+        raise CohelmError(f"{text!r} is no force stick, as in brunner://10.0.0.5?force=300")
+    options: dict[str, str] = {}
+    for key, value in given:
+        if key not in OPTIONS:
+            near = get_close_matches(key, OPTIONS, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise CohelmError(f"{text}: no option {key!r}: it knows {', '.join(OPTIONS)}{hint}")
+        if key in options:
+            raise CohelmError(f"{text}: {key} stands there twice")
+        options[key] = value
+    if "force" not in options:
+        if pushes:
+            raise CohelmError(
+                f"{text}: how hard it may push is not given, and has no default: `cohelm stick "
+                f"--trial {SCHEME}{host}` finds out which way it pushes; force=0 leaves it limp"
+            )
+        options["force"] = "0"
+    force = options["force"].split(",")
+    if len(force) > 2:
+        raise CohelmError(f"{text}: force: one number, or two (elevator, aileron)")
+    numbers = [_number(text, "force", one, -_STRONGEST, _STRONGEST) for one in force]
+    return BrunnerParams(
+        host, port, (numbers[0], numbers[-1]), _end(text, options, "forward"),
+        _end(text, options, "left"),
+        _number(text, "damping", options.get("damping", str(ForceRules().damping)), 0.0, 1.0),
+        _number(text, "silence_ms", options.get("silence_ms", "250"), 50.0, 1000.0) / 1e3,
+    )  # fmt: skip
+
+
+class BrunnerStick:
+    """One stick, from the first answer to closing.
+
+    It waits for CLS2Sim where it is opened, closed, or was not read for longer than the silence
+    allowed: at most for two seconds, 50 ms, and that silence.
+    """
+
+    kind = Device.FORCE_STICK
+
+    def __init__(
+        self, params: BrunnerParams, line: CLS2Sim | None = None, watchdog: Watchdog | None = None,
+        clock: Callable[[], float] = time.monotonic, wait: Callable[[float], None] = time.sleep,
+    ) -> None:  # fmt: skip
+        """clock: steady [s]. Raises CohelmError where nothing answers within two seconds."""
+        self.name = f"Brunner stick at {params.host}"
+        self.force = any(params.force)
+        self._params, self._clock, self._wait = params, clock, wait
+        rules = ForceRules(damping=params.damping)
+        self._rules = rules._replace(
+            fresh=min(rules.fresh, 0.4 * params.silence), gone=min(rules.gone, params.silence)
+        )
+        self._line = line or Line(params.host, params.port, params.silence)
+        self._why = ""
+        self._stick, self._rate = CENTRED, CENTRED
+        self._swings = Swings()
+        self._feel, self._now = NOTHING, NO_FORCE
+        self._seen = self._asked = self._questioned = clock()
+        self._answered = True
+        if not self._await(_PATIENCE):
+            self._line.close()
+            raise CohelmError(f"{self.name}: {self._silent()}")
+        self._watchdog = watchdog or ForceWatchdog(numeric(params.host, params.port), params.port)
+
+    def read(self) -> Reading:
+        """How it stands now."""
+        if not self._why:
+            now = self._clock()
+            self._look(now)
+            if not self._why and now - self._asked >= _AGAIN:
+                self._ask(now)
+        if self._why:
+            return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
+        return Reading(self._stick, True, "", ())
+
+    def feel(self, feel: Feel) -> None:
+        """Make the force anew, from where the stick was seen last."""
+        self._feel = feel
+        if not self._why:
+            now = self._clock()
+            self._look(now)
+            if not self._why:
+                self._ask(now)
+
+    def close(self) -> None:
+        """Take the force away, and let go. Takes 10 ms: one request may be lost."""
+        if self._why != "it is closed":
+            self._let_go("it is closed")
+            for _ in range(_LAST - 1):
+                self._wait(_APART)
+                self._line.ask(Forces(0, 0), self._clock())
+            self._line.close()
+            self._watchdog.close()
+
+    def _await(self, patience: float) -> bool:
+        """Ask, without force, until something answers [s]: where it stood before is forgotten."""
+        self._now = NO_FORCE
+        self._line.answers(self._clock())
+        end = self._clock() + patience
+        while self._clock() < end:
+            self._line.ask(Forces(0, 0), self._clock())
+            self._wait(_AGAIN)
+            now = self._clock()
+            if answers := self._line.answers(now):
+                self._take(answers[-1], now)
+                self._rate, self._answered = CENTRED, True
+                self._asked = now
+                return True
+        return False
+
+    def _look(self, now: float) -> None:
+        """Take what came; know when it is gone."""
+        silence = self._params.silence
+        if now - self._asked > silence:  # this process did not ask
+            if not self._await(silence):
+                self._let_go(self._silent())
+            return
+        if answers := self._line.answers(now):
+            self._take(answers[-1], now)
+            self._answered = True
+        if self._swings.too_many(self._stick, now):
+            self._let_go(
+                "it swings by itself: give it less force, more damping or a faster network"
+            )
+        elif not self._answered and now - self._questioned > silence:
+            self._let_go(self._silent())
+
+    def _take(self, answer: Answer, now: float) -> None:
+        forward, left = self._params.forward, self._params.left
+        stick = Stick(_share(answer.elevator, forward), _share(answer.aileron, left))
+        seen = now - answer.age
+        dt = seen - self._seen
+        if dt >= _SHORTEST:
+            share = dt / (dt + _SMOOTHING)
+            x, psi = (stick.x - self._stick.x) / dt, (stick.psi - self._stick.psi) / dt
+            self._rate = Stick(
+                self._rate.x + share * (x - self._rate.x),
+                self._rate.psi + share * (psi - self._rate.psi),
+            )
+        self._stick, self._seen = stick, max(self._seen, seen)
+
+    def _ask(self, now: float) -> None:
+        """Tell the force that is due now, and ask where the stick is."""
+        wish = wanted(self._stick, self._rate, self._feel, self._rules.damping)
+        self._now = changed(self._now, wish, now - self._seen, now - self._asked, self._rules)
+        if self._answered:  # this is the first one since then
+            self._answered, self._questioned = False, now
+        self._asked = now
+        elevator, aileron = self._params.force
+        self._line.ask(
+            Forces(
+                unit(self._now.share.x * _sign(self._params.forward), elevator),
+                unit(self._now.share.psi * _sign(self._params.left), aileron),
+            ),
+            now,
+        )
+        if not self._watchdog.beat():
+            self._let_go("the process that would take its force away is gone: start it again")
+
+    def _let_go(self, why: str) -> None:
+        self._why, self._now = why, NO_FORCE
+        for _ in range(_LAST):
+            self._line.ask(Forces(0, 0), self._clock())
+
+    def _silent(self) -> str:
+        if self._line.refused:
+            return (
+                f"{self._line.refused} answers that are none of low-level control: is "
+                "'Low level control' ('External control') checked in CLS2Sim?"
+            )
+        return "CLS2Sim does not answer: is it running there, with its remote control over UDP on?"
+
+
+def _share(position: float, end: int) -> float:
+    """Deflection from a position in [0, 1]. end: which of both is +1."""
+    return _sign(end) * (2.0 * position - 1.0)
+
+
+def _sign(end: int) -> float:
+    return 2.0 * end - 1.0
+
+
+def numeric(host: str, port: int) -> str:
+    """The address of a host. CohelmError where it has none."""
+    return resolved(host, port, socket.SOCK_DGRAM)[1][0]
+
+
+OPTIONS = ("force", "forward", "left", "damping", "silence_ms")
+
+
+def _number(text: str, key: str, value: str, least: float, most: float) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        number = least - 1.0
+    if not least <= number <= most:
+        raise CohelmError(f"{text}: {key}: must be in {least:g} ... {most:g}, got {value!r}")
+    return number
+
+
+def _end(text: str, options: dict[str, str], key: str) -> int:
+    value = options.get(key, "1")
+    if value not in ("0", "1"):
+        raise CohelmError(f"{text}: {key}: must be 0 or 1, got {value!r}")
+    return int(value)

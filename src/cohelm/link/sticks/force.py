@@ -1,0 +1,103 @@
+"""Forces of a stick whose spring is made here, not in the device. Pure.
+
+The spring of (35), some damping, and the guard's cue. The sum is bounded, begins at nothing, can
+not jump, and fades when it is not known any more where the stick stands: a force that goes on
+without that is a shove.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cohelm.core.types import Stick
+from cohelm.link.sticks.port import CENTRED, Feel
+
+
+class ForceRules(NamedTuple):
+    """How the force behaves."""
+
+    damping: float = 0.05
+    """Share of the full force against a full deflection a second [s]."""
+    rise: float = 2.0
+    """From no force to the whole, after a beginning or a gap [s]."""
+    steepest: float = 20.0
+    """Largest change of the force [1/s]."""
+    fresh: float = 0.1
+    """Age of the deflection up to which the force is whole [s]."""
+    gone: float = 0.25
+    """Age from which there is none [s]."""
+    gap: float = 0.1
+    """Longest time between two forces after which it does not begin anew [s]."""
+
+
+class Force(NamedTuple):
+    """A force on both axes, and how far it has risen."""
+
+    share: Stick
+    """In [-1, 1] of the full force; forward and left positive."""
+    risen: float
+    """In [0, 1]."""
+
+
+NO_FORCE = Force(CENTRED, 0.0)
+
+
+def wanted(stick: Stick, rate: Stick, feel: Feel, damping: float) -> Stick:
+    """The force of spring, damping and cue, in [-1, 1].
+
+    (35) f = k_s x, towards the centre; `feel.spring` is k_s in parts of the stiffest.
+    rate: of the deflection [1/s]. Whatever is no number is no force.
+    """
+    return Stick(
+        _axis(stick.x, rate.x, feel.spring, feel.push.x, damping),
+        _axis(stick.psi, rate.psi, feel.spring, feel.push.psi, damping),
+    )
+
+
+def changed(before: Force, wish: Stick, age: float, dt: float, rules: ForceRules) -> Force:
+    """The force `dt` later. age: of the deflection that `wish` was made from [s]."""
+    if not 0.0 <= dt <= rules.gap:
+        return NO_FORCE
+    known = 1.0 if age <= rules.fresh else (rules.gone - age) / (rules.gone - rules.fresh)
+    if not known > 0.0:
+        return NO_FORCE
+    risen = min(1.0, before.risen + dt / rules.rise)
+    most = rules.steepest * dt
+    return Force(
+        Stick(
+            before.share.x + _bounded(risen * known * wish.x - before.share.x, most),
+            before.share.psi + _bounded(risen * known * wish.psi - before.share.psi, most),
+        ),
+        risen,
+    )
+
+
+class Swings:
+    """Counts how often a stick swings through its centre: on and on, it is no hand that does it.
+
+    A spring that acts late gives energy back that nobody put in.
+    """
+
+    def __init__(self, width: float = 0.3, most: int = 10, pause: float = 0.5) -> None:
+        """most: changes of side, each beyond `width` and none after a longer pause [s]."""
+        self._width, self._most, self._pause = width, most, pause
+        self._sides, self._counts, self._last = [0, 0], [0, 0], [-1e9, -1e9]
+
+    def too_many(self, stick: Stick, now: float) -> bool:
+        """Whether it is so now."""
+        for axis, deflection in enumerate(stick):
+            side = (deflection > self._width) - (deflection < -self._width)
+            if side and side != self._sides[axis]:
+                on = now - self._last[axis] <= self._pause
+                self._counts[axis] = self._counts[axis] + 1 if on else 0
+                self._sides[axis], self._last[axis] = side, now
+        return max(self._counts) >= self._most
+
+
+def _axis(deflection: float, rate: float, spring: float, push: float, damping: float) -> float:
+    return _bounded(push - spring * deflection - damping * rate, 1.0)
+
+
+def _bounded(value: float, most: float) -> float:
+    return min(max(value, -most), most) if math.isfinite(value) else 0.0

@@ -1,0 +1,213 @@
+"""Zones of the map that nothing shows: where the robot keeps out, and where it goes slowly.
+
+They stand in the map's frame and so where localization has the map; what LiDARs see is beside them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from cohelm.core.frames import between, placed
+from cohelm.core.types import Floats, Pose
+
+CELL = 0.05
+"""Keep-out zones have cells no larger than this: nothing passes between the points of two [m]."""
+FAR = 7.0
+"""Zones are shown as far as this: more than plans look ahead [m]."""
+_MOVED = 0.5
+"""What is shown is chosen anew when the robot has gone so far [m]."""
+_EDGE = 1.5
+"""Cells of a border are no deeper than so many: those that have the outside beside them, or at a
+corner."""
+_BEYOND = 0.1
+"""Of a zone that the robot is in, what is deeper than the robot by this stands in its way [m]."""
+
+
+class Cells(NamedTuple):
+    """A raster: (rows, columns) of `values`, row 0 at the smallest y of its own axes. origin: pose
+    of the outer corner of cell (0, 0) in the map."""
+
+    values: NDArray[np.float32]
+    resolution: float
+    origin: Pose
+
+    def at(self, points: Floats) -> Floats:
+        """The values under points (p, 2) of the map; 0 beside it."""
+        x, y, psi = self.origin
+        c, s = math.cos(psi), math.sin(psi)
+        dx, dy = points[:, 0] - x, points[:, 1] - y
+        columns = np.floor((c * dx + s * dy) / self.resolution).astype(np.int64)
+        rows = np.floor((c * dy - s * dx) / self.resolution).astype(np.int64)
+        height, width = self.values.shape
+        on = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        found = np.zeros(len(points))
+        found[on] = self.values[rows[on], columns[on]]
+        return found
+
+    def centres(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
+        """Those of cells, (p, 2) in the map [m]."""
+        own: Floats = np.column_stack((columns, rows)).astype(np.float64) + 0.5
+        return placed(own * self.resolution, self.origin)
+
+
+class KeepOut(NamedTuple):
+    """Zones in which the robot must not be."""
+
+    depth: Cells
+    """How far it is to the border of the zone [m]; 0 outside."""
+    zone: NDArray[np.int32]
+    """Which zone a cell is of, from 1; 0: none. Of the shape of `depth`."""
+
+
+def keep_out(marked: NDArray[np.bool_], resolution: float, origin: Pose) -> KeepOut:
+    """From the cells that are marked, (rows, columns); coarse ones are divided."""
+    parts = max(math.ceil(resolution / CELL - 1e-6), 1)
+    fine = np.repeat(np.repeat(marked, parts, axis=0), parts, axis=1)
+    side = resolution / parts
+    inside = np.pad(fine, 1)
+    depth = scipy.ndimage.distance_transform_edt(inside)[1:-1, 1:-1] * side
+    zone = np.asarray(scipy.ndimage.label(fine, np.ones((3, 3), np.int64))[0], np.int32)
+    return KeepOut(Cells(depth.astype(np.float32), side, origin), zone)
+
+
+class Fence:
+    """The keep-out zones that stand in one robot's way, as points.
+
+    A zone that the robot's outline is clear of stands as a whole. Of one that it is in, only what
+    is deeper stands than its deepest point was at its least: it can leave in every direction in
+    which it gets no deeper, and what it has left is closed behind it. Where it is suddenly deeper,
+    as localization has found it elsewhere, it begins from there.
+    """
+
+    def __init__(self, zones: KeepOut, outline: Floats) -> None:
+        """outline: (k, 2), convex, counter-clockwise [m]."""
+        self.zones, self._samples = zones, covering(outline, CELL)
+        self._beyond = _BEYOND + zones.depth.resolution
+        self._pose: Pose | None = None
+        self._allowed: dict[int, float] = {}
+        """Of each zone that the robot is in, the depth that it may have [m]."""
+        self._points: Floats = np.empty((0, 2))
+        self._shown: dict[int, float] | None = None
+        self._here: Pose | None = None
+        cells = zones.depth
+        i, j = np.nonzero((zones.zone > 0) & (cells.values <= _EDGE * cells.resolution))
+        self._border, self._of = cells.centres(i, j), zones.zone[i, j]
+        self._near = np.zeros(len(i), np.bool_)
+        self._standing(self._near, self._window(Pose(0.0, 0.0, 0.0)))  # compiles what is needed
+
+    def points(self, pose: Pose) -> Floats:
+        """(p, 2), in the map [m], for a robot there."""
+        if pose == self._pose:
+            return self._points
+        self._pose = pose
+        body = placed(self._samples, pose)
+        deepest = self._deepest(body)
+        beyond = self._beyond
+        self._allowed = {
+            zone: depth if self._allowed.get(zone, -math.inf) + beyond < depth
+            else min(depth, self._allowed[zone])
+            for zone, depth in deepest.items()
+        }  # fmt: skip
+        if self._here is None or _far(self._here, pose) > _MOVED:
+            self._here = pose
+            off = self._border - np.array(pose[:2])
+            self._near = np.hypot(off[:, 0], off[:, 1]) < FAR + _MOVED
+            self._shown = None
+        if self._shown is None or not _alike(self._shown, self._allowed):
+            self._shown = dict(self._allowed)
+            self._points = self._standing(self._near, self._window(pose))
+        return self._points
+
+    def _deepest(self, body: Floats) -> dict[int, float]:
+        """Of each zone that the robot is in, how deep."""
+        zones = self.zones
+        of = zones.depth._replace(values=zones.zone).at(body).astype(np.int64)
+        if not of.any():
+            return {}
+        depth = zones.depth.at(body)
+        return {int(zone): float(depth[of == zone].max()) for zone in np.unique(of[of > 0])}
+
+    def everywhere(self, pose: Pose) -> Floats:
+        """The same of all the map, however far, (p, 2) [m]."""
+        self.points(pose)
+        return self._standing(np.ones(len(self._border), np.bool_), np.s_[:, :])
+
+    def _standing(self, near: NDArray[np.bool_], window: tuple[slice, slice]) -> Floats:
+        """The border of what stands, (p, 2) [m]. near: of whole zones, which points of it. window:
+        the part of the raster where that of others is looked for."""
+        zones, cells = self.zones, self.zones.depth
+        found = [self._border[near & ~np.isin(self._of, list(self._allowed))]]
+        top, left = (part.start or 0 for part in window)
+        for one, depth in self._allowed.items():
+            least, here = depth + self._beyond, cells.values[window]
+            edge = (here > least) & (here <= least + _EDGE * cells.resolution)
+            i, j = np.nonzero(edge & (zones.zone[window] == one))
+            found.append(cells.centres(i + top, j + left))
+        return np.ascontiguousarray(np.vstack(found))
+
+    def _window(self, pose: Pose) -> tuple[slice, slice]:
+        """The part of the raster around a pose."""
+        cells = self.zones.depth
+        here = between(cells.origin, pose)
+        reach = math.ceil((FAR + _MOVED) / cells.resolution)
+        parts: list[slice] = []
+        for middle, most in zip((here.y, here.x), cells.values.shape, strict=True):
+            at = math.floor(middle / cells.resolution)
+            parts.append(slice(min(max(at - reach, 0), most), min(max(at + reach, 0), most)))
+        return parts[0], parts[1]
+
+
+class SpeedZones(NamedTuple):
+    """Where the robot goes slowly."""
+
+    limits: Cells
+    """As shares of the usual speed, or [m/s]; 0: none."""
+    share: bool
+    """Whether they are shares."""
+
+    def limit(self, body: Floats) -> float:
+        """The lowest under points (p, 2) of the map; infinite where there is none."""
+        found = self.limits.at(body)
+        return float(found[found > 0.0].min()) if (found > 0.0).any() else math.inf
+
+
+class Zones(NamedTuple):
+    """Of one map; None: none."""
+
+    keep_out: KeepOut | None = None
+    slow: SpeedZones | None = None
+
+
+def covering(outline: Floats, side: float) -> Floats:
+    """Points of a convex outline (k, 2) and of all that is within, no farther apart, (p, 2) [m]."""
+    xs, ys = _spaced(outline[:, 0], side), _spaced(outline[:, 1], side)
+    grid = np.column_stack((np.repeat(xs, len(ys)), np.tile(ys, len(xs))))
+    edges = np.roll(outline, -1, axis=0) - outline
+    off = grid[:, None] - outline[None]
+    inside = (edges[None, :, 0] * off[..., 1] - edges[None, :, 1] * off[..., 0] >= 0.0).all(axis=1)
+    parts: list[Floats] = [grid[inside]]
+    for corner, edge in zip(outline, edges, strict=True):
+        share = np.linspace(0.0, 1.0, math.ceil(float(np.hypot(*edge)) / side) + 1)
+        parts.append(corner + share[:, None] * edge)
+    return np.vstack(parts)
+
+
+def _spaced(values: Floats, side: float) -> Floats:
+    """From the smallest to the largest, no farther apart."""
+    low, high = float(values.min()), float(values.max())
+    made: Floats = np.linspace(low, high, math.ceil((high - low) / side) + 1)
+    return made
+
+
+def _far(a: Pose, b: Pose) -> float:
+    return math.hypot(a.x - b.x, a.y - b.y)
+
+
+def _alike(a: dict[int, float], b: dict[int, float]) -> bool:
+    """Whether as much of each zone stands, to a centimetre."""
+    return a.keys() == b.keys() and all(abs(a[zone] - b[zone]) < 0.01 for zone in a)

@@ -1,0 +1,194 @@
+"""Keep-out and speed zones in whole drives, and every mask that can not be used."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.frames import placed
+from cohelm.core.types import Pose, Stick
+from cohelm.drive.proposed import Judge
+from cohelm.drive.session import Session, SessionConfig, driver_of
+from cohelm.drive.simulated import simulated
+from cohelm.drive.zones import check, read_zones
+from cohelm.link.messages import Mode
+from cohelm.loop.operator import Scripted
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+from cohelm.plan.path_planner import Goal
+from cohelm.plan.zones import CELL, covering
+from tests.drive.faults import CORRIDOR
+
+START = Pose(0.0, 0.0, 0.0)
+ACROSS = (1.5, -1.5, 2.3, 0.1)
+"""Of the corridor, all but 1.4 m on the left."""
+
+
+def mask(folder, *boxes, values=(), name="mask", low=(-3.0, -4.0), size=(16.0, 8.0), **keys):
+    """A mask on the map: boxes (x1, y1, x2, y2) of black, or of so many percent of it."""
+    side = 0.1
+    pixels = np.full((round(size[1] / side), round(size[0] / side)), 255, np.uint8)
+    for box, value in zip(boxes, values or [100] * len(boxes), strict=True):
+        x1, y1, x2, y2 = (round(v / side) for v in np.subtract(box, (*low, *low)))
+        pixels[y1:y2, x1:x2] = round(255 - 2.55 * value)
+    Image.fromarray(np.flipud(pixels)).save(folder / f"{name}.png")
+    about = {
+        "image": f"{name}.png", "resolution": side, "origin": [*low, 0.0], "negate": 0,
+        "occupied_thresh": 0.65, "free_thresh": 0.196, "mode": "trinary",
+    }  # fmt: skip
+    path = folder / f"{name}.yaml"
+    path.write_text(yaml.safe_dump(about | keys), encoding="utf-8")
+    return path
+
+
+def speeds(folder, *boxes, values, **keys):
+    """Of a speed filter, whose values are what they say."""
+    scaled = {"name": "speed", "mode": "scale", "occupied_thresh": 1.0, "free_thresh": 0.0}
+    return mask(folder, *boxes, values=values, **scaled | keys)
+
+
+class Hand(Scripted):
+    """Holds a stick, after half a second of letting it be; and is told all."""
+
+    def __init__(self, stick: Stick | None) -> None:
+        periods = itertools.count()
+        moved = stick and (lambda _: stick if next(periods) > 25 else Stick(0.0, 0.0))
+        super().__init__(moved or (lambda _: None), lambda: 0.0)
+        self.told = []
+
+    def tell(self, status) -> None:
+        self.told.append(status)
+
+
+class Ride:
+    """A drive along the corridor, and what was seen of it in each period."""
+
+    def __init__(self, zones, end: float, seconds: float, stick: Stick | None = None) -> None:
+        """end: of the route, along the corridor [m]. seconds: at most."""
+        route = [f"reference.waypoints_m=[[0, 0], [{0.5 * end}, 0], [{end}, 0]]"]
+        made = simulated(CORRIDOR, real_time=False, seed=2, changes=route)
+        lidar = made.model.lidar.model_copy(update={"beams": 120})
+        model = made.model.model_copy(update={"lidar": lidar, "camera": None})
+        scenario = made.scenario.model_copy(update={"robot": model})
+        made = type(made)(scenario, made.kind, False, made.seed)
+        body, hand = covering(model.outline, CELL), Hand(stick)
+        self.depths: list[float] = []
+        """Of the true outline in keep-out zones [m]."""
+        self.poses: list[Pose] = []
+        with Session(SessionConfig(made, zones=zones), hand) as session:
+            begun = session.loop.keeper.now()
+
+            def until(loop) -> bool:
+                truth = loop.keeper.truth().pose
+                self.poses.append(truth)
+                if zones.keep_out is not None:
+                    self.depths.append(float(zones.keep_out.depth.at(placed(body, truth)).max()))
+                return loop.driver.arrived or loop.keeper.now() - begun > seconds
+
+            session.run(until, Mode.AUTOMATIC if stick is None else Mode.MANUAL)
+            self.arrived = session.loop.driver.arrived
+            session.end("over")
+        self.told = hand.told
+
+
+def test_it_drives_round_a_keep_out_zone_and_slowly_through_a_speed_zone(tmp_path):
+    slow = (3.6, -1.5, 4.6, 1.5)
+    zones = read_zones(mask(tmp_path, ACROSS), speeds(tmp_path, slow, values=[40]), START)
+    ride = Ride(zones, 5.5, 60.0)
+    assert ride.arrived
+    assert max(ride.depths) == 0.0
+    within = [s for s in ride.told if 3.9 < s.pose.x < 4.5]
+    assert {s.cap_reason for s in within} == {"speed zone, 40 %"}
+    assert all(s.speed_cap == pytest.approx(0.2) for s in within)
+    assert max(s.applied.v for s in within) < 0.2 + 1e-3
+    before = [s for s in ride.told if s.pose.x < 3.0]
+    assert {s.cap_reason for s in before} == {""}
+
+
+def test_no_stick_drives_it_into_a_keep_out_zone_and_it_says_what_holds_it(tmp_path):
+    zones = read_zones(mask(tmp_path, (2.0, -1.5, 4.0, 1.5)), None, START)
+    ride = Ride(zones, 5.0, 6.0, Stick(1.0, 0.0))
+    assert max(ride.depths) == 0.0
+    assert 1.4 < ride.poses[-1].x < 2.0 - 0.36
+    assert ride.told[-1].why == "held back: a keep-out zone"
+
+
+def test_put_down_in_a_keep_out_zone_it_gets_out_and_no_deeper(tmp_path):
+    zones = read_zones(mask(tmp_path, (-1.0, -1.5, 1.2, 1.5)), None, START)
+    ride = Ride(zones, 3.0, 40.0)
+    assert ride.depths[0] > 0.5
+    assert max(ride.depths) < ride.depths[0] + 0.15
+    assert ride.arrived
+    out = next(i for i, depth in enumerate(ride.depths) if depth == 0.0)
+    assert max(ride.depths[out:]) == 0.0
+
+
+def test_while_lost_no_zone_is_placed(tmp_path):
+    zones = read_zones(mask(tmp_path, ACROSS), speeds(tmp_path, ACROSS, values=[40]), START)
+    made = simulated(CORRIDOR, real_time=False)
+    driver = driver_of(SessionConfig(made, zones=zones), real_time=False)
+    with Session(SessionConfig(made, zones=zones)) as session:
+        session.run(lambda loop: loop.seen is not None and not loop.seen.lost)
+        seen = session.loop.seen._replace(pose=Pose(0.8, 0.0, 0.0))
+        lost = seen._replace(lost=True)
+        assert len(driver.around(seen).points) > len(seen.points)
+        assert driver.clear(seen.pose, driver.around(seen), seen.blind) > 0.5  # of what is seen
+        assert len(driver.around(lost).points) == len(lost.points)
+        assert driver.slowed(seen._replace(pose=Pose(2.0, 0.0, 0.0))).speed == pytest.approx(0.2)
+        assert driver.slowed(lost._replace(pose=Pose(2.0, 0.0, 0.0))).reason == ""
+
+
+def test_no_way_leads_through_a_keep_out_zone_but_round_it(tmp_path):
+    zones = read_zones(mask(tmp_path, ACROSS), None, START)
+    outline = simulated(CORRIDOR).model.outline
+    nothing = np.empty((0, 2))
+    judge = Judge(0.5, outline, nothing, nothing, zones.keep_out)
+    assert "something in the way" in judge(np.array([(6.0, -0.5)]), START).why
+    assert judge(Goal(6.0, -0.5), START).reference is not None
+    assert judge(Goal(1.9, -0.5), START).why == "the goal 1.9, -0.5 is in a keep-out zone"
+
+
+@pytest.mark.parametrize(
+    ("zone", "made", "why"),
+    [
+        ("keep_out", {}, "no cell is occupied, so no zone is marked"),
+        ("keep_out", {"boxes": ACROSS, "image": "gone.png"}, "there is no such image, but"),
+        ("keep_out", {"boxes": ACROSS, "resolution": 0.0}, "resolution"),
+        ("keep_out", {"boxes": ACROSS, "origin": [50.0, 0.0, 0.0]}, "the mask lies beside the map"),
+        ("slow", {}, "no cell has a limit: draw zones darker, with mode: scale"),
+        ("slow", {"boxes": ACROSS}, "no zone is slower than 100 %: draw them grey, with mode"),
+        ("slow", {"boxes": ACROSS, "base": 100.0, "multiplier": -1.0}, "a zone has a limit of 0 %"),
+        ("slow", {"boxes": ACROSS, "base": -101.0, "type": 2}, "a zone has a limit of -1 m/s"),
+        ("slow", {"boxes": ACROSS, "type": 0}, "is a keep-out mask by its type"),
+        (
+            "slow",
+            {"boxes": ACROSS, "origin": [50.0, 0.0, 0.0], "multiplier": 0.5},
+            "the mask lies beside the map",
+        ),
+    ],
+)
+def test_a_mask_that_can_not_be_used_is_refused_in_a_sentence(tmp_path, zone, made, why):
+    boxes = [made.pop("boxes")] if "boxes" in made else []
+    path = mask(tmp_path, *boxes, **made)
+    known = map_from_geometry(simulated(CORRIDOR).scenario.walls(), START)
+    with pytest.raises(CohelmError) as error:
+        check(read_zones(*((path, None) if zone == "keep_out" else (None, path)), START), known)
+    assert why in str(error.value)
+
+
+def test_zones_need_a_map_and_may_say_what_they_are_of_nav2(tmp_path):
+    zones = read_zones(mask(tmp_path, ACROSS), None, START)
+    with pytest.raises(CohelmError, match="there is none to localise on: give one with --map"):
+        check(zones, None)
+    assert read_zones(None, None, START) is None
+    half = speeds(tmp_path, ACROSS, values=[50], base=100.0, multiplier=-1.0)
+    absolute = speeds(tmp_path, ACROSS, values=[50], name="metres", type=2, multiplier=0.01)
+    body = np.array([(1.9, -0.5)])
+    share = read_zones(None, half, START).slow
+    assert (share.share, share.limit(body)) == (True, pytest.approx(0.5, abs=0.01))
+    metres = read_zones(None, absolute, START).slow
+    assert (metres.share, metres.limit(body)) == (False, pytest.approx(0.5, abs=0.01))
