@@ -30,8 +30,8 @@ sys.path.insert(0, str(ROOT))
 from scipy import ndimage  # noqa: E402
 
 from benchmarks.other_localizers import Other, ParticleFilter, PlainIcp  # noqa: E402
-from cohelm.core.frames import between  # noqa: E402
-from cohelm.core.types import Floats, Pose, Twist  # noqa: E402
+from cohelm.core.frames import between, compose  # noqa: E402
+from cohelm.core.types import Floats, Pose, Twist, disc, discs  # noqa: E402
 from cohelm.perceive.map.mapper import Survey  # noqa: E402
 from cohelm.perceive.pipeline import Perception, rehearse  # noqa: E402
 from cohelm.robot.sensors import LidarModel  # noqa: E402
@@ -47,7 +47,7 @@ from tests.perceive.buildings import (  # noqa: E402
     surveying,
     tour,
 )
-from tests.perceive.drives import DT, LIDAR, along, drive  # noqa: E402
+from tests.perceive.drives import DT, LIDAR, Shift, along, drive, shifted  # noqa: E402
 
 DATA = ROOT.parent / "shared" / "data" / "maps"
 SALLY = robot("sally").model_copy(update={"lidar": LIDAR})
@@ -228,6 +228,8 @@ def main() -> None:
         "--seed", type=int, default=907, help="of kidnaps, cold starts, and drives beside others"
     )
     parser.add_argument("--count", type=int, default=0, help="of kidnaps on each map")
+    parser.add_argument("--senses", default="", choices=SENSES, help="of kidnaps and cold starts")
+    parser.add_argument("--alike", action="store_true", help="buildings whose rooms look alike")
     parser.add_argument("--into", type=Path, help="file of results to add a line a drive to")
     given = parser.parse_args()
     first, last = (int(n) for n in given.seeds.split(":"))
@@ -344,30 +346,41 @@ def summed(name: str, rows: list[Result]) -> Result:
 def places_of(given: argparse.Namespace, first: int, last: int, small: bool = False) -> list[Place]:
     found = [laid(name, make()) for name, make in published().items() if given.only in name]
     found = [p for p in found if small or p.clear.size > 20_000]
-    return found + [building(s) for s in range(first, last) if given.only in f"building {s}"]
+    wanted = [s for s in range(first, last) if given.only in f"building {s}"]
+    return found + [building(s, alike=given.alike) for s in wanted]
+
+
+KINDS = ("moved 2 m", "moved 2 m, turned", "told 1 m, 20 deg", "started 1 m, 20 deg")
+SENSES: dict[str, dict[str, Any]] = {
+    "": {}, "poor": {"model": POOR, "error": 0.05}, "people": {"people": 6},
+}  # fmt: skip
+"""Of kidnaps and cold starts: what LiDAR and wheels are like, and who walks about."""
 
 
 class Kidnap(NamedTuple):
     """On a way, from step `start` on: after 3 s moved by `shift` at once, or told a place that is
-    off by `told`."""
+    off by `told`; or told that as its start, and no later."""
 
     start: int
-    shift: tuple[float, float, float]
+    shift: Shift
     told: Pose | None
     seed: int
+    at_start: bool = False
 
 
 class Found(NamedTuple):
     """last: when it was last lost or more than 0.2 m off after the push [s]; longest: wrong and
-    sure at a stretch [s]; trace: of each step since the push, time, truth, place, lost, reason."""
+    sure at a stretch [s]; trace: of each step since the push, time, truth, place, lost, reason;
+    ms: that each scan took."""
 
     last: float
     longest: float
     trace: list[tuple[float, Pose, Pose, bool, str]]
+    ms: list[float]
 
 
 def pushed(place: Place, poses: list[Pose], kind: str, seed: int, count: int) -> list[Kidnap]:
-    """Drawn by chance, to where the rest of the way can be driven on."""
+    """Drawn by chance, to where the rest of the way can be driven on; turned, in any direction."""
     rng, found = np.random.default_rng([seed, 9]), []
     for _ in range(count):
         k = int(rng.integers(0, len(poses) - 600))
@@ -375,36 +388,83 @@ def pushed(place: Place, poses: list[Pose], kind: str, seed: int, count: int) ->
         while kind.startswith("moved"):
             turn = rng.uniform(-math.pi, math.pi)
             shift = (2.0 * math.cos(turn), 2.0 * math.sin(turn), 0.0)
-            path = [(p.x + shift[0], p.y + shift[1]) for p in poses[k + 150 : k + 600 : 10]]
-            if all(_clear(place, *p) > 0.25 for p in path):
+            if kind.endswith("turned"):
+                shift = (*shift[:2], rng.uniform(-math.pi, math.pi))
+            at, on = poses[k + 150], poses[k + 150 : k + 600 : 10]
+            there = Pose(at.x + shift[0], at.y + shift[1], at.psi + shift[2])
+            path = (compose(there, between(at, p)) for p in on)
+            if all(_clear(place, p.x, p.y) > 0.25 for p in path):
                 break
             k = int(rng.integers(0, len(poses) - 600))
         else:
             turn = rng.uniform(-math.pi, math.pi)
             psi = math.radians(20.0 * rng.choice([-1, 1]))
             off = Pose(math.cos(turn), math.sin(turn), psi)
-        found.append(Kidnap(k, shift, off, int(rng.integers(1_000_000))))
+        found.append(
+            Kidnap(k, shift, off, int(rng.integers(1_000_000)), kind.startswith("started"))
+        )
     return found
 
 
-def recovered(place: Place, poses: list[Pose], twists: list[Twist], one: Kidnap) -> Found:
+def walkers(way: list[Pose], count: int, seed: int) -> Callable[[float], Floats]:
+    """Who walks to and fro beside a way that is driven, never nearer than 0.8 m to the robot."""
+    rng, t = np.random.default_rng([seed, 11]), DT * np.arange(len(way))
+    xy = np.array(way)[:, :2]
+    found: list[Floats] = []
+
+    def at(one: Floats, t: Floats | float) -> Floats:
+        x, y, dx, dy, speed, begun = one
+        leg = math.hypot(dx, dy)
+        far = np.mod(begun + speed * np.asarray(t), 2.0 * leg)
+        share = (leg - np.abs(far - leg)) / leg
+        return np.stack((x + share * dx, y + share * dy), axis=-1)
+
+    for _ in range(1000):
+        if len(found) == count:
+            break
+        near = xy[rng.integers(len(xy))] + rng.uniform(-2.0, 2.0, 2)
+        leg, turn = rng.uniform(1.0, 5.0), rng.uniform(-math.pi, math.pi)
+        one = np.array([
+            *near, leg * math.cos(turn), leg * math.sin(turn), rng.uniform(0.6, 1.4),
+            rng.uniform(0.0, 10.0),
+        ])  # fmt: skip
+        if np.hypot(*(at(one, t) - xy).T).min() > 0.8:
+            found.append(one)
+    return lambda t: discs(*(disc(*at(one, t).tolist(), 0.2) for one in found))
+
+
+def recovered(
+    place: Place, poses: list[Pose], twists: list[Twist], one: Kidnap, *,
+    model: LidarModel = LIDAR, error: float = 0.015, people: int = 0,
+) -> Found:  # fmt: skip
     """9 s from the push on."""
     k = one.start
-    perception = Perception(SALLY, place.known, poses[k])
+    way, off = poses[k : k + 600], one.told
+    pushes = () if off else ((3.0, one.shift),)
+    begun = _beside(way[0], off) if off and one.at_start else way[0]
+    around = NO_DISCS
+    if people:
+        around = walkers(shifted(way, pushes), people, one.seed)
+    perception = Perception(SALLY.model_copy(update={"lidar": model}), place.known, begun)
+    from_ = 0.0 if one.at_start else 3.0
     last = run = longest = 0.0
-    said, trace = False, []
+    said, trace, ms, number = one.at_start, [], [], None
     for moment in drive(
-        poses[k : k + 600], twists[k : k + 599], one.seed, around=NO_DISCS, walls=place.walls,
-        grid=place.grid, pushes=() if one.told else ((3.0, one.shift),),
+        way, twists[k : k + 599], one.seed, around=around, walls=place.walls, grid=place.grid,
+        pushes=pushes, model=model, error=error,
     ):  # fmt: skip
         t = moment.truth
-        if moment.now >= 3.0 and one.told and not said:
+        if moment.now >= 3.0 and off and not said:
             said = True
-            off = one.told
-            perception.place(Pose(t.x + off.x, t.y + off.y, t.psi + off.psi))
+            perception.place(_beside(t, off))
+        clock = time.perf_counter()
         seen = perception.take(moment.now, moment.readings)
+        scan = moment.readings.scan
+        if scan is not None and scan.number != number:
+            number = scan.number
+            ms.append(1e3 * (time.perf_counter() - clock))
         e = math.hypot(seen.pose.x - t.x, seen.pose.y - t.y)
-        since = moment.now - 3.0
+        since = moment.now - from_
         if since < 0.1:
             continue
         if seen.lost or e > 0.2:
@@ -412,22 +472,31 @@ def recovered(place: Place, poses: list[Pose], twists: list[Twist], one: Kidnap)
         run = run + DT if not seen.lost and e > WRONG else 0.0
         longest = max(longest, run)
         trace.append((since, t, seen.pose, seen.lost, seen.reason))
-    return Found(last, longest, trace)
+    return Found(last, longest, trace, ms)
+
+
+def _beside(truth: Pose, off: Pose) -> Pose:
+    return Pose(truth.x + off.x, truth.y + off.y, truth.psi + off.psi)
 
 
 def kidnaps(given: argparse.Namespace, first: int, last: int) -> None:
-    """Moved by 2 m at once while driving, or told a place 1 m and 20 degrees off."""
-    print(f"{'':44s} {'found':>8s} {'median':>7s} {'99 %':>7s} {'last':>7s} wrong and sure > 1 s")
+    """Moved by 2 m at once while driving, turned as well or not; told a place 1 m and 20 degrees
+    off, or told that as its start."""
+    print(
+        f"{'':54s} {'found':>8s} {'in 3 s':>6s} {'median':>7s} {'99 %':>7s} {'last':>7s} "
+        f"{'ms':>5s} {'99 %':>5s} wrong and sure > 1 s"
+    )
     count = given.count or (5 if given.quick else 12)
     for place in places_of(given, first, last):
         poses, twists = along(tour(place, given.seed, 80.0 if given.quick else 160.0), 0.5)
-        for kind in ("moved 2 m", "told 1 m, 20 deg"):
-            if given.variant and given.variant not in kind:
+        for kind in KINDS:
+            if given.variant and kind not in given.variant.split(";"):
                 continue
-            times, wrong = [], 0
+            times, ms, wrong = [], [], 0
             for one in pushed(place, poses, kind, given.seed, count):
-                found = recovered(place, poses, twists, one)
+                found = recovered(place, poses, twists, one, **SENSES[given.senses])
                 times.append(found.last)
+                ms += found.ms
                 wrong += found.longest > 1.0
                 if found.longest > 1.0 or found.last > 8.5:
                     print(
@@ -435,12 +504,15 @@ def kidnaps(given: argparse.Namespace, first: int, last: int) -> None:
                         f"{found.longest:.1f} s",
                         flush=True,
                     )
-                row = {"name": place.name, "kind": kind, "seed": given.seed, "start": one.start}
+                row = {"name": place.name, "kind": kind, "senses": given.senses}
+                row |= {"seed": given.seed, "start": one.start}
                 kept(given.into, {**row, "last": found.last, "longest": found.longest})
             t = np.array(times)
+            name = f"{place.name}, {kind}" + (f", {given.senses}" if given.senses else "")
             print(
-                f"{place.name + ', ' + kind:44s} {(t < 8.5).sum():3d}/{count:3d} "
-                f"{np.median(t):6.2f}s {np.quantile(t, 0.99):6.2f}s {t.max():6.2f}s {wrong}",
+                f"{name:54s} {(t < 8.5).sum():3d}/{count:3d} {(t < 3.0).sum():6d} "
+                f"{np.median(t):6.2f}s {np.quantile(t, 0.99):6.2f}s {t.max():6.2f}s "
+                f"{np.median(ms):5.2f} {np.quantile(ms, 0.99):5.1f} {wrong}",
                 flush=True,
             )
 
@@ -455,20 +527,26 @@ def cold(given: argparse.Namespace, first: int, last: int) -> None:
     """Switched on with no idea where it is, and driven: twelve times on each map, four times in
     each building."""
     print(f"{'':44s} {'right within 10 s':>18s} {'median':>7s} ever wrong and sure")
+    how = dict(SENSES[given.senses])
+    people, model = how.pop("people", 0), how.get("model", LIDAR)
     times, wrongs = [], 0
     for place in places_of(given, first, last, small=True):
         large = place.clear.size > 20_000
         way = tour(place, given.seed, 160.0, 0.38 if large else 0.3)
         poses, twists = along(way, 0.5)
-        rng, count = np.random.default_rng([given.seed, 10]), 4 if place.walls.size else 12
+        rng = np.random.default_rng([given.seed, 10])
+        count = given.count or (4 if place.walls.size else 12)
         own, wrong = [], 0
         for _ in range(count):
             k = int(rng.integers(0, len(poses) - 750))
-            perception, first_right, bad = Perception(SALLY, place.known), math.inf, 0.0
+            robot = SALLY.model_copy(update={"lidar": model})
+            perception, first_right, bad = Perception(robot, place.known), math.inf, 0.0
             seed = int(rng.integers(1_000_000))
+            on = poses[k : k + 750]
+            around = walkers(on, people, seed) if people else NO_DISCS
             for moment in drive(
-                poses[k : k + 750], twists[k : k + 749], seed,
-                around=NO_DISCS, walls=place.walls, grid=place.grid,
+                on, twists[k : k + 749], seed, around=around, walls=place.walls, grid=place.grid,
+                **how,
             ):  # fmt: skip
                 seen = perception.take(moment.now, moment.readings)
                 if seen.lost:
@@ -479,6 +557,8 @@ def cold(given: argparse.Namespace, first: int, last: int) -> None:
                     first_right = min(first_right, moment.now)
             own.append(first_right)
             wrong += bad > 0.0
+            row = {"name": place.name, "kind": "cold", "senses": given.senses, "seed": given.seed}
+            kept(given.into, {**row, "start": k, "right": first_right, "wrong": bad})
             if bad > 0.0 or first_right > 10.0:
                 print(
                     f"    {place.name}, {seed}, from {k}: right at {first_right:.1f} s, wrong and "

@@ -91,7 +91,7 @@ def outline(seed, larger=1.0, alike=False):
                 x, y = rng.uniform(at, at + wide), -gap - rng.uniform(1.2, deep)
                 thing = box(x, y, x + rng.uniform(0.2, 1.2), y + rng.uniform(0.2, 0.8))
                 room = room.difference(rotate(thing, rng.choice([0, 0, rng.uniform(0, 90)])))
-            for part in (room, way):
+            for part in (*getattr(room, "geoms", (room,)), way):  # cut in two by furniture
                 if part.area > 0.0:
                     parts.append(_onto(part, side, w, h))
             at += wide + rng.uniform(0.1, 0.3)
@@ -149,16 +149,17 @@ def pieces(walls, share, rng):
     return np.array(left).reshape(-1, 4), np.array(taken).reshape(-1, 4)
 
 
-def building(seed, artefacts=None, larger=1.0):
+def building(seed, artefacts=None, larger=1.0, alike=False):
     """A building and its map, in the building's own axes."""
     how = artefacts or Artefacts()
-    free, rng = outline(seed, larger), np.random.default_rng([seed, 1])
+    free, rng = outline(seed, larger, alike), np.random.default_rng([seed, 1])
     walls = segments(free)
     stands, gone = pieces(walls, how.gone, rng) if how.gone else (walls, walls[:0])
     drawn, _ = pieces(stands, how.missing, rng) if how.missing else (stands, walls[:0])
     made = drawing(free, np.vstack((drawn, gone)), how, rng)
     low, clear = _clearance(free)
-    return Place(f"building {seed}", stands, NO_GRID, made, clear, low)
+    name = f"building {seed}" + (", alike" if alike else "")
+    return Place(name, stands, NO_GRID, made, clear, low)
 
 
 def drawing(free, walls, how, rng):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.frames import compose
+from cohelm.core.frames import between, compose
 from cohelm.core.types import Desired, Pose, Twist, disc, discs
 from cohelm.law.gains import Gains
 from cohelm.law.reference import desired, through
@@ -67,6 +67,23 @@ def along(waypoints, speed=0.5, start=None):
     return poses, twists
 
 
+Shift = tuple[float, float, float]
+
+
+def shifted(poses, pushes):
+    """Where a robot is that is pushed on its way: (time, (dx, dy, turn)) each. It drives on to
+    where it then looks."""
+    found, at, moved = [], poses[0], poses[0]
+    for k, pose in enumerate(poses):
+        here = compose(moved, between(at, pose))
+        for when, by in pushes:
+            if round(when / DT) == k:
+                here = Pose(here.x + by[0], here.y + by[1], here.psi + by[2])
+                at, moved = pose, here
+        found.append(here)
+    return found
+
+
 def drive(
     poses, twists, seed=0, around=CONES, walls=WALLS, model=LIDAR, grid=NO_GRID, pushes=(),
     error=0.015, drift=0.02, duration=0.075,
@@ -83,20 +100,14 @@ def drive(
     parts = 8 if duration > 0.0 else 1
     every = round(1.0 / (model.rate_hz * DT))
     waiting, scan, number = [], None, 0
-    shifted = []
-    shift = Pose(0.0, 0.0, 0.0)
-    for k, pose in enumerate(poses):
-        for when, by in pushes:
-            if round(when / DT) == k:
-                shift = Pose(shift.x + by[0], shift.y + by[1], shift.psi + by[2])
-        shifted.append(Pose(pose.x + shift.x, pose.y + shift.y, pose.psi + shift.psi))
+    way = shifted(poses, pushes)
 
     def true_at(t):
-        k = min(max(t / DT, 0.0), len(shifted) - 1.0)
+        k = min(max(t / DT, 0.0), len(way) - 1.0)
         i = min(int(k), len(twists) - 1)
-        return arc(shifted[i], twists[i], (k - i) * DT) if twists else shifted[0]
+        return arc(way[i], twists[i], (k - i) * DT) if twists else way[0]
 
-    for k, pose in enumerate(shifted):
+    for k, pose in enumerate(way):
         now = k * DT
         twist = twists[min(k, len(twists) - 1)] if twists else Twist(0.0, 0.0)
         noisy = Twist(

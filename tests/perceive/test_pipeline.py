@@ -124,7 +124,7 @@ def test_a_rehearsal_leaves_nothing_to_compile(lab, mapped):
 
 @pytest.mark.parametrize(("at", "by"), [(13, 2.0), (14, -2.0), (16, 2.0), (18, -2.0)])
 def test_moved_two_metres_along_the_corridor_the_robot_knows_it_within_3_seconds(lab, tour, at, by):
-    """Only a cone and two doors tell one place in the corridor from another."""
+    """Only a cone and two doors tell places in the corridor apart, to a hand's breadth."""
     first, last = round((at - 2) / DT), round((at + 4) / DT)
     poses, twists = tour[0][first : last + 1], tour[1][first:last]
     perception = Perception(SALLY, lab, poses[0])
@@ -134,11 +134,11 @@ def test_moved_two_metres_along_the_corridor_the_robot_knows_it_within_3_seconds
         off, _ = errors(seen, moment.truth)
         if 0.5 < moment.now < 2.0:
             assert not seen.lost
-        elif moment.now >= 2.0 and off > 0.1 and not seen.lost:
+        elif moment.now >= 2.0 and off > 0.2 and not seen.lost:
             astray.append(moment.now - 2.0)
         if moment.now > 5.0:
             assert not seen.lost
-            assert off < 0.1
+            assert off < 0.2
             at_last = True
     assert at_last
     assert max(astray) < 1.0  # until then it is wrong, and does not know

@@ -191,6 +191,36 @@ def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(st
         assert seen.lost or off < 0.2
 
 
+@pytest.mark.parametrize("start", [22.0, 30.0])
+def test_pushed_along_a_long_corridor_it_does_not_stay_sure_of_its_old_place(start):
+    """No scan contradicts the one before, and of two places alike now one, now the other fits
+    better. That the map fits so much worse all at once is enough."""
+    occupied, free, cell, origin = dotted(4, length=60.0)
+    poses, twists = along([(start + 0.7 * k, 0.0) for k in range(6)])
+    rows = followed(
+        known(occupied, free, cell, origin), poses, twists, 1, grid=grid(occupied, cell, origin),
+        pushes=((2.0, (2.0, 0.0, 0.0)),),
+    )  # fmt: skip
+    late = rows[28:]  # 0.8 s after it
+    assert (late[:, 1] + (late[:, 0] < 0.2)).all()
+    assert not rows[-1, 1]
+
+
+def test_put_down_beside_the_start_that_was_told_it_is_never_sure_of_a_wrong_place():
+    """A metre along a corridor and half of one across, turned by 20 deg."""
+    occupied, free, cell, origin = dotted(4, length=60.0)
+    poses, twists = along([(14.0 + 0.7 * k, 0.0) for k in range(3)])
+    told = Pose(poses[0].x + 0.8, poses[0].y + 0.5, poses[0].psi - 0.35)
+    perception = Perception(SALLY, known(occupied, free, cell, origin), told)
+    seen = None
+    for moment in drive(poses, twists, 1, NO_DISCS, NO_WALLS, grid=grid(occupied, cell, origin)):
+        seen = perception.take(moment.now, moment.readings)
+        off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+        assert seen.lost or off < 0.2
+    assert seen is not None
+    assert not seen.lost
+
+
 def gone(occupied, share, seed, cell=0.05):
     """The same with a share of its walls taken away in pieces of 0.3 to 2 m."""
     rng = np.random.default_rng(seed)

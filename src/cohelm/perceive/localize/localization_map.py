@@ -215,8 +215,8 @@ class Judgement(NamedTuple):
     passed where the map has a wall, or did not return from one. log: how likely the scan is, by
     the number of things that contradict, not of their beams: one wide wall is one error of the
     map, three are a wrong place. told: number of beams. weighed: log as it compares with that of
-    other places: what ends where the map knows nothing is explained by nothing there, and any range
-    was as likely.
+    other places: a beam that ends where the map knows nothing is explained as little as one that
+    passes through a wall.
     """
 
     agree: float
@@ -273,11 +273,9 @@ def judge(
     if told == 0:
         return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3)
     log += near_log * _INDEPENDENT / told
-    known_ = math.log(max(lidar.range_max / (math.sqrt(2.0 * math.pi) * _SPREAD), 1.0))
-    blank = counts[_BEYOND] / (told + counts[_BEYOND])
     return Judgement(
         counts[_AGREE] / told, counts[_IN_FRONT] / told, counts[_BEHIND] / told, log, told,
-        log - blank * _INDEPENDENT * known_,
+        log + _WIDE_THROUGH * counts[_BEYOND] * every,
     )  # fmt: skip
 
 

@@ -103,6 +103,8 @@ class Caution(NamedTuple):
     """Until then views so far apart [m, rad] are kept,"""
     kept: int = 6
     """so many, and what is found must fit them as well."""
+    remembered: int = 8
+    """While it is lost, a place that is found later must fit so many scans from before."""
     whole: float = 0.75
     """Far from where it was, or with no idea where that was, this share of all beams must agree:
     people near by hide less than a quarter of what is around,"""
@@ -116,9 +118,12 @@ class Caution(NamedTuple):
     """Log odds that a robot is where it was told to start, or where its pose has fitted for
     `proven`: once in e^12, some hundred thousand, it is moved without scans that contradict each
     other."""
+    put: float = 0.5
+    """Where it does not look as told at the start, it may have been put down so far beside, one
+    sigma [m], and turned by half of that [rad]."""
     turned: float = 0.5
     """Who is pushed or dragged is turned by this, one sigma [rad]; where he was turned farther, a
-    place must make up for it by half of `margin`, as of some twenty one is carried."""
+    place must make up for it by a quarter of `margin`, as of some five one is carried."""
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40
@@ -137,6 +142,10 @@ class Caution(NamedTuple):
     """Places looked at in one slice."""
     points: int = 360
     """Points of a sweep that are matched, at most."""
+
+
+_BESIDE: Floats = np.diag([0.1, 0.1, 0.03]) ** 2
+"""A match along a corridor may end so far beside; the next one is not held to it."""
 
 
 class Located(NamedTuple):
@@ -206,6 +215,8 @@ class Locator:
         self._leg = Pose(0.0, 0.0, 0.0)  # on from where hypotheses were last judged afresh
         self._views = 0  # places some way apart that they were judged from before,
         self._weight = 0.0  # and how many of them tell something of their own
+        self._past: list[tuple[Pose, Floats, float]] = []  # the last, from here, and their weights
+        self._seen: Floats = np.empty(0)  # ranges of the scan before
         self._answered = False  # whether they are those of a whole search,
         self._all = False  # and that of the whole map
         self._tried: list[float] = []  # likelihoods of all that were matched
@@ -229,6 +240,9 @@ class Locator:
         self._spread = 0.0  # how far those of scans are from what is usual, in the mean
         self._keyframe: Keyframe | None = None
         self._there = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
+        self._older: tuple[Keyframe, Pose] | None = None  # both of the keyframe before
+        self._fallen = 0  # scans in a row that are much less likely on the map than those before,
+        self._level = -math.inf  # and the log likelihood of those
         self._witness: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
         self._jolts = self._alarm = self._aged = 0
         self._shaken = False  # whether scans contradicted each other when it began to be checked
@@ -281,7 +295,7 @@ class Locator:
         self._ranges = sweep.ranges
         if self._cold:
             self._look_back(step, sweep)
-        self._compare(odometry, sweep.ranges)
+        self._compare(odometry, sweep.ranges, step)
         if self.located.lost:
             self._follow(step, sweep, points, across)
         else:
@@ -331,8 +345,9 @@ class Locator:
             seen.append(_View(Pose(0.0, 0.0, 0.0), sweep.points, sweep.ranges))
         self._behind = seen[-c.kept :]
 
-    def _compare(self, odometry: Pose, ranges: Floats) -> None:
-        """Ask whether this scan contradicts the keyframe; take a newer one where it does not."""
+    def _compare(self, odometry: Pose, ranges: Floats, moved_by: Pose) -> None:
+        """Ask whether this scan contradicts the keyframe; take a newer one where it does not.
+        moved_by: since the scan before."""
         key, c = self._keyframe, self.caution
         step = between(key.odometry, odometry) if key else Pose(0.0, 0.0, 0.0)
         if key is not None:
@@ -350,8 +365,9 @@ class Locator:
         gone = key is None or not near or self._aged > c.aged
         held = 0 < self._jolts < c.frozen
         if gone and not held and usable(self.lidar, ranges):
+            self._older = (key, self._there) if key is not None else None
             self._keyframe = Keyframe(odometry, ranges)
-            self._there = self.located.pose
+            self._there = compose(self.located.pose, moved_by)
             self._jolts = self._aged = 0
 
     @property
@@ -369,6 +385,9 @@ class Locator:
     def _track(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
         foretold, joint = moved(self.located.pose, self._joint, step)
         _, told = moved(self.located.pose, self._told_joint, step)
+        for one in self._hypotheses:  # what a check has found so far
+            one.pose, own = moved(one.pose, joined(one.covariance, joint[3:, 3:]), step)
+            one.covariance = own[:3, :3]
         spread = joint[:3, :3]
         prior = inverted(spread)
         fit = align(self.known.surfaces, points, across, foretold, prior, self.care)
@@ -376,23 +395,31 @@ class Locator:
         c, way = self.caution, math.hypot(step.x, step.y)
         movable = self._movable
         fits = self._fits(judged)
+        jumped = False
         if movable and not fits:
             loose = np.diag([4.0, 4.0, 16.0])
             wider = self.care._replace(reach=0.6)
             other = align(self.known.surfaces, points, across, foretold, loose, wider)
             again = self._judge(other.pose, sweep.ranges)
-            if again.log > judged.log + 1.0 and self._fair(again, c.good):
-                # pushed: what the odometry missed says nothing about its scale
-                fit, judged, foretold = other, again, other.pose
-                joint = joined(spread + np.diag([0.3, 0.3, 0.2]) ** 2, joint[3:, 3:])
-                told = joined(told[:3, :3] + np.diag([0.3, 0.3, 0.2]) ** 2, told[3:, 3:])
-            fits = self._fits(judged)
+            jumped = again.log > judged.log + 1.0 and self._fair(again, c.good)
+            if jumped:
+                fit, judged = other, again
         self._fitting = self._fitting + way if fits else self._fitting
         self._unheld = 0.0 if fits else self._unheld + way
         astray = self._unheld > c.unheld
         doubtful = movable or (astray and not self._fair(judged, c.poor))
         self._doubts = self._doubts + 1 if not fits and doubtful else 0
-        if self._doubts >= c.patience:
+        innovation = np.array([
+            fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi),
+        ])  # fmt: skip
+        own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
+        off = innovation @ own @ np.linalg.solve(np.eye(3) + told[:3, :3] @ own, innovation)
+        # moved from where it was, or put elsewhere than was said: the place that fits is one of
+        # those that may
+        jumped = jumped or (movable and off > c.refused)
+        if jumped and self._lead >= c.unmoved and self._fitting < c.proven:
+            told = joined(told[:3, :3] + np.diag([c.put, c.put, 0.5 * c.put]) ** 2, told[3:, 3:])
+        if self._doubts >= c.patience or jumped:
             self._forget()
             self._everywhere = False
             why = "what the LiDAR sees is not what the map shows here"
@@ -400,12 +427,8 @@ class Locator:
             self._joint = self._told_joint = joint
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
             self._seek(points, across, sweep)
+            self._found += [fit.pose] if jumped and self._searched else []
             return
-        innovation = np.array([
-            fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi),
-        ])  # fmt: skip
-        own = independent(self.known.surfaces, points, across, fit.pose, self.care, fit.rms)
-        off = innovation @ own @ np.linalg.solve(np.eye(3) + told[:3, :3] @ own, innovation)
         if not movable and off > c.refused:
             self._joint, self._told_joint = joint, told
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, False, "")
@@ -418,6 +441,7 @@ class Locator:
             self.located = Located(
                 fit.pose, self._told_joint[:3, :3].copy(), judged.agree, False, ""
             )
+        self._fall(judged.log)
         odd = judged.log < max(c.odd, self._usual - max(c.drop, 3.0 * self._spread))
         if self._usual == -math.inf:
             self._usual, self._blank = judged.log, judged.log - judged.weighed
@@ -429,12 +453,28 @@ class Locator:
         self._odd = self._odd + 1 if odd else 0
         self._rivalled += way
         due = self._odd >= c.patience and self._odd % c.pause == c.patience
-        shaken = self._jolts >= c.settled
+        shaken = self._jolts >= c.settled or self._fallen >= c.patience
         if (due or self._told or astray or shaken) and not self._searched:
             self._everywhere, self._checking, self._shaken = astray, True, shaken
             self._checked = self._likely
             self._seek(points, across, sweep)
             self._told = self._told and self._searched is None
+
+    def _fall(self, log: float) -> None:
+        """Scans that are much less likely on the map, all at once: a robot that was moved along a
+        corridor sees no contradiction. What was seen before decides as after others."""
+        c = self.caution
+        key = self._keyframe
+        least = self._level - c.margin * (0.5 if self._level > c.odd else 2.0)
+        self._fallen = self._fallen + 1 if log < least else 0
+        if self._fallen > c.patience or self._level == -math.inf:
+            self._level = log
+        elif self._fallen == 0:
+            self._level += 0.1 * (log - self._level)
+        elif self._fallen == c.patience:
+            if not self._alarm and key is not None:
+                self._witness = (key, self._there) if self._aged > c.patience else self._older
+            self._alarm = c.alarmed
 
     def _drawn(self, fit: Fit, way: float) -> None:
         """Learn how the map was drawn: a wall's surface is the middle of the cells that hits fell
@@ -454,7 +494,9 @@ class Locator:
         self._behind, self._earlier = [], []
         self._joint = joined(covariance, self._joint[3:, 3:])
         self._told_joint = self._joint
-        self._keyframe, self._witness, self._alarm, self._jolts = None, None, 0, 0
+        self._keyframe, self._older, self._witness = None, None, None
+        self._alarm = self._jolts = 0
+        self._fallen, self._level = 0, -math.inf
         self._left, self._odds = None, 0.0
         self._fitting, self._unheld = self.caution.proven if proven else 0.0, 0.0
         self._rivals = self._elsewhere = 0
@@ -469,8 +511,13 @@ class Locator:
         # a scan from the same spot says nothing new
         fresh = way + 0.5 * turned > 0.15 and not any(h.stale for h in self._hypotheses)
         oldest = sorted(self._hypotheses, key=lambda h: -h.age)[: self.caution.judged]
-        # where nobody moved it, it is the map that is wrong, and alike for some way
-        share = min(1.0, way / self.care.correlated) if self._odds > 0.0 else 1.0
+        # what the map gets wrong is wrong alike for some way
+        share = 1.0 if self._cold else min(1.0, (way + 0.5 * turned) / self.care.correlated)
+        back = inverse(step)
+        self._past = [(compose(back, pose), seen, by) for pose, seen, by in self._past]
+        if fresh and self._hypotheses:
+            self._past = [*self._past, (back, self._seen, share)][-self.caution.remembered :]
+        self._seen = sweep.ranges
         for one in self._hypotheses:
             one.age += 1
             if fresh:
@@ -478,7 +525,7 @@ class Locator:
             foretold, joint = moved(one.pose, joined(one.covariance, self._joint[3:, 3:]), step)
             one.pose, one.covariance = foretold, joint[:3, :3].copy()
         for one in oldest:
-            prior = inverted(one.covariance)
+            prior = inverted(one.covariance + _BESIDE)
             fit = align(self.known.surfaces, points, across, one.pose, prior, self.care)
             joint = joined(one.covariance, self._joint[3:, 3:])
             one.pose, one.covariance = fit.pose, updated(joint, fit.information)[:3, :3]
@@ -532,6 +579,7 @@ class Locator:
             self._way = self._turned = 0.0
             self._leg = Pose(0.0, 0.0, 0.0)
             self._views, self._weight = 0, 0.0
+            self._past, self._seen = [], sweep.ranges
 
     def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> float:
         """Match a candidate, and keep it as a hypothesis where it fits. How likely it is."""
@@ -551,9 +599,8 @@ class Locator:
                     other.pose, other.covariance = pose, covariance
                     other.latest, other.judged = new, judged
                 return -1e3  # nothing new
-        # as unlikely from the places before as it is, or else as from this one: to come late is no
-        # advantage
-        before = self._weight * new
+        # it must fit what was seen from the places before: to come late is no advantage
+        before = self._until_now(pose)
         if self._cold:
             before = sum(
                 self._judge(compose(fit.pose, view.back), view.ranges).weighed
@@ -563,6 +610,15 @@ class Locator:
         found.witnessed = self._witnessed(pose)
         self._hypotheses.append(found)
         return before + new
+
+    def _until_now(self, pose: Pose) -> float:
+        """How likely all scans since it is lost are, had the robot come to this pose."""
+        seen = [
+            share * self._weighed(judge(self.known, self.lidar, compose(pose, back), ranges, 2))
+            for back, ranges, share in self._past
+        ]
+        whole = sum(share for _, _, share in self._past)
+        return sum(seen) * self._weight / whole if seen else 0.0
 
     def _settle(self) -> None:
         """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
@@ -652,7 +708,7 @@ class Locator:
             return -min(0.5 * self._strayed(one), self._odds)
         if self._left is None or self._everywhere:
             return 0.0
-        return -min(0.5 * (wrap(one.pose.psi - self._left.psi) / c.turned) ** 2, 0.5 * c.margin)
+        return -min(0.5 * (wrap(one.pose.psi - self._left.psi) / c.turned) ** 2, 0.25 * c.margin)
 
     def _witnessed(self, pose: Pose) -> float:
         """What was seen before scans began to contradict each other says to the newest scan, had
@@ -694,7 +750,7 @@ class Locator:
                     self._moved = as_before and not better
                     self._leave(self.located.pose, self._told_joint, 0.0)
                     return False
-            elif better and self._rivals_again(best.pose):
+            elif better and self._rivals_again(best):
                 return False
         else:
             self._rivals = 0
@@ -732,15 +788,21 @@ class Locator:
         here = agreement(self.lidar, key.ranges, self._ranges, between(there, self.located.pose))
         return agreement(self.lidar, key.ranges, self._ranges, between(there, pose)) - here
 
-    def _rivals_again(self, pose: Pose) -> bool:
-        """Whether the same other place has been found better often enough, and for long enough."""
-        seen = between(self.located.pose, pose)
-        off = math.hypot(seen.x - self._rival.x, seen.y - self._rival.y)
-        if self._rivals == 0 or off > 0.5:
-            self._rivals, self._rivalled = 0, 0.0
-        self._rival = seen
-        self._rivals += 1
+    def _rivals_again(self, best: _Hypothesis) -> bool:
+        """Whether another place has been found better often enough, and for long enough: the same
+        one, though now and then yet another may be better than that."""
         c = self.caution
+
+        def off(pose: Pose) -> float:
+            seen = between(self.located.pose, pose)
+            return math.hypot(seen.x - self._rival.x, seen.y - self._rival.y)
+
+        better = [h for h in self._hypotheses if h.latest > self._likely + c.margin]
+        nearest = min(better, key=lambda h: off(h.pose), default=best)
+        if self._rivals == 0 or off(nearest.pose) > 0.5:
+            self._rivals, self._rivalled, nearest = 0, 0.0, best
+        self._rival = between(self.located.pose, nearest.pose)
+        self._rivals += 1
         return self._rivals >= c.rivals and self._rivalled >= c.rivalled
 
     def _wanted(self, best: _Hypothesis, lead: float) -> float:
