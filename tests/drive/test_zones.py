@@ -15,12 +15,12 @@ from cohelm.core.types import Pose, Stick
 from cohelm.drive.proposed import Judge
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
-from cohelm.drive.zones import check, read_zones
 from cohelm.link.messages import Mode
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.plan.path_planner import Goal
 from cohelm.plan.zones import CELL, covering
+from cohelm.scenario.zones import check, read_zones
 from tests.drive.faults import CORRIDOR
 
 START = Pose(0.0, 0.0, 0.0)
@@ -158,7 +158,11 @@ def test_no_way_leads_through_a_keep_out_zone_but_round_it(tmp_path):
         ("keep_out", {}, "no cell is occupied, so no zone is marked"),
         ("keep_out", {"boxes": ACROSS, "image": "gone.png"}, "there is no such image, but"),
         ("keep_out", {"boxes": ACROSS, "resolution": 0.0}, "resolution"),
-        ("keep_out", {"boxes": ACROSS, "origin": [50.0, 0.0, 0.0]}, "the mask lies beside the map"),
+        (
+            "keep_out",
+            {"boxes": ACROSS, "origin": [50.0, 0.0, 0.0]},
+            "the keep-out zones lie beside the map",
+        ),
         ("slow", {}, "no cell has a limit: draw zones darker, with mode: scale"),
         ("slow", {"boxes": ACROSS}, "no zone is slower than 100 %: draw them grey, with mode"),
         ("slow", {"boxes": ACROSS, "base": 100.0, "multiplier": -1.0}, "a zone has a limit of 0 %"),
@@ -167,7 +171,7 @@ def test_no_way_leads_through_a_keep_out_zone_but_round_it(tmp_path):
         (
             "slow",
             {"boxes": ACROSS, "origin": [50.0, 0.0, 0.0], "multiplier": 0.5},
-            "the mask lies beside the map",
+            "the speed zones lie beside the map",
         ),
     ],
 )

@@ -91,6 +91,10 @@ bulk_down = st.one_of(
         m.Map, long, poses, single, short, short, short, short, short, short,
         st.binary(max_size=99),
     ),
+    st.builds(
+        m.ZoneMap, st.sampled_from(m.Zone), poses, single, single, short, short,
+        st.binary(max_size=99),
+    ),
     st.builds(m.Health, single, listed(texts(120), 16)),
     st.builds(m.Picture, long, clock, poses, st.binary(max_size=99)),
     st.builds(m.Records, listed(st.builds(m.RecordInfo, texts(128), huge, st.floats()), 9)),

@@ -129,8 +129,8 @@ def robot(
     from cohelm.drive.operate import Asked, ended, hands, meant
     from cohelm.drive.session import Session, SessionConfig
     from cohelm.drive.simulated import mapped
-    from cohelm.drive.zones import read_zones
     from cohelm.loop.loop import LoopParams
+    from cohelm.scenario.zones import read_zones
 
     asked = Asked(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,

@@ -21,9 +21,9 @@ from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import Rerouting, Wishes
 from cohelm.drive.session import Session, SessionConfig, driver_of
-from cohelm.drive.shown import detour, drawn, way
+from cohelm.drive.shown import detour, drawn, way, zoned
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Health, Map, Polyline
+from cohelm.link.messages import Health, Map, Polyline, ZoneMap
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -66,12 +66,13 @@ class OperatorRequests:
         self._records = RecordSwitch(
             session, operator, records, self._beside.records, lambda: self._drawn, self._beside.make
         )
-        self._drawn: tuple[Map | Polyline, ...] = ()
+        self._drawn: tuple[Map | ZoneMap | Polyline, ...] = ()
         self._course: Course | None = None
         self._detour = detour(None)
         self._health: Health | None = None
         session.shown = operator.picture
-        self._map = () if known is None else (drawn(known),)
+        zones = zoned(session.plan.zones, robot.scenario.reference.speed_mps)
+        self._map = zones if known is None else (drawn(known), *zones)
         self._show(*self._map, *way(robot.scenario.reference.spline()))
 
     def turn(self, loop: Loop) -> None:
@@ -115,7 +116,7 @@ class OperatorRequests:
         for line in lines:
             loop.log.show(line)
 
-    def _show(self, *all_: Map | Polyline) -> None:
+    def _show(self, *all_: Map | ZoneMap | Polyline) -> None:
         """To the stations now, and to records that begin later."""
         self._drawn = all_
         for one in all_:

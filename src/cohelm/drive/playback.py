@@ -23,7 +23,7 @@ from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import POOR, VERDICTS
 from cohelm.record.read import Found, periods
 from cohelm.record.replay import recorded_model
-from cohelm.record.shown import TOPICS as SHOWN, understood
+from cohelm.record.shown import TOPICS as SHOWN, ZONES, understood
 from cohelm.record.topics import IMAGE, scan_topic
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.robot.model import RobotModel
@@ -96,6 +96,10 @@ class Playback:
         self._simulated = found.kind == "run"
         self._rows = _filled(found.rows) if self._simulated else found.rows
         self._model = _robot(path, found)
+        for topic in ZONES:
+            if topic in self._series:
+                series, usual = self._series[topic], _usual(path, found)
+                series.all = [one._replace(usual=usual) for one in series.all]
         self._lidars = [
             ("/scan" if k == 0 else scan_topic(one.name), one.lidar().mount)
             for k, one in enumerate(self._model.lidars)
@@ -240,6 +244,14 @@ def _untold(row: np.void) -> StatusWords:
     mode = _MODES.get(int(row["mode"]), m.Mode.HOLD)
     why = _WHY.get(int(row["verdict"]), "the wheels' limits" if row["saturated"] else "")
     return _UNTOLD._replace(mode=mode, why=why)
+
+
+def _usual(path: Path, found: Found) -> float:
+    """The speed of which speed zones are percents [m/s]; NaN where a record does not say it."""
+    try:
+        return load.parse(found.scenario, Scenario, str(path)).reference.speed_mps
+    except CohelmError:
+        return _NAN
 
 
 def _robot(path: Path, found: Found) -> RobotModel:

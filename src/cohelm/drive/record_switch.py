@@ -17,7 +17,7 @@ from cohelm.drive.jobs import Jobs
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
-from cohelm.link.messages import Map, Polyline
+from cohelm.link.messages import Map, Polyline, ZoneMap
 from cohelm.loop.loop import Loop
 from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.model import RobotModel
@@ -37,7 +37,7 @@ class RecordSwitch:
 
     def __init__(
         self, session: Session, operator: OverLink, folder: Path, jobs: Jobs,
-        drawn: Callable[[], Iterable[Map | Polyline]], make: Make = Recording,
+        drawn: Callable[[], Iterable[Map | ZoneMap | Polyline]], make: Make = Recording,
     ) -> None:  # fmt: skip
         """folder: for the records. drawn: what each record has to begin with."""
         self._session, self._operator, self._folder = session, operator, folder

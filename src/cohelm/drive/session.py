@@ -15,8 +15,7 @@ from cohelm.drive.factory import RobotFactory
 from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Listening, Recording
-from cohelm.drive.shown import drawn, way
-from cohelm.drive.zones import check
+from cohelm.drive.shown import drawn, way, zoned
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
@@ -37,6 +36,7 @@ from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import Line
 from cohelm.scenario.load import dump
+from cohelm.scenario.zones import check, given_first
 
 _BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
 _READY = 10.0  # the robot's sensors must speak within this [s]
@@ -58,7 +58,8 @@ class SessionConfig:
     localise: bool = True
     """Without, the robot trusts its odometry."""
     zones: Zones | None = None
-    """Where the robot keeps out, and where it goes slowly, on that map."""
+    """Where the robot keeps out, and where it goes slowly, on that map; of each kind by default the
+    scenario's."""
     ways: LoopParams = field(default_factory=LoopParams)
     watchdog: float = 0.1
     """The loop may be so late, or the robot stops [s]."""
@@ -67,6 +68,12 @@ class SessionConfig:
     patience: float = 0.0
     """How much longer than usual loop, readings and driver may be silent: for a robot that shares
     its computer with a crowd, as in tests, and is only simulated [s]."""
+
+    def __post_init__(self) -> None:
+        site = self.robot.scenario.zones
+        if site is not None:
+            zones = given_first(self.zones, site.read(self.robot.start))
+            object.__setattr__(self, "zones", zones)
 
     @property
     def period(self) -> float:
@@ -131,7 +138,10 @@ class Session:
             )  # fmt: skip
             for one in () if where is None else (drawn(where),):
                 self.loop.log.show(one)
-            for line in way(robot.scenario.reference.spline()):
+            for line in (
+                *zoned(plan.zones, robot.scenario.reference.speed_mps),
+                *way(robot.scenario.reference.spline()),
+            ):
                 self.loop.log.show(line)
             self._warm()
             if real_time:

@@ -1,15 +1,19 @@
-"""What stations and records are sent once: map, route, outline."""
+"""What stations and records are sent once: map, zones, route, outline."""
 
 from __future__ import annotations
 
 import zlib
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cohelm.core.frames import compose
+from cohelm.core.types import Pose
 from cohelm.law.reference import Reference, desired
-from cohelm.link.messages import Line, Map, Polyline
+from cohelm.link.messages import Line, Map, Polyline, Zone, ZoneMap
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import Course, poses_along
+from cohelm.plan.zones import Cells, Zones
 
 _STEP = 0.1  # between two points of a way [m]
 
@@ -23,6 +27,35 @@ def drawn(known: LocalizationMap) -> Map:
         1, known.origin, known.resolution, columns, rows, 0, 0, columns, rows,
         zlib.compress(np.ascontiguousarray(cells).tobytes()),
     )  # fmt: skip
+
+
+def zoned(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
+    """Keep-out and speed zones as a page draws them. u_d: the usual speed [m/s]."""
+    made: list[ZoneMap] = []
+    kept_out, slow = zones or Zones()
+    if kept_out is not None:
+        cells = np.where(kept_out.zone > 0, 100, 0).astype(np.uint8)
+        made += _zone_map(Zone.KEEP_OUT, kept_out.depth, cells, u_d)
+    if slow is not None:
+        limits = slow.limits.values
+        share = limits if slow.share else limits / u_d
+        percent = np.clip(np.rint(100.0 * share), 1.0, 100.0)
+        cells = np.where((limits > 0.0) & (share < 1.0), percent, 0.0).astype(np.uint8)
+        made += _zone_map(Zone.SPEED, slow.limits, cells, u_d)
+    return tuple(made)
+
+
+def _zone_map(what: Zone, raster: Cells, cells: NDArray[np.uint8], u_d: float) -> list[ZoneMap]:
+    """As large as what is marked; none where nothing is."""
+    marked = [np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0)]
+    if not len(marked[0]):
+        return []
+    (top, bottom), (left, right) = ((int(at[0]), int(at[-1]) + 1) for at in marked)
+    side, part = raster.resolution, np.ascontiguousarray(cells[top:bottom, left:right])
+    origin = compose(raster.origin, Pose(left * side, top * side, 0.0))
+    return [
+        ZoneMap(what, origin, side, u_d, right - left, bottom - top, zlib.compress(part.tobytes()))
+    ]
 
 
 def detour(course: Course | None) -> Polyline:

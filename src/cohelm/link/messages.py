@@ -335,6 +335,30 @@ class Map(NamedTuple):
     """zlib of rows * columns bytes, row by row from below: 0 free .. 100 occupied, 255 unknown."""
 
 
+class Zone(IntEnum):
+    """What a zone asks."""
+
+    KEEP_OUT = 0
+    SPEED = 1
+
+
+class ZoneMap(NamedTuple):
+    """Bulk: all keep-out zones, or all speed zones; replaces the earlier of its kind."""
+
+    what: Zone
+    origin: Pose
+    """Of the lower left corner, in the map."""
+    resolution: float
+    """Side of a cell [m]."""
+    usual: float
+    """The speed of which cells are percents [m/s]; NaN: not known."""
+    columns: int
+    rows: int
+    cells: bytes
+    """zlib of rows * columns bytes, row by row from below: 0 none; keep-out 100; else the most
+    speed that is asked for, 1 .. 100 percent of the usual one."""
+
+
 class Health(NamedTuple):
     """Bulk: what the robot says of itself; told at every change."""
 
@@ -421,8 +445,8 @@ class Fetch(NamedTuple):
 
 FromOperator: TypeAlias = Command | Waypoints | Fetch
 FromRobot: TypeAlias = (
-    Status | ScanPart | Discs | Hello | Polyline | Map | Health | Picture | Records | Piece
-    | Digest | Checked
+    Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Health | Picture | Records
+    | Piece | Digest | Checked
 )  # fmt: skip
 Message: TypeAlias = FromOperator | FromRobot
 """What may go either way."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cohelm.link.messages import Alarm, Discs, Map, Mode, Polyline
+from cohelm.link.messages import Alarm, Discs, Map, Mode, Polyline, ZoneMap
 
 
 class StatusWords(NamedTuple):
@@ -34,4 +34,4 @@ class Displayed(NamedTuple):
 
     stamp: float
     """The robot's clock [s]."""
-    what: StatusWords | Map | Polyline | Discs
+    what: StatusWords | Map | ZoneMap | Polyline | Discs

@@ -36,6 +36,7 @@ from cohelm.link.messages import (
     Polyline,
     Records,
     Waypoints,
+    ZoneMap,
 )  # fmt: skip
 from cohelm.link.pace import Pace
 from cohelm.link.robot_end import STALE, RobotEnd
@@ -48,7 +49,7 @@ _STRANGERS = 8
 _PATIENCE = 5.0  # [s], for a handshake
 _LARGEST_UP = 65_536
 _PORTS = 5  # that are tried
-_LAST = (Picture, Map)  # the big ones, after all others
+_LAST = (Picture, Map, ZoneMap)  # the big ones, after all others
 _log = logging.getLogger("cohelm.link")
 
 
@@ -302,7 +303,8 @@ class RobotBulk(Turning):
 
 
 def _slot(message: FromRobot) -> object:
-    return (Polyline, message.what) if isinstance(message, Polyline) else type(message)
+    several = isinstance(message, Polyline | ZoneMap)
+    return (type(message), message.what) if several else type(message)
 
 
 def _listening(address: udp.Address) -> socket.socket:

@@ -30,6 +30,7 @@ from cohelm.link.messages import (
     Picture,
     Piece,
     Polyline,
+    ZoneMap,
 )  # fmt: skip
 from cohelm.link.stream import Stream
 from cohelm.link.wire import LARGEST_BULK, Header, encode, from_robot
@@ -159,6 +160,7 @@ class StationBulk(Turning):
             elif isinstance(message, Map):
                 slot = (Map, message.column, message.row)
             else:
-                slot = (Polyline, message.what) if isinstance(message, Polyline) else type(message)
+                several = isinstance(message, Polyline | ZoneMap)
+                slot = (type(message), message.what) if several else type(message)
             self._news.pop(slot, None)  # the newest stands last
             self._news[slot] = message

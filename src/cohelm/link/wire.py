@@ -59,9 +59,11 @@ from cohelm.link.messages import (
     Timing,
     Verdict,
     Waypoints,
+    Zone,
+    ZoneMap,
 )
 
-VERSION = 5
+VERSION = 6
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 LARGEST_BULK = 32_000_000
@@ -170,6 +172,12 @@ _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
     103: (Piece, record(Piece, text(128), _HUGE, blob(1_000_000))),
     104: (Checked, record(Checked, _ANSWER, _SHORT)),
     105: (Digest, record(Digest, text(128), _HUGE, blob(32), text(120))),
+    106: (
+        ZoneMap,
+        record(
+            ZoneMap, choice(Zone), _POSE, _TOLD, _TOLD, _SHORT, _SHORT, blob(LARGEST_BULK - 1000)
+        ),
+    ),
 }  # fmt: skip
 _KINDS = {of: kind for kind, (of, _) in _LAYOUTS.items()}
 _UP = frozenset({1, 2, 4})

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cohelm.core.row import ROW, values
-from cohelm.link.messages import Discs, Map, Polyline, Status
+from cohelm.link.messages import Discs, Map, Polyline, Status, ZoneMap
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.keep.record_pipe import Line
@@ -91,7 +91,7 @@ class DriveLog:
         """What happened."""
         self(Event(self._clock(), "loop", text, serious))
 
-    def show(self, what: Map | Polyline | Discs) -> None:
+    def show(self, what: Map | ZoneMap | Polyline | Discs) -> None:
         """What the stations are shown, that the drive can be shown again."""
         self(Displayed(self._clock(), what))
 

@@ -23,7 +23,7 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.replanning import entered
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.distance_field import swept
-from cohelm.plan.zones import CELL, Fence, Zones, covering
+from cohelm.plan.zones import Zoned, Zones
 from cohelm.robot.keep.gated_robot import Keeper
 from cohelm.robot.limits import achievable
 
@@ -59,11 +59,9 @@ class Driver:
         self._planned = -math.inf
         self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
         self._points: Floats = np.empty((0, 2))
-        keep_out, self._slow = zones or Zones()
-        self._fence = None if keep_out is None else Fence(keep_out, settings.outline)
+        self._zones = None if zones is None else Zoned(zones, settings.outline, settings.gains.u_d)
         self._zoned = self._points
         self._joined = self._points
-        self._covering = covering(settings.outline, CELL)
 
     @property
     def arrived(self) -> bool:
@@ -105,23 +103,20 @@ class Driver:
         if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)
             self._joined = self._points
-        if self._fence is None:
+        if self._zones is None:
             return obstacles_from_perception(seen, seen.map_odom, self._points)
-        zoned = _NOTHING if seen.lost else self._fence.points(seen.pose)
+        zoned = _NOTHING if seen.lost else self._zones.points(seen.pose)
         if zoned is not self._zoned or len(self._joined) != len(self._points) + len(zoned):
             self._zoned, self._joined = zoned, np.vstack((self._points, zoned))
         return obstacles_from_perception(seen, seen.map_odom, self._joined)
 
     def slowed(self, seen: Seen) -> Cap:
         """How fast the speed zones that the robot is on let it go; a lost one is on none."""
-        if self._slow is None or seen.lost:
-            return FREE
-        limit = self._slow.limit(placed(self._covering, seen.pose))
-        if math.isinf(limit):
-            return FREE
-        if self._slow.share:
-            return Cap(limit * self.settings.gains.u_d, f"speed zone, {100.0 * limit:.0f} %")
-        return Cap(limit, f"speed zone, {limit:g} m/s")
+        return FREE if self._zones is None or seen.lost else Cap(*self._zones.limit(seen.pose))
+
+    def kept_in(self, seen: Seen) -> bool:
+        """Whether the robot is in a keep-out zone, as far as is known."""
+        return self._zones is not None and not seen.lost and self._zones.inside
 
     def clear(self, pose: Pose, around: Surroundings, blind: int) -> float:
         """Smallest gap between the outline and anything seen; infinite where nothing is [m].

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cohelm.core.types import Twist
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.latency_speed_limit import FREE as NOTICED
-from cohelm.link.messages import Arming, Ask, Discs, Mode
+from cohelm.link.messages import Arming, Ask, Discs, Mode, Severity
 from cohelm.link.operator_input import Asked, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
 from cohelm.loop.alarms import Alarms
@@ -49,6 +49,7 @@ _NO_PLANNER = "the path planner is gone: the robot keeps to its course"
 _MOST_REQUESTS = 8
 """Done for one client in one period, as many as one command carries; a stop always."""
 _LATE_PLANNER = "the path planner does not answer: the robot keeps to its course"
+_IN_ZONE = "in a keep-out zone: it can drive out, but no deeper"
 _MUTE_RECORDER = "the recorder does not answer: what it has no room for is lost"
 
 
@@ -228,6 +229,14 @@ class Loop:
         self.seen = seen
         self.driver.moved(seen.twist)
 
+    def _in_zone(self, seen: Seen) -> None:
+        """Whoever drives is told that the robot is where it must not be, and that it may leave."""
+        if self.driver.kept_in(seen):
+            if self.alarms.on("zone", _IN_ZONE, Severity.WARNING):
+                self._event(_IN_ZONE)
+        else:
+            self.alarms.off("zone")
+
     def _listen(self, now: float) -> None:
         """What does the person want, and may the stick be believed?"""
         heard = self.operator.heard()
@@ -395,6 +404,8 @@ class Loop:
             self.alarms.on("stopped", gate.reason)
         else:
             self.alarms.off("stopped")
+        if self.seen is not None:
+            self._in_zone(self.seen)
         if self.log.failed():
             self.alarms.off("recorder")
             self.alarms.on("recorder", self.log.fault)

@@ -123,6 +123,11 @@ class Fence:
             self._points = self._standing(self._near, self._window(pose))
         return self._points
 
+    @property
+    def inside(self) -> bool:
+        """Whether the last pose was in a zone."""
+        return bool(self._allowed)
+
     def _deepest(self, body: Floats) -> dict[int, float]:
         """Of each zone that the robot is in, how deep."""
         zones = self.zones
@@ -181,6 +186,41 @@ class Zones(NamedTuple):
 
     keep_out: KeepOut | None = None
     slow: SpeedZones | None = None
+
+
+class Zoned:
+    """What zones ask of one robot, wherever it is."""
+
+    def __init__(self, zones: Zones | None, outline: Floats, u_d: float) -> None:
+        """outline: (k, 2), convex, counter-clockwise [m]. u_d: the usual speed [m/s]."""
+        kept_out, self._slow = zones or Zones()
+        self._fence = None if kept_out is None else Fence(kept_out, outline)
+        self._body, self._u_d = covering(outline, CELL), u_d
+
+    def points(self, pose: Pose) -> Floats:
+        """The keep-out zones that stand in its way, (p, 2), in the map [m]; the same array as long
+        as nothing changes."""
+        return _NOTHING if self._fence is None else self._fence.points(pose)
+
+    @property
+    def inside(self) -> bool:
+        """Whether the last pose was in a keep-out zone."""
+        return self._fence is not None and self._fence.inside
+
+    def limit(self, pose: Pose) -> tuple[float, str]:
+        """How fast the speed zones that it is on let it go [m/s], and why; infinite where there is
+        none."""
+        if self._slow is None:
+            return math.inf, ""
+        limit = self._slow.limit(placed(self._body, pose))
+        if math.isinf(limit):
+            return math.inf, ""
+        if self._slow.share:
+            return limit * self._u_d, f"speed zone, {100.0 * limit:.0f} %"
+        return limit, f"speed zone, {limit:g} m/s"
+
+
+_NOTHING: Floats = np.empty((0, 2))
 
 
 def covering(outline: Floats, side: float) -> Floats:

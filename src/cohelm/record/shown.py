@@ -4,6 +4,8 @@
 |---|---|---|
 | `/diagnostics` | `DiagnosticArray` | driver, mode, stop, why, speed cap, alarms: `StatusWords` |
 | `/map` | `OccupancyGrid` | the map |
+| `/keep_out` | `OccupancyGrid` | keep-out zones, 100 |
+| `/speed_zones` | `OccupancyGrid` | the most speed there, in percent of the usual one |
 | `/reference`, `/waypoints` | `Path` | the way |
 | `/obstacles` | `MarkerArray` | round obstacles: body, safe distance, velocity |
 """
@@ -31,13 +33,25 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm.core.types import Pose
-from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
+from cohelm.link.messages import (
+    Alarm,
+    Discs,
+    Line,
+    Map,
+    Mode,
+    Polyline,
+    Severity,
+    Zone,
+    ZoneMap,
+)
 from cohelm.link.recorded_status import StatusWords
 from cohelm.record.markers import OBSTACLE_COLOUR, SAFE_COLOUR, header, marker, pose
 
 TOPICS = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     "/map": "nav_msgs/msg/OccupancyGrid",
+    "/keep_out": "nav_msgs/msg/OccupancyGrid",
+    "/speed_zones": "nav_msgs/msg/OccupancyGrid",
     "/reference": "nav_msgs/msg/Path",
     "/detour": "nav_msgs/msg/Path",
     "/waypoints": "nav_msgs/msg/Path",
@@ -46,12 +60,13 @@ TOPICS = {
 _LINES = {
     Line.REFERENCE: "/reference", Line.DETOUR: "/detour", Line.WAYPOINTS: "/waypoints",
 }  # fmt: skip
+ZONES = {"/keep_out": Zone.KEEP_OUT, "/speed_zones": Zone.SPEED}
 _LEVELS = {Severity.NOTICE: 0, Severity.WARNING: 1, Severity.ALARM: 2}
 _UNKNOWN = 255
 
 
 def said(
-    what: StatusWords | Map | Polyline | Discs, stamp: int, frame: str
+    what: StatusWords | Map | ZoneMap | Polyline | Discs, stamp: int, frame: str
 ) -> Iterator[tuple[str, Any]]:
     """Topics and messages for it. stamp: [ns]. frame: of the map."""
     head = header(stamp, frame)
@@ -59,7 +74,14 @@ def said(
         case StatusWords():
             yield "/diagnostics", DiagnosticArray(head, list(_words(what)))
         case Map():
-            yield "/map", _grid(what, head)
+            yield (
+                "/map",
+                _grid(what.cells, what.resolution, what.width, what.height, what.origin, head),
+            )
+        case ZoneMap():
+            topic = next(topic for topic, zone in ZONES.items() if zone == what.what)
+            grid = _grid(what.cells, what.resolution, what.columns, what.rows, what.origin, head)
+            yield topic, grid
         case Polyline() if what.what in _LINES:
             at = [PoseStamped(head, pose(x, y, 0.0)) for x, y in what.points.tolist()]
             yield _LINES[what.what], Path(head, at)
@@ -70,13 +92,15 @@ def said(
             pass
 
 
-def understood(topic: str, message: Any) -> StatusWords | Map | Polyline | Discs:
+def understood(topic: str, message: Any) -> StatusWords | Map | ZoneMap | Polyline | Discs:
     """What a message on one of `TOPICS` said."""
     match topic:
         case "/diagnostics":
             return _told(message)
         case "/map":
             return _map(message)
+        case "/keep_out" | "/speed_zones":
+            return _zones(topic, message)
         case "/obstacles":
             return _discs(message)
         case _:
@@ -138,22 +162,40 @@ def _values(word: Any) -> dict[str, float]:
     return {pair.key: float(pair.value) for pair in word.values}
 
 
-def _grid(m: Map, head: Header) -> OccupancyGrid:
-    cells = np.frombuffer(zlib.decompress(m.cells), dtype=np.uint8)
+def _grid(
+    packed: bytes, resolution: float, width: int, height: int, origin: Pose, head: Header
+) -> OccupancyGrid:
+    cells = np.frombuffer(zlib.decompress(packed), dtype=np.uint8)
     data = np.where(cells == _UNKNOWN, -1, cells).astype(np.int8)
-    about = MapMetaData(Time(0, 0), m.resolution, m.width, m.height, pose(*m.origin))
+    about = MapMetaData(Time(0, 0), resolution, width, height, pose(*origin))
     return OccupancyGrid(head, about, data)
 
 
 def _map(message: Any) -> Map:
     about = message.info
-    cells = np.where(message.data < 0, _UNKNOWN, message.data).astype(np.uint8)
-    at, turned = about.origin.position, about.origin.orientation
-    origin = Pose(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
     return Map(
-        1, origin, round(float(about.resolution), 6), about.width, about.height, 0, 0, about.width,
-        about.height, zlib.compress(cells.tobytes()),
+        1, _origin(about), round(float(about.resolution), 6), about.width, about.height, 0, 0,
+        about.width, about.height, _cells(message),
     )  # fmt: skip
+
+
+def _zones(topic: str, message: Any) -> ZoneMap:
+    """What the usual speed is stands elsewhere."""
+    about = message.info
+    side = round(float(about.resolution), 6)
+    return ZoneMap(
+        ZONES[topic], _origin(about), side, math.nan, about.width, about.height, _cells(message)
+    )
+
+
+def _origin(about: Any) -> Pose:
+    at, turned = about.origin.position, about.origin.orientation
+    return Pose(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
+
+
+def _cells(message: Any) -> bytes:
+    cells = np.where(message.data < 0, _UNKNOWN, message.data).astype(np.uint8)
+    return zlib.compress(cells.tobytes())
 
 
 def _markers(discs: Discs, head: Header) -> Iterator[Marker]:

@@ -15,7 +15,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.link.messages import Discs, Line, Polyline
+from cohelm.link.messages import Discs, Line, Polyline, ZoneMap
 from cohelm.link.recorded_status import Displayed
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.walls import drawn
@@ -45,6 +45,7 @@ class RunScene:
     outline: Floats = field(default_factory=lambda: np.empty((0, 2)))
     walls: Floats = field(default_factory=lambda: _NO_WALLS)
     lines: tuple[Polyline, ...] = ()
+    zones: tuple[ZoneMap, ...] = ()
 
 
 class Recorder:
@@ -119,7 +120,7 @@ class Recorder:
         self._record = RecordWriter(self._file, about, outline=scene.outline, walls=scene.walls)
         route = [line.points for line in scene.lines if line.what is Line.REFERENCE]
         also = np.vstack([np.empty((0, 2)), *route]).astype(np.float64)
-        for what in (drawn(scene.walls, also), *scene.lines):
+        for what in (drawn(scene.walls, also), *scene.zones, *scene.lines):
             self._record.write(Displayed(t, what))
         return self._record
 

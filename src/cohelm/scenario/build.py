@@ -64,7 +64,7 @@ def setup(scenario: Scenario) -> Setup:
         grid=scenery.grid,
         barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
         near=alone.reference.arrive_m or REACHED,
-        pilot=_piloted(alone, robot, limits, bodies),
+        pilot=_piloted(alone, robot, limits, bodies, reference),
         twin=_twinned(alone, robot),
         scenario=dump(alone),
     )
@@ -124,7 +124,7 @@ def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:
 
 
 def _piloted(
-    alone: Scenario, robot: RobotModel, limits: Limits, bodies: list[Body]
+    alone: Scenario, robot: RobotModel, limits: Limits, bodies: list[Body], reference: Reference
 ) -> Piloted | None:
     """What a run with the guard needs beyond the rest; None for the paper's law."""
     law = alone.law
@@ -151,6 +151,7 @@ def _piloted(
         manners=law.manners(),
         care=law.care(),
         period=law.plan.period_s,
+        zones=None if alone.zones is None else alone.zones.read(_start(alone, reference)),
     )
 
 

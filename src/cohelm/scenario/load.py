@@ -91,6 +91,8 @@ def standing_alone(made: Scenario, folder: Path) -> Scenario:
     if isinstance(made.stick, StickFile) and not Path(made.stick.path).is_absolute():
         path = str((folder / made.stick.path).absolute())
         update["stick"] = made.stick.model_copy(update={"path": path})
+    if made.zones is not None:
+        update["zones"] = made.zones.standing_alone(folder, made.name)
     if made.world is not None:
         world = _found(made.world, folder, made.name)
         update["world"] = world

@@ -22,6 +22,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.hand import Stick, StickNone, StickOperator
 from cohelm.scenario.law import Law
 from cohelm.scenario.world import Read, WorldFile, has_course, read
+from cohelm.scenario.zones import ZonesModel
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import Body, World, world
 
@@ -190,6 +191,8 @@ class Scenario(Schema):
     """Discs, any number."""
     walls_m: list[Segment] = Field(default=[], max_length=100_000)
     """Wall segments [x1, y1, x2, y2]; the paper's law ignores them."""
+    zones: ZonesModel | None = None
+    """Where the robot keeps out, and where it goes slowly, with the guard."""
     stick: Stick = StickNone()
     """Whose hand is on the stick."""
     simulation: Simulation = Simulation()
@@ -219,6 +222,9 @@ class Scenario(Schema):
         if self.senses == "lidar" and self.law.filter != "guard":
             said = "the paper's law knows no LiDAR; set law.filter to guard, or senses to truth"
             problems.append(("senses", said))
+        if self.zones is not None and self.law.filter != "guard":
+            said = "the paper's law knows no zones; set law.filter to guard, or remove them"
+            problems.append(("zones", said))
         if problems:
             refuse(*problems)
         return self

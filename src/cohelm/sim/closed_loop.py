@@ -26,6 +26,7 @@ from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_s
 from cohelm.plan.course import Course, course
 from cohelm.plan.evasion import nobody_watched
 from cohelm.plan.path_planner import PathParams
+from cohelm.plan.zones import Zoned, Zones
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import Grid
@@ -59,6 +60,8 @@ class Piloted:
     """From the beginning of one plan to the next [s]."""
     thinking: float = 0.04
     """From the snapshot to the plan that is made of it [s]."""
+    zones: Zones | None = None
+    """Where the robot keeps out, and where it goes slowly; None: nowhere."""
 
 
 class Scene(NamedTuple):
@@ -121,6 +124,9 @@ def stretches(
         )
     )
     looking = scanners(given, scene.seed)
+    zones = None
+    if given.zones is not None:
+        zones = Zoned(given.zones, settings.outline, settings.gains.u_d)
     m = len(scene.around.discs)
     queue, sent, watched = np.zeros((delay, 2)), np.zeros((delay, 2)), nobody_watched()
     period = max(round(given.period / dt), 1)
@@ -136,6 +142,10 @@ def stretches(
             now = now._replace(told=look(k, dt, now, scene, looking, eyes))
         elif eyes is not None:
             now = now._replace(told=told_by(eyes, k * dt, now.robot))
+        seen, limited = now.told, settings
+        if zones is not None:
+            now = now._replace(told=_fenced(seen, zones.points(now.robot.pose)))
+            limited = settings._replace(fastest=zones.limit(now.robot.pose)[0])
         if k % period == 0:
             walls = near_walls(scene.around.walls, now.robot.pose)
             told = known(k * dt, now.told, walls, scene)
@@ -152,17 +162,23 @@ def stretches(
                 number, since = number + 1 if current.row else 0, k
             waiting = None
         upto = min(_next(k, period, thinking), steps, k + len(out.rows) - written)
-        if eyes is not None:
+        if eyes is not None or zones is not None:
             upto = k + 1  # what moves is foretold anew in every step, as in the loop
         part = out.part(written, written + upto - k)
         now, done = _advance(
-            k, dt, now, current, number, planner.route.line, settings, scene, walls, queue, sent,
+            k, dt, now, current, number, planner.route.line, limited, scene, walls, queue, sent,
             watched, part.rows, part.h, part.discs,
         )  # fmt: skip
+        now = now._replace(told=seen)
         k, written = k + done, written + done
         if written == len(out.rows) or now.arrived or k == steps:
             yield out.part(0, written)
             out, written = _empty(max(min(length, steps - k), 0), m), 0
+
+
+def _fenced(told: Surroundings, points: Floats) -> Surroundings:
+    """And keep-out zones, as points behind those that are seen."""
+    return told._replace(points=np.vstack((told.points, points)))
 
 
 def _next(k: int, period: int, thinking: int) -> int:

@@ -1,4 +1,4 @@
-"""What travels to the page as bytes: maps, scans and pictures. `web/src/binary.ts` reads it.
+"""What travels to the page as bytes: maps, zones, scans and pictures. `web/src/binary.ts` reads it.
 
 Little-endian; the first four bytes say what it is. Arrays begin at a multiple of eight bytes, so
 that the page can look at them in place.
@@ -11,11 +11,12 @@ import struct
 
 import numpy as np
 
-from cohelm.link.messages import Map, Picture
+from cohelm.link.messages import Map, Picture, ZoneMap
 from cohelm.link.station_end import WholeScan
 
-MAP, SCAN, FRAME = 1, 2, 3
+MAP, SCAN, FRAME, ZONES = 1, 2, 3, 4
 _MAP = struct.Struct("<II4d6I")
+_ZONES = struct.Struct("<II5d2I")
 _SCAN = struct.Struct("<II6dII")
 _FRAME = struct.Struct("<II4d")
 
@@ -27,6 +28,14 @@ def map_part(part: Map) -> bytes:
         part.column, part.row, part.columns, part.rows,
     )  # fmt: skip
     return head + part.cells
+
+
+def zones(told: ZoneMap) -> bytes:
+    """Keep-out or speed zones; cells stay compressed."""
+    head = _ZONES.pack(
+        ZONES, told.what, *told.origin, told.resolution, told.usual, told.columns, told.rows
+    )
+    return head + told.cells
 
 
 def scan(whole: WholeScan, age: float) -> bytes:

@@ -102,6 +102,8 @@ class Operator:
             case robot.Map():
                 slot = (robot.Map, message.column, message.row)
                 self._keep(slot, binary.map_part(message))
+            case robot.ZoneMap():
+                self._keep((robot.ZoneMap, message.what), binary.zones(message))
             case robot.Records():
                 self._keep("records", view.records(message).model_dump_json())
             case robot.Health():

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.drive.shown import way
+from cohelm.drive.shown import way, zoned
 from cohelm.record.write import Recorder, RunScene
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
@@ -60,7 +60,10 @@ def recorded(setup: Setup, folder: Path, told: Progress) -> Metrics:
 
 def scene(setup: Setup) -> RunScene:
     """What a record of a run draws once."""
-    return RunScene(setup.outline, setup.around.walls, way(setup.reference))
+    zones = None if setup.pilot is None else setup.pilot.zones
+    return RunScene(
+        setup.outline, setup.around.walls, way(setup.reference), zoned(zones, setup.gains.u_d)
+    )
 
 
 def table(m: Metrics) -> list[tuple[str, str]]:

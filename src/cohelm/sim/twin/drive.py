@@ -30,6 +30,7 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.course import nearly_done
+from cohelm.plan.zones import Zoned
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import Piloted, near_walls
 from cohelm.sim.operator_model import IDLE, operate, replayed
@@ -179,15 +180,24 @@ class _Told(TwinRun):
         self.period = max(round(self.piloted.period / setup.dt), 1)
         self.thinking = min(round(self.piloted.thinking / setup.dt), self.period - 1)
         self.waiting: Plan | None = None
+        zones = self.piloted.zones
+        self.zones = None
+        if zones is not None:
+            self.zones = Zoned(zones, self.settings.outline, self.settings.gains.u_d)
 
     def step(self, k: int, row: Any) -> None:
         """Control step k, from seeing to the next one, written into the row."""
         then = self.truth
         things = self.things()
         pose, seen, twist = self._seen(k * self.setup.dt, then, things)
+        fastest = math.inf
+        if self.zones is not None:
+            zoned = self.zones.points(pose)
+            seen = seen._replace(points=np.vstack((seen.points, zoned)))
+            fastest = self.zones.limit(pose)[0]
         stick = self.hand(k, things)
         self._plan(k, pose, twist, seen)
-        decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, seen)
+        decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, seen, fastest)
         asked = Twist(decided.safe_v, decided.safe_omega)
         row["saturated"] = self.robot.send(asked) != asked
         self.robot.wait((k + 1) * self.setup.dt)

@@ -87,7 +87,10 @@ class _Looped(TwinRun):
         known = setup.twin.known
         self.loop = Loop(
             self.keeper, Perception(self.robot.model, known, setup.start),
-            Driver(self.pilot, self.settings, self.delay, InProcessPlanner(self.pilot.planner)),
+            Driver(
+                self.pilot, self.settings, self.delay, InProcessPlanner(self.pilot.planner),
+                self.piloted.zones,
+            ),
             Scripted(lambda _: self.now, self.keeper.now), Line(None),
             LoopParams(period=setup.dt), has_map=known is not None,
         )  # fmt: skip

@@ -50,11 +50,38 @@ export interface Frame {
   jpeg: Uint8Array<ArrayBuffer>
 }
 
-export type Binary = { map: MapPart } | { scan: Scan } | { frame: Frame } | null
+export interface ZonePart {
+  what: 'keep_out' | 'speed'
+  origin: Pose
+  resolution: number
+  /** Speed of which cells are percents [m/s], or NaN. */
+  usual: number
+  columns: number
+  rows: number
+  /** zlib */
+  cells: Uint8Array<ArrayBuffer>
+}
+
+export interface Zones {
+  what: 'keep_out' | 'speed'
+  origin: Pose
+  resolution: number
+  columns: number
+  rows: number
+  /** Row by row from below; 0: none. */
+  cells: Uint8Array
+  /** As a picture, row 0 at the top. */
+  picture: HTMLCanvasElement
+  /** Where a speed stands, in the map, and which. */
+  labels: Array<{ at: [number, number]; text: string }>
+}
+
+export type Binary = { zones: ZonePart } | { map: MapPart } | { scan: Scan } | { frame: Frame } | null
 
 const MAP = 1
 const SCAN = 2
 const FRAME = 3
+const ZONES = 4
 
 export function decode(data: ArrayBuffer, now: number): Binary {
   const v = new DataView(data)
@@ -78,6 +105,14 @@ export function decode(data: ArrayBuffer, now: number): Binary {
   }
   if (kind === FRAME) {
     return { frame: { number, pose, ageMs: f(32), at: now, jpeg: new Uint8Array(data, 40) } }
+  }
+  if (kind === ZONES) {
+    return {
+      zones: {
+        what: number === 0 ? 'keep_out' : 'speed', origin: pose, resolution: f(32), usual: f(40),
+        columns: u(48), rows: u(52), cells: new Uint8Array(data, 56),
+      },
+    }
   }
   return null
 }
@@ -121,4 +156,99 @@ export function shade(cell: number): number {
   if (cell === UNKNOWN) return 0xffc8c6c4
   const grey = Math.round(240 - (Math.min(cell, 100) / 100) * 185)
   return (0xff000000 | (grey << 16) | (grey << 8) | grey) >>> 0
+}
+
+const STRIPES = 8
+const [RED, DARK_RED, AMBER] = [0x3c2020c0, 0x902020c0, 0x4000a0e8] // 0xAABBGGRR
+
+/** Zones as they are drawn: keep-out hatched, speed zones tinted, each with its speed. */
+export async function zoned(part: ZonePart): Promise<Zones> {
+  const { columns, rows, what } = part
+  const cells = await inflated(part.cells)
+  const picture = document.createElement('canvas')
+  picture.width = columns
+  picture.height = rows
+  const ctx = picture.getContext('2d')
+  if (ctx === null) throw new Error('no canvas')
+  const image = ctx.createImageData(columns, rows)
+  const pixels = new Uint32Array(image.data.buffer)
+  for (let row = 0; row < rows; row++) {
+    for (let i = 0; i < columns; i++) {
+      if (!cells[row * columns + i]) continue
+      const striped = (row + i) % STRIPES < 2
+      const at = (rows - 1 - row) * columns + i
+      pixels[at] = what === 'speed' ? AMBER : striped ? DARK_RED : RED
+    }
+  }
+  ctx.putImageData(image, 0, 0)
+  const labels = what === 'speed' ? labelled(part, cells) : []
+  const { origin, resolution } = part
+  return { what, origin, resolution, columns, rows, cells, picture, labels }
+}
+
+/** One for each connected zone of one speed, on its cell that is nearest to its middle. */
+function labelled(part: ZonePart, cells: Uint8Array): Zones['labels'] {
+  const { columns, rows } = part
+  const seen = new Uint8Array(cells.length)
+  const found: Zones['labels'] = []
+  for (let begin = 0; begin < cells.length && found.length < 200; begin++) {
+    if (seen[begin] || !cells[begin]) continue
+    const zone: number[] = [begin]
+    seen[begin] = 1
+    for (let k = 0; k < zone.length; k++) {
+      const at = zone[k] ?? 0
+      const i = at % columns
+      const beside = [at - columns, at + columns, i > 0 ? at - 1 : -1, i + 1 < columns ? at + 1 : -1]
+      for (const next of beside) {
+        if (next < 0 || next >= rows * columns || seen[next]) continue
+        if (cells[next] !== cells[begin]) continue
+        seen[next] = 1
+        zone.push(next)
+      }
+    }
+    const of = (at: number): [number, number] => [at % columns, Math.floor(at / columns)]
+    let [x, y] = [0, 0]
+    for (const at of zone) {
+      x += of(at)[0] / zone.length
+      y += of(at)[1] / zone.length
+    }
+    const far = (at: number) => Math.hypot(of(at)[0] - x, of(at)[1] - y)
+    const [i, j] = of(zone.reduce((best, at) => (far(at) < far(best) ? at : best), begin))
+    const percent = cells[begin] ?? 0
+    const speed = (percent / 100) * part.usual
+    const text = Number.isFinite(speed) ? `${speed.toFixed(2)} m/s` : `${percent} %`
+    found.push({ at: onMap(part, i + 0.5, j + 0.5), text })
+  }
+  return found
+}
+
+function onMap(zones: { origin: Pose; resolution: number }, i: number, j: number): [number, number] {
+  const [x, y, psi] = zones.origin
+  const [c, s, side] = [Math.cos(psi), Math.sin(psi), zones.resolution]
+  return [x + side * (c * i - s * j), y + side * (s * i + c * j)]
+}
+
+/** Whether a point of the map is in one. */
+export function within(zones: Zones, [px, py]: [number, number]): boolean {
+  const [x, y, psi] = zones.origin
+  const [c, s] = [Math.cos(psi), Math.sin(psi)]
+  const i = Math.floor((c * (px - x) + s * (py - y)) / zones.resolution)
+  const j = Math.floor((c * (py - y) - s * (px - x)) / zones.resolution)
+  if (i < 0 || j < 0 || i >= zones.columns || j >= zones.rows) return false
+  return (zones.cells[j * zones.columns + i] ?? 0) > 0
+}
+
+/** The nearest place outside a zone that a point is in, looked for along rays; null: not in one. */
+export function wayOut(zones: Zones, from: [number, number]): [number, number] | null {
+  if (!within(zones, from)) return null
+  const farthest = zones.resolution * Math.hypot(zones.columns, zones.rows)
+  for (let r = zones.resolution; r <= farthest; r += zones.resolution) {
+    for (let k = 0; k < 72; k++) {
+      const at: [number, number] = [
+        from[0] + r * Math.cos((k * Math.PI) / 36), from[1] + r * Math.sin((k * Math.PI) / 36),
+      ]
+      if (!within(zones, at)) return at
+    }
+  }
+  return null
 }

@@ -1,6 +1,6 @@
 // The one WebSocket to the station: opens it again when it is lost, and knows when it is silent.
 import { batch } from '@preact/signals'
-import { decode, painted, type MapPart } from './binary'
+import { decode, painted, zoned, type MapPart, type ZonePart } from './binary'
 import type { Do, FromPage, ToPage } from './messages'
 import { ask, onEntered, session } from './session'
 import * as s from './state'
@@ -124,7 +124,9 @@ function heard(data: string | ArrayBuffer): void {
 function bytes(data: ArrayBuffer): void {
   const got = decode(data, performance.now())
   if (got === null) return
-  if ('map' in got) {
+  if ('zones' in got) {
+    parts = parts.then(() => zone(got.zones)).catch((error) => console.error('zones', error))
+  } else if ('map' in got) {
     parts = parts.then(() => paint(got.map)).catch((error) => console.error('map', error))
   } else if ('scan' in got) {
     const { lidar } = got.scan
@@ -133,6 +135,11 @@ function bytes(data: ArrayBuffer): void {
   } else {
     s.frame.value = got.frame // credited when it has been drawn
   }
+}
+
+async function zone(part: ZonePart): Promise<void> {
+  const made = await zoned(part)
+  s.zones.value = [...s.zones.value.filter((one) => one.what !== made.what), made]
 }
 
 async function paint(part: MapPart): Promise<void> {

@@ -1,6 +1,6 @@
 // What the page knows, as signals: the socket writes them, the panels read them.
 import { computed, signal } from '@preact/signals'
-import type { Frame, Grid, Scan } from './binary'
+import type { Frame, Grid, Scan, Zones } from './binary'
 import type * as m from './messages'
 
 /** How the page stands to the station. */
@@ -22,6 +22,7 @@ export const refused = signal<{ text: string; at: number } | null>(null)
 export const pageMs = signal<number | null>(null)
 
 export const grid = signal<Grid | null>(null)
+export const zones = signal<Zones[]>([])
 /** The newest of each LiDAR. */
 export const scans = signal<Scan[]>([])
 export const frame = signal<Frame | null>(null)

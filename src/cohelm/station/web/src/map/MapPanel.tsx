@@ -2,6 +2,7 @@
 import { effect, signal } from '@preact/signals'
 import { useEffect, useRef } from 'preact/hooks'
 import * as s from '../state'
+import { within } from '../binary'
 import { draw, type Scene } from './draw'
 import * as edit from './edit'
 import { ghost } from './ghost'
@@ -28,6 +29,7 @@ function scene(now: number): Scene {
   const delay = (s.stateAge(now) + (quality?.round_trip_ms ?? 0) / 2) / 1000
   return {
     grid: s.grid.value,
+    zones: s.zones.value,
     scan: seen.points,
     discs: s.discs.value,
     reference: s.lines.value.reference ?? [],
@@ -195,5 +197,7 @@ function described(): string {
   const [x, y, psi] = state.pose
   const degrees = Math.round((psi * 180) / Math.PI)
   const gap = state.clearance_m === null ? '' : `, nearest thing ${state.clearance_m.toFixed(1)} m away`
-  return `Map; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${gap}`
+  const kept = s.zones.value.find((one) => one.what === 'keep_out')
+  const zone = kept !== undefined && within(kept, [x, y]) ? ', in a keep-out zone' : ''
+  return `Map; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${zone}${gap}`
 }

@@ -1,11 +1,12 @@
 // Draws everything on the map, from the ground up.
-import type { Grid, Pose } from '../binary'
+import { wayOut, type Grid, type Pose, type Zones } from '../binary'
 import * as colour from '../colours'
 import type { Discs, Robot, State } from '../messages'
 import { placed, toPixel, type Point, type Size, type View } from './view'
 
 export interface Scene {
   grid: Grid | null
+  zones: Zones[]
   scan: Float64Array
   discs: Discs['rows']
   reference: Point[]
@@ -28,6 +29,7 @@ export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   ctx.fillStyle = '#c4c6c8'
   ctx.fillRect(0, 0, size.width, size.height)
   if (scene.grid !== null) drawGrid(ctx, v, size, scene.grid)
+  for (const one of scene.zones) drawZones(ctx, v, size, one)
   drawScale(ctx, v, size)
   line(ctx, v, size, scene.trail, { stroke: colour.faint, width: 1.5 })
   line(ctx, v, size, scene.reference, { stroke: colour.path, width: 2, dash: [7, 5] })
@@ -35,6 +37,7 @@ export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   drawDiscs(ctx, v, size, scene.discs)
   drawScan(ctx, v, size, scene.scan)
   if (scene.state !== null && scene.robot !== null) drawRobot(ctx, v, size, scene)
+  if (scene.state !== null && !scene.lost) drawWayOut(ctx, v, size, scene)
   drawWaypoints(ctx, v, size, scene)
 }
 
@@ -67,6 +70,54 @@ function drawSeenPart(
   const [w, h] = [c2 - c1, r2 - r1]
   const y = -grid.height * cell + r1 * cell
   ctx.drawImage(grid.picture, c1, r1, w, h, c1 * cell, y, w * cell, h * cell)
+}
+
+function drawZones(ctx: Ctx, v: View, size: Size, zones: Zones): void {
+  const [ox, oy, psi] = zones.origin
+  const [px, py] = toPixel(v, size, [ox, oy])
+  const cell = zones.resolution * v.scale
+  ctx.save()
+  ctx.imageSmoothingEnabled = cell < 1
+  ctx.translate(px, py)
+  ctx.rotate(-psi)
+  ctx.drawImage(zones.picture, 0, -zones.rows * cell, zones.columns * cell, zones.rows * cell)
+  ctx.restore()
+  ctx.font = 'bold 12px system-ui, sans-serif'
+  ctx.textAlign = 'center'
+  for (const { at, text } of zones.labels) {
+    const [x, y] = toPixel(v, size, at)
+    ctx.lineWidth = 3
+    ctx.strokeStyle = '#fff'
+    ctx.strokeText(text, x, y + 4)
+    ctx.fillStyle = '#6b4700'
+    ctx.fillText(text, x, y + 4)
+  }
+  ctx.textAlign = 'start'
+}
+
+/** From the middle of a robot that is in a keep-out zone to the nearest place outside. */
+function drawWayOut(ctx: Ctx, v: View, size: Size, scene: Scene): void {
+  const { state, zones } = scene
+  const kept = zones.find((one) => one.what === 'keep_out')
+  if (state === null || kept === undefined) return
+  const from: Point = [state.pose[0], state.pose[1]]
+  const to = wayOut(kept, from)
+  if (to === null) return
+  line(ctx, v, size, [from, to], { stroke: '#0a7a3c', width: 4 })
+  const [x, y] = toPixel(v, size, to)
+  const turn = Math.atan2(from[1] - to[1], to[0] - from[0])
+  ctx.save()
+  ctx.translate(x, y)
+  ctx.rotate(turn)
+  ctx.fillStyle = '#0a7a3c'
+  ctx.beginPath()
+  ctx.moveTo(12, 0)
+  ctx.lineTo(-3, 9)
+  ctx.lineTo(-3, -9)
+  ctx.fill()
+  ctx.restore()
+  ctx.font = 'bold 12px system-ui, sans-serif'
+  ctx.fillText('way out', x + 14, y - 8)
 }
 
 function drawScale(ctx: Ctx, v: View, size: Size): void {
