@@ -12,6 +12,7 @@ from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose, Stick, Twist, wrap
 from cohelm.law import verdict as verdicts
 from cohelm.link.messages import (
+    MOST_BEAMS,
     Arming,
     Guarding,
     Lease,
@@ -22,7 +23,6 @@ from cohelm.link.messages import (
     Verdict,
 )
 from cohelm.link.recorded_status import StatusWords
-from cohelm.link.wire import MOST_BEAMS
 from cohelm.loop.stick_arming import Person
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
