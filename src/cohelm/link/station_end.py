@@ -47,10 +47,10 @@ FRESH = 0.1
 _MOST_LIDARS = 16
 _BEAT = 0.05  # [s], between messages when there is nothing to say
 _LOST = 2.0  # [s], of silence, until a new connection is tried beside the old one
-_PATIENCE = (2.0, 3.0, 5.0)
-"""For the first handshake, the second, and all after it [s]. Of a handshake that was damaged on the
-way the other end may know nothing more, so that waiting is in vain; a slow path needs three round
-trips."""
+_PATIENCE = 5.0  # [s], for a handshake to which nothing is said
+_ANSWERED = 2.0
+"""... to which something was said, beside three round trips [s]. What was damaged on the way may be
+past mending: then the other end repeats itself in vain."""
 _REQUEST_LIFE = 1.0  # [s]; a stop lives until it is answered
 _PER_TURN = 64
 _log = logging.getLogger("cohelm.link")
@@ -106,8 +106,15 @@ class _Way:
     def __init__(self, channel: Channel, family: int, to: udp.Address, since: float) -> None:
         self.channel = channel
         self.since = since
+        self.answered = math.inf
+        """When the robot first said something to it."""
         self.socket: socket.socket = udp.opened(family)
         self.socket.connect(to)
+
+    @property
+    def patience(self) -> float:
+        """For how long a handshake may take [s]."""
+        return min(_PATIENCE, _ANSWERED + 3.0 * (self.answered - self.since))
 
 
 class StationEnd(Turning):
@@ -132,8 +139,6 @@ class StationEnd(Turning):
         self._way: _Way | None = None
         self._next: _Way | None = None
         self._try_at = clock()
-        self._in_vain = 0
-        """Handshakes since the last one that came about."""
         self._why = "not connected yet"
         self._sequence = 0
         self._steered: Command | None = None
@@ -254,7 +259,7 @@ class StationEnd(Turning):
                 self._failed(self._next, str(refused))
                 return
             udp.send(self._next.socket, self._next.channel.waiting())
-            if now - self._next.since > _PATIENCE[min(self._in_vain, len(_PATIENCE) - 1)]:
+            if now - self._next.since > self._next.patience:
                 self._failed(self._next, "the robot does not answer")
             return
         silence = self._path.silence(now)
@@ -292,12 +297,13 @@ class StationEnd(Turning):
             way.socket.close()
             if way is self._next:
                 self._next = None
-                self._in_vain += 1
             elif way is self._way:
                 self._way = None
 
     def _receive(self, way: _Way) -> None:
         for datagram, _ in udp.receive(way.socket, _PER_TURN):
+            if math.isinf(way.answered):
+                way.answered = self.clock()
             messages = self._advance(way, datagram)
             if way is self._next and way.channel.up:
                 self._established(way)
@@ -311,7 +317,7 @@ class StationEnd(Turning):
         with self._lock:
             if self._way is not None:
                 self._way.socket.close()
-            self._way, self._next, self._in_vain = way, None, 0
+            self._way, self._next = way, None
             way.since = self.clock()
             self._why = "the robot is silent"
             self._sent_at = -math.inf
