@@ -23,7 +23,9 @@ BESIDE = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.en
 
 def executed(kind: str, code: str, folder: Path) -> tuple[int, str]:
     command = ["bash", "-ec", code] if kind == "sh" else [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=folder, env=BESIDE, capture_output=True, text=True)
+    done = subprocess.run(
+        command, cwd=folder, env=BESIDE, capture_output=True, text=True, timeout=300
+    )
     return done.returncode, done.stdout + done.stderr
 
 
