@@ -12,6 +12,7 @@ may be tuned on, those from 100 on are for the table in docs/perceive.md.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
 import sys
@@ -56,6 +57,8 @@ POOR = LidarModel(
 )
 WRONG = 0.3
 """Farther off than this a pose is wrong [m]."""
+SLOW = 10.0
+"""A scan should not take longer, but for one in a hundred [ms]."""
 NO_WALLS: Floats = np.empty((0, 4))
 
 
@@ -75,8 +78,10 @@ class Result(NamedTuple):
     sigmas: float
     """Error over told sigma, 95 %."""
     ms: float
-    """Of a scan, median, and 99 %."""
+    """Processor time of a scan, median, and 99 %."""
     ms_99: float
+    slow: float
+    """Share of the scans that took longer than SLOW."""
     end: float
     """Error at the end [m]; inf if lost."""
 
@@ -158,9 +163,9 @@ def followed(
         error=error,
     ):  # fmt: skip
         scan = moment.readings.scan
-        begun = time.perf_counter()
+        begun = time.thread_time()
         seen = perception.take(moment.now, moment.readings)
-        took = 1e3 * (time.perf_counter() - begun)
+        took = 1e3 * (time.thread_time() - begun)
         if scan is None or scan.number == number:
             continue
         number = scan.number
@@ -179,15 +184,33 @@ def followed(
         *errors(np.array(off), away, 1.0 / model.rate_hz),
         float(np.quantile(np.array(sigmas)[~away], 0.95)) if not away.all() else math.nan,
         float(np.median(times)), float(np.quantile(times, 0.99)),
-        math.inf if lost[-1] else off[-1],
+        float((np.array(times) > SLOW).mean()), math.inf if lost[-1] else off[-1],
     )  # fmt: skip
 
 
 def kept(path: Path | None, row: dict[str, object]) -> None:
-    """A line of a file of results, from which `tools/tables.py` writes the tables of the docs."""
+    """A line of a file of results, from which `tools/tables.py` writes the tables of the docs;
+    `code` says which perception it was."""
     if path is not None:
         with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
+            file.write(json.dumps({**row, "code": CODE}) + "\n")
+
+
+def fingerprint(folder: Path) -> str:
+    """Of the code in a folder: what is counted with one is not what another does."""
+    whole = hashlib.sha256()
+    for file in sorted(folder.rglob("*.py")):
+        whole.update(file.read_bytes())
+    return whole.hexdigest()[:8]
+
+
+CODE = fingerprint(ROOT / "src" / "cohelm" / "perceive")
+
+
+def timed(ms: list[float]) -> dict[str, float]:
+    """Processor time that scans took: how many, median [ms], share of them above 10 ms."""
+    a = np.array(ms)
+    return {"scans": len(a), "ms": float(np.median(a)), "slow": float((a > SLOW).mean())}
 
 
 TRACE = False
@@ -225,7 +248,7 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=3, help="on each published map")
     parser.add_argument("--length", type=float, default=120.0)
     parser.add_argument(
-        "--seed", type=int, default=907, help="of kidnaps, cold starts, and drives beside others"
+        "--seed", type=int, default=907, help="of what is driven; of drives, the first"
     )
     parser.add_argument("--count", type=int, default=0, help="of kidnaps on each map")
     parser.add_argument("--senses", default="", choices=SENSES, help="of kidnaps and cold starts")
@@ -235,37 +258,7 @@ def main() -> None:
     first, last = (int(n) for n in given.seeds.split(":"))
     rehearse(SALLY, mapped=True)
     if "drives" in given.tables:
-        print(HEAD)
-        all_: list[Result] = []
-        for name, make in published().items():
-            if given.only and given.only not in name:
-                continue
-            place = laid(name, make())
-            length = given.length if place.clear.size > 20_000 else 20.0
-            for seed in range(given.drives):
-                for variant, (artefacts, how) in VARIANTS.items():
-                    if artefacts or (given.variant and given.variant not in variant):
-                        continue
-                    way = tour(place, seed, length, 0.38 if length > 20.0 else 0.3)
-                    all_.append(
-                        followed(place, way, seed, name=f"{name}, {seed}, {variant}", **how)
-                    )
-                    print(told(all_[-1]), flush=True)
-        for seed in range(first, last):
-            if given.only and given.only not in f"building {seed}":
-                continue
-            for variant, (artefacts, how) in VARIANTS.items():
-                if given.variant and given.variant not in variant:
-                    continue
-                place = building(seed, Artefacts(**artefacts))
-                way = tour(place, seed, given.length)
-                all_.append(followed(place, way, seed, name=f"{place.name}, {variant}", **how))
-                print(told(all_[-1]), flush=True)
-        print(HEAD)
-        for variant in VARIANTS:
-            rows = [r for r in all_ if r.name.endswith(variant)]
-            if rows:
-                print(told(summed(variant, rows)))
+        drives(given, first, last)
     if "beside" in given.tables:
         beside(given, first, last)
     if "kidnaps" in given.tables:
@@ -275,6 +268,38 @@ def main() -> None:
     if "mapping" in given.tables:
         for alike in (False, True):
             mapping(first, last, alike)
+
+
+def drives(given: argparse.Namespace, first: int, last: int) -> None:
+    """Drives of which the robot has the start, with what is wrong with maps and senses."""
+    print(HEAD)
+    rows: dict[str, list[Result]] = {}
+    variants = {name: how for name, how in VARIANTS.items() if given.variant in name}
+
+    def one(place: Place, seed: int, length: float, room: float, variant: str) -> None:
+        way, how = tour(place, seed, length, room), VARIANTS[variant][1]
+        found = followed(place, way, seed, name=f"{place.name}, {seed}, {variant}", **how)
+        row = {"variant": variant, **found._asdict(), "name": place.name, "seed": seed}
+        kept(given.into, row)
+        rows.setdefault(variant, []).append(found)
+        print(told(found), flush=True)
+
+    for name, make in published().items():
+        if given.only not in name:
+            continue
+        place = laid(name, make())
+        large = place.clear.size > 20_000
+        for seed in range(given.seed, given.seed + given.drives):
+            for variant, (artefacts, _) in variants.items():
+                if not artefacts:
+                    one(place, seed, *((given.length, 0.38) if large else (20.0, 0.3)), variant)
+    for seed in range(first, last):
+        for variant, (artefacts, _) in variants.items():
+            if given.only in f"building {seed}":
+                one(building(seed, Artefacts(**artefacts)), seed, given.length, 0.38, variant)
+    print(HEAD)
+    for variant, found in rows.items():
+        print(told(summed(variant, found)))
 
 
 def mapping(first: int, last: int, alike: bool) -> None:
@@ -339,7 +364,7 @@ def summed(name: str, rows: list[Result]) -> Result:
         f"{len(rows)} x {name}", a[:, 0].sum(), float(np.sqrt(np.nanmean(a[:, 1] ** 2))),
         float(np.nanmax(a[:, 2])), float(np.nanmax(a[:, 3])), a[:, 4].mean(), a[:, 5].mean(),
         a[:, 6].max(), float(np.nanmedian(a[:, 7])), float(np.median(a[:, 8])), a[:, 9].max(),
-        a[:, 10].max(),
+        a[:, 10].mean(), a[:, 11].max(),
     )  # fmt: skip
 
 
@@ -457,12 +482,12 @@ def recovered(
         if moment.now >= 3.0 and off and not said:
             said = True
             perception.place(_beside(t, off))
-        clock = time.perf_counter()
+        clock = time.thread_time()
         seen = perception.take(moment.now, moment.readings)
         scan = moment.readings.scan
         if scan is not None and scan.number != number:
             number = scan.number
-            ms.append(1e3 * (time.perf_counter() - clock))
+            ms.append(1e3 * (time.thread_time() - clock))
         e = math.hypot(seen.pose.x - t.x, seen.pose.y - t.y)
         since = moment.now - from_
         if since < 0.1:
@@ -473,6 +498,11 @@ def recovered(
         longest = max(longest, run)
         trace.append((since, t, seen.pose, seen.lost, seen.reason))
     return Found(last, longest, trace, ms)
+
+
+def circumstances(given: argparse.Namespace) -> str:
+    """What is other than usual."""
+    return ", ".join(filter(None, (given.senses, "alike" if given.alike else "")))
 
 
 def _beside(truth: Pose, off: Pose) -> Pose:
@@ -504,9 +534,10 @@ def kidnaps(given: argparse.Namespace, first: int, last: int) -> None:
                         f"{found.longest:.1f} s",
                         flush=True,
                     )
-                row = {"name": place.name, "kind": kind, "senses": given.senses}
+                row = {"name": place.name, "kind": kind, "senses": circumstances(given)}
                 row |= {"seed": given.seed, "start": one.start}
-                kept(given.into, {**row, "last": found.last, "longest": found.longest})
+                row |= {"last": found.last, "longest": found.longest, **timed(found.ms)}
+                kept(given.into, row)
             t = np.array(times)
             name = f"{place.name}, {kind}" + (f", {given.senses}" if given.senses else "")
             print(
@@ -524,8 +555,8 @@ def _clear(place: Place, x: float, y: float) -> float:
 
 
 def cold(given: argparse.Namespace, first: int, last: int) -> None:
-    """Switched on with no idea where it is, and driven: twelve times on each map, four times in
-    each building."""
+    """Switched on with no idea where it is, and driven for 15 s, or until it has been right for
+    two: twelve times on each map, four times in each building."""
     print(f"{'':44s} {'right within 10 s':>18s} {'median':>7s} ever wrong and sure")
     how = dict(SENSES[given.senses])
     people, model = how.pop("people", 0), how.get("model", LIDAR)
@@ -555,10 +586,13 @@ def cold(given: argparse.Namespace, first: int, last: int) -> None:
                 bad += DT if e > WRONG else 0.0
                 if e < 0.2:
                     first_right = min(first_right, moment.now)
+                if moment.now > first_right + 2.0:
+                    break
             own.append(first_right)
             wrong += bad > 0.0
-            row = {"name": place.name, "kind": "cold", "senses": given.senses, "seed": given.seed}
-            kept(given.into, {**row, "start": k, "right": first_right, "wrong": bad})
+            row = {"name": place.name, "kind": "cold", "senses": circumstances(given)}
+            row |= {"seed": given.seed, "start": k, "right": first_right, "wrong": bad}
+            kept(given.into, row)
             if bad > 0.0 or first_right > 10.0:
                 print(
                     f"    {place.name}, {seed}, from {k}: right at {first_right:.1f} s, wrong and "

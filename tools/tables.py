@@ -145,6 +145,88 @@ def beside() -> list[str]:
     ]  # fmt: skip
 
 
+def drives() -> list[str]:
+    """Drives by perception alone: `python -m benchmarks.places drives`."""
+    found: dict[tuple[str, str], list[Json]] = {}
+    for row in _results("drives.jsonl"):
+        found.setdefault((_family(row["name"]), row["variant"]), []).append(row)
+    head = [
+        "| map, drives | variant | rms | 99 % | largest | lost | wrong and sure | longest | e/σ "
+        "| a scan | over 10 ms |",
+        "|---" * 11 + "|",
+    ]
+    return head + [
+        f"| {place}, {len(rows)} | {variant} | {_rms(rows)} cm | {_worst(rows, 'at_99')} "
+        f"| {_worst(rows, 'largest')} | {_share(rows, 'lost')} | {_share(rows, 'wrong')} "
+        f"| {max(r['longest'] for r in rows):.1f} s | {max(r['sigmas'] for r in rows):.1f} "
+        f"| {_middle(rows, 'ms'):.1f} ms | {_share(rows, 'slow')} |"
+        for (place, variant), rows in sorted(found.items())
+    ]
+
+
+def kidnaps() -> list[str]:
+    """Pushes and told places: `python -m benchmarks.places kidnaps`."""
+    found: dict[tuple[str, str, str], list[Json]] = {}
+    for row in _results("kidnaps.jsonl"):
+        found.setdefault((row["kind"], row["senses"], _family(row["name"])), []).append(row)
+    head = [
+        "| what | map | found | within 3 s | median, 90 % | wrong and sure > 1 s | a scan "
+        "| over 10 ms |",
+        "|---" * 8 + "|",
+    ]
+    return head + [
+        f"| {', '.join(filter(None, (kind, senses)))} | {place} | {_of(rows, _found)} "
+        f"| {_of(rows, lambda r: r['last'] < 3.0)} "
+        f"| {_middle(rows, 'last'):.1f}, {_quantile(rows, 'last', 0.9):.1f} s "
+        f"| {_of(rows, lambda r: r['longest'] > 1.0)} | {_middle(rows, 'ms'):.1f} ms "
+        f"| {_share(rows, 'slow')} |"
+        for (kind, senses, place), rows in _with_all(found)
+    ]
+
+
+def cold() -> list[str]:
+    """Switched on with no idea where: `python -m benchmarks.places cold`."""
+    found: dict[tuple[str, str, str], list[Json]] = {}
+    for row in _results("cold.jsonl"):
+        found.setdefault((row["kind"], row["senses"], _family(row["name"])), []).append(row)
+    head = ["| senses | map | right within 10 s | median | ever wrong and sure |", "|---" * 5 + "|"]
+    return head + [
+        f"| {senses or 'as usual'} | {place} | {_of(rows, lambda r: r['right'] <= 10.0)} "
+        f"| {_middle(rows, 'right'):.1f} s | {_of(rows, lambda r: r['wrong'] > 0.0)} |"
+        for (_, senses, place), rows in _with_all(found)
+    ]
+
+
+def _with_all(found: dict[tuple[str, str, str], list[Json]]) -> list[Any]:
+    """Those of each map, and before them those of all."""
+    whole: dict[tuple[str, str, str], list[Json]] = {}
+    for (kind, senses, _), rows in found.items():
+        whole.setdefault((kind, senses, "**all**"), []).extend(rows)
+    return sorted({**whole, **found}.items())
+
+
+def _family(place: str) -> str:
+    """Generated buildings are one."""
+    return "buildings" if place.startswith("building") else f"`{place}`"
+
+
+def _found(row: Json) -> bool:
+    return row["last"] < 8.5
+
+
+def _of(rows: list[Json], which: Callable[[Json], bool]) -> str:
+    return f"{sum(which(row) for row in rows)} of {len(rows)}"
+
+
+def _middle(rows: list[Json], key: str) -> float:
+    return _quantile(rows, key, 0.5)
+
+
+def _quantile(rows: list[Json], key: str, share: float) -> float:
+    """Of the rows, one of them: what never came is infinite."""
+    return sorted(row[key] for row in rows)[min(int(share * len(rows)), len(rows) - 1)]
+
+
 def _results(name: str) -> list[Json]:
     """What a benchmark has measured: a line a drive."""
     return [json.loads(line) for line in (RESULTS / name).read_text("utf-8").splitlines()]
@@ -178,6 +260,7 @@ def _unit(name: str) -> str:
 
 TABLES: dict[str, Callable[[], list[str]]] = {
     "robot": robot, "units": units, "period": period, "closed-loop": closed_loop, "beside": beside,
+    "drives": drives, "kidnaps": kidnaps, "cold": cold,
 }  # fmt: skip
 
 
