@@ -53,7 +53,7 @@ def test_errors_are_quoted() -> None:
 def test_the_example_with_many_mistakes_says_what_is_quoted(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```(?:yaml|text)\n(.*?)```", PAGE, re.DOTALL)
-    wrong, said = blocks[:2]
+    wrong, said = blocks[-2:]
     Path("wrong.yaml").write_text(wrong)
     with pytest.raises(CohelmError) as refused:
         load.scenario("wrong.yaml")

@@ -15,13 +15,14 @@ from cohelm.core.types import Pose, Stick
 from cohelm.drive.proposed import Judge
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
-from cohelm.link.messages import Mode
+from cohelm.link.messages import Mode, Zone, ZoneMap
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.plan.path_planner import Goal
 from cohelm.plan.zones import CELL, covering
 from cohelm.scenario.zones import check, read_zones
 from tests.drive.faults import CORRIDOR
+from tests.drive.resuming import Drive
 
 START = Pose(0.0, 0.0, 0.0)
 ACROSS = (1.5, -1.5, 2.3, 0.1)
@@ -196,3 +197,10 @@ def test_zones_need_a_map_and_may_say_what_they_are_of_nav2(tmp_path):
     assert (share.share, share.limit(body)) == (True, pytest.approx(0.5, abs=0.01))
     metres = read_zones(None, absolute, START).slow
     assert (metres.share, metres.limit(body)) == (False, pytest.approx(0.5, abs=0.01))
+
+
+def test_without_zones_the_stations_are_told_that_there_are_none(tmp_path):
+    with Drive(tmp_path) as drive:
+        told = drive.link.bulk._published
+    for zone in Zone:
+        assert (told[ZoneMap, zone].columns, told[ZoneMap, zone].rows) == (0, 0)

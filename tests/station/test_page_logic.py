@@ -167,3 +167,31 @@ def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
     assert (seen["number"], seen["pose"], seen["ageMs"], seen["at"]) == (9, [3.0, 4.0, 0.1], 40, 5)
     assert bytes(seen["jpeg"]) == b"jpeg"
     assert nothing is None
+
+
+def test_zones_come_as_bytes_and_out_of_one_leads_the_shortest_way(asked) -> None:
+    import math
+    import zlib
+
+    from cohelm.core.types import Pose
+    from cohelm.link.messages import Zone, ZoneMap
+    from cohelm.station import binary
+
+    cells = zlib.compress(bytes([100] * 8 * 20))  # 1 m along its own x, 0.4 m along its y
+    told = ZoneMap(Zone.SPEED, Pose(2.0, 1.0, math.pi / 2), 0.05, 0.5, 20, 8, cells)
+    read = f"m.decode(new Uint8Array({list(binary.zones(told))}).buffer, 5).zones"
+    zone = (
+        "{origin: [2, 1, Math.PI / 2], resolution: 0.05, columns: 20, rows: 8,"
+        " cells: new Uint8Array(160).fill(100)}"
+    )
+    got, inside, beside, out, none = asked(
+        "binary.ts",
+        f"(z => ({{...z, cells: [...z.cells]}}))({read})",
+        f"m.within({zone}, [1.7, 1.9])", f"m.within({zone}, [2.3, 1.1])",
+        f"m.wayOut({zone}, [1.7, 1.5])", f"m.wayOut({zone}, [2.3, 1.1])",
+    )  # fmt: skip
+    assert (got["what"], got["resolution"], got["usual"]) == ("speed", 0.05, 0.5)
+    assert got["origin"] == [2.0, 1.0, math.pi / 2]
+    assert (got["columns"], got["rows"], bytes(got["cells"])) == (20, 8, cells)
+    assert (inside, beside, none) == (True, False, None)
+    assert out == pytest.approx([1.6, 1.5], abs=0.051)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 
 import numpy as np
@@ -13,9 +14,13 @@ from cohelm.law.reference import Reference, desired
 from cohelm.link.messages import Line, Map, Polyline, Zone, ZoneMap
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import Course, poses_along
-from cohelm.plan.zones import Cells, Zones
+from cohelm.plan.zones import CELL, Cells, Zones
 
 _STEP = 0.1  # between two points of a way [m]
+NO_ZONES = tuple(
+    ZoneMap(what, Pose(0.0, 0.0, 0.0), CELL, math.nan, 0, 0, zlib.compress(b"")) for what in Zone
+)
+"""For stations that may still show those of a robot before this one."""
 
 
 def drawn(known: LocalizationMap) -> Map:

@@ -369,7 +369,8 @@ class Zone(IntEnum):
 
 
 class ZoneMap(NamedTuple):
-    """Bulk: all keep-out zones, or all speed zones; replaces the earlier of its kind."""
+    """Bulk: all keep-out zones, or all speed zones; replaces the earlier of its kind. Without cells
+    there are none."""
 
     what: Zone
     origin: Pose

@@ -138,8 +138,8 @@ function bytes(data: ArrayBuffer): void {
 }
 
 async function zone(part: ZonePart): Promise<void> {
-  const made = await zoned(part)
-  s.zones.value = [...s.zones.value.filter((one) => one.what !== made.what), made]
+  const made = part.columns * part.rows > 0 ? [await zoned(part)] : []
+  s.zones.value = [...s.zones.value.filter((one) => one.what !== part.what), ...made]
 }
 
 async function paint(part: MapPart): Promise<void> {

@@ -34,6 +34,7 @@ export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   line(ctx, v, size, scene.trail, { stroke: colour.faint, width: 1.5 })
   line(ctx, v, size, scene.reference, { stroke: colour.path, width: 2, dash: [7, 5] })
   line(ctx, v, size, scene.detour, { stroke: colour.path, width: 2, dash: [2, 4] })
+  for (const one of scene.zones) drawSpeeds(ctx, v, size, one)
   drawDiscs(ctx, v, size, scene.discs)
   drawScan(ctx, v, size, scene.scan)
   if (scene.state !== null && scene.robot !== null) drawRobot(ctx, v, size, scene)
@@ -82,6 +83,9 @@ function drawZones(ctx: Ctx, v: View, size: Size, zones: Zones): void {
   ctx.rotate(-psi)
   ctx.drawImage(zones.picture, 0, -zones.rows * cell, zones.columns * cell, zones.rows * cell)
   ctx.restore()
+}
+
+function drawSpeeds(ctx: Ctx, v: View, size: Size, zones: Zones): void {
   ctx.font = 'bold 12px system-ui, sans-serif'
   ctx.textAlign = 'center'
   for (const { at, text } of zones.labels) {
