@@ -58,6 +58,14 @@ class Record(NamedTuple):
     further_scans: dict[str, list[tuple[float, Floats]]]
     """The scans of further LiDARs, by their names."""
 
+    def __repr__(self) -> str:
+        """What there is of each, not all of it."""
+        rows = len(self.table["t"])
+        return (
+            f"Record(kind={self.kind!r}, table: {len(self.table)} columns of {rows}, "
+            f"{len(self.scans)} scans, {len(self.events)} events)"
+        )
+
 
 @dataclass
 class Found:
