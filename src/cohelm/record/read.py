@@ -125,7 +125,10 @@ def read(path: Path) -> Trace:
     """
     found = periods(path)
     if found.kind != "run":
-        raise CohelmError(f"{path} is the record of a drive: give one that `cohelm run` wrote")
+        raise CohelmError(
+            f"{path} is the record of a drive, which has no scores: look at it with `cohelm "
+            f"station --replay {path}`, or give one that `cohelm run` wrote"
+        )
     try:
         names, dt = tuple(json.loads(found.about["obstacles"])), float(found.about["dt"])
         h, discs = period.obstacles(found.periods, len(names))
