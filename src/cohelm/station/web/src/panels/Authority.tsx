@@ -64,13 +64,19 @@ function why(state: State | null): string {
   if (state === null) return '–'
   if (state.why !== '') return state.why
   if (!other(state)) return 'as asked'
-  return GUARDED[state.verdict] ?? 'as fast as the wheels may change'
+  return guarded(state) ?? 'as fast as the robot may'
+}
+
+/** What the guard held back for; where it names nothing and nothing is close, the robot's own limits shaped the command. */
+function guarded({ verdict, limiting, clearance_m }: State): string | undefined {
+  const close = limiting !== null || (clearance_m !== null && clearance_m < CLOSE_M)
+  return verdict === 'shaped' && !close ? undefined : GUARDED[verdict]
 }
 
 /** Whether the robot does something else than it was asked, and not because it is to hold. */
 function abnormal(state: State | null): boolean {
   if (state === null || (state.mode === 'hold' && state.stopped === '')) return false
-  return state.why !== '' || (other(state) && GUARDED[state.verdict] !== undefined)
+  return state.why !== '' || (other(state) && guarded(state) !== undefined)
 }
 
 function near(gap: number | null): string {
