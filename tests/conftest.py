@@ -17,6 +17,8 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 from xdist.workermanage import WorkerController
 
+from tests.typed import cohelm as cohelm  # for all folders
+
 _calm = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("default", max_examples=40 if numba.config.DISABLE_JIT else 100, **_calm)
 settings.register_profile("ci", max_examples=100, derandomize=True, print_blob=True, **_calm)
@@ -46,8 +48,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 FIRST = "gw0"
 """The worker that runs what watches the clock."""
-LONG = "tests/docs/test_tutorial.py"
-"""Few tests, and the longest: at the end, where files of few tests come, all would wait for it."""
 
 
 @pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
@@ -70,8 +70,6 @@ class ByFile(LoadScopeScheduling):
     """
 
     def _assign_work_unit(self, node: WorkerController) -> None:
-        if LONG in self.workqueue:
-            self.workqueue.move_to_end(LONG, last=False)
         if "realtime" in self.workqueue:
             self.workqueue.move_to_end("realtime", last=node.gateway.id != FIRST)
         super()._assign_work_unit(node)

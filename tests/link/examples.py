@@ -11,7 +11,8 @@ from hypothesis.extra import numpy as hnp
 
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.link import messages as m
-from cohelm.link.wire import MOST_BEAMS, Header
+from cohelm.link.messages import MOST_BEAMS
+from cohelm.link.wire import Header
 
 single = st.floats(width=32)
 finite = st.floats(-(2.0**60), 2.0**60, width=32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 import time
 
 import numpy as np
@@ -191,6 +192,22 @@ def test_it_comes_back_by_itself_when_the_robot_is_started_again(keys):
         until(lambda: station.state().connected, within=10.0, turn=both.turn)
         assert both.ask(station, Ask.TAKE).granted
         until(lambda: both.heard.command, turn=both.turn)
+
+
+@pytest.mark.parametrize(("answers", "again"), [(False, 5.5), (True, 2.5)])
+def test_a_handshake_that_hangs_is_soon_begun_anew(keys, answers, again):
+    """Once the robot has answered, a slow path is no reason to wait for longer."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.bind((HERE, 0))
+        robot.settimeout(5.0)
+        first: dict[int, float] = {}
+        with StationEnd(keys[1], HERE, robot.getsockname()[1], clock=lambda: 5 * time.monotonic()):
+            while len(first) < 3:
+                _, station = robot.recvfrom(4096)
+                first.setdefault(station[1], 5 * time.monotonic())
+                if answers:
+                    robot.sendto(b"damaged on the way", station)
+    assert np.diff(list(first.values())) == pytest.approx([again, again], abs=0.5)
 
 
 def test_stick_to_loop_takes_no_longer_than_the_network(both):

@@ -12,7 +12,6 @@ from cohelm.link.codec import Malformed
 from cohelm.link.wire import (
     DATAGRAMS,
     LARGEST,
-    LARGEST_BULK,
     Header,
     encode,
     from_operator,
@@ -87,7 +86,7 @@ def test_too_large_messages_are_refused_before_they_are_read():
     with pytest.raises(Malformed, match="1151 bytes"):
         from_operator(bytes(LARGEST + 1))
     with pytest.raises(Malformed, match="too many"):
-        from_robot(bytes(LARGEST_BULK + 1), bulk=True)
+        from_robot(bytes(m.LARGEST_BULK + 1), bulk=True)
 
 
 def test_a_count_larger_than_the_message_costs_no_memory():

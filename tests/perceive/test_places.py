@@ -14,6 +14,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
 from cohelm.sim.lidar import scan as cast
+from tests import few
 from tests.perceive.buildings import NO_DISCS, Artefacts, building, tour
 from tests.perceive.drives import DT, LIDAR, along, drive
 
@@ -212,7 +213,7 @@ def test_told_its_start_beside_niches_that_are_on_no_map_it_is_not_turned_round(
     assert rows[:, 0].max() < 0.1
 
 
-@pytest.mark.parametrize("start", [16, 24, 33, 41])
+@pytest.mark.parametrize("start", few.first([16, 41, 24, 33], 2))
 def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(start):
     """More places look like this one than can be followed: what is left of some is no proof."""
     occupied, free, cell, origin = dotted(4, length=60.0)
@@ -269,7 +270,7 @@ def gone(occupied, share, seed, cell=0.05):
     return left
 
 
-@pytest.mark.parametrize("start", [14.0, 22.0, 30.0, 38.0])
+@pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0], 2))
 def test_boxes_on_no_map_where_it_begins_send_it_to_no_place_that_looks_alike(start):
     occupied, free, cell, origin = dotted(4, length=60.0)
     low = [[start + 1.2, -0.85], [start + 3.0, 0.35], [start + 4.5, -0.8]]
@@ -298,7 +299,7 @@ def standing_without_a_third(start, steps):
     return Perception(SALLY, known(occupied, free, cell, origin), here), moments
 
 
-@pytest.mark.parametrize("start", [14.0, 22.0, 30.0, 38.0])
+@pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0], 2))
 def test_told_its_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
     """The map is as wrong elsewhere, and nobody moved the robot: it need not drive to be sure."""
     perception, moments = standing_without_a_third(start, 300)

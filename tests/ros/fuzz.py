@@ -115,10 +115,14 @@ def wild(rng: random.Random, data: bytes) -> bytes:
 
 
 def with_clouds(model: RobotModel) -> RobotModel:
-    """The same robot, whose rear LiDAR sends point clouds."""
+    """The same robot, whose rear LiDAR sends point clouds, with a depth camera in front."""
     (rear,) = model.further_lidars
     deep = rear.model_copy(update={"height_band_m": (0.1, 0.5)})
-    return model.model_copy(update={"further_lidars": (deep,)})
+    depth = deep.model_copy(
+        update={"name": "depth", "depth_image": True, "field_of_view_deg": 80.0, "beams": 80,
+                "mount_x_m": 0.3, "mount_yaw_deg": 0.0, "range_max_m": 4.0}
+    )  # fmt: skip
+    return model.model_copy(update={"further_lidars": (deep, depth)})
 
 
 def main(seconds: float, seed: int) -> list[str]:

@@ -23,10 +23,19 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.record.markers import header
 from cohelm.robot.port import Odometry as Reading, Scan
-from cohelm.ros import look as looking
+from cohelm.ros import look as looking, rendered
 from cohelm.ros.clock import TYPE
 from cohelm.ros.look import Allowed, Topics, look
-from cohelm.ros.mismatch import CLOUD, ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.mismatch import (
+    CAMERA_INFO,
+    CLOUD,
+    IMAGE,
+    ODOMETRY,
+    SCAN,
+    STAMPED,
+    TF,
+    TWIST,
+)
 from cohelm.ros.port import Endpoint, Qos, Received
 from cohelm.ros.robot import Ros2Robot, topics_of
 from cohelm.ros.served import mounts, odometry, scan
@@ -193,6 +202,43 @@ def test_point_clouds_are_heard_where_the_robots_description_has_a_height_band()
     assert behind_it.sensor == "rear"
     assert (behind_it.ranges < math.inf).sum() == 1
     assert behind_it.ranges[359:361].min() == pytest.approx(1.0, abs=1e-3)
+    robot.close()
+
+
+def with_camera():
+    """Sally with a depth camera at the back, and what it says this moment."""
+    rear = REAR.lidars[1].model_copy(
+        update={"height_band_m": (0.05, 1.0), "depth_image": True, "field_of_view_deg": 80.0,
+                "beams": 160}
+    )  # fmt: skip
+    model = REAR.model_copy(update={"further_lidars": (rear,)})
+    seen = scan(Scan(0.0, 0, np.full(160, 2.0), 0.0, "rear"), model, time.time() - 0.02)
+    said = rendered.info(rendered.camera_of(rear), seen.header)
+    return model, [(("/scan_rear", IMAGE), seen)] * 20, [(("/camera_info", CAMERA_INFO), said)]
+
+
+def test_depth_images_are_heard_with_the_camera_info_beside_them():
+    model, images, info = with_camera()
+    ends = [*ENDS, out("/scan_rear", IMAGE, BEST_EFFORT)]
+    frames = [(("/tf_static", TF), mounts(model))]
+
+    def found(messages):
+        return look(Pretended(ends, readings() + messages), model, Topics(), Allowed(), 0.06)
+
+    seen = found(frames + images + info)
+    rear = seen.model.further_lidars[0]
+    assert abs(rear.mount_yaw_deg) == pytest.approx(180.0, abs=0.1)
+    assert (rear.mount_x_m, rear.range_max_m) == pytest.approx((-0.30, REAR.lidar.range_max_m))
+    assert any("depth image: 160 x 120: /scan_rear" in note for note in seen.notes)
+    with pytest.raises(CohelmError, match=r"nothing is heard on /camera_info, where the .* has to"):
+        found(frames + images)
+    with pytest.raises(CohelmError, match="/tf_static does not say where"):
+        found(FRAMES + images + info)
+    with pytest.raises(CohelmError, match=r"or give it a height_band_m and depth_image: true"):
+        look(Pretended(ends, REAR_FRAMES + readings()), REAR, Topics(), Allowed(), 0.06)
+    robot = Ros2Robot(seen.model, seen, Spoken(ends, readings() + images))
+    (behind_it,) = robot.read().further
+    assert behind_it.ranges[len(behind_it.ranges) // 2] == pytest.approx(2.0, abs=0.01)
     robot.close()
 
 

@@ -62,8 +62,8 @@ def campaign(
         typer.Option(
             metavar="PLANT",
             help="kinematic (the default), twin, twin-rear (a second LiDAR behind) or "
-            "twin-all-round: MuJoCo, knowing only what its sensors say; in lab, random and "
-            "adversary.",
+            "twin-all-round: MuJoCo, knowing only what its sensors say; in lab, random, movers "
+            "and adversary.",
         ),
     ] = None,
     out: Out = None,

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
-from cohelm.core.types import Pose, Stick, Twist
+from cohelm.core.types import Pose
 from cohelm.drive.over_link import hello
 from cohelm.law import verdict as verdicts
 from cohelm.link import messages as m
 from cohelm.link.recorded_status import StatusWords
 from cohelm.link.station_end import WholeScan
-from cohelm.loop.status import POOR, VERDICTS
+from cohelm.loop.status import AHEAD, AHEAD_STEP, status
 from cohelm.record.read import Found, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, understood
@@ -32,7 +32,6 @@ from cohelm.scenario.model import Scenario
 from cohelm.station.robot_link import News
 
 _NAN = math.nan
-_AHEAD, _AHEAD_STEP = 12, 0.15
 _EVENT = 4.0  # how long what happened stays on the screen [s]
 _MODES = {int(GateMode.SHARED): m.Mode.SHARED, int(GateMode.AUTOMATIC): m.Mode.AUTOMATIC}
 _UNTOLD = StatusWords(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
@@ -181,48 +180,19 @@ class Playback:
         return m.Picture(jpeg.number, jpeg.taken, self._pose(jpeg.taken), data)
 
     def _status(self, k: int) -> m.Status:
-        row = self._rows[k]
-
-        def f(name: str) -> float:
-            return float(row[name])
-
-        now = f("t")
-        told: StatusWords = self._newest("/diagnostics", now) or _untold(row)
+        row, now = self._rows[k], self._times[k]
+        words: StatusWords = self._newest("/diagnostics", now) or _untold(row)
         happened: list[m.Alarm] = []
         if "/rosout" in self._series:
             happened = self._series["/rosout"].between(now - _EVENT, now)
-        pose = Pose(f("x"), f("y"), f("psi"))
-        given = Twist(f("applied_v"), f("applied_omega"))
-        return m.Status(
-            m.Lease(0, told.driver, told.name, 0, "", _NAN), told.mode, told.stopped,
-            m.Arming(int(row["arming"])), Stick(f("stick_x"), f("stick_psi")),
-            min(f("authority_x"), f("authority_psi")), pose, pose,
-            Twist(f("measured_v"), f("measured_omega")), Twist(f("nominal_v"), f("nominal_omega")),
-            given, told.why,
-            m.Guarding(
-                VERDICTS.get(int(row["verdict"]), m.Verdict.NO_FILTER), f("clearance_seen"),
-                (f("limiting_x"), f("limiting_y")), f("h"),
-            ),
-            f("e_p"), Pose(f("x_d"), f("y_d"), f("psi_d")), f("progress"), told.cap,
-            told.cap_reason, self._localised(row), f("sigma"), False,
-            m.Timing(f("late"), int(row["overruns"]), f("stick_age"), _NAN, _NAN, 0),
-            (*told.alarms, *reversed(happened))[:8], (), self._ahead(now), _AHEAD_STEP,
-        )  # fmt: skip
+        words = words._replace(alarms=(*words.alarms, *reversed(happened))[:8])
+        told = status(row, words, not math.isnan(row["sigma"]), self._ahead(now))
+        return told._replace(localised=m.Localised.EXACT) if self._simulated else told
 
     def _ahead(self, now: float) -> tuple[tuple[float, float], ...]:
         """Where it went next: a record knows."""
-        then = [now + (i + 1) * _AHEAD_STEP for i in range(_AHEAD)]
+        then = [now + (i + 1) * AHEAD_STEP for i in range(AHEAD)]
         return tuple(self._pose(t)[:2] for t in then if t <= self._times[-1])
-
-    def _localised(self, row: np.void) -> m.Localised:
-        if self._simulated:
-            return m.Localised.EXACT
-        if row["lost"]:
-            return m.Localised.LOST
-        sigma = float(row["sigma"])
-        if math.isnan(sigma):
-            return m.Localised.UNKNOWN
-        return m.Localised.POOR if sigma > POOR else m.Localised.GOOD
 
 
 def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:

@@ -11,7 +11,16 @@ import math
 import struct
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import (
+    Annotated,
+    Any,
+    Generic,
+    NamedTuple,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +109,7 @@ def real(form: str, least: float = -math.inf, most: float = math.inf) -> Field[f
     return Field(write, read, layout.size)
 
 
-def told(form: str) -> Field[float]:
+def reported(form: str) -> Field[float]:
     """Any number at all; NaN says that it is not known, infinity that there is none."""
     layout = struct.Struct("<" + form)
 
@@ -265,3 +274,42 @@ def checked(field: Field[T], wrong: Callable[[T], str]) -> Field[T]:
         return value
 
     return Field(write, read, field.most)
+
+
+class UpTo(NamedTuple):
+    """Of a tuple: how many items it has at most."""
+
+    most: int
+
+
+def _tuple(*parts: Any) -> Any:
+    return parts
+
+
+_REPORTED = reported("f")
+
+
+def layout(of: Any) -> Field[Any]:
+    """The bytes of a type, from its annotations.
+
+    `Annotated[...]` says them with a `Field`, or of a tuple with `UpTo`. Without: a float is an `f`
+    that may be any number, a bool a flag, an enumeration a byte, a NamedTuple its fields in order.
+    """
+    if get_origin(of) is Annotated:
+        plain, about = get_args(of)
+        if isinstance(about, UpTo):
+            return many(layout(get_args(plain)[0]), about.most)
+        said: Field[Any] = about
+        return said
+    if get_origin(of) is tuple:
+        return record(_tuple, *map(layout, get_args(of)))
+    if of is float:
+        return _REPORTED
+    if of is bool:
+        return FLAG
+    if issubclass(of, IntEnum):
+        return choice(of)
+    hints = get_type_hints(of, include_extras=True)
+    if not hints:
+        raise TypeError(f"{of.__name__} says nothing of its bytes")
+    return record(of, *map(layout, hints.values()))

@@ -1,4 +1,4 @@
-"""What operator and robot tell each other, as types; `wire` has the bytes.
+"""What operator and robot tell each other: types, whose annotations say what bytes they take.
 
 Two ways to travel. *Datagrams*, at most `wire.LARGEST` bytes, newest wins: `Command` up; `Status`,
 `ScanPart` and `Discs` down. *Bulk*, over a reliable stream that can never delay a datagram: all
@@ -7,17 +7,43 @@ others. Down, a number that is NaN is not known; up, every number is finite and 
 The operator's deflection and its validity are two things: a stick that vanished is not a stick
 that is centred. What must happen once (stop, mode, lease...) is a numbered `Request`; it is
 repeated until the robot has answered its number, and done once.
+
+A number without a word on its size is an `f` that may be NaN, an enumeration or a flag a byte, a
+tuple its fields in order; `codec` has the rest. A new field stands here and nowhere else in `link`.
 """
 
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Pose, Stick, Twist
+from cohelm.link.codec import UpTo, array, blob, checked, real, record, reported, text, whole
+
+LARGEST_BULK = 32_000_000
+"""Bytes of a bulk message."""
+MOST_BEAMS = 500
+"""Beams in one ScanPart."""
+MOST_WAYPOINTS = 500
+
+Byte = Annotated[int, whole("B")]
+Short = Annotated[int, whole("H")]
+Long = Annotated[int, whole("I")]
+Huge = Annotated[int, whole("Q")]
+Time = Annotated[float, real("d")]
+Reason = Annotated[str, text(128)]
+"""Why the robot stands or slows: a sentence, as long as a datagram has room for."""
+Words = Annotated[str, text(64)]
+Name = Annotated[str, text(24)]
+FileName = Annotated[str, text(128)]
+_DEFLECTION = real("f", -1.0, 1.0)
+
+
+def _finite(points: NDArray[np.float64]) -> str:
+    return "" if np.isfinite(points).all() else "a way-point that is not a finite number"
 
 
 class Mode(IntEnum):
@@ -79,36 +105,36 @@ class Ask(IntEnum):
 class Request(NamedTuple):
     """Something to be done once."""
 
-    number: int
+    number: Long
     """Counts up from 1 within a session; the robot does each number once, in order."""
     what: Ask
-    value: int
+    value: Short
     """0..65535, as `Ask` says."""
-    made: float
+    made: Time
     """The operator's clock when it was asked [s]; what is asked for too late is not done."""
 
 
 class Command(NamedTuple):
     """Up, at 50 Hz: what the person wants now."""
 
-    stick: Stick
+    stick: Annotated[Stick, record(Stick, _DEFLECTION, _DEFLECTION)]
     valid: bool
     """The deflection was read from a working device just now; else it means nothing."""
     armed: bool
     """The station's part of arming: a person has chosen this device and it was centred."""
     device: Device
-    speed_scale: float
+    speed_scale: Annotated[float, real("f", 0.0, 1.0)]
     """Share of the robot's speed the person allows, in [0, 1]."""
-    requests: tuple[Request, ...]
+    requests: Annotated[tuple[Request, ...], UpTo(8)]
     """Those not answered yet, oldest first, at most 8."""
 
 
 class Answer(NamedTuple):
     """What became of a request or of a proposal."""
 
-    number: int
+    number: Long
     granted: bool
-    reason: str
+    reason: Words
     """Why not, or what follows; may be empty."""
 
 
@@ -123,13 +149,13 @@ class Severity(IntEnum):
 class Alarm(NamedTuple):
     """Something the person must know; latched until acknowledged and gone."""
 
-    number: int
+    number: Short
     """Which alarm it is, > 0; the same thing happening again is a new number."""
     severity: Severity
     active: bool
     """Its cause is still there."""
     acknowledged: bool
-    text: str
+    text: Words
 
 
 class Localised(IntEnum):
@@ -157,14 +183,14 @@ class Verdict(IntEnum):
 class Lease(NamedTuple):
     """Who drives."""
 
-    you: int
+    you: Short
     """This client's number, > 0."""
-    driver: int
+    driver: Short
     """The driver's number; 0: nobody."""
-    driver_name: str
-    asking: int
+    driver_name: Name
+    asking: Short
     """Who asks for the lease; 0: nobody."""
-    asking_name: str
+    asking_name: Name
     left: float
     """Until it is given to who asks, if the driver says nothing [s]; NaN where nobody asks."""
 
@@ -186,7 +212,7 @@ class Timing(NamedTuple):
 
     late: float
     """Worst lateness of a step in the last second [s]."""
-    overruns: int
+    overruns: Long
     """Steps that took longer than a period, since the start."""
     command_age: float
     """Age of the command at its last use [s]."""
@@ -194,7 +220,7 @@ class Timing(NamedTuple):
     """[s]"""
     lost: float
     """Share of this client's datagrams lost in the last seconds."""
-    dropped: int
+    dropped: Long
     """Commands of this client not used: too old, out of order, not understood."""
 
 
@@ -203,7 +229,7 @@ class Status(NamedTuple):
 
     lease: Lease
     mode: Mode
-    stopped: str
+    stopped: Reason
     """Why it is stopped; empty: it is not. Latched until RESET."""
     arming: Arming
     stick: Stick
@@ -220,7 +246,7 @@ class Status(NamedTuple):
     """What person and automatic ask for together, before the filter."""
     applied: Twist
     """What the wheels get."""
-    why: str
+    why: Reason
     """Why applied differs from nominal; empty where it does not."""
     guarding: Guarding
     e_p: float
@@ -231,60 +257,60 @@ class Status(NamedTuple):
     """Share of the path done, in [0, 1]."""
     speed_cap: float
     """[m/s]; infinite where there is none."""
-    cap_reason: str
+    cap_reason: Words
     localised: Localised
     sigma: float
     """Standard deviation of the position [m]."""
     recording: bool
     timing: Timing
-    alarms: tuple[Alarm, ...]
+    alarms: Annotated[tuple[Alarm, ...], UpTo(4)]
     """The worst first, at most 4."""
-    answers: tuple[Answer, ...]
+    answers: Annotated[tuple[Answer, ...], UpTo(3)]
     """To the newest requests, oldest first, at most 3. A number up to the last one is done."""
-    ahead: tuple[tuple[float, float], ...]
+    ahead: Annotated[tuple[tuple[float, float], ...], UpTo(12)]
     """Predicted path in the map, from now on in equal steps of time, at most 12 [m]."""
     ahead_step: float
     """Time between two of its points [s]."""
 
 
 class ScanPart(NamedTuple):
-    """Down: a piece of a LiDAR scan, at most `wire.MOST_BEAMS` beams."""
+    """Down: a piece of a LiDAR scan, at most `MOST_BEAMS` beams."""
 
-    number: int
+    number: Long
     """Of the scan."""
-    lidar: int
+    lidar: Byte
     """Which of the robot's LiDARs; the first is 0."""
-    taken: float
+    taken: Time
     """The robot's clock when its first beam was measured [s]."""
     sensor: Pose
     """Of the sensor in the map, then."""
-    beams: int
+    beams: Long
     """Beams of the whole scan."""
-    start: int
+    start: Long
     """The whole scan's number of this part's first beam."""
     first: float
     """Bearing of the whole scan's beam 0 [rad]."""
     step: float
     """[rad]"""
-    ranges: NDArray[np.uint16]
+    ranges: Annotated[NDArray[np.uint16], array("u2", 0, MOST_BEAMS)]
     """(n,) [mm]; 65535: no return, 0: too near."""
 
 
 class Discs(NamedTuple):
     """Down: round obstacles, the nearest 40."""
 
-    number: int
-    rows: NDArray[np.float32]
+    number: Long
+    rows: Annotated[NDArray[np.float32], array("f4", 6, 40)]
     """(n, 6): x, y, vx, vy, radius, safe distance r_i, in the map, as `core.types`."""
 
 
 class Hello(NamedTuple):
     """Bulk, first of all: what robot this is."""
 
-    name: str
-    version: str
+    name: Words
+    version: Annotated[str, text(32)]
     """Of cohelm, there."""
-    outline: NDArray[np.float32]
+    outline: Annotated[NDArray[np.float32], array("f4", 2, 64)]
     """(k, 2), convex, counter-clockwise, in the body frame [m]."""
     v_max: float
     """[m/s]"""
@@ -292,7 +318,7 @@ class Hello(NamedTuple):
     """[rad/s]"""
     watchdog: float
     """Without commands for so long, the robot does what `on_loss` says [s]."""
-    on_loss: str
+    on_loss: Annotated[str, text(32)]
     camera: tuple[float, float, float, float]
     """Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera."""
 
@@ -310,28 +336,28 @@ class Polyline(NamedTuple):
     """Bulk: points in the map, joined; replaces the earlier of its kind."""
 
     what: Line
-    points: NDArray[np.float32]
+    points: Annotated[NDArray[np.float32], array("f4", 2, 100_000)]
     """(n, 2) [m]"""
 
 
 class Map(NamedTuple):
     """Bulk: an occupancy grid, or a rectangle of one."""
 
-    number: int
+    number: Long
     """Counts up with each new map; parts of one map share it."""
     origin: Pose
     """Of the lower left corner of the whole."""
     resolution: float
     """Side of a cell [m]."""
-    width: int
-    height: int
+    width: Short
+    height: Short
     """Cells of the whole."""
-    column: int
-    row: int
+    column: Short
+    row: Short
     """Where this part begins, from the lower left."""
-    columns: int
-    rows: int
-    cells: bytes
+    columns: Short
+    rows: Short
+    cells: Annotated[bytes, blob(LARGEST_BULK - 1000)]
     """zlib of rows * columns bytes, row by row from below: 0 free .. 100 occupied, 255 unknown."""
 
 
@@ -340,53 +366,53 @@ class Health(NamedTuple):
 
     battery: float
     """Share of its charge, in hundredths."""
-    faults: tuple[str, ...]
+    faults: Annotated[tuple[Annotated[str, text(120)], ...], UpTo(16)]
 
 
 class Picture(NamedTuple):
     """Bulk: one picture of the camera; a newer one replaces one not sent yet."""
 
-    number: int
-    taken: float
+    number: Long
+    taken: Time
     """The robot's clock [s]."""
     pose: Pose
     """Of the body in the map, then."""
-    jpeg: bytes
+    jpeg: Annotated[bytes, blob(4_000_000)]
 
 
 class RecordInfo(NamedTuple):
     """A record on the robot."""
 
-    name: str
-    size: int
+    name: FileName
+    size: Huge
     """[byte]"""
-    started: float
+    started: Annotated[float, reported("d")]
     """Unix time; a label only [s]."""
 
 
 class Records(NamedTuple):
     """Bulk: the records on the robot, newest first."""
 
-    all: tuple[RecordInfo, ...]
+    all: Annotated[tuple[RecordInfo, ...], UpTo(1000)]
 
 
 class Piece(NamedTuple):
     """Bulk: a piece of a record asked for with `Fetch`; an empty one says that there is no more."""
 
-    name: str
-    offset: int
-    data: bytes
+    name: FileName
+    offset: Huge
+    data: Annotated[bytes, blob(1_000_000)]
 
 
 class Digest(NamedTuple):
     """Bulk: what all of a record is, asked for with `Fetch`."""
 
-    name: str
-    size: int
+    name: FileName
+    size: Huge
     """[byte]"""
-    sha256: bytes
+    sha256: Annotated[bytes, blob(32)]
     """Of these bytes; empty where there are none to be had."""
-    why: str
+    why: Annotated[str, text(120)]
     """Why not; empty: they can be had."""
 
 
@@ -394,16 +420,16 @@ class Checked(NamedTuple):
     """Bulk: what the robot says to proposed way-points."""
 
     answer: Answer
-    worst: int
+    worst: Short
     """Which way-point is to blame, from 0; 65535: none."""
 
 
 class Waypoints(NamedTuple):
     """Bulk, up: way-points to be checked and, if the robot agrees, followed."""
 
-    number: int
+    number: Long
     """Of the proposal; the answer has it again."""
-    points: NDArray[np.float64]
+    points: Annotated[NDArray[np.float64], checked(array("f8", 2, MOST_WAYPOINTS), _finite)]
     """(n, 2) in the map [m]"""
     only_check: bool
     """Say what you think of them, but do not follow them."""
@@ -412,10 +438,10 @@ class Waypoints(NamedTuple):
 class Fetch(NamedTuple):
     """Bulk, up: send part of a record, and no more; an empty name asks for the list of them."""
 
-    name: str
-    offset: int = 0
+    name: FileName
+    offset: Huge = 0
     """From which byte on."""
-    size: int = 0
+    size: Long = 0
     """So many bytes; 0: say how many there are, and their hash."""
 
 

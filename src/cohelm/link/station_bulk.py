@@ -21,6 +21,7 @@ from cohelm.link.dtls import Refused, stream_context
 from cohelm.link.io_thread import Turning
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
+    LARGEST_BULK,
     Checked,
     Digest,
     Fetch,
@@ -32,7 +33,7 @@ from cohelm.link.messages import (
     Polyline,
 )  # fmt: skip
 from cohelm.link.stream import Stream
-from cohelm.link.wire import LARGEST_BULK, Header, encode, from_robot
+from cohelm.link.wire import Header, encode, from_robot
 
 _PATIENCE = 10.0  # [s], for a connection
 _AGAIN = 1.0  # [s], until the next one is tried

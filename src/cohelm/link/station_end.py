@@ -47,7 +47,10 @@ FRESH = 0.1
 _MOST_LIDARS = 16
 _BEAT = 0.05  # [s], between messages when there is nothing to say
 _LOST = 2.0  # [s], of silence, until a new connection is tried beside the old one
-_PATIENCE = 5.0  # [s], for a handshake
+_PATIENCE = 5.0  # [s], for a handshake to which nothing is said
+_ANSWERED = 2.0
+"""... to which something was said, beside three round trips [s]. What was damaged on the way may be
+past mending: then the other end repeats itself in vain."""
 _REQUEST_LIFE = 1.0  # [s]; a stop lives until it is answered
 _PER_TURN = 64
 _log = logging.getLogger("cohelm.link")
@@ -103,8 +106,15 @@ class _Way:
     def __init__(self, channel: Channel, family: int, to: udp.Address, since: float) -> None:
         self.channel = channel
         self.since = since
+        self.answered = math.inf
+        """When the robot first said something to it."""
         self.socket: socket.socket = udp.opened(family)
         self.socket.connect(to)
+
+    @property
+    def patience(self) -> float:
+        """For how long a handshake may take [s]."""
+        return min(_PATIENCE, _ANSWERED + 3.0 * (self.answered - self.since))
 
 
 class StationEnd(Turning):
@@ -249,7 +259,7 @@ class StationEnd(Turning):
                 self._failed(self._next, str(refused))
                 return
             udp.send(self._next.socket, self._next.channel.waiting())
-            if now - self._next.since > _PATIENCE:
+            if now - self._next.since > self._next.patience:
                 self._failed(self._next, "the robot does not answer")
             return
         silence = self._path.silence(now)
@@ -292,6 +302,8 @@ class StationEnd(Turning):
 
     def _receive(self, way: _Way) -> None:
         for datagram, _ in udp.receive(way.socket, _PER_TURN):
+            if math.isinf(way.answered):
+                way.answered = self.clock()
             messages = self._advance(way, datagram)
             if way is self._next and way.channel.up:
                 self._established(way)

@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.row import ROW, values
-from cohelm.link.messages import Discs, Map, Polyline, Status
+from cohelm.link.messages import Discs, Map, Polyline
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.keep.record_pipe import Line
@@ -112,14 +113,14 @@ class DriveLog:
             self(one)
         return new
 
-    def period(self, known: Mapping[str, Any]) -> None:
-        """One period, of which so much is known."""
+    def period(self, known: Mapping[str, Any]) -> NDArray[np.void]:
+        """One period, of which so much is known. Returns its row, good until the next one."""
         self._row[()] = values(known)
         self(self._row.tobytes())
+        return self._row
 
-    def words(self, driver: tuple[int, str], s: Status) -> None:
-        """The words of a status, where they are new. driver: number and name."""
-        told = StatusWords(*driver, s.mode, s.stopped, s.why, s.speed_cap, s.cap_reason, s.alarms)
-        if told != self._words:
-            self._words = told
-            self(Displayed(self._clock(), told))
+    def words(self, words: StatusWords) -> None:
+        """The words of a status, where they are new."""
+        if words != self._words:
+            self._words = words
+            self(Displayed(self._clock(), words))

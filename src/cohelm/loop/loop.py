@@ -16,6 +16,7 @@ from cohelm.link.latency_speed_limit import FREE as NOTICED
 from cohelm.link.messages import Arming, Ask, Discs, Mode
 from cohelm.link.operator_input import Asked, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
+from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.alarms import Alarms
 from cohelm.loop.authorization import Authorization
 from cohelm.loop.drive_log import DriveLog
@@ -24,7 +25,7 @@ from cohelm.loop.dropout import WAITING, Dropout, Then, followed
 from cohelm.loop.latency_limit import FREE, allowed, cap, crawl, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
-from cohelm.loop.status import Report, known, predicted, scan_parts, status
+from cohelm.loop.status import Report, known, predicted, scan_parts, status, unseen
 from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
 from cohelm.loop.timing import Timing
 from cohelm.perceive.pipeline import Perception, Seen
@@ -202,9 +203,9 @@ class Loop:
         self.decision = decision
         self._late, self._took = late, keeper.now() - began
         self._watch(now)
-        said = self._said(passed)
-        self._write(now, readings, said)
-        self._tell(now, said)
+        report = self._report(now, readings, passed)
+        if report is not None:
+            self._tell(report, self._record(report), passed.reason)
         self._keep_time(now)
 
     def _look(self, now: float, readings: Readings) -> None:
@@ -419,22 +420,30 @@ class Loop:
             self.alarms.on(helper, trouble)
         self._event(trouble or f"over: {before}", bool(trouble))
 
-    def _write(self, now: float, readings: Readings, said: Report | None) -> None:
-        """To the recorder, as much as it has room for."""
+    def _report(self, now: float, readings: Readings, passed: Passed) -> Report | None:
+        """What there is to say of this period; None before the robot has seen anything."""
+        seen, driver = self.seen, self.driver
         new = self.log.readings(readings)
-        if said is None:
-            return
+        if seen is None:
+            return None
         for scan in new:
             which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
             if lidar is not None:
-                self.operator.show(*scan_parts(scan, lidar, said.seen.pose, which))
+                self.operator.show(*scan_parts(scan, lidar, seen.pose, which))
         if new and new[0] is readings.scan:
-            discs = Discs(new[0].number, self._discs(said.seen))
+            discs = Discs(new[0].number, self._discs(seen))
             self.operator.show(discs)
             self.log.show(discs)
+        clearance = driver.clear(seen.pose, driver.around(seen), seen.blind)
+        return Report(
+            now, readings, seen, self.person, self.decision, passed.out, self._progress(), clearance
+        )
+
+    def _record(self, report: Report) -> NDArray[np.void]:
+        """The period's row, to the recorder, if it has room for it."""
         gate = self.keeper.gate
-        self.log.period(
-            known(said, now, readings)
+        return self.log.period(
+            known(report)
             | {
                 "mode": gate.mode, "refused": gate.refused, "dropped": self.log.dropped,
                 "safe_v": self._asked.v, "safe_omega": self._asked.omega,
@@ -448,25 +457,22 @@ class Loop:
         far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
         return rows[np.argsort(far)[:_DISCS]].astype(np.float32)
 
-    def _said(self, passed: Passed) -> Report | None:
-        """What there is to say of this period; None before the robot has seen anything."""
-        seen, driver = self.seen, self.driver
-        if seen is None:
-            return None
-        return Report(
-            self.mode, self.keeper.gate.reason, self.person, seen, self.has_map,
-            self.decision, passed.out, passed.reason or self.paused, self._progress(),
-            self.log.open, self.timing.recent, self.timing.overruns, self.alarms.worst(), self.cap,
-            driver.clear(seen.pose, driver.around(seen), seen.blind),
-        )  # fmt: skip
-
-    def _tell(self, now: float, said: Report | None) -> None:
-        if said is None or now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period:
+    def _tell(self, report: Report, row: NDArray[np.void], refusal: str) -> None:
+        """To the operator. refusal: why the gate did not pass what it was given."""
+        if report.now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period:
             return
-        self._told = now
-        told = status(said, predicted(said.seen.pose, said.applied))
-        self.operator.tell(told)
-        self.log.words(self._driven_by, told)
+        self._told = report.now
+        nominal = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
+        words = StatusWords(
+            *self._driven_by, self.mode, self.keeper.gate.reason,
+            refusal or self.paused or unseen(report, nominal), *self.cap, self.alarms.worst(),
+        )  # fmt: skip
+        self.log.words(words)
+        told = status(row, words, self.has_map, predicted(report.seen.pose, report.applied))
+        timing = told.timing._replace(late=self.timing.recent)
+        self.operator.tell(
+            told._replace(odometry=report.seen.odometry, recording=self.log.open, timing=timing)
+        )
 
     def _keep_time(self, now: float) -> None:
         """When the next period is due. Missed ones are counted, never made up for in a burst."""

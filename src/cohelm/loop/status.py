@@ -6,23 +6,23 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.frames import compose
-from cohelm.core.types import Floats, Pose, Twist, wrap
+from cohelm.core.types import Floats, Pose, Stick, Twist, wrap
 from cohelm.law import verdict as verdicts
-from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import (
-    Alarm,
+    MOST_BEAMS,
+    Arming,
     Guarding,
     Lease,
     Localised,
-    Mode,
     ScanPart,
     Status,
     Timing,
     Verdict,
 )
-from cohelm.link.wire import MOST_BEAMS
+from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.stick_arming import Person
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
@@ -30,12 +30,12 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Readings, Scan
 from cohelm.robot.sensors import Lidar
 
-POOR = 0.1
+_POOR = 0.1
 """A place with a larger standard deviation is poorly known [m]."""
-_AHEAD, _AHEAD_STEP = 12, 0.15
+AHEAD, AHEAD_STEP = 12, 0.15
+"""Points of the predicted path, and the time from one to the next [s]."""
 _AS_ASKED = 0.03  # what differs by less is as asked [m/s, rad/s]
-_NOBODY = Lease(0, 0, "", 0, "", math.nan)
-VERDICTS = {
+_VERDICTS = {
     verdicts.UNTOUCHED: Verdict.UNTOUCHED, verdicts.SHAPED: Verdict.SHAPED,
     verdicts.POWERLESS: Verdict.SHAPED, verdicts.INVALID: Verdict.INVALID,
     verdicts.BRAKING: Verdict.BRAKING, verdicts.STANDING: Verdict.STANDING,
@@ -44,93 +44,94 @@ VERDICTS = {
 
 
 class Report(NamedTuple):
-    """What the loop knows at the end of a period; status and record are made from it."""
+    """What the loop knows of a period when its command is out."""
 
-    mode: Mode
-    stopped: str
-    person: Person
+    now: float
+    """When the readings were taken [s]."""
+    readings: Readings
     seen: Seen
-    has_map: bool
+    person: Person
     decision: Decision | None
     applied: Twist
-    why: str
     progress: float
-    recording: bool
-    late: float
-    overruns: int
-    alarms: tuple[Alarm, ...]
-    cap: Cap
+    """Share of the route done; NaN without one."""
     clearance: float
     """Of the outline to anything that is seen [m]; inf: nothing is."""
 
-    @property
-    def e_p(self) -> float:
-        """E_P, pose error (51); NaN where nothing is followed."""
-        d, pose = self.decision, self.seen.pose
-        if d is None:
-            return math.nan
-        return math.hypot(d.x_d - pose.x, d.y_d - pose.y, wrap(d.psi_d - pose.psi))
 
-
-def known(said: Report, now: float, readings: Readings) -> dict[str, Any]:
-    """What the record keeps of it, by the names of `core.row.FIELDS`."""
-    d, seen, person = said.decision, said.seen, said.person
-    odometry, scan = readings.odometry, readings.scan
+def known(r: Report) -> dict[str, Any]:
+    """Its numbers, by the names of `core.row.FIELDS`."""
+    d, seen, person = r.decision, r.seen, r.person
+    odometry, scan = r.readings.odometry, r.readings.scan
     fields = {"nominal_v": 0.0, "nominal_omega": 0.0} if d is None else d._asdict()
     at = (math.nan, math.nan) if d is None else limiting(d, seen)
     return fields | {
-        "t": now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,
+        "t": r.now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,
         "sigma": sigma(seen.covariance), "share": seen.share, "lost": seen.lost,
         "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
-        "e_p": said.e_p, "progress": said.progress, "limiting_x": at[0], "limiting_y": at[1],
-        "clearance_seen": said.clearance,
+        "e_p": _e_p(d, seen.pose), "progress": r.progress,
+        "limiting_x": at[0], "limiting_y": at[1], "clearance_seen": r.clearance,
         "stick_x": person.stick.x, "stick_psi": person.stick.psi, "stick_age": person.age,
-        "arming": person.arming, "applied_v": said.applied.v, "applied_omega": said.applied.omega,
-        "odometry_age": now - odometry.stamp if odometry else math.nan,
-        "scan_age": now - scan.stamp - scan.duration if scan else math.nan,
+        "arming": person.arming, "applied_v": r.applied.v, "applied_omega": r.applied.omega,
+        "odometry_age": r.now - odometry.stamp if odometry else math.nan,
+        "scan_age": r.now - scan.stamp - scan.duration if scan else math.nan,
     }  # fmt: skip
 
 
-def status(said: Report, ahead: tuple[tuple[float, float], ...]) -> Status:
-    """The message; lease, answers and the link's part of the timing are filled in by the link."""
-    d, seen = said.decision, said.seen
-    nan = math.nan
-    nominal = Twist(d.nominal_v, d.nominal_omega) if d else Twist(0.0, 0.0)
+def status(
+    row: NDArray[np.void] | np.void, words: StatusWords, has_map: bool,
+    ahead: tuple[tuple[float, float], ...],
+) -> Status:  # fmt: skip
+    """The message of a period: one that is just over, or one that was recorded.
+
+    row: its numbers. has_map: whether its place is on a map. ahead: where it goes. Lease, answers
+    and the link's part of the timing are filled in by the link.
+    """
+
+    def f(name: str) -> float:
+        return float(row[name])
+
+    pose = Pose(f("x"), f("y"), f("psi"))
     return Status(
-        lease=_NOBODY,
-        mode=said.mode,
-        stopped=said.stopped,
-        arming=said.person.arming,
-        stick=said.person.stick,
-        authority=min(d.authority_x, d.authority_psi) if d else nan,
-        pose=seen.pose,
-        odometry=seen.odometry,
-        twist=seen.twist,
-        nominal=nominal,
-        applied=said.applied,
-        why=said.why or _unseen(said, nominal),
-        guarding=_guarding(said),
-        e_p=said.e_p,
-        reference=Pose(d.x_d, d.y_d, d.psi_d) if d else Pose(nan, nan, nan),
-        progress=said.progress,
-        speed_cap=said.cap.speed,
-        cap_reason=said.cap.reason,
-        localised=_localised(said),
-        sigma=sigma(seen.covariance),
-        recording=said.recording,
-        timing=Timing(said.late, said.overruns, said.person.age, nan, nan, 0),
-        alarms=said.alarms,
+        lease=Lease(0, words.driver, words.name, 0, "", math.nan),
+        mode=words.mode,
+        stopped=words.stopped,
+        arming=Arming(int(row["arming"])),
+        stick=Stick(f("stick_x"), f("stick_psi")),
+        authority=min(f("authority_x"), f("authority_psi")),
+        pose=pose,
+        odometry=pose,
+        twist=Twist(f("measured_v"), f("measured_omega")),
+        nominal=Twist(f("nominal_v"), f("nominal_omega")),
+        applied=Twist(f("applied_v"), f("applied_omega")),
+        why=words.why,
+        guarding=Guarding(
+            _VERDICTS.get(int(row["verdict"]), Verdict.UNTOUCHED),
+            f("clearance_seen"),
+            (f("limiting_x"), f("limiting_y")),
+            f("h"),
+        ),
+        e_p=f("e_p"),
+        reference=Pose(f("x_d"), f("y_d"), f("psi_d")),
+        progress=f("progress"),
+        speed_cap=words.cap,
+        cap_reason=words.cap_reason,
+        localised=_localised(bool(row["lost"]), f("sigma"), has_map),
+        sigma=f("sigma"),
+        recording=False,
+        timing=Timing(f("late"), int(row["overruns"]), f("stick_age"), math.nan, math.nan, 0),
+        alarms=words.alarms,
         answers=(),
         ahead=ahead,
-        ahead_step=_AHEAD_STEP,
+        ahead_step=AHEAD_STEP,
     )
 
 
 def predicted(pose: Pose, twist: Twist) -> tuple[tuple[float, float], ...]:
     """Where the robot goes if it goes on as it does, in the map."""
     points: list[tuple[float, float]] = []
-    for k in range(1, _AHEAD + 1):
-        there = arc(pose, twist, k * _AHEAD_STEP)
+    for k in range(1, AHEAD + 1):
+        there = arc(pose, twist, k * AHEAD_STEP)
         points.append((there.x, there.y))
     return tuple(points)
 
@@ -172,18 +173,10 @@ def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
     return (place.x, place.y)
 
 
-def _guarding(said: Report) -> Guarding:
-    d, clear = said.decision, said.clearance
-    if d is None:
-        return Guarding(Verdict.UNTOUCHED, clear, (math.nan, math.nan), math.nan)
-    verdict = VERDICTS.get(d.verdict, Verdict.NO_FILTER)
-    return Guarding(verdict, clear, limiting(d, said.seen), d.h)
-
-
-def _unseen(said: Report, nominal: Twist) -> str:
+def unseen(r: Report, nominal: Twist) -> str:
     """That the guard holds the robot back for what nothing shows: ground that may hold anything, or
-    a keep-out zone."""
-    d, seen, applied = said.decision, said.seen, said.applied
+    a keep-out zone; empty: it does not."""
+    d, seen, applied = r.decision, r.seen, r.applied
     if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.blind:
         return ""
     if abs(nominal.v - applied.v) < _AS_ASKED and abs(nominal.omega - applied.omega) < _AS_ASKED:
@@ -193,9 +186,16 @@ def _unseen(said: Report, nominal: Twist) -> str:
     return "held back: nothing looks there, it may not be free"
 
 
-def _localised(said: Report) -> Localised:
-    if said.seen.lost:
+def _e_p(d: Decision | None, pose: Pose) -> float:
+    """E_P, pose error (51); NaN where nothing is followed."""
+    if d is None:
+        return math.nan
+    return math.hypot(d.x_d - pose.x, d.y_d - pose.y, wrap(d.psi_d - pose.psi))
+
+
+def _localised(lost: bool, sigma: float, has_map: bool) -> Localised:
+    if lost:
         return Localised.LOST
-    if not said.has_map:
+    if not has_map:
         return Localised.UNKNOWN
-    return Localised.POOR if sigma(said.seen.covariance) > POOR else Localised.GOOD
+    return Localised.POOR if sigma > _POOR else Localised.GOOD

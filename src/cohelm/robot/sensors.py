@@ -56,11 +56,16 @@ class LidarModel(Schema):
     height_band_m: tuple[float, float] | None = None
     """Over ROS 2: its scans are made of point clouds, of what they show from the first to the
     second height above the body's origin; without it, it is planar. Simulated, it is planar."""
+    depth_image: bool = False
+    """Over ROS 2: they are made of depth images instead, and the field of view and mount are those
+    of the camera. Needs a height_band_m."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.height_band_m is not None and self.height_band_m[0] >= self.height_band_m[1]:
             raise ValueError("height_band_m must be the lower height, then the upper one")
+        if self.depth_image and self.height_band_m is None:
+            raise ValueError("depth_image needs a height_band_m: which heights count")
         if self.range_min_m >= self.range_max_m:
             raise ValueError("range_min_m must be smaller than range_max_m")
         if self.sweep_s * self.rate_hz > 1.0:

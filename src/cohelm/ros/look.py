@@ -13,10 +13,10 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros import clock, cloud, laser, mismatch
+from cohelm.ros import clock, cloud, depth, laser, mismatch
 from cohelm.ros.clock import Clock, SimulatedClock, estimated, seconds
 from cohelm.ros.connection import Connection
-from cohelm.ros.mismatch import CLOUD, ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.mismatch import CAMERA_INFO, CLOUD, IMAGE, ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.names import namespace_of, resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received, Transport
 from cohelm.ros.transforms import Mount, StaticTransforms
@@ -106,7 +106,9 @@ class FoundLidar(NamedTuple):
     stamped_at_end: bool
     """Whether scans are stamped when their last beam was measured, not their first."""
     cloud: Floats | None = None
-    """(4, 4), of one that sends point clouds: from their frame into the body's."""
+    """(4, 4), of one that sends point clouds or depth images: from their frame into the body's."""
+    camera: depth.Camera | None = None
+    """Of one that sends depth images."""
 
 
 class Found(NamedTuple):
@@ -189,6 +191,10 @@ class _Heard:
         """By their topics, the first LiDAR's first."""
         described = zip(self._scans, (model.lidar, *model.further_lidars), strict=True)
         self._kinds = {topic: kind_of(given) for topic, given in described}
+        self._infos: dict[str, list[_Came]] = {
+            topic: [] for topic, kind in self._kinds.items() if kind == IMAGE
+        }
+        """CameraInfo, by the topics of the depth images that it is of."""
         self._commands: list[float] = []
         self._clock, self._simulated = SimulatedClock(), False
         self._damage: dict[str, str] = {}
@@ -202,6 +208,10 @@ class _Heard:
                 *(
                     (topic, self._kinds[topic], SENSOR, self._into(rows, topic))
                     for topic, rows in self._scans.items()
+                ),
+                *(
+                    (depth.info_topic(topic), CAMERA_INFO, SENSOR, self._into(rows, topic))
+                    for topic, rows in self._infos.items()
                 ),
                 *((topics.command, kind, SENSOR, self._command) for kind in (TWIST, STAMPED)),
                 *(
@@ -219,7 +229,8 @@ class _Heard:
     def enough(self) -> bool:
         """Whether the sensors are known."""
         scans = min(map(len, self._scans.values()))
-        return len(self._odometry) >= _READINGS and scans >= _SCANS
+        told = all(self._infos.values())
+        return len(self._odometry) >= _READINGS and scans >= _SCANS and told
 
     def framed(self) -> bool:
         """Whether it is known where every LiDAR is. CohelmError as `StaticTransforms.mount`."""
@@ -247,6 +258,10 @@ class _Heard:
             if len(came) < 3:
                 damage = self._damage.get(topic, "")
                 wrong.append(mismatch.unheard(topic, kind, SENSOR, option, seen, damage))
+        wrong += [
+            mismatch.no_camera_info(topic, depth.info_topic(topic), seen)
+            for topic, rows in self._infos.items() if not rows
+        ]  # fmt: skip
         out_type = TWIST
         if drives:
             out_type, amiss = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
@@ -358,7 +373,8 @@ class _Heard:
     def _cloud(
         self, topic: str, given: LidarModel, allowed: Allowed, notes: list[str]
     ) -> tuple[FoundLidar, LidarModel]:
-        """One that sends point clouds: what it sees and how finely is as described."""
+        """One that sends point clouds: what it sees and how finely is as described; or depth
+        images, whose camera is asked too."""
         rows, body = self._scans[topic], self._body()
         matrix = self._transforms.between(self._frame(topic), body)
         if matrix is None:
@@ -373,14 +389,26 @@ class _Heard:
                 "latency_s": min(max(min(ages) + ticks.ahead, 0.0), 1.0),
             }
         )  # fmt: skip
-        cloud.CloudRanges(lidar, matrix, topic).of(rows[-1].message)
+        camera, what, grain = None, "point cloud", ""
+        if infos := self._infos.get(topic):
+            camera = depth.camera(infos[-1].message, depth.info_topic(topic))
+            lidar = depth.described(camera, matrix, lidar, topic)
+            depth.DepthRanges(lidar, camera, matrix, topic).of(rows[-1].message)
+            what = f"depth image: {camera.width} x {camera.height}"
+            grain = (
+                f", over {lidar.field_of_view_deg:.0f} deg, middle beam at "
+                f"{lidar.mount_yaw_deg:.1f} deg, {1e3 * camera.gap * lidar.range_max_m:.0f} mm "
+                f"between rays at {lidar.range_max_m:g} m"
+            )
+        else:
+            cloud.CloudRanges(lidar, matrix, topic).of(rows[-1].message)
         low, high = given.height_band_m or (0.0, 0.0)
         notes.append(
-            f"point cloud: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
-            f"{lidar.beams} beams, at x {x:.3f} y {y:.3f} m"
+            f"{what}: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
+            f"{lidar.beams} beams, at x {x:.3f} y {y:.3f} m{grain}"
         )
-        pose = Pose(x, y, math.radians(given.mount_yaw_deg))
-        return FoundLidar(topic, Mount(pose, False, z), ticks, False, matrix), lidar
+        pose = Pose(x, y, math.radians(lidar.mount_yaw_deg))
+        return FoundLidar(topic, Mount(pose, False, z), ticks, False, matrix, camera), lidar
 
     def _placed(self, topic: str, given: LidarModel | None, allowed: Allowed) -> Mount:
         """Where a LiDAR is."""
@@ -429,7 +457,9 @@ class _Heard:
 
 def kind_of(lidar: LidarModel | None) -> str:
     """The type of the messages of a LiDAR that is described so."""
-    return SCAN if lidar is None or lidar.height_band_m is None else CLOUD
+    if lidar is None or lidar.height_band_m is None:
+        return SCAN
+    return IMAGE if lidar.depth_image else CLOUD
 
 
 def _rate(came: list[float]) -> float:

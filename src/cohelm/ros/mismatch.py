@@ -7,6 +7,7 @@ from cohelm.ros.port import Endpoint, Qos, reaches
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 ODOMETRY, SCAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
 CLOUD = "sensor_msgs/msg/PointCloud2"
+IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 TF = "tf2_msgs/msg/TFMessage"
 BOOL = "std_msgs/msg/Bool"
 _MOST_NAMED = 4
@@ -28,6 +29,8 @@ def unheard(
         band = ""
         if (there[0].type, kind) == (CLOUD, SCAN):
             band = ", or give this LiDAR a height_band_m in the robot's YAML file"
+        if there[0].type == IMAGE and kind in (SCAN, CLOUD):
+            band = ", or give it a height_band_m and depth_image: true in the robot's YAML file"
         return (
             f"{topic} is {there[0].type}{_by(there)}, and {kind} is needed: name another topic "
             f"with {option}{band}{_others(kind, seen)}"
@@ -112,6 +115,14 @@ def lock(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
             f"move: name another topic with --lock, or none with --lock ''{_others(BOOL, seen)}"
         )
     return f"emergency stop: {topic}{_by(there)}", ""
+
+
+def no_camera_info(topic: str, info: str, seen: list[Endpoint]) -> str:
+    """That nobody says how a depth image is to be taken."""
+    return (
+        f"nothing is heard on {info}, where the {CAMERA_INFO} of {topic} has to be: let its driver "
+        f"publish that beside the images, or remap it there{_others(CAMERA_INFO, seen)}"
+    )
 
 
 def no_frame(topic: str, frame: str, body: str, known: list[str]) -> str:

@@ -20,6 +20,7 @@ from cohelm.ros import laser
 from cohelm.ros.clock import Clock, SimulatedClock, seconds
 from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.connection import connection
+from cohelm.ros.depth import DepthRanges
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.look import Found, FoundLidar, Topics, kind_of, look
 from cohelm.ros.messages import command
@@ -152,8 +153,12 @@ class Ros2Robot(Robot):
                 self._came[name] = received
 
 
-def _ranges(model: LidarModel, found: FoundLidar) -> laser.Ranges | CloudRanges:
+def _ranges(
+    model: LidarModel, found: FoundLidar
+) -> laser.Ranges | CloudRanges | DepthRanges:  # fmt: skip
     """What makes ranges of the messages of a LiDAR."""
+    if found.cloud is not None and found.camera is not None:
+        return DepthRanges(model, found.camera, found.cloud, found.topic)
     if found.cloud is not None:
         return CloudRanges(model, found.cloud, found.topic)
     return laser.Ranges(model, found.mount)

@@ -37,11 +37,12 @@ from cohelm.record.markers import header, pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Robot, Scan
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros import clock
+from cohelm.ros import clock, rendered
+from cohelm.ros.depth import info_topic
 from cohelm.ros.localized import transform
 from cohelm.ros.look import Topics, kind_of
 from cohelm.ros.messages import command
-from cohelm.ros.mismatch import ODOMETRY, STAMPED, TF, TWIST
+from cohelm.ros.mismatch import CAMERA_INFO, IMAGE, ODOMETRY, STAMPED, TF, TWIST
 from cohelm.ros.names import resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received, Transport
 
@@ -83,6 +84,9 @@ class ServedRobot:
         for lidar, topic in zip(robot.model.lidars, topics.of_lidars(robot.model), strict=False):
             self._lidars[lidar.name] = topic
             self._publishers[topic] = transport.publish(topic, kind_of(lidar), SENSOR)
+            if kind_of(lidar) == IMAGE:
+                info = info_topic(topic)
+                self._publishers[info] = transport.publish(info, CAMERA_INFO, SENSOR)
         self._tf = resolved("tf", topics.namespace)
         self._publishers[self._tf] = transport.publish(self._tf, TF, Qos(True, False, 10))
         tf = resolved("tf_static", topics.namespace)
@@ -116,7 +120,11 @@ class ServedRobot:
         for one in (readings.scan, *readings.further):
             if one is not None and one is not self._scans.get(one.sensor):
                 self._scans[one.sensor] = one
-                self._send(self._lidars[one.sensor], scan(one, robot.model, ahead))
+                topic, message = self._lidars[one.sensor], scan(one, robot.model, ahead)
+                self._send(topic, message)
+                if (info := info_topic(topic)) in self._publishers:
+                    lidar, _ = _frames(robot.model)[one.sensor]
+                    self._send(info, rendered.info(rendered.camera_of(lidar), message.header))
 
     def _send(self, topic: str, message: Any) -> None:
         message = self.tamper(topic, message)
@@ -152,11 +160,13 @@ def odometry_transform(reading: Odometry, ahead: float) -> Any:
 
 
 def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
-    """A `sensor_msgs/msg/LaserScan`, or where its LiDAR has a height band a `PointCloud2` of posts.
-    ahead: of the robot's clock is the wall's [s]."""
+    """A `sensor_msgs/msg/LaserScan`, or where its LiDAR has a height band a `PointCloud2` of posts
+    or an `Image` of depths. ahead: of the robot's clock is the wall's [s]."""
     lidar, frame = _frames(model)[reading.sensor]
     numbers, n = lidar.lidar(), len(reading.ranges)
     stamped = header(_nanoseconds(reading.stamp + ahead), frame)
+    if lidar.depth_image:
+        return rendered.image(reading.ranges, lidar, _height(lidar), stamped)
     if lidar.height_band_m is not None:
         hit = np.isfinite(reading.ranges)
         middle = 0.5 * sum(lidar.height_band_m) - _height(lidar)
@@ -178,9 +188,11 @@ def mounts(model: RobotModel) -> Any:
     now, found = time.time_ns(), list[TransformStamped]()
     for lidar, frame in _frames(model).values():
         half = 0.5 * math.radians(lidar.mount_yaw_deg)
+        c, s = math.cos(half), math.sin(half)
+        x, y, z, w = rendered.OPTICAL if lidar.depth_image else (0.0, 0.0, 0.0, 1.0)
         at = Transform(
             Vector3(lidar.mount_x_m, lidar.mount_y_m, _height(lidar)),
-            Quaternion(0.0, 0.0, math.sin(half), math.cos(half)),
+            Quaternion(c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z),
         )
         found.append(TransformStamped(header(now, _BODY), frame, at))
     return TFMessage(found)

@@ -18,6 +18,9 @@ _KEPT = 12
 _RUN = 20
 """So many neighbouring beams do not repeat their ranges by chance: a LiDAR that rounds to its own
 standard deviation repeats one range with probability 0.28, twenty in a row with 1e-11."""
+_RUN_SHARE = 0.5
+"""... nor so many of all beams of a sensor whose scans are made of many points each: what is
+nearest of a column of pixels that are rounded to the millimetre is often the same."""
 _SHARE = 0.5
 """... and half of all beams do not either."""
 _SHIFTS = (0, 1, -1, 2, -2)
@@ -39,6 +42,8 @@ class Content:
 
     def __init__(self, lidar: LidarModel) -> None:
         self._lidar = lidar
+        made = lidar.height_band_m is not None
+        self._run = max(_RUN, math.ceil(_RUN_SHARE * lidar.beams)) if made else _RUN
         self._before: deque[Floats] = deque(maxlen=_KEPT)
         """The newest last."""
         self._bad: dict[str, int] = {}
@@ -64,14 +69,14 @@ class Content:
             return []
         real = self._measured(ranges)
         of = int(real.sum())
-        if of < _RUN:
+        if of < self._run:
             return []
         if self._before:
             newest = self._before[-1]
             turned = [np.roll(newest, shift) for shift in _SHIFTS[1:]]
             same = (np.stack([*self._before, *turned, newest[::-1]]) == ranges) & real
-            for row in np.flatnonzero(same.sum(axis=1) >= _RUN).tolist():  # else there is no run
-                if _longest(same[row], real) >= _RUN:
+            for row in np.flatnonzero(same.sum(axis=1) >= self._run).tolist():  # else no run
+                if _longest(same[row], real) >= self._run:
                     if row == len(same) - 1:
                         return [fault("the scan repeats, mirrored")]
                     return [fault(self._said(int(same[row].sum()), of))]
@@ -89,7 +94,7 @@ class Content:
         real = self._measured(ranges)
         same = np.zeros(len(ranges), dtype=np.bool_)
         same[1:] = (ranges[1:] == ranges[:-1]) & real[1:]
-        if same.sum() >= _RUN and _longest(same, real) >= _RUN:
+        if same.sum() >= self._run and _longest(same, real) >= self._run:
             value = float(ranges[np.flatnonzero(same)[0]])
             return [fault(f"many of the scan's beams read the same {value:.2f} m")]
         return []

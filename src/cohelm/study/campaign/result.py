@@ -13,7 +13,7 @@ class EpisodeResult(NamedTuple):
 
     suite: str
     plant: str
-    """What was driven, see `case.PLANTS`."""
+    """What was driven, see `episode.PLANTS`."""
     law: str
     episode: int
     kind: str

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import pytest
 
-from cohelm.cli import main
-
 
 class Said(NamedTuple):
     code: int
@@ -20,6 +18,8 @@ Cohelm = Callable[..., Said]
 
 @pytest.fixture
 def cohelm(monkeypatch, capsys, tmp_path) -> Cohelm:
+    from cohelm.cli import main
+
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments: object) -> Said:

@@ -1,0 +1,58 @@
+"""A depth image as a scan: `python -m benchmarks.depth [--width 640 --height 480]`.
+
+From the bytes of an Image as they come from the network to ranges: what a robot's driver adds to
+reading it, in the process of the gate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Image as Image
+
+from cohelm.record.markers import header
+from cohelm.robot.sensors import LidarModel
+from cohelm.ros.depth import Camera, DepthRanges, described
+from cohelm.ros.mismatch import IMAGE
+from cohelm.ros.types import packed, unpacked
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser()
+    ask.add_argument("--width", type=int, default=640)
+    ask.add_argument("--height", type=int, default=480)
+    ask.add_argument("--float", action="store_true", help="32FC1 instead of 16UC1")
+    ask.add_argument("--count", type=int, default=300)
+    given = ask.parse_args()
+    width, height = given.width, given.height
+    camera = Camera(width, height, 0.95 * width, 0.95 * width, 0.5 * width, 0.5 * height)
+    depth = np.random.default_rng(1).uniform(0.0, 5.0, (height, width))
+    rows = depth.astype("<f4") if given.float else np.rint(1e3 * depth).astype("<u2")
+    kind = "32FC1" if given.float else "16UC1"
+    data = packed(
+        Image(
+            header(0, "camera"), height, width, kind, 0, rows.strides[0],
+            rows.view(np.uint8).ravel(),
+        ),
+        IMAGE,
+    )  # fmt: skip
+    body = np.eye(4)
+    down = np.radians(20.0)
+    forward = (np.cos(down), 0.0, -np.sin(down))
+    body[:3, :3] = np.column_stack(((0, -1, 0), (-np.sin(down), 0, -np.cos(down)), forward))
+    body[2, 3] = 0.4
+    model = LidarModel(height_band_m=(0.05, 1.0), depth_image=True, range_max_m=4.0)
+    model = described(camera, body, model, "/depth")
+    ranges, took = DepthRanges(model, camera, body, "/depth"), list[float]()
+    for _ in range(given.count):
+        begun = time.perf_counter()
+        ranges.of(unpacked(data, IMAGE)[0])
+        took.append(1e3 * (time.perf_counter() - begun))
+    for name, q in (("least", 0.0), ("median", 50.0), ("99 %", 99.0), ("most", 100.0)):
+        print(f"{name}: {np.percentile(took, q):.2f} ms")
+
+
+if __name__ == "__main__":
+    main()

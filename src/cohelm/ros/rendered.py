@@ -1,0 +1,64 @@
+"""Depth images of what a planar scan has shown: walls where it returned, and the floor before them.
+
+For a simulated robot whose LiDAR is described as a depth camera.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from rosbags.typesys.stores.ros2_jazzy import (
+    sensor_msgs__msg__CameraInfo as CameraInfo,
+    sensor_msgs__msg__Image as Image,
+    sensor_msgs__msg__RegionOfInterest as RegionOfInterest,
+)
+
+from cohelm.core.types import Floats
+from cohelm.robot.sensors import LidarModel
+from cohelm.ros.depth import Camera
+
+OPTICAL = (-0.5, 0.5, -0.5, 0.5)
+"""x, y, z, w: of a camera that looks along the body's x, level (REP-103)."""
+_WIDEST = 120.0
+"""A pinhole camera sees no more [deg]."""
+
+
+def camera_of(lidar: LidarModel) -> Camera:
+    """One as fine as its beams, 4 to 3."""
+    width = max(lidar.beams, 8)
+    half = math.radians(0.5 * min(lidar.field_of_view_deg, _WIDEST))
+    height, middle = 3 * width // 4, 0.5 * (width - 1)
+    f = middle / math.tan(half)
+    return Camera(width, height, f, f, middle, 0.5 * (height - 1))
+
+
+def info(camera: Camera, header: Any) -> Any:
+    """Its `sensor_msgs/msg/CameraInfo`."""
+    k = np.array([camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1.0])
+    p = np.insert(k, [3, 6, 9], 0.0)
+    none = RegionOfInterest(0, 0, 0, 0, False)
+    return CameraInfo(
+        header, camera.height, camera.width, "plumb_bob", np.zeros(5), k, np.eye(3).ravel(), p, 0,
+        0, none,
+    )  # fmt: skip
+
+
+def image(ranges: Floats, lidar: LidarModel, height: float, header: Any) -> Any:
+    """Its `sensor_msgs/msg/Image`, 16UC1: walls of any height, and the floor so far below [m]."""
+    camera, numbers = camera_of(lidar), lidar.lidar()
+    x = (np.arange(camera.width) - camera.cx) / camera.fx
+    beam = np.rint((-np.arctan(x) - numbers.first) / numbers.step).astype(np.int64)
+    seen = np.nan_to_num(ranges[np.clip(beam, 0, len(ranges) - 1)], neginf=0.0, nan=0.0)
+    wall = seen / np.sqrt(1.0 + x * x)
+    down = (np.arange(camera.height) - camera.cy) / camera.fy
+    with np.errstate(divide="ignore"):
+        floor = np.where(down > 0.0, height / down, math.inf)
+    depth = np.minimum(wall[None, :], floor[:, None])
+    depth[~(depth < 65.0)] = 0.0
+    data = np.rint(1000.0 * depth).astype("<u2")
+    return Image(
+        header, camera.height, camera.width, "16UC1", 0, 2 * camera.width,
+        data.view(np.uint8).ravel(),
+    )  # fmt: skip
