@@ -150,6 +150,8 @@ def robot(
         ways=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
+    if known is None and len(made.scenario.walls()) == 0:
+        begins += "; neither --map nor walls to localise by: it trusts its odometry"
     config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)
     topics_too = on_topics(made, config, lambda text: say(plain(text)))
     if listen is not None:

@@ -36,6 +36,7 @@ from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.limits import checked_braking
 from cohelm.scenario.load import dump
 
 _BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
@@ -56,7 +57,7 @@ class SessionConfig:
     known: LocalizationMap | None = None
     """The map to localise on; by default the scenario's walls."""
     localise: bool = True
-    """Without, the robot trusts its odometry."""
+    """Without, or where there are neither map nor walls, the robot trusts its odometry."""
     zones: Zones | None = None
     """Where the robot keeps out, and where it goes slowly, on that map."""
     ways: LoopParams = field(default_factory=LoopParams)
@@ -84,6 +85,8 @@ class Session:
         self._urgent, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
         robot, real_time = plan.robot, plan.robot.real_time
         model = robot.model
+        if robot.kind == "own":  # a simulated one brakes as it is described, at once too
+            checked_braking(model.bounds())
         self.recording: Recording | None = None
         self.live: Live | None = None
         self.keeper: Keeper | None = None
@@ -102,8 +105,9 @@ class Session:
             if plan.live is not None:
                 self.live = Live(plan.live, model)
             where = plan.known
-            if where is None and plan.localise:
-                where = map_from_geometry(robot.scenario.walls(), robot.start)
+            walls = robot.scenario.walls()
+            if where is None and plan.localise and len(walls) > 0:
+                where = map_from_geometry(walls, robot.start)
             self.known = where
             if plan.zones is not None:
                 check(plan.zones, where)
