@@ -151,7 +151,7 @@ def robot(
     plan = SessionConfig(
         made, rate, record, live(foxglove), known,
         zones=read_zones(keep_out, speed_zones, made.start),
-        ways=LoopParams(carry_on=carry_on), pictures=pictures,
+        loop=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
     config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)

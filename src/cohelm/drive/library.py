@@ -49,9 +49,9 @@ def drive(
     file = None if record is None else Path(record)
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
-    ways = LoopParams(carry_on=carry_on)
+    loop = LoopParams(carry_on=carry_on)
     walls = len(made.scenario.walls()) > 0  # else there is nothing to localise by
-    plan = SessionConfig(made, rate, file, localise=walls, ways=ways)
+    plan = SessionConfig(made, rate, file, localise=walls, loop=loop)
     heeding = threading.current_thread() is threading.main_thread()
     with ended() if heeding else nullcontext(End([])) as stop:
         if listen is not None:

@@ -54,10 +54,10 @@ def serve(
         else:
             _log.warning("there is no wall to localise by: the robot trusts its odometry")
             plan = replace(plan, localise=False)
-    on_loss = "goes on alone" if plan.ways.carry_on else "stops"
+    on_loss = "goes on alone" if plan.loop.carry_on else "stops"
     end, bulk = both_ends(door.keys, door.host, door.port, door.records, STALE + plan.patience)
     operator = OverLink(
-        end, bulk, plan.robot.model, door.records, on_loss, plan.ways.manner.stale,
+        end, bulk, plan.robot.model, door.records, on_loss, plan.loop.arming.stale,
         plan.robot.kind != "kinematic",
     )  # fmt: skip
     try:
