@@ -1,4 +1,4 @@
-"""The loop: one period after the other, each at its time, whatever happens in it."""
+"""The control loop: one period after the other, each at its time, whatever happens in it."""
 
 from __future__ import annotations
 
