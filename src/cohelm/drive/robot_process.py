@@ -180,8 +180,8 @@ def _drive(
         try:
             kind = "twin" if twin else "kinematic"
             made = meant(Asked(name, site, kind, True, None, [], driver))
-            ways = LoopParams(carry_on=carry_on)
-            plan = SessionConfig(made, live=live, ways=ways, patience=patience, pictures=pictures)
+            loop = LoopParams(carry_on=carry_on)
+            plan = SessionConfig(made, live=live, loop=loop, patience=patience, pictures=pictures)
             serve(plan, door, ready, over)
         except CohelmError as error:
             try:

@@ -46,10 +46,10 @@ def serve(
     ready: told the address when the robot can be driven. topics: what a ROS 2 robot says besides.
     Raises CohelmError where something can not be started.
     """
-    on_loss = "goes on alone" if plan.ways.carry_on else "stops"
+    on_loss = "goes on alone" if plan.loop.carry_on else "stops"
     end, bulk = both_ends(door.keys, door.host, door.port, door.records, STALE + plan.patience)
     operator = OverLink(
-        end, bulk, plan.robot.model, door.records, on_loss, plan.ways.manner.stale,
+        end, bulk, plan.robot.model, door.records, on_loss, plan.loop.arming.stale,
         plan.robot.kind != "kinematic",
     )  # fmt: skip
     try:
