@@ -195,3 +195,16 @@ def test_zones_come_as_bytes_and_out_of_one_leads_the_shortest_way(asked) -> Non
     assert (got["columns"], got["rows"], bytes(got["cells"])) == (20, 8, cells)
     assert (inside, beside, none) == (True, False, None)
     assert out == pytest.approx([1.6, 1.5], abs=0.051)
+
+
+def test_what_the_robots_own_limits_shaped_is_not_said_to_be_held_back_for_something(asked) -> None:
+    def shaped(limiting: str, clearance: float) -> str:
+        return (
+            "m.why({why: '', nominal: [0, 1], applied: [0, 0.5], verdict: 'shaped', "
+            f"limiting: {limiting}, clearance_m: {clearance}}})"
+        )
+
+    own, near = "as fast as the robot may", "held back: something is near"
+    assert asked(
+        "panels/why.ts", shaped("null", 0.9), shaped("null", 0.2), shaped("[1, 0]", 0.9),
+    ) == [own, near, near]  # fmt: skip
