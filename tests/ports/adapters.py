@@ -5,6 +5,7 @@ A new adapter adds itself to `ADAPTERS`; the suite then holds it to the port's p
 
 import atexit
 import io
+import math
 import shutil
 import tempfile
 import zlib
@@ -18,7 +19,17 @@ from PIL import Image
 
 from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
-from cohelm.link.messages import Alarm, Discs, Line, Map, Mode, Polyline, Severity
+from cohelm.link.messages import (
+    Alarm,
+    Discs,
+    Line,
+    Map,
+    Mode,
+    Polyline,
+    Severity,
+    Zone,
+    ZoneMap,
+)
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.replay import Replayed
@@ -62,6 +73,8 @@ SHOWN = (
     StatusWords(3, "ann", Mode.SHARED, "", "near a wall", 0.4, "the link is slow",
          (Alarm(7, Severity.WARNING, True, False, "the stick is lost"),)),
     Map(1, Pose(-4.0, -3.0, 0.5), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(bytes([0, 100, 255] * 2))),
+    ZoneMap(Zone.KEEP_OUT, Pose(1.0, 2.0, 0.5), 0.05, math.nan, 2, 1, zlib.compress(b"\0d")),
+    ZoneMap(Zone.SPEED, Pose(-1.0, 2.0, 0.0), 0.1, math.nan, 1, 2, zlib.compress(bytes([40, 0]))),
     Polyline(Line.REFERENCE, np.array([[0.0, 0.0], [1.0, 0.5]], dtype=np.float32)),
     Polyline(Line.DETOUR, np.array([[0.0, 0.5], [1.0, 0.5]], dtype=np.float32)),
     Polyline(Line.WAYPOINTS, np.array([[1.0, 0.5]], dtype=np.float32)),

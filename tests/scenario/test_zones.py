@@ -141,6 +141,7 @@ def test_what_is_shown_of_zones_is_in_the_record_of_a_run_and_comes_back(tmp_pat
         ("{keep_outs: 1}", (), "zones.keep_outs"),
         (f"{{keep_out_m: [{ACROSS}]}}", ("law.filter=none",), "the paper's law knows no zones"),
         ("{keep_out_m: [[[0, 0], [9e4, 0], [9e4, 9e4]]]}", (), "are all corners in metres?"),
+        ("{keep_out_m: [[[0, 0], [3300, 0], [3300, 1]]]}", (), "or than 65535 in a row: are all"),
     ],
 )  # fmt: skip
 def test_zones_that_make_no_sense_are_refused_in_a_sentence(zones, changes, why):

@@ -24,6 +24,8 @@ from cohelm.scenario.worlds.maps import OCCUPIED, OccupancyMap, read_map, read_s
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Corners = Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=3, max_length=10_000)]
 File = Annotated[str, Field(min_length=1)]
+_MOST_IN_A_ROW = 65535
+"""Cells, as stations are told them."""
 
 
 class SpeedZone(Schema):
@@ -120,10 +122,11 @@ def _drawn(polygons: Sequence[Polygon], name: str) -> tuple[NDArray[np.float32],
     all_ = np.vstack([np.array(corners, dtype=np.float64) for corners, _ in polygons])
     low = np.floor(all_.min(axis=0) / CELL).astype(int) - 1
     width, height = (np.ceil(all_.max(axis=0) / CELL).astype(int) + 2 - low).tolist()
-    if width * height > MOST_CELLS:
+    if width * height > MOST_CELLS or max(width, height) > _MOST_IN_A_ROW:
         raise CohelmError(
             f"zones.{name}: from {low[0] * CELL:g}, {low[1] * CELL:g} they span {width} x {height} "
-            f"cells of {CELL:g} m, more than {MOST_CELLS}: are all corners in metres?"
+            f"cells of {CELL:g} m, more than {MOST_CELLS}, or than {_MOST_IN_A_ROW} in a row: are "
+            "all corners in metres?"
         )
     cells = np.zeros((height, width), dtype=np.float32)
     for corners, value in polygons:
