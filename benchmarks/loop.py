@@ -159,7 +159,7 @@ def measure(rate: float, seconds: float, twin: bool, folder: Path) -> dict[str, 
         return {
             "rate_hz": rate, "seconds": wall, "scheduling": session.scheduling,
             **kept._asdict(), "bare_timer": bare._asdict(), "core_share": shares,
-            "mode": gate.mode.name, "reason": gate.reason, "dropped": session.loop.dropped,
+            "mode": gate.mode.name, "reason": gate.reason, "dropped": session.loop.log.dropped,
             "pictures": seen, "alarms": [alarm.text for alarm in session.loop.alarms.worst()],
         }  # fmt: skip
 

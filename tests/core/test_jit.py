@@ -18,10 +18,20 @@ from tests.few import first
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="compilation is off")
 
 PACKAGE = Path(cohelm.__file__).parent
+CALLER = """
+from cohelm.core.jit import jit
+from cohelm.core.types import Desired, Pose
+from cohelm.law.track import track
+
+@jit
+def step(x, gains):
+    return track(Pose(x, 0.0, 0.0), Desired(1.0, 0.0, 0.0, 0.5, 0.0), gains).v
+"""
+"""A file of the room `law` that calls another; the real step takes seconds to compile."""
 STEP = """
-from cohelm.core.types import Desired, Pose, Stick, discs
-from cohelm.law.step import step
-print(step(Pose(0.0, 0.0, 0.0), Desired(1.0, 0.0, 0.0, 0.5, 0.0), Stick(0.0, 0.0), discs()).safe_v)
+from cohelm.law.caller import step
+from cohelm.law.gains import Gains
+print(step(0.0, Gains()))
 """
 TRACK = """
 from cohelm.core.types import Desired, Pose
@@ -38,6 +48,7 @@ def checkout(tmp_path):
     for room in ("core", "law"):
         shutil.copytree(PACKAGE / room, copy / room, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(PACKAGE / "__init__.py", copy)
+    (copy / "law" / "caller.py").write_text(CALLER, encoding="utf-8")
     return copy
 
 

@@ -66,7 +66,7 @@ def test_a_new_way_is_taken_up_in_the_mode_it_is_and_nobody_remembers_one(drive)
 
 
 @pytest.mark.parametrize("ends", ["hold", "stop", "stop and reset", "release", "fault", "gone"])
-@pytest.mark.parametrize("after", [0, 3, 15])
+@pytest.mark.parametrize("after", first([3, 0, 15]))
 def test_what_ends_a_mode_while_a_way_is_made_is_not_undone(drive, ends, after):
     drive.beside.ways.takes = 20
 

@@ -14,6 +14,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
 from cohelm.sim.lidar import scan as cast
+from tests import few
 from tests.perceive.buildings import NO_DISCS, Artefacts, building, tour
 from tests.perceive.drives import DT, LIDAR, along, drive
 
@@ -134,6 +135,41 @@ def test_where_a_wall_is_drawn_within_its_cells_is_learnt(drawn):
     assert math.sqrt((rows[20:, 0] ** 2).mean()) < 0.008
 
 
+def room(cell, side=6.0):
+    """Of a square room whose walls fill one cell: the cells that are occupied, and all within."""
+    n = round(side / cell)
+    drawn = np.zeros((n, n), dtype=bool)
+    drawn[[2, -3], 2:-2] = drawn[2:-2, [2, -3]] = True
+    free = np.zeros_like(drawn)
+    free[3:-3, 3:-3] = True
+    return drawn, free
+
+
+def test_walls_that_free_ground_was_not_drawn_up_to_are_matched_like_others():
+    """Two of four walls: an unknown cell lies between them and where the robot can be."""
+    drawn, free = room(0.1)
+    free[3, :] = free[:, 3] = False
+    made = known(drawn, free, 0.1, Pose(0.0, 0.0, 0.0)).surfaces
+    for across in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        assert np.count_nonzero(made.normals @ np.array(across) > 0.9) > 40
+
+
+@pytest.mark.parametrize("cell", [0.05, 0.1])
+def test_how_coarse_the_cells_are_speaks_against_no_place_once_it_is_learnt(cell):
+    """Ends of beams lie on the cells' faces, up to a cell from the middle of one that is drawn."""
+    drawn, free = room(cell)
+    lidar, here = LIDAR.lidar(), Pose(3.0, 2.9, 0.3)
+    ranges = np.empty(len(lidar.beams))
+    world = grid(drawn, cell, Pose(0.0, 0.0, 0.0))
+    cast(here, lidar, NO_DISCS, NO_WALLS, world, 0, 0, ranges)
+    made = known(drawn, free, cell, Pose(0.0, 0.0, 0.0))
+    right = judge(made, lidar, here, ranges, 1, 0.5 * cell, 0.02)
+    beside = judge(made, lidar, Pose(3.06, 2.9, 0.3), ranges, 1, 0.5 * cell, 0.02)
+    assert right.agree > 0.99
+    assert right.log > -1.0
+    assert right.log + right.closer > beside.log + beside.closer + 3.0
+
+
 def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
     """A place that explains a quarter of the scan, without a contradiction, is not likelier than
     the one that explains all but a wall that stands no more."""
@@ -151,7 +187,7 @@ def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
     here, there = Pose(5.0, 5.0, 0.3), Pose(8.5, 5.0, math.pi)
     ranges = np.empty(len(lidar.beams))
     cast(here, lidar, NO_DISCS, NO_WALLS, grid(stands, cell, Pose(0.0, 0.0, 0.0)), 0, 0, ranges)
-    right, beside = (judge(made, lidar, pose, ranges, 1) for pose in (here, there))
+    right, beside = (judge(made, lidar, pose, ranges, 1, 0.0, 0.06) for pose in (here, there))
     assert beside.told < 0.5 * right.told
     assert right.weighed > beside.weighed + 6.0
 
@@ -177,7 +213,7 @@ def test_told_its_start_beside_niches_that_are_on_no_map_it_is_not_turned_round(
     assert rows[:, 0].max() < 0.1
 
 
-@pytest.mark.parametrize("start", [16, 24, 33, 41])
+@pytest.mark.parametrize("start", few.first([16, 41, 24, 33], 2))
 def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(start):
     """More places look like this one than can be followed: what is left of some is no proof."""
     occupied, free, cell, origin = dotted(4, length=60.0)
@@ -234,7 +270,7 @@ def gone(occupied, share, seed, cell=0.05):
     return left
 
 
-@pytest.mark.parametrize("start", [14.0, 22.0, 30.0, 38.0])
+@pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0], 2))
 def test_boxes_on_no_map_where_it_begins_send_it_to_no_place_that_looks_alike(start):
     occupied, free, cell, origin = dotted(4, length=60.0)
     low = [[start + 1.2, -0.85], [start + 3.0, 0.35], [start + 4.5, -0.8]]
@@ -263,7 +299,7 @@ def standing_without_a_third(start, steps):
     return Perception(SALLY, known(occupied, free, cell, origin), here), moments
 
 
-@pytest.mark.parametrize("start", [14.0, 22.0, 30.0, 38.0])
+@pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0], 2))
 def test_told_its_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
     """The map is as wrong elsewhere, and nobody moved the robot: it need not drive to be sure."""
     perception, moments = standing_without_a_third(start, 300)

@@ -144,7 +144,7 @@ def test_progress_goes_forward_to_the_end(result, told):
     assert told[-1] == ("done", 1.0)
 
 
-@pytest.mark.parametrize("name", first(FIGURES, 3))
+@pytest.mark.parametrize("name", first(FIGURES))
 def test_every_figure_is_a_picture_and_small(out, result, name):
     png = out / f"{name}.png"
     assert png in result.written

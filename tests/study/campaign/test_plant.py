@@ -26,7 +26,6 @@ def test_a_room_is_driven_on_sensors_alone():
     assert (row.stops, row.stopped_by) == (0, "")
     assert row.gate_share < 0.01  # the gate is there, and has little to do
     assert 0.0 <= row.monitor_share < 1.0
-    assert drive(suites.suite("random", 1, None, "twin").case(6), row).same
     (known,) = chunk(suites.suite("random", 1, None), "guard", (6,))
     assert math.isnan(known.gate_share)
     assert math.isnan(known.monitor_share)
@@ -65,6 +64,13 @@ def test_a_loop_that_is_not_heard_is_stopped_by_the_watchdog_of_a_campaign_too(m
     assert row.stops == 1
     assert row.stopped_by == "no sound command for more than 100 ms"
     assert row.arrived
+
+
+@pytest.mark.slow  # tests/cli/test_campaign.py drives a row again by default
+def test_a_room_is_driven_again_alike_on_sensors_alone():
+    made = suites.suite("random", 1, None, "twin")
+    (row,) = chunk(made, "guard", (6,))
+    assert drive(made.case(6), row).same
 
 
 @pytest.mark.slow
