@@ -153,6 +153,7 @@ class DepthRanges:
         last = np.minimum(np.where(level, math.inf, ends[1]), beyond)
         used = first <= last
         floor = self._floor = None if model.floor is None else Floor(model, model.floor)
+        flat: Floats = far
         if model.floor is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
                 flat = far * (model.floor.height_m - body[2, 3]) / rise

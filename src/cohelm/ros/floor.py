@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.types import Floats, Ints
 from cohelm.robot.sensors import FloorModel, LidarModel
@@ -74,7 +75,7 @@ class Floor:
         made: Floats = np.where(~(ranges < hides) & (ends < math.inf), ends, ranges)
         return made
 
-    def _counted(self, beams: Ints, far: Floats, which: Floats) -> Floats:
+    def _counted(self, beams: Ints, far: Floats, which: NDArray[np.bool_]) -> Floats:
         """(sectors, cells), how many of some points lie in each."""
         floor = self._floor
         with np.errstate(invalid="ignore"):
@@ -82,5 +83,6 @@ class Floor:
         cells = ((far[chosen] - floor.from_m) * (1.0 / self._long)).astype(np.int64)
         np.minimum(cells, self._shape[1] - 1, out=cells)
         keys = beams[chosen] // self._wide * self._shape[1] + cells
-        counts: Floats = np.bincount(keys, minlength=self._shape[0] * self._shape[1])
-        return counts.reshape(self._shape).astype(np.float64)
+        counts = np.bincount(keys, minlength=self._shape[0] * self._shape[1])
+        made: Floats = counts.reshape(self._shape).astype(np.float64)
+        return made
