@@ -1,6 +1,8 @@
 """A robot by somebody else in the whole loop: gate, watchdog, perception, pilot."""
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,3 +102,14 @@ def test_the_function_and_the_room_of_one_name_are_both_to_be_had():
 
     assert cohelm.drive.session.Session is Session
     assert callable(cohelm.drive)
+
+
+def test_a_real_robot_of_which_nobody_knows_how_it_brakes_is_not_driven(tmp_path):
+    """The guard would count on braking without end."""
+    text = (Path(cohelm.__file__).parent / "robot" / "models" / "sally.yaml").read_text()
+    endless = tmp_path / "endless.yaml"
+    turning = "yaw_acceleration_radps2: 3.0"
+    endless.write_text(re.sub(r"wheel_acceleration_mps2: [\d.]+", turning, text))
+    assert cohelm.load_robot(endless).limits.wheel_acceleration_mps2 is None
+    with pytest.raises(cohelm.CohelmError, match="how hard the robot brakes"):
+        cohelm.drive(carts.Simulated, SITE, model=endless, mode="hold", seconds=0.1)

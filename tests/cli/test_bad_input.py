@@ -185,3 +185,29 @@ def test_a_command_typed_wrong_is_answered_with_how_to_type_it(cohelm, arguments
     assert said.err.startswith("Usage: cohelm")
     assert "--help" in said.err
     assert "Error: " in said.err
+
+
+ROBOT = """
+name: cart
+footprint_m: [[0.5, 0.3], [-0.2, 0.3], [-0.2, -0.3], [0.5, -0.3]]
+track_m: 0.5
+wheel_radius_m: 0.1
+"""
+
+
+def test_a_robot_given_for_a_scenario_is_called_one_and_the_reverse(cohelm, tmp_path):
+    (tmp_path / "cart.yaml").write_text(ROBOT)
+    (tmp_path / "office.yaml").write_text(BASE)
+    said = cohelm("run", "cart.yaml")
+    refused(said, "cart.yaml describes a robot, not a scenario", "--set robot=cart.yaml")
+    assert len(said.err.splitlines()) == 1
+    refused(cohelm("filter", "--robot", "office.yaml"), "is a scenario, and does not describe a")
+
+
+def test_a_robots_file_is_driven_from_the_browser_where_the_scenario_says(cohelm, tmp_path):
+    """As `cohelm robot` takes it; refused here only for what stands in it."""
+    (tmp_path / "cart.yaml").write_text(ROBOT.replace("0.1", "-0.1"))
+    said = cohelm("drive", "cart.yaml")
+    refused(said, "cart.yaml:5: wheel_radius_m: must be > 0")
+    (tmp_path / "cart.yaml").write_text(ROBOT)
+    refused(cohelm("drive", "cart.yaml", "--scenario", "lab-gard"), "did you mean lab-guard?")

@@ -69,3 +69,13 @@ def test_where_nothing_can_be_shown_nothing_starts(cohelm):
     assert said.code == 2
     assert "'host:port' is no HOST[:PORT]" in said.err
     assert "starting" not in said.err
+
+
+def test_where_there_is_neither_map_nor_wall_it_drives_by_its_odometry(cohelm, tmp_path):
+    """As the first drive through a building has to, of which there is no map yet."""
+    (tmp_path / "bare.yaml").write_text(
+        "name: bare\nreference: {speed_mps: 0.5, waypoints_m: [[0, 0], [4, 0]]}\n"
+    )
+    said = cohelm("robot", "bare.yaml", "--fast", "--for", "2", "--json")
+    assert said.code == 0, said.err
+    assert "neither --map nor walls to localise by: it trusts its odometry" in said.err

@@ -3,6 +3,7 @@
 import datetime
 import http.client
 import ipaddress
+import signal
 import ssl
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
+from cohelm.station.serve import Server
 from tests.cli.test_bad_input import refused
 
 NAME = "station.example.org"
@@ -136,3 +138,13 @@ def test_what_is_wrong_with_a_certificate_is_said_before_anything_starts(cohelm,
     refused(cohelm(*replay, "--tls", "--without-tls"), "leave one of them out")
     key.chmod(0o644)
     refused(cohelm(*replay, "--tls-cert", certificate, "--tls-key", key), "chmod 600")
+
+
+def test_a_second_ctrl_c_is_no_more_than_the_first():
+    """uvicorn would break its end off, which shows as a traceback."""
+    server = Server(lambda _: None)
+    server._server.handle_exit(signal.SIGINT, None)
+    server._server.handle_exit(signal.SIGINT, None)
+    assert server._server.should_exit
+    assert not server._server.force_exit
+    server._listener.close()

@@ -210,7 +210,7 @@ class Drive:
         known = map_from_geometry(scenario.walls(), made.start)
         self.link = SimulatedLink(coarse, folder)
         self.session = Session(
-            SessionConfig(made, known=known, ways=ways or LoopParams()), self.link
+            SessionConfig(made, known=known, loop=ways or LoopParams()), self.link
         )
         self.keeper, self.loop = self.session.loop.keeper, self.session.loop
         self.link.clock = self.keeper.now

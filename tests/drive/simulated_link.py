@@ -43,7 +43,7 @@ class End(RobotEnd):
 
     def close(self) -> None:
         self._let_go()
-        self._bell.close()
+        self._waker.close()
 
     def answer(self, client, number, granted, reason="") -> None:
         super().answer(client, number, granted, reason)
@@ -66,7 +66,7 @@ class Bulk(RobotBulk):
 
     def close(self) -> None:
         self._listener.close()
-        self._bell.close()
+        self._waker.close()
 
 
 class Station:

@@ -130,8 +130,8 @@ def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
 
 
 def test_carrying_on_alone_is_a_setting_and_takes_over_without_a_jump():
-    ways = LoopParams(carry_on=True)
-    session, operator = shared(SessionConfig(failing("", AT), ways=ways), hand(2.0, 3.0, 5.0))
+    plan = SessionConfig(failing("", AT), loop=LoopParams(carry_on=True))
+    session, operator = shared(plan, hand(2.0, 3.0, 5.0))
     twists = []
     with session:
 
@@ -214,7 +214,7 @@ class Far(Scripted):
 @pytest.mark.parametrize("carry_on", [False, True])
 def test_a_silent_driver_stops_an_automatic_robot_too_unless_it_may_carry_on(carry_on):
     operator = Far()
-    plan = SessionConfig(failing("nothing", 1e9), ways=LoopParams(carry_on=carry_on))
+    plan = SessionConfig(failing("nothing", 1e9), loop=LoopParams(carry_on=carry_on))
     with Session(plan, operator) as session:
         operator.ask(Ask.MODE, Mode.AUTOMATIC)
         drive(session, 2.0)

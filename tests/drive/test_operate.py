@@ -1,11 +1,14 @@
 """Who may end a drive, and who has said that he will not."""
 
 import os
+import re
 import signal
 
 import pytest
 
-from cohelm.drive.operate import ended
+from cohelm.drive.operate import by_topics, ended
+from cohelm.ros import mismatch
+from cohelm.ros.port import Endpoint, Qos
 
 
 @pytest.mark.parametrize(
@@ -27,3 +30,26 @@ def test_a_signal_becomes_a_wish_unless_the_drive_was_told_not_to_hear_it(number
         assert signal.getsignal(number) == before
     finally:
         signal.signal(number, then)
+
+
+def test_what_does_not_fit_names_options_that_the_command_has():
+    """`cohelm robot --ros2` has no --odom, --scan and --out: it names topics with --topic."""
+    qos = Qos()
+    seen = [("/cmd_vel", mismatch.TWIST, False), ("/cmd_vel", mismatch.STAMPED, False),
+            ("/cmd_vel", mismatch.TWIST, True), ("/stop", mismatch.TWIST, True)]  # fmt: skip
+    others = [Endpoint(topic, kind, qos, out, f"/{kind}") for topic, kind, out in seen]
+    said = [
+        *(mismatch.unheard("/a", mismatch.SCAN, qos, option, others)
+          for option in ("--odom", "--scan", "--further-scan")),
+        mismatch.base_type("/b", None, qos, others)[1],
+        mismatch.base_type("/cmd_vel", None, qos, others)[1],
+        mismatch.bypass("/cmd_vel", others),
+        mismatch.lock("/stop", others)[1],
+        mismatch.no_frame("/a", "laser", "base_link", []),
+    ]  # fmt: skip
+    assert all(said)
+    told = [by_topics(one) for one in said]
+    assert {option for one in told for option in re.findall(r"--[a-z-]+", one)} == {"--topic"}
+    assert "name another topic with --topic odom=TOPIC" in told[0]
+    assert "--topic scan=TOPIC" in told[1]
+    assert "--topic scan_NAME=TOPIC" in told[2]

@@ -135,6 +135,41 @@ def test_where_a_wall_is_drawn_within_its_cells_is_learnt(drawn):
     assert math.sqrt((rows[20:, 0] ** 2).mean()) < 0.008
 
 
+def room(cell, side=6.0):
+    """Of a square room whose walls fill one cell: the cells that are occupied, and all within."""
+    n = round(side / cell)
+    drawn = np.zeros((n, n), dtype=bool)
+    drawn[[2, -3], 2:-2] = drawn[2:-2, [2, -3]] = True
+    free = np.zeros_like(drawn)
+    free[3:-3, 3:-3] = True
+    return drawn, free
+
+
+def test_walls_that_free_ground_was_not_drawn_up_to_are_matched_like_others():
+    """Two of four walls: an unknown cell lies between them and where the robot can be."""
+    drawn, free = room(0.1)
+    free[3, :] = free[:, 3] = False
+    made = known(drawn, free, 0.1, Pose(0.0, 0.0, 0.0)).surfaces
+    for across in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        assert np.count_nonzero(made.normals @ np.array(across) > 0.9) > 40
+
+
+@pytest.mark.parametrize("cell", [0.05, 0.1])
+def test_how_coarse_the_cells_are_speaks_against_no_place_once_it_is_learnt(cell):
+    """Ends of beams lie on the cells' faces, up to a cell from the middle of one that is drawn."""
+    drawn, free = room(cell)
+    lidar, here = LIDAR.lidar(), Pose(3.0, 2.9, 0.3)
+    ranges = np.empty(len(lidar.beams))
+    world = grid(drawn, cell, Pose(0.0, 0.0, 0.0))
+    cast(here, lidar, NO_DISCS, NO_WALLS, world, 0, 0, ranges)
+    made = known(drawn, free, cell, Pose(0.0, 0.0, 0.0))
+    right = judge(made, lidar, here, ranges, 1, 0.5 * cell, 0.02)
+    beside = judge(made, lidar, Pose(3.06, 2.9, 0.3), ranges, 1, 0.5 * cell, 0.02)
+    assert right.agree > 0.99
+    assert right.log > -1.0
+    assert right.log + right.closer > beside.log + beside.closer + 3.0
+
+
 def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
     """A place that explains a quarter of the scan, without a contradiction, is not likelier than
     the one that explains all but a wall that stands no more."""
@@ -152,7 +187,7 @@ def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
     here, there = Pose(5.0, 5.0, 0.3), Pose(8.5, 5.0, math.pi)
     ranges = np.empty(len(lidar.beams))
     cast(here, lidar, NO_DISCS, NO_WALLS, grid(stands, cell, Pose(0.0, 0.0, 0.0)), 0, 0, ranges)
-    right, beside = (judge(made, lidar, pose, ranges, 1) for pose in (here, there))
+    right, beside = (judge(made, lidar, pose, ranges, 1, 0.0, 0.06) for pose in (here, there))
     assert beside.told < 0.5 * right.told
     assert right.weighed > beside.weighed + 6.0
 

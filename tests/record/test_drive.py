@@ -1,5 +1,7 @@
 """A drive's record: read back as it was, by ROS 2's own definitions, whole or cut short."""
 
+import re
+
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -162,3 +164,16 @@ def test_the_scans_of_further_lidars_are_kept_and_played_back(tmp_path):
     assert (back.sensor, back.number) == (was.sensor, was.number) == ("rear", 3)
     assert np.allclose(back.ranges, was.ranges, rtol=1e-6)
     assert not np.allclose(back.ranges, again.read().scan.ranges, rtol=1e-3)
+
+
+def test_a_record_says_in_a_line_what_is_in_it(tmp_path):
+    """In a notebook, the whole of a minute's scans would be twenty thousand lines."""
+    path = tmp_path / "short.mcap"
+    with path.open("wb") as file:
+        made = RecordWriter(file, About("drive", EPOCH), load_robot("sally"))
+        made.period(np.zeros((), dtype=ROW))
+        made.finish()
+    assert re.fullmatch(
+        r"Record\(kind='drive', table: \d+ columns of 1, 0 scans, 0 events\)",
+        repr(read_record(path)),
+    )

@@ -29,6 +29,7 @@ from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.gated_robot import GatedRobot
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import OnTheWall
+from cohelm.robot.port import Readings
 from cohelm.ros import look as looking
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
 from cohelm.ros.look import Allowed, Topics, look
@@ -39,10 +40,10 @@ from cohelm.ros.robot import Ros2Robot
 from cohelm.ros.served import ServedRobot
 from cohelm.ros.types import packed, unpacked
 from cohelm.scenario.load import robot as load_robot
-from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.kinematic import Kinematic, Truth
 from cohelm.sim.world import world
 from tests.link.fuzz import mutated, resident
-from tests.ros.stage import HALL
+from tests.ros.stage import HALL, until
 
 EMPTY = "std_msgs/msg/Empty"
 TOPICS = {
@@ -100,6 +101,28 @@ class Inside:
     def close(self) -> None: ...
 
 
+class Shared(Kinematic):
+    """A simulated robot whose truth another thread asks for than the one that serves it."""
+
+    lock = threading.RLock()
+
+    def read(self) -> Readings:
+        with self.lock:
+            return super().read()
+
+    def send(self, twist: Twist) -> None:
+        with self.lock:
+            super().send(twist)
+
+    def stop(self) -> None:
+        with self.lock:
+            super().stop()
+
+    def truth(self) -> Truth:
+        with self.lock:
+            return super().truth()
+
+
 def wild(rng: random.Random, data: bytes) -> bytes:
     """Damaged, or a whole message of numbers that make no sense."""
     how = rng.random()
@@ -125,11 +148,12 @@ def with_clouds(model: RobotModel) -> RobotModel:
     return model.model_copy(update={"further_lidars": (deep, depth)})
 
 
-def main(seconds: float, seed: int) -> list[str]:
-    """What was wrong; empty: nothing."""
+def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
+    """What was wrong; empty: nothing. driven: whether a controller is there, and damaged commands
+    come too; else it must not move at all."""
     rng, count, wrong = random.Random(seed), Counter[str](), []
     network, model = Inside(), with_clouds(load_robot("sally-rear"))
-    robot = Kinematic(model, Pose(0.0, 0.0, 0.0), world(([], HALL)), seed=3, pace=OnTheWall())
+    robot = Shared(model, Pose(0.0, 0.0, 0.0), world(([], HALL)), seed=3, pace=OnTheWall())
     base = ServedRobot(network, robot, Topics())
     controller = network.publish("/cmd_vel_nav", TWIST, COMMAND)
     lock = network.publish("/emergency_stop", BOOL, LATCHED)
@@ -147,12 +171,13 @@ def main(seconds: float, seed: int) -> list[str]:
         node.may_drive = True
         begun, drove, memory = time.monotonic(), 0, 0
         wanted, due, row = Twist(0.5, 0.0), begun, node.step()
+        topics = [one for one in TOPICS if driven or one != "/cmd_vel_nav"]
         while (passed := time.monotonic() - begun) < seconds or (
-            not drove and passed < seconds + PATIENT
+            driven and not drove and passed < seconds + PATIENT
         ):
             quiet = passed > seconds or int(passed / 2.0) % 2  # two seconds of each
             for _ in range(0 if quiet else rng.randint(0, 12)):
-                topic = rng.choice(list(TOPICS))
+                topic = rng.choice(topics)
                 kind = TWIST if topic != "/cmd_vel_nav" else rng.choice([TWIST, STAMPED])
                 kind = kind if topic == "/cmd_vel_nav" else TOPICS[topic]
                 data = network.last.get((topic, kind), b"\0\1\0\0")
@@ -162,7 +187,8 @@ def main(seconds: float, seed: int) -> list[str]:
                 wanted = AWAY
             elif rng.random() < 0.02:
                 wanted = Twist(rng.uniform(-0.5, 0.8), rng.uniform(-1.0, 1.0))
-            controller.send(command(wanted, TWIST, ""))
+            if driven:
+                controller.send(command(wanted, TWIST, ""))
             lock.send(Bool(False))
             row = node.step()
             sent = row.applied
@@ -180,7 +206,9 @@ def main(seconds: float, seed: int) -> list[str]:
             f"{sum(count.values())} messages {dict(count)}; memory {memory} + {grown} kB; drove "
             f"{drove} periods; nearest while moving {robot.truth().least_moving:.3f} m"
         )
-        if not drove:
+        if not driven and robot.truth().pose != Pose(0.0, 0.0, 0.0):
+            wrong.append(f"nobody commanded, and it went to {robot.truth().pose}")
+        if driven and not drove:
             wrong.append(f"it never drove: {keeper.gate.mode.name}, {row.reason}")
         if grown > 20_000:
             wrong.append(f"memory grew by {grown} kB")
@@ -199,13 +227,12 @@ def _found(
     network: Inside, model: Any, rng: random.Random, count: Counter[str], wrong: list[str]
 ) -> Any:
     """What looking finds; before that, looks at damaged messages: a refusal in words, no more."""
-    until = time.monotonic() + 1.0
-    while len(network.last) < 6 and time.monotonic() < until:
-        time.sleep(0.01)
+    looked = ["/odom", "/scan", "/scan_rear", "/tf_static"]
+    assert until(lambda: all((one, TOPICS[one]) in network.last for one in looked), 60.0)
     for _ in range(20):
         heard = looking._Heard(network, Topics(), model)
         for _ in range(60):
-            topic = rng.choice(["/odom", "/scan", "/scan_rear", "/tf_static"])
+            topic = rng.choice(looked)
             network.deliver(topic, TOPICS[topic], wild(rng, network.last[topic, TOPICS[topic]]))
             count["looked at"] += 1
         try:

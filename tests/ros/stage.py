@@ -19,7 +19,6 @@ from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.pace import OnTheWall
 from cohelm.ros.connection import Connection
-from cohelm.ros.dds import DdsTransport
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
 from cohelm.ros.look import Allowed, Found, Topics, look
 from cohelm.ros.messages import command
@@ -100,7 +99,7 @@ def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     rate = options.pop("rate", None)
     pace = OnTheWall() if rate is None else Simulator(rate)
     robot = Kinematic(load_robot(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=pace)
-    transport = DdsTransport("base")
+    transport = options.pop("way", Connection()).open("base")
     served = ServedRobot(
         transport, robot, Topics(), tamper=faults, simulated=rate is not None, **options
     )
@@ -230,12 +229,12 @@ class Stage:
 
     def __init__(
         self, walls: Any = HALL, way: Connection | None = None, robot: str = "sally",
-        **options: Any,
+        theirs: Connection | None = None, **options: Any,
     ) -> None:  # fmt: skip
-        """way: from the filter to the robot."""
-        way = way or Connection()
-        self.base = Base(walls, robot, **options)
-        self.theirs, self.ours = DdsTransport("controller"), way.open("cohelm_filter")
+        """way: from the filter to the robot. theirs: of robot and controller."""
+        way, theirs = way or Connection(), theirs or Connection()
+        self.base = Base(walls, robot, way=theirs, **options)
+        self.theirs, self.ours = theirs.open("controller"), way.open("cohelm_filter")
         self.controller = Controller(self.theirs)
         self.found = look(self.ours, load_robot(robot), Topics(), Allowed())._replace(
             connection=way

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import atexit
+import json
+import socket
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
@@ -25,7 +27,9 @@ class Kind(NamedTuple):
     one: Make
     two: Make
     graph: bool = True
-    """Whether each sees quality of service and node of the other, and can insist on the former."""
+    """Whether each sees the other's node, and what is transient local lasts for each."""
+    insists: bool = True
+    """Whether each sees the other's quality of service, and can refuse it."""
 
 
 def dds(node: str, namespace: str) -> Transport:
@@ -46,8 +50,43 @@ def foxglove(node: str, namespace: str) -> Transport:
     return FoxgloveTransport(bridge().url)
 
 
+class Router:
+    """Zenoh's, such as rmw_zenohd is one: the same program inside, listening on this machine."""
+
+    def __init__(self, port: int = 0) -> None:
+        zenoh = pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed")
+        if not port:
+            with socket.create_server(("127.0.0.1", 0)) as free:
+                port = free.getsockname()[1]
+        self.port, self.url = port, f"tcp/127.0.0.1:{port}"
+        config = {
+            "mode": "router", "listen": {"endpoints": [self.url]},
+            "scouting": {"multicast": {"enabled": False}},
+        }  # fmt: skip
+        self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+
+    def close(self) -> None:
+        self._session.close()
+
+
+@cache
+def router() -> Router:
+    made = Router()
+    atexit.register(made.close)
+    return made
+
+
+def zenoh(node: str, namespace: str) -> Transport:
+    alone()
+    url = router().url
+    from cohelm.ros.zenoh import ZenohTransport
+
+    return ZenohTransport(node, namespace, url)
+
+
 TRANSPORTS = {
     "dds": Kind(dds, dds),
-    "from_foxglove": Kind(foxglove, dds, False),
-    "to_foxglove": Kind(dds, foxglove, False),
+    "from_foxglove": Kind(foxglove, dds, False, False),
+    "to_foxglove": Kind(dds, foxglove, False, False),
+    "zenoh": Kind(zenoh, zenoh, True, False),
 }

@@ -167,3 +167,16 @@ def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
     assert (seen["number"], seen["pose"], seen["ageMs"], seen["at"]) == (9, [3.0, 4.0, 0.1], 40, 5)
     assert bytes(seen["jpeg"]) == b"jpeg"
     assert nothing is None
+
+
+def test_what_the_robots_own_limits_shaped_is_not_said_to_be_held_back_for_something(asked) -> None:
+    def shaped(limiting: str, clearance: float) -> str:
+        return (
+            "m.why({why: '', nominal: [0, 1], applied: [0, 0.5], verdict: 'shaped', "
+            f"limiting: {limiting}, clearance_m: {clearance}}})"
+        )
+
+    own, near = "as fast as the robot may", "held back: something is near"
+    assert asked(
+        "panels/why.ts", shaped("null", 0.9), shaped("null", 0.2), shaped("[1, 0]", 0.9),
+    ) == [own, near, near]  # fmt: skip

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,8 +18,7 @@ from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_ta
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from cohelm.drive.on_topics import OnTopics
-    from cohelm.drive.session import Session, SessionConfig
+    from cohelm.drive.session import Session
 
 
 @app.command()
@@ -127,9 +129,11 @@ def robot(
     from cohelm.core.errors import CohelmError
     from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import Asked, ended, hands, meant
-    from cohelm.drive.session import Session, SessionConfig
+    from cohelm.drive.session import SessionConfig
     from cohelm.drive.simulated import mapped
+    from cohelm.drive.until_ended import drive_for_stations, drive_here
     from cohelm.drive.zones import read_zones
+    from cohelm.link import keys
     from cohelm.loop.loop import LoopParams
 
     asked = Asked(
@@ -147,40 +151,33 @@ def robot(
     plan = SessionConfig(
         made, rate, record, live(foxglove), known,
         zones=read_zones(keep_out, speed_zones, made.start),
-        ways=LoopParams(carry_on=carry_on), pictures=pictures,
+        loop=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
+    if known is None and len(made.scenario.walls()) == 0:
+        begins += "; neither --map nor walls to localise by: it trusts its odometry"
     config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)
     topics_too = on_topics(made, config, lambda text: say(plain(text)))
-    if listen is not None:
-        say(begins)
-        _told(made.scenario.name, _served(plan, listen, seconds, topics_too), as_json)
-        return
-    chosen, operator = hands(made, mode)
+    chosen = None if listen is not None else hands(made, mode)
     say(begins)
-    with (
-        starting(made.model.name) as line,
-        ended() as stop,
-        topics_too as beside,
-        Session(plan, operator) as session,
-    ):
-        stop.heed()
-        line.over()
-        shown_at(plan.live)
-        beside.begin(session)
-        operator.watches(session.loop.keeper.now)
-        begun = session.loop.keeper.now()
+    if listen is not None and not keys.stations():
+        say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
+    with starting(made.model.name) as line, ended() as stop, topics_too as beside:
 
-        def until(loop: Any) -> bool:
-            beside.turn(loop)
-            late = seconds is not None and loop.keeper.now() - begun >= seconds
-            return stop.asked != "" or late or (arrive and loop.driver.arrived)
+        def begun(session: Session) -> AbstractContextManager[None]:
+            line.over()
+            shown_at(plan.live)
+            return _shown(session)
 
-        with _line(session):
-            session.run(until, chosen)
-            session.end(stop.asked or "the drive is over")
-        summary = session.summary()
-    summary |= session.record_summary()
+        def listens(at: str) -> None:
+            line.over()
+            say(f"listening on {at}; robot {plain(keys.robot().name)}, Ctrl-C ends it")
+            shown_at(plan.live)
+
+        if chosen is None:
+            summary = drive_for_stations(plan, listen or "", stop, seconds, beside, listens)
+        else:
+            summary = drive_here(plan, *chosen, stop, seconds, arrive, beside, begun)
     _told(made.scenario.name, summary, as_json)
 
 
@@ -197,75 +194,36 @@ def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
         raise typer.Exit(1)
 
 
-def _served(
-    plan: SessionConfig, where: str, seconds: float | None, topics: AbstractContextManager[OnTopics]
-) -> dict[str, Any]:
-    """Drive as paired stations want, until Ctrl-C or the time is over."""
-    import time
-
-    from cohelm.drive.operate import ended
-    from cohelm.drive.teleop_server import TeleopConfig, serve
-    from cohelm.link import keys
-    from cohelm.link.udp import PORT, address
-
-    own = keys.robot()
-    if not keys.stations():
-        say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
-    host, port = address(where, PORT)
-    begun = time.monotonic()
-
-    with starting(own.name) as line, ended() as stop, topics as beside:
-
-        def ready(at: tuple[Any, ...]) -> None:
-            stop.heed()
-            line.over()
-            say(f"listening on {at[0]}:{at[1]}; robot {plain(own.name)}, Ctrl-C ends it")
-            shown_at(plan.live)
-
-        def over() -> str:
-            late = seconds is not None and time.monotonic() - begun >= seconds
-            return stop.asked or ("its time is over" if late else "")
-
-        return serve(plan, TeleopConfig(own, host, port), ready, over, beside)
-
-
-def _line(session: Session) -> Any:
+@contextmanager
+def _shown(session: Session) -> Generator[None]:
     """What the gate does, as it happens, and on a terminal a line that lives as long as the drive;
     from a thread of its own."""
-    import threading
-    from contextlib import contextmanager, nullcontext
-
     screen = console(stderr=True)
+    over = threading.Event()
 
-    @contextmanager
-    def shown() -> Any:
-        over = threading.Event()
+    def show() -> None:
+        last = ""
+        with screen.status("") if screen.is_terminal else nullcontext() as status:
+            shows = session.live is not None
+            while not over.wait(0.5):
+                if shows and session.loop.log.view_lost:
+                    shows = False
+                    say("the live view is gone: the robot goes on without")
+                gate = session.loop.keeper.gate
+                now = gate.mode.name.lower() + (f": {gate.reason}" if gate.reason else "")
+                if now != last:
+                    last = now
+                    say(plain(now))
+                if status is not None:
+                    status.update(plain(session.line()))
 
-        def show() -> None:
-            last = ""
-            with screen.status("") if screen.is_terminal else nullcontext() as status:
-                shows = session.live is not None
-                while not over.wait(0.5):
-                    if shows and session.loop.log.view_lost:
-                        shows = False
-                        say("the live view is gone: the robot goes on without")
-                    gate = session.loop.keeper.gate
-                    now = gate.mode.name.lower() + (f": {gate.reason}" if gate.reason else "")
-                    if now != last:
-                        last = now
-                        say(plain(now))
-                    if status is not None:
-                        status.update(plain(session.line()))
-
-        thread = threading.Thread(target=show, name="live line", daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            over.set()
-            thread.join(1.0)
-
-    return shown()
+    thread = threading.Thread(target=show, name="live line", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join(1.0)
 
 
 def failures(summary: dict[str, Any]) -> list[str]:

@@ -27,10 +27,15 @@ TopicNames = Annotated[
     ),
 ]
 Transports = Annotated[
-    str, typer.Option("--transport", metavar="auto|dds|foxglove", help="To the robot.")
+    str, typer.Option("--transport", metavar="auto|dds|foxglove|zenoh", help="To the robot.")
 ]
 Bridge = Annotated[
-    str, typer.Option("--url", metavar="ws://ROBOT:8765", help="Of the robot's foxglove_bridge.")
+    str,
+    typer.Option(
+        "--url",
+        metavar="ws://ROBOT:8765|tcp/ROBOT:7447",
+        help="Of the robot's foxglove_bridge, or of its zenoh router.",
+    ),
 ]
 
 

@@ -82,8 +82,15 @@ def station(
 
 @app.command()
 def drive(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT.yaml|SCENARIO",
+            help="A scenario, by file or name, or a robot's YAML file, driven in --scenario.",
+        ),
+    ] = "lab-guard",
     scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="Where to drive, by file or name.")
+        str, typer.Option(metavar="SCENARIO", help="Where a robot's YAML file is driven.")
     ] = "lab-guard",
     twin: Annotated[
         bool,
@@ -93,7 +100,7 @@ def drive(
         str | None,
         typer.Option(
             metavar="PACKAGE:CLASS",
-            help="Your own robot, a subclass of cohelm.Robot, at this scenario's site.",
+            help="Your own robot, a subclass of cohelm.Robot, at the scenario's site.",
         ),
     ] = None,
     records: Annotated[
@@ -121,29 +128,35 @@ def drive(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.awaited import Awaited
-    from cohelm.drive.factory import own_robot
+    from cohelm.drive.operate import Asked, meant
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
     from cohelm.link import keys
     from cohelm.link.local_credentials import lent
-    from cohelm.scenario import load
     from cohelm.station.app import pages
     from cohelm.station.linked import Linked
 
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
-    load.scenario(scenario)  # one that can not be used is told at once,
-    if driver is not None:
-        own_robot(driver, scenario)
-        twin = False
+    kind = "twin" if twin and driver is None else "kinematic"
+    # one that can not be used is told at once,
+    meant(Asked(name, scenario, kind, True, None, [], driver))
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
     door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove)
     with (
         ExitStack() as joined,
         RobotProcess(
-            scenario, twin, door, carry_on, pictures=pictures, wait=False, driver=driver, live=view
+            name,
+            kind == "twin",
+            door,
+            carry_on,
+            pictures=pictures,
+            wait=False,
+            driver=driver,
+            live=view,
+            site=scenario,
         ) as robot,
-        starting(f"the robot in {scenario}") as begun,
+        starting(f"the robot in {name}") as begun,
     ):
 
         def linked() -> Linked | None:

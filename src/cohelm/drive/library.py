@@ -10,11 +10,9 @@ from typing import Any
 from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import Make, own_robot
 from cohelm.drive.operate import End, ended, hands
-from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.teleop_server import TeleopConfig, serve
-from cohelm.link import keys
-from cohelm.link.udp import PORT, address
-from cohelm.loop.loop import Loop, LoopParams
+from cohelm.drive.session import SessionConfig
+from cohelm.drive.until_ended import drive_for_stations, drive_here
+from cohelm.loop.loop import LoopParams
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.model import Scenario
 
@@ -51,45 +49,10 @@ def drive(
     file = None if record is None else Path(record)
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
-    ways = LoopParams(carry_on=carry_on)
-    walls = len(made.scenario.walls()) > 0  # else there is nothing to localise by
-    plan = SessionConfig(made, rate, file, localise=walls, ways=ways)
+    loop = LoopParams(carry_on=carry_on)
+    plan = SessionConfig(made, rate, file, loop=loop)
     heeding = threading.current_thread() is threading.main_thread()
     with ended() if heeding else nullcontext(End([])) as stop:
         if listen is not None:
-            return _served(plan, listen, seconds, stop)
-        chosen, operator = hands(made, mode)
-        with Session(plan, operator) as session:
-            stop.heed()
-            clock = session.loop.keeper.now
-            operator.watches(clock)
-            begun = clock()
-
-            def until(loop: Loop) -> bool:
-                late = seconds is not None and clock() - begun >= seconds
-                return stop.asked != "" or late or (arrive and loop.driver.arrived)
-
-            session.run(until, chosen)
-            session.end(stop.asked or "the drive is over")
-            return session.summary()
-
-
-def _served(plan: SessionConfig, where: str, seconds: float | None, stop: End) -> dict[str, Any]:
-    host, port = address(where, PORT)
-    door = TeleopConfig(keys.robot(), host, port)
-    over = threading.Event()
-    timer = threading.Timer(seconds if seconds is not None else 0.0, over.set)
-    timer.daemon = True
-
-    def ready(_: tuple[Any, ...]) -> None:
-        stop.heed()
-        if seconds is not None:
-            timer.start()
-
-    try:
-        return serve(
-            plan, door, ready,
-            lambda: stop.asked or ("its time is over" if over.is_set() else ""),
-        )  # fmt: skip
-    finally:
-        timer.cancel()
+            return drive_for_stations(plan, listen, stop, seconds)
+        return drive_here(plan, *hands(made, mode), stop, seconds, arrive)

@@ -270,8 +270,8 @@ class _Viewer:
         self._connection = connection
         self._waiting: deque[tuple[str, str | bytes]] = deque(("", one) for one in greetings)
         self._size = 0
-        self._bell = asyncio.Event()
-        self._bell.set()
+        self._waker = asyncio.Event()
+        self._waker.set()
         self.subscribed: dict[str, int] = {}
         """Topics, with the numbers of the subscriptions."""
 
@@ -306,13 +306,13 @@ class _Viewer:
             kept = {topic: (topic, data) for topic, data in self._waiting if topic in LASTING}
             self._waiting = deque((*kept.values(), newest))
             self._size = sum(len(data) for _, data in self._waiting)
-        self._bell.set()
+        self._waker.set()
 
     async def speak(self) -> None:
         """Send what waits, until the connection ends; a connection that takes nothing is ended."""
         with contextlib.suppress(ConnectionClosed):
-            while await self._bell.wait():
-                self._bell.clear()
+            while await self._waker.wait():
+                self._waker.clear()
                 while self._waiting:
                     _, data = self._waiting.popleft()
                     self._size -= len(data)

@@ -1,4 +1,4 @@
-"""What a ROS 2 robot that cohelm drives says and hears on topics of its own, beside the loop.
+"""What a ROS 2 robot that cohelm drives publishes and subscribes to, beside the loop.
 
 Nothing that comes on a topic chooses a mode: a goal or a path becomes another way through the same
 checks as the page's, and a told pose is taken while the robot stands.

@@ -81,9 +81,34 @@ def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> 
     transport = way.open("cohelm", named.namespace)
     try:
         found = look(transport, described, named)._replace(connection=way)
+    except CohelmError as error:
+        raise CohelmError(by_topics(str(error))) from error
     finally:
         transport.close()
     return own_robot(Ros2Make(found), site, found.model, changes)
+
+
+_OF_THE_FILTER = {
+    "--further-scan": "--topic scan_NAME=TOPIC",
+    "--scan": "--topic scan=TOPIC",
+    "--odom": "--topic odom=TOPIC",
+    "--out": "--topic out=TOPIC",
+    "with --lock, or none with --lock ''": "with --topic lock=TOPIC",
+    "remap that to the topic of --in, or allow it with --allow-bypass and expect no promise":
+        "end that",
+    "say which is the base's with --stamped or --unstamped": "let the base want one of them",
+    ", or allow it with --clock-difference": "",
+    ", or give lidar.mount_x_m, mount_y_m and mount_yaw_deg in the robot's YAML file and "
+    "--mount-from-model": "",
+}  # fmt: skip
+
+
+def by_topics(text: str) -> str:
+    """What does not fit, with the options that a robot's commands have: `--topic KEY=NAME`, where
+    `cohelm filter` has one for each."""
+    for one, instead in _OF_THE_FILTER.items():
+        text = text.replace(one, instead)
+    return text
 
 
 def _is_robot(path: Path) -> bool:

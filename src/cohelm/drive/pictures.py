@@ -41,7 +41,7 @@ class Pictures:
         self._frames: deque[tuple[Frame, Pose]] = deque(maxlen=1)
         self._packed: deque[Packed] = deque(maxlen=1)
         self._number = -1
-        self._bell = threading.Event()
+        self._waker = threading.Event()
         self._open = True
         self._thread = threading.Thread(target=self._pack, name="pictures", daemon=True)
         if not waits:
@@ -56,7 +56,7 @@ class Pictures:
             self._packed.append(_packed(frame, pose))
         else:
             self._frames.append((frame, pose))
-            self._bell.set()
+            self._waker.set()
 
     def take(self) -> Packed | None:
         """The newest that is packed; each once."""
@@ -68,19 +68,19 @@ class Pictures:
     def close(self) -> None:
         """No more."""
         self._open = False
-        self._bell.set()
+        self._waker.set()
         if self._thread.is_alive():
             self._thread.join(2.0)
 
     def _pack(self) -> None:
         while True:
-            self._bell.wait()
-            self._bell.clear()
+            self._waker.wait()
+            self._waker.clear()
             if not self._open:
                 return
             try:
                 self._packed.append(_packed(*self._frames.pop()))
-            except IndexError:  # it was packed with the bell before
+            except IndexError:  # it was packed by the turn before
                 continue
             except Exception:  # one picture less
                 _log.exception("a picture could not be packed")

@@ -1,4 +1,4 @@
-"""A record behind `RobotLink`: every page has its own place in it."""
+"""Shows a record to the pages as if it were a robot; every page has its own place in it."""
 
 from __future__ import annotations
 

@@ -30,18 +30,18 @@ class RobotProcess:
     def __init__(
         self, name: str, twin: bool, door: TeleopConfig, carry_on: bool = False,
         patience: float = 0.0, pictures: float = 5.0, wait: bool = True, driver: str | None = None,
-        live: LiveConfig | None = None,
+        live: LiveConfig | None = None, site: str = "lab-guard",
     ) -> None:  # fmt: skip
-        """name: of a scenario. patience, pictures, live: as in `SessionConfig`. wait: until the
-        robot can be driven; else see `ready`, and `over` where it can not be started. driver: of a
-        robot that is not simulated, see `operate.Asked`.
+        """name: of a scenario, or a robot's file, then driven in `site`. patience, pictures, live:
+        as in `SessionConfig`. wait: until the robot can be driven; else see `ready`, and `over`
+        where it can not be started. driver: of a robot that is not simulated, see `operate.Asked`.
 
         Raises CohelmError where the robot can not be started.
         """
         self._line, theirs = multiprocessing.Pipe()
         self._process = started(
             "cohelm robot", _drive, theirs, name, twin, door, carry_on, patience, pictures, driver,
-            live,
+            live, site,
         )  # fmt: skip
         theirs.close()
         self.host, self.port = "", 0
@@ -155,7 +155,7 @@ class RobotProcess:
 
 def _drive(
     line: Connection, name: str, twin: bool, door: TeleopConfig, carry_on: bool, patience: float,
-    pictures: float, driver: str | None, live: LiveConfig | None,
+    pictures: float, driver: str | None, live: LiveConfig | None, site: str,
 ) -> None:  # fmt: skip
     """The robot's process."""
     let_go = bound()
@@ -179,9 +179,9 @@ def _drive(
 
         try:
             kind = "twin" if twin else "kinematic"
-            made = meant(Asked(name, "lab-guard", kind, True, None, [], driver))
-            ways = LoopParams(carry_on=carry_on)
-            plan = SessionConfig(made, live=live, ways=ways, patience=patience, pictures=pictures)
+            made = meant(Asked(name, site, kind, True, None, [], driver))
+            loop = LoopParams(carry_on=carry_on)
+            plan = SessionConfig(made, live=live, loop=loop, patience=patience, pictures=pictures)
             serve(plan, door, ready, over)
         except CohelmError as error:
             try:

@@ -36,6 +36,7 @@ from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.limits import checked_braking
 from cohelm.scenario.load import dump
 
 _BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
@@ -56,10 +57,10 @@ class SessionConfig:
     known: LocalizationMap | None = None
     """The map to localise on; by default the scenario's walls."""
     localise: bool = True
-    """Without, the robot trusts its odometry."""
+    """Without, or where there are neither map nor walls, the robot trusts its odometry."""
     zones: Zones | None = None
     """Where the robot keeps out, and where it goes slowly, on that map."""
-    ways: LoopParams = field(default_factory=LoopParams)
+    loop: LoopParams = field(default_factory=LoopParams)
     watchdog: float = 0.1
     """The loop may be so late, or the robot stops [s]."""
     pictures: float = 5.0
@@ -84,6 +85,8 @@ class Session:
         self._urgent, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
         robot, real_time = plan.robot, plan.robot.real_time
         model = robot.model
+        if robot.kind == "own":  # a simulated one brakes as it is described, at once too
+            checked_braking(model.bounds())
         self.recording: Recording | None = None
         self.live: Live | None = None
         self.keeper: Keeper | None = None
@@ -101,39 +104,40 @@ class Session:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
             if plan.live is not None:
                 self.live = Live(plan.live, model)
-            where = plan.known
-            if where is None and plan.localise:
-                where = map_from_geometry(robot.scenario.walls(), robot.start)
-            self.known = where
+            known, walls = plan.known, robot.scenario.walls()
+            if known is None and plan.localise and len(walls) > 0:
+                known = map_from_geometry(walls, robot.start)
+            self.known = known
             if plan.zones is not None:
-                check(plan.zones, where)
-            rehearsed = _beside(lambda: rehearse(model, where is not None)) if real_time else None
+                check(plan.zones, known)
+            has_map = known is not None
+            warmed_up = _in_thread(lambda: rehearse(model, has_map)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
-            told = [None if one is None else one.keeper for one in (self.recording, self.live)]
+            ends = [None if one is None else one.keeper for one in (self.recording, self.live)]
             if real_time:
-                self.keeper = RemoteGatedRobot(robot, gate, *told)
+                self.keeper = RemoteGatedRobot(robot, gate, *ends)
             else:
-                lines = [Line(end, waits=True) for end in told]
+                lines = [Line(end, waits=True) for end in ends]
                 self.keeper = GatedRobot(robot(), gate, lines[0], shown=lines[1])
             epoch = time.time_ns() - round(self.keeper.now() * 1e9)
-            for one in self._listeners():
+            for one in self._recorders():
                 if real_time:
                     one.keeper.close()  # the keeper's process has it
                 one.begin(epoch)
-            if rehearsed is not None:
-                rehearsed()
-            perception = Perception(model, where, robot.start)
+            if warmed_up is not None:
+                warmed_up()
+            perception = Perception(model, known, robot.start)
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(
                 self.keeper, perception, self.driver, operator or NullOperator(),
-                _line(self.recording, real_time), _ways(plan), has_map=where is not None,
+                _line(self.recording, real_time), _loop_params(plan), has_map=has_map,
                 live=_line(self.live, real_time),
             )  # fmt: skip
-            for one in () if where is None else (drawn(where),):
-                self.loop.log.show(one)
+            if known is not None:
+                self.loop.log.show(drawn(known))
             for line in way(robot.scenario.reference.spline()):
                 self.loop.log.show(line)
-            self._warm()
+            self._warm_up()
             if real_time:
                 self._urgent, self.scheduling = True, urgent()
         except BaseException:
@@ -262,10 +266,10 @@ class Session:
         if self._urgent:
             ordinary(self._niceness)
 
-    def _listeners(self) -> list[Listening]:
+    def _recorders(self) -> list[Listening]:
         return [one for one in (self.recording, self.live) if one is not None]
 
-    def _warm(self) -> None:
+    def _warm_up(self) -> None:
         """Compile what a period needs, before the first one is due: a few, standing."""
         loop = self.loop
         keeper = loop.keeper
@@ -286,7 +290,7 @@ def _line(listener: Listening | None, real_time: bool) -> Line:
     return Line(None if listener is None else listener.loop, waits=not real_time)
 
 
-def _beside(what: Callable[[], None]) -> Callable[[], None]:
+def _in_thread(what: Callable[[], None]) -> Callable[[], None]:
     """Do something in a thread: what compiles here, and what compiles in the keeper's process, take
     as long as the longer of the two. Returns what waits for its end, and raises what it raised."""
     raised: list[BaseException] = []
@@ -308,10 +312,10 @@ def _beside(what: Callable[[], None]) -> Callable[[], None]:
     return waited
 
 
-def _ways(plan: SessionConfig) -> LoopParams:
-    manner = plan.ways.manner
-    patient = manner._replace(stale=manner.stale + plan.patience)
-    return plan.ways._replace(period=plan.period, manner=patient, patience=plan.patience)
+def _loop_params(plan: SessionConfig) -> LoopParams:
+    arming = plan.loop.arming
+    patient = arming._replace(stale=arming.stale + plan.patience)
+    return plan.loop._replace(period=plan.period, arming=patient, patience=plan.patience)
 
 
 def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None = None) -> Driver:

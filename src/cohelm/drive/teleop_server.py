@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,6 @@ from cohelm.link.keys import Keys
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.robot_end import STALE
 from cohelm.loop.loop import Loop
-from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 
 if TYPE_CHECKING:
     from cohelm.drive.on_topics import OnTopics
@@ -47,23 +46,18 @@ def serve(
     ready: told the address when the robot can be driven. topics: what a ROS 2 robot says besides.
     Raises CohelmError where something can not be started.
     """
-    walls = plan.robot.scenario.walls()
-    if plan.known is None and plan.localise:
-        if len(walls):
-            plan = replace(plan, known=map_from_geometry(walls, plan.robot.start))
-        else:
-            _log.warning("there is no wall to localise by: the robot trusts its odometry")
-            plan = replace(plan, localise=False)
-    on_loss = "goes on alone" if plan.ways.carry_on else "stops"
+    on_loss = "goes on alone" if plan.loop.carry_on else "stops"
     end, bulk = both_ends(door.keys, door.host, door.port, door.records, STALE + plan.patience)
     operator = OverLink(
-        end, bulk, plan.robot.model, door.records, on_loss, plan.ways.manner.stale,
+        end, bulk, plan.robot.model, door.records, on_loss, plan.loop.arming.stale,
         plan.robot.kind != "kinematic",
     )  # fmt: skip
     try:
         with Session(plan, operator) as session:
+            if session.known is None:
+                _log.warning("neither map nor walls to localise by: the robot trusts its odometry")
             wishes = () if topics is None else (topics,)
-            desk = OperatorRequests(session, operator, plan.known, door.records, wishes=wishes)
+            desk = OperatorRequests(session, operator, session.known, door.records, wishes=wishes)
             try:
                 ready(operator.address)
                 said = ""

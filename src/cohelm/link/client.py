@@ -1,4 +1,4 @@
-"""One station that is let in, and what it may cost the robot."""
+"""One connected station, and the bounds on what it may cost the robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be known of the other end's clock and of the path to it, from stamped messages.
+"""Estimates the other end's clock, and the delay of the path to it, from stamped messages.
 
 Every message carries its sender's stamp, and an echo: the newest stamp the sender has had from
 here, and for how long it has held it. That is NTP's exchange (RFC 5905 8). Each gives the round

@@ -1,4 +1,4 @@
-"""What the four ends of the link have in common: a thread of their own, woken by a bell."""
+"""Runs an end of the link in an I/O thread of its own, with a waker."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cohelm.link import udp
 _log = logging.getLogger("cohelm.link")
 
 
-class Turning:
+class IoThread:
     """Turns in a thread until it is closed; a context manager.
 
     Whoever extends it calls `_start` when it is ready to turn.
@@ -20,7 +20,7 @@ class Turning:
 
     def __init__(self, name: str) -> None:
         """name: of the thread."""
-        self._bell = udp.Bell()
+        self._waker = udp.Waker()
         self._open = True
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -33,14 +33,14 @@ class Turning:
     def close(self) -> None:
         """Say good-bye, and end."""
         self._open = False
-        self._bell.ring()
+        self._waker.wake()
         self._thread.join(2.0)
 
     def _start(self) -> None:
         self._thread.start()
 
     def _turn(self) -> None:
-        """Once: wait for the bell and the sockets, and do what there is to do."""
+        """Once: wait for the waker and the sockets, and do what there is to do."""
         raise NotImplementedError
 
     def _mistaken(self) -> None:
@@ -60,4 +60,4 @@ class Turning:
                     time.sleep(0.01)
         finally:
             self._let_go()
-            self._bell.close()
+            self._waker.close()

@@ -177,7 +177,6 @@ class Verdict(IntEnum):
     BRAKING = 2
     STANDING = 3
     INVALID = 4
-    NO_FILTER = 5
 
 
 class Lease(NamedTuple):

@@ -1,4 +1,4 @@
-"""What the loop is told of the operator, however it came: link, local stick, script."""
+"""What the loop receives from the operator, however it came: link, local stick, script."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whose a file is: keys and whom they let in must be this user's alone.
+"""Refuses keys and certificates that are not this user's alone.
 
 What others may write, or may have made, says nothing about whom this person trusts: somebody could
 have put a station of his own there. The same rules as those of OpenSSH for authorized_keys, and no

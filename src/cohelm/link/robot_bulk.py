@@ -23,7 +23,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.link import udp
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Refused, stream_context
-from cohelm.link.io_thread import Turning
+from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
     Answer,
@@ -96,7 +96,7 @@ def both_ends(
     raise AssertionError
 
 
-class RobotBulk(Turning):
+class RobotBulk(IoThread):
     """Listens as long as it is open; a context manager."""
 
     def __init__(self, end: RobotEnd, keys: Keys, records: Path | None = None) -> None:
@@ -125,7 +125,7 @@ class RobotBulk(Turning):
             self._published[key] = message
             for station in self._stations:
                 station.slots[key] = message
-        self._bell.ring()
+        self._waker.wake()
 
     def proposed(self) -> tuple[Proposed, ...]:
         """New since the last call; of each station the newest way to check, and to go."""
@@ -140,7 +140,7 @@ class RobotBulk(Turning):
             for station in self._stations:
                 if self._number(station) == client:
                     station.replies.append(said)
-        self._bell.ring()
+        self._waker.wake()
 
     # ---- the thread --------------------------------------------------------------------
 
@@ -152,7 +152,7 @@ class RobotBulk(Turning):
 
     def _turn(self) -> None:
         waiting = select.poll()
-        for source in (self._bell, self._listener):
+        for source in (self._waker, self._listener):
             waiting.register(source, select.POLLIN)
         busy = False
         for station in self._stations:
@@ -161,7 +161,7 @@ class RobotBulk(Turning):
             busy = busy or held or (station.wanted is not None and station.wanted.outstanding)
             waiting.register(station.stream.socket, select.POLLIN)
         waiting.poll(0.0 if self._digests.busy else 10.0 if busy else 200.0)
-        self._bell.silence()
+        self._waker.drain()
         self._accept()
         now = self._clock()
         for station in list(self._stations):

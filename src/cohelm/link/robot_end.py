@@ -22,7 +22,7 @@ from cohelm.link import lease, udp
 from cohelm.link.client import Client, free_number
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Refused, context
-from cohelm.link.io_thread import Turning
+from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.listener import Guest, Listener
 from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
@@ -54,7 +54,7 @@ _FOR_ALL = frozenset({Ask.STOP, Ask.ACKNOWLEDGE})
 _OF_LEASE = frozenset({Ask.TAKE, Ask.GIVE, Ask.REFUSE})
 
 
-class RobotEnd(Turning):
+class RobotEnd(IoThread):
     """Listens as long as it is open; a context manager."""
 
     def __init__(
@@ -156,7 +156,7 @@ class RobotEnd(Turning):
     def _put(self, slot: object, message: Status | ScanPart | Discs) -> None:
         with self._lock:
             self._outbox[slot] = message
-        self._bell.ring()
+        self._waker.wake()
 
     def _mistaken(self) -> None:
         self.counts["mistakes of the link"] += 1
@@ -173,10 +173,10 @@ class RobotEnd(Turning):
         handshakes = self._door.sockets()
         wait = 0.1 if len(handshakes) == 1 else 0.02
         waiting = select.poll()
-        for source in (self._bell, *sockets, *handshakes):
+        for source in (self._waker, *sockets, *handshakes):
             waiting.register(source, select.POLLIN)
         waiting.poll(wait * 1000.0)
-        self._bell.silence()
+        self._waker.drain()
         self._send()
         for client in list(self._clients.values()):
             for datagram, source in udp.receive(client.socket, _PER_TURN):

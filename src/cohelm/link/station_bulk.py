@@ -18,7 +18,7 @@ from collections.abc import Callable
 from cohelm.link import udp
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Refused, stream_context
-from cohelm.link.io_thread import Turning
+from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
     LARGEST_BULK,
@@ -43,7 +43,7 @@ _MOST_UNREAD = 16_000_000
 _log = logging.getLogger("cohelm.link")
 
 
-class StationBulk(Turning):
+class StationBulk(IoThread):
     """Keeps connected as long as it is open; a context manager."""
 
     def __init__(
@@ -69,7 +69,7 @@ class StationBulk(Turning):
         """Send it as soon as there is a connection."""
         with self._lock:
             self._outbox.append(message)
-        self._bell.ring()
+        self._waker.wake()
 
     def news(self) -> list[FromRobot]:
         """What has come since the last call, in order, but for pictures; the newest of a kind."""
@@ -117,12 +117,12 @@ class StationBulk(Turning):
         try:
             while self._open:
                 waiting = select.poll()
-                waiting.register(self._bell, select.POLLIN)
+                waiting.register(self._waker, select.POLLIN)
                 mask = select.POLLIN | (select.POLLOUT if stream.blocked else 0)
                 waiting.register(stream.socket, mask)
                 stream.push()
                 waiting.poll(100.0)
-                self._bell.silence()
+                self._waker.drain()
                 for data in stream.pull():
                     self._message(data)
                 if not stream.up and self._clock() - began > _PATIENCE:

@@ -27,7 +27,7 @@ from cohelm.link import udp
 from cohelm.link.clock import Path
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Channel, Refused, context
-from cohelm.link.io_thread import Turning
+from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
     Answer,
@@ -117,7 +117,7 @@ class _Way:
         return min(_PATIENCE, _ANSWERED + 3.0 * (self.answered - self.since))
 
 
-class StationEnd(Turning):
+class StationEnd(IoThread):
     """Keeps connected as long as it is open; a context manager."""
 
     def __init__(
@@ -170,7 +170,7 @@ class StationEnd(Turning):
                 stick if good else Stick(0.0, 0.0), valid and good, armed, device, scale, ()
             )
             self._steered_at = self.clock()
-        self._bell.ring()
+        self._waker.wake()
 
     def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
         """Ask for something once; returns the number its answer will have.
@@ -188,7 +188,7 @@ class StationEnd(Turning):
                 others = [r for r in self._requests if r.what is not Ask.STOP]
                 self._expire(others[0] if others else self._requests[0], "too many at once")
             self._sent_at = -math.inf
-        self._bell.ring()
+        self._waker.wake()
         return number
 
     def answer(self, number: int) -> Answer | None:
@@ -238,12 +238,12 @@ class StationEnd(Turning):
 
     def _turn(self) -> None:
         waiting = select.poll()
-        waiting.register(self._bell, select.POLLIN)
+        waiting.register(self._waker, select.POLLIN)
         for way in (self._way, self._next):
             if way is not None:
                 waiting.register(way.socket, select.POLLIN)
         waiting.poll(1000.0 * _BEAT / 2.0)
-        self._bell.silence()
+        self._waker.drain()
         self._connect()
         for way in (self._way, self._next):
             if way is not None:

@@ -88,8 +88,8 @@ def send(sock: socket.socket, datagrams: list[bytes], to: Address | None = None)
                 sock.sendto(datagram, to)
 
 
-class Bell:
-    """Wakes a thread that waits in `select`; ringing twice wakes it once."""
+class Waker:
+    """Wakes a thread that waits in `select`; two calls wake it once."""
 
     def __init__(self) -> None:
         self._read, self._write = socket.socketpair()
@@ -100,13 +100,13 @@ class Bell:
         """For `select`."""
         return self._read.fileno()
 
-    def ring(self) -> None:
+    def wake(self) -> None:
         """Wake it; from any thread."""
         with contextlib.suppress(OSError):
             self._write.send(b"!")
 
-    def silence(self) -> None:
-        """Awake."""
+    def drain(self) -> None:
+        """Awake: what woke it is taken."""
         with contextlib.suppress(OSError):
             self._read.recv(4096)
 

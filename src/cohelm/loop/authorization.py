@@ -1,4 +1,4 @@
-"""Who may make the robot drive: whoever drives, if he asked after all that told it to stand."""
+"""Decides who may make the robot drive: the lease's holder, if he asked after every stop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a drive leaves: readings, decisions, words and events, on their way to a recorder."""
+"""Sends readings, decisions, words and events of a drive to recorder and live view."""
 
 from __future__ import annotations
 

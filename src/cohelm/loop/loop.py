@@ -1,4 +1,4 @@
-"""The loop: one period after the other, each at its time, whatever happens in it."""
+"""The control loop: one period after the other, each at its time, whatever happens in it."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ _GATE = {
 _PLANNED = (Mode.AUTOMATIC, Mode.SHARED)
 """Modes that follow a route, and so need plans."""
 _MODES = frozenset(int(mode) for mode in Mode)
-_TOLD = 50.0  # statuses a second, at most
-_DISCS = 40  # shown, at most
+_MOST_STATUSES = 50.0  # statuses a second, at most
+_MOST_DISCS = 40  # shown, at most
 _NO_PLANNER = "the path planner is gone: the robot keeps to its course"
 _MOST_REQUESTS = 8
 """Done for one client in one period, as many as one command carries; a stop always."""
@@ -54,14 +54,15 @@ _MUTE_RECORDER = "the recorder does not answer: what it has no room for is lost"
 
 
 class LoopParams(NamedTuple):
-    """How the loop goes about it."""
+    """How the loop drives."""
 
     period: float = 0.02
     """[s]"""
     carry_on: bool = False
     """Whether the controller drives on alone when a stick in use, or the driver, vanishes, instead
     of stopping."""
-    manner: ArmingParams = ArmingParams()
+    arming: ArmingParams = ArmingParams()
+    """When a stick is believed."""
     patience: float = 0.0
     """How much longer than usual a reading may be missing [s]."""
 
@@ -71,11 +72,11 @@ class Loop:
 
     def __init__(
         self, keeper: Keeper, perception: Perception, driver: Driver, operator: Operator,
-        record: Line, ways: LoopParams, has_map: bool, live: Line | None = None,
+        record: Line, params: LoopParams, has_map: bool, live: Line | None = None,
     ) -> None:  # fmt: skip
         """has_map: whether `perception` localises on one. live: to who looks on."""
         self.keeper, self.perception, self.driver = keeper, perception, driver
-        self.operator, self.ways = operator, ways
+        self.operator, self.params = operator, params
         self.timing, self.alarms = Timing(), Alarms()
         self.mode = Mode.HOLD
         self.person = Person()
@@ -86,13 +87,13 @@ class Loop:
         self.cap = FREE
         """On the speed, by the driver's delay, or while lost."""
         self._pauses: dict[str, str] = {}
-        self._led = False  # a person chose the mode, and must go on being heard
+        self._operator_chose = False  # the mode: so he must go on being heard
         self.lease = (0, 0)
         """Who drives, 0: nobody; and a count of the leases."""
         self.rights = Authorization()
         self.log = DriveLog(record, keeper.now, live)
         self._latched = (GateMode.IDLE, "")
-        self._scale = 1.0
+        self._allowed_share = 1.0
         self._delay = math.nan
         self.readings: Readings | None = None
         self.seen: Seen | None = None
@@ -102,7 +103,7 @@ class Loop:
         self.has_map = has_map
         """Whether the pose is that of a map, and not the odometry's."""
         self._senses = SensorWatchdog(
-            keeper.model, patience(keeper.model, ways.period + ways.patience)
+            keeper.model, patience(keeper.model, params.period + params.patience)
         )
         self._lidars = {"": (0, perception.lidar)} | {
             one.name: (k, one.lidar()) for k, one in enumerate(keeper.model.further_lidars, 1)
@@ -112,8 +113,8 @@ class Loop:
         self._due = -math.inf
         self._lost = False
         self._arrived = False
-        self._asked = STANDING
-        self._told = -math.inf
+        self._safe = STANDING
+        self._last_status = -math.inf
         self._garbage: Sweeper | None = None
         self._late = self._took = 0.0
         self._trouble: dict[str, str] = {}
@@ -185,15 +186,15 @@ class Loop:
         return next(iter(self._pauses.values()), "")
 
     def period(self) -> None:
-        """One turn: read, perceive, step, gate, send; then tell and record."""
+        """One turn: read, perceive, step, gate, send; then record and report."""
         keeper = self.keeper
         began = keeper.now()
         late = began - self._due if self._due > -math.inf else 0.0
         readings = self.readings = keeper.read()
         now = keeper.now()  # after them: what a held-up loop reads is not from the future
-        self._look(now, readings)
-        self._notice()
-        self._listen(now)
+        self._perceive(now, readings)
+        self._follow_gate()
+        self._take_input(now)
         decision = None
         seen = self.seen
         free = driving(keeper.gate.mode) and not self.problem and not self._pauses
@@ -202,13 +203,13 @@ class Loop:
         passed = self._propose(readings, decision)
         self.decision = decision
         self._late, self._took = late, keeper.now() - began
-        self._watch(now)
+        self._raise_alarms(now)
         report = self._report(now, readings, passed)
         if report is not None:
-            self._tell(report, self._record(report), passed.reason)
+            self._send_status(report, self._record(report), passed.reason)
         self._keep_time(now)
 
-    def _look(self, now: float, readings: Readings) -> None:
+    def _perceive(self, now: float, readings: Readings) -> None:
         """Are the readings to be relied on, and what do they say?"""
         problem = self._senses.wrong(now, readings)
         if problem and not self.problem:
@@ -229,24 +230,25 @@ class Loop:
         self.seen = seen
         self.driver.moved(seen.twist)
 
-    def _listen(self, now: float) -> None:
+    def _take_input(self, now: float) -> None:
         """What does the person want, and may the stick be believed?"""
-        heard = self.operator.heard()
-        self._driven_by = (heard.driver, heard.name)
-        self._scale = allowed(heard, self._scale)
-        self._heed_lease(heard)
-        self._requests(heard)
+        received = self.operator.heard()
+        self._driven_by = (received.driver, received.name)
+        self._allowed_share = allowed(received, self._allowed_share)
+        self._heed_lease(received)
+        self._answer_requests(received)
         stopped = latched(self.keeper.gate.mode)
-        self.person = renewed(self.person, heard, self.ways.manner, self.ways.period, stopped)
-        self._believe(now, heard)
-        self._delay = far(heard, self.person)
+        arming, period = self.params.arming, self.params.period
+        self.person = renewed(self.person, received, arming, period, stopped)
+        self._watch_operator(now, received)
+        self._delay = far(received, self.person)
 
-    def _believe(self, now: float, heard: OperatorInput) -> None:
+    def _watch_operator(self, now: float, received: OperatorInput) -> None:
         """Is the stick in use there, and the driver?"""
         if not driving(self.keeper.gate.mode):
             self._forget_dropout()
         stick = self.person.lost if self.keeper.gate.mode == GateMode.SHARED else ""
-        quiet = silent(heard, self.ways.manner.stale) if self._led else ""
+        quiet = silent(received, self.params.arming.stale) if self._operator_chose else ""
         if self.person.arming == Arming.ARMED:
             self.alarms.off("stick")
         if not quiet:
@@ -255,13 +257,13 @@ class Loop:
             return
         name = "stick" if stick else "driver"
         why = stick or quiet
-        if why and self.ways.carry_on and (not stick or self.mode == Mode.SHARED):
+        if why and self.params.carry_on and (not stick or self.mode == Mode.SHARED):
             if self.alarms.on(name, f"the {name} is lost: {why}") or stick:
                 self._event(f"{why}: the controller carries on alone", True)
             why = ""
         lost = f"the {name} is lost: {why}" if why else ""
         before = self._dropout
-        self._dropout, then = followed(before, lost, heard, self.person, now)
+        self._dropout, then = followed(before, lost, received, self.person, now)
         if then == Then.STOP:
             said = before.why or lost
             self.alarms.on("driver" if said.startswith("the driver") else "stick", said)
@@ -278,30 +280,31 @@ class Loop:
         self._dropout = self._dropout.over
         self.go_on("stick")
 
-    def _heed_lease(self, heard: OperatorInput) -> None:
+    def _heed_lease(self, received: OperatorInput) -> None:
         """A mode lives no longer than the lease in which it was chosen."""
-        before, self.lease = self.lease, (heard.driver, heard.term)
-        if before[1] == heard.term or not (self._led and driving(self.keeper.gate.mode)):
+        before, self.lease = self.lease, (received.driver, received.term)
+        theirs = self._operator_chose and driving(self.keeper.gate.mode)
+        if before[1] == received.term or not theirs:
             return
-        if heard.driver == 0 and not self.ways.carry_on:
+        if received.driver == 0 and not self.params.carry_on:
             return  # the driver is lost: more than a hold
         self._event("the one who chose the mode drives no more: hold")
         self.choose(Mode.HOLD)
 
-    def _requests(self, heard: OperatorInput) -> None:
+    def _answer_requests(self, received: OperatorInput) -> None:
         """Do or refuse each, and answer."""
         done: dict[int, int] = {}
         for line in self._lines.due(self.keeper.now()):
             self._event(line)
-        asked_now = stops_first(heard.asked)
-        if asked_now and asked_now[0].request.what == Ask.STOP:
-            self._stop(asked_now[0].name)  # once a period, however many say so
-        for asked in asked_now:
+        requests = stops_first(received.asked)
+        if requests and requests[0].request.what == Ask.STOP:
+            self._stop(requests[0].name)  # once a period, however many say so
+        for asked in requests:
             count = done[asked.client] = done.get(asked.client, 0) + 1
             if count > _MOST_REQUESTS and asked.request.what != Ask.STOP:
                 granted, reason = False, "too many requests: wait a moment and ask again"
             else:
-                granted, reason = self._request(asked, heard.driver)
+                granted, reason = self._request(asked, received.driver)
             self.operator.answer(asked.client, asked.request.number, granted, reason)
 
     def _request(self, asked: Asked, driver: int) -> tuple[bool, str]:
@@ -334,7 +337,7 @@ class Loop:
         hold = mode == Mode.HOLD
         said = self._refusal(asked, driver, hold) or self._choose(mode, asked.client)
         if not said:
-            self._led = not hold
+            self._operator_chose = not hold
             if hold:
                 self.rights.stand(asked)
         return said
@@ -342,7 +345,7 @@ class Loop:
     def _refusal(self, asked: Asked, driver: int, hold: bool = False) -> str:
         return self.rights.refusal(asked, driver, self.keeper.now(), hold)
 
-    def _notice(self) -> None:
+    def _follow_gate(self) -> None:
         """What the gate latched by itself ends all modes; it is heeded before any request."""
         gate = self.keeper.gate
         state = (gate.mode, gate.reason) if latched(gate.mode) else (GateMode.IDLE, "")
@@ -354,44 +357,45 @@ class Loop:
             self.mode = Mode.HOLD
 
     def _decide(self, now: float, seen: Seen) -> Decision:
-        around = self.driver.around(seen)
-        self._bound(seen, around)
+        obstacles = self.driver.around(seen)
+        self._limit_speed(seen, obstacles)
         stick = self.person.stick if self.keeper.gate.mode == GateMode.SHARED else CENTRED
         if self.mode == Mode.MANUAL:
-            return self.driver.by_hand(now, seen.pose, stick, around, gently=False)
+            return self.driver.by_hand(now, seen.pose, stick, obstacles, gently=False)
         if seen.lost or self.driver.pilot is None:
-            return self.driver.by_hand(now, seen.pose, stick, around, gently=True)
-        return self.driver.follow(now, seen.pose, stick, around)
+            return self.driver.by_hand(now, seen.pose, stick, obstacles, gently=True)
+        return self.driver.follow(now, seen.pose, stick, obstacles)
 
-    def _bound(self, seen: Seen, around: Surroundings) -> None:
+    def _limit_speed(self, seen: Seen, obstacles: Surroundings) -> None:
         """How fast it may be asked to go: what the driver allows, his delay, speed zones, and where
         the robot has lost its place, what it sees."""
         driver, caps = self.driver, [FREE, self.driver.slowed(seen)]
         if self._delay > NOTICED or seen.lost:
-            clear, settings = driver.clear(seen.pose, around, seen.blind), driver.settings
-            caps += [cap(self._delay, clear, settings)]
-            caps += [crawl(clear, self.driver.delay, settings)] if seen.lost else []
+            clearance, settings = driver.clear(seen.pose, obstacles, seen.blind), driver.settings
+            caps += [cap(self._delay, clearance, settings)]
+            caps += [crawl(clearance, self.driver.delay, settings)] if seen.lost else []
         self.cap = min(caps)
-        usual = self._scale * driver.settings.gains.u_d if self._scale < 1.0 else math.inf
-        driver.fastest = min(usual, self.cap.speed)
+        share = self._allowed_share
+        allowed_speed = share * driver.settings.gains.u_d if share < 1.0 else math.inf
+        driver.fastest = min(allowed_speed, self.cap.speed)
 
     def _propose(self, readings: Readings, decision: Decision | None) -> Passed:
         """To the gate; but with readings that are wrong nothing, and the watchdog counts."""
-        asked = Twist(decision.safe_v, decision.safe_omega) if decision is not None else STANDING
-        self._asked = asked
+        safe = Twist(decision.safe_v, decision.safe_omega) if decision is not None else STANDING
+        self._safe = safe
         gate = self.keeper.gate
         if self.problem or readings.odometry is None:
             self.driver.given(STANDING)
             return Passed(gate.out, gate.reason or self.problem)
         self._number += 1
-        passed = self.keeper.propose(Proposal(self._number, readings.odometry.stamp, asked))
+        passed = self.keeper.propose(Proposal(self._number, readings.odometry.stamp, safe))
         self.driver.given(STANDING if latched(self.keeper.gate.mode) else passed.out)
         return passed
 
-    def _watch(self, now: float) -> None:
+    def _raise_alarms(self, now: float) -> None:
         """Follow what the gate did by itself, and whether recorder and live view live."""
         gate = self.keeper.gate
-        self._notice()
+        self._follow_gate()
         if latched(gate.mode):
             self.alarms.on("stopped", gate.reason)
         else:
@@ -400,16 +404,16 @@ class Loop:
             self.alarms.off("recorder")
             self.alarms.on("recorder", self.log.fault)
         elif not self.log.fault:
-            self._heed("recorder", _MUTE_RECORDER if self.log.mute else "")
-        self._heed("live view", self.log.view_trouble())
+            self._alarm_while("recorder", _MUTE_RECORDER if self.log.mute else "")
+        self._alarm_while("live view", self.log.view_trouble())
         late = _LATE_PLANNER if self.driver.planless and self.mode in _PLANNED else ""
-        self._heed("planner", _NO_PLANNER if self.driver.stuck else late)
+        self._alarm_while("planner", _NO_PLANNER if self.driver.stuck else late)
         if self.driver.arrived != self._arrived:
             self._arrived = self.driver.arrived
             if self._arrived:
                 self._event("arrived: the route is done")
 
-    def _heed(self, helper: str, trouble: str) -> None:
+    def _alarm_while(self, helper: str, trouble: str) -> None:
         """An alarm about what works for the loop, as long as there is trouble with it."""
         before = self._trouble.get(helper, "")
         if trouble == before:
@@ -446,7 +450,7 @@ class Loop:
             known(report)
             | {
                 "mode": gate.mode, "refused": gate.refused, "dropped": self.log.dropped,
-                "safe_v": self._asked.v, "safe_omega": self._asked.omega,
+                "safe_v": self._safe.v, "safe_omega": self._safe.omega,
                 "late": self._late, "took": self._took, "overruns": self.timing.overruns,
             }
         )  # fmt: skip
@@ -455,13 +459,13 @@ class Loop:
         """The nearest round things, in the map, as `core.types` has them, (n, 6)."""
         rows = self.driver.around(seen).discs
         far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
-        return rows[np.argsort(far)[:_DISCS]].astype(np.float32)
+        return rows[np.argsort(far)[:_MOST_DISCS]].astype(np.float32)
 
-    def _tell(self, report: Report, row: NDArray[np.void], refusal: str) -> None:
+    def _send_status(self, report: Report, row: NDArray[np.void], refusal: str) -> None:
         """To the operator. refusal: why the gate did not pass what it was given."""
-        if report.now - self._told < 1.0 / _TOLD - 0.25 * self.ways.period:
+        if report.now - self._last_status < 1.0 / _MOST_STATUSES - 0.25 * self.params.period:
             return
-        self._told = report.now
+        self._last_status = report.now
         nominal = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
         words = StatusWords(
             *self._driven_by, self.mode, self.keeper.gate.reason,
@@ -476,7 +480,7 @@ class Loop:
 
     def _keep_time(self, now: float) -> None:
         """When the next period is due. Missed ones are counted, never made up for in a burst."""
-        end, period = self.keeper.now(), self.ways.period
+        end, period = self.keeper.now(), self.params.period
         if self._due == -math.inf:
             self._due = now
         following = self._due + period

@@ -1,4 +1,4 @@
-"""Where the person is: what the loop asks of an operator's side, and local ones."""
+"""The operator's side of the loop: what it must offer, and those without a link."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from cohelm.law.verdict import Verdict
 from cohelm.pilot.delay_compensation import moved_on, periods, stopping
 from cohelm.pilot.margin_inflation import SLOP, inflated_rules, noise
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable, checked_limits
+from cohelm.robot.limits import Limits, achievable, checked_braking, checked_limits
 from cohelm.robot.model import RobotModel
 
 _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 0.16
@@ -89,7 +89,7 @@ class SafetyFilter:
         Raises CohelmError for what nothing could be promised for.
         """
         self.robot = robot
-        self.limits = _braking(checked_limits(robot.bounds() if limits is None else limits))
+        self.limits = checked_braking(checked_limits(robot.bounds() if limits is None else limits))
         self.period = _within("period", period, 0.001, 1.0)
         delay = _within("delay", robot.delay_s if delay is None else delay, 0.0, 2.0)
         lag = _within("lag", lag, 0.0, 1.0)
@@ -241,15 +241,3 @@ def _within(name: str, value: float, low: float, high: float) -> float:
     if not low <= made <= high:  # nor for NaN
         raise CohelmError(f"{name} must be from {low:g} to {high:g}, got {made:g}")
     return made
-
-
-def _braking(limits: Limits) -> Limits:
-    """Limits with which a robot takes time to stop; a real one does."""
-    straight = min(limits.acceleration, limits.wheel_acceleration)
-    turning = min(limits.yaw_acceleration, limits.wheel_acceleration)
-    if math.inf in (straight, turning):
-        raise CohelmError(
-            "the filter must know how hard the robot brakes: give limits.wheel_acceleration_mps2, "
-            "or both acceleration_mps2 and yaw_acceleration_radps2, in the robot's description"
-        )
-    return limits

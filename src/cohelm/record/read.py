@@ -58,6 +58,14 @@ class Record(NamedTuple):
     further_scans: dict[str, list[tuple[float, Floats]]]
     """The scans of further LiDARs, by their names."""
 
+    def __repr__(self) -> str:
+        """What there is of each, not all of it."""
+        rows = len(self.table["t"])
+        return (
+            f"Record(kind={self.kind!r}, table: {len(self.table)} columns of {rows}, "
+            f"{len(self.scans)} scans, {len(self.events)} events)"
+        )
+
 
 @dataclass
 class Found:
@@ -117,7 +125,10 @@ def read(path: Path) -> Trace:
     """
     found = periods(path)
     if found.kind != "run":
-        raise CohelmError(f"{path} is the record of a drive: give one that `cohelm run` wrote")
+        raise CohelmError(
+            f"{path} is the record of a drive, which has no scores: look at it with `cohelm "
+            f"station --replay {path}`, or give one that `cohelm run` wrote"
+        )
     try:
         names, dt = tuple(json.loads(found.about["obstacles"])), float(found.about["dt"])
         h, discs = period.obstacles(found.periods, len(names))

@@ -56,6 +56,18 @@ def checked_limits(limits: Limits) -> Limits:
     return made
 
 
+def checked_braking(limits: Limits) -> Limits:
+    """Limits with which a robot takes time to stop; a real one does. Raises CohelmError without."""
+    straight = min(limits.acceleration, limits.wheel_acceleration)
+    turning = min(limits.yaw_acceleration, limits.wheel_acceleration)
+    if math.inf in (straight, turning):
+        raise CohelmError(
+            "the filter must know how hard the robot brakes: give limits.wheel_acceleration_mps2, "
+            "or both acceleration_mps2 and yaw_acceleration_radps2, in the robot's description"
+        )
+    return limits
+
+
 def unlimited(track: float) -> Limits:
     """The ideal unicycle of the paper: any command is reached at once."""
     return Limits(math.inf, math.inf, math.inf, math.inf, math.inf, math.inf, track)

@@ -1,4 +1,5 @@
-"""Which transport to take: DDS where it can be had, else the robot's `foxglove_bridge`."""
+"""Which transport to take: what the robot's middleware speaks where that can be had, else its
+`foxglove_bridge`."""
 
 from __future__ import annotations
 
@@ -7,9 +8,10 @@ from importlib.util import find_spec
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.extras import pip_line
 from cohelm.ros.port import Transport
 
-AUTO, DDS, FOXGLOVE = "auto", "dds", "foxglove"
+AUTO, DDS, FOXGLOVE, ZENOH = "auto", "dds", "foxglove", "zenoh"
 
 
 class Connection(NamedTuple):
@@ -17,7 +19,7 @@ class Connection(NamedTuple):
 
     kind: str = DDS
     url: str = ""
-    """Of the bridge."""
+    """Of the bridge or router; of a router also empty: as the environment says."""
     why: str = ""
     """This one and no other."""
 
@@ -27,6 +29,10 @@ class Connection(NamedTuple):
             from cohelm.ros.foxglove import FoxgloveTransport
 
             return FoxgloveTransport(self.url)
+        if self.kind == ZENOH:
+            from cohelm.ros.zenoh import ZenohTransport
+
+            return ZenohTransport(node, namespace, self.url)
         from cohelm.ros.dds import DdsTransport
 
         return DdsTransport(node, namespace)
@@ -35,24 +41,34 @@ class Connection(NamedTuple):
 def connection(kind: str = AUTO, url: str = "") -> Connection:
     """The transport that is meant. CohelmError for one that there is not.
 
-    auto: the bridge where its address is given, the robot's middleware is not DDS, or cyclonedds is
-    not installed; else DDS.
+    auto: bridge or router where its address is given; zenoh where the robot's middleware is
+    rmw_zenoh and eclipse-zenoh is installed; the bridge where what is needed is not; else DDS.
     """
     from cohelm.ros.foxglove import URL
 
-    if kind not in (AUTO, DDS, FOXGLOVE):
-        raise CohelmError(f"--transport {kind!r}: there are {AUTO}, {DDS} and {FOXGLOVE}")
+    if kind not in (AUTO, DDS, FOXGLOVE, ZENOH):
+        raise CohelmError(f"--transport {kind!r}: there are {AUTO}, {DDS}, {FOXGLOVE} and {ZENOH}")
     if kind == DDS and url:
-        raise CohelmError("--url is of a foxglove_bridge: leave it out, or --transport dds")
+        raise CohelmError(
+            "--url is of a foxglove_bridge or a zenoh router: leave it out, or --transport dds"
+        )
     if kind == DDS:
         return Connection(DDS, why="as asked")
+    if kind == ZENOH:
+        return Connection(ZENOH, url, "as asked")
     if url:
-        return Connection(FOXGLOVE, url, "its address was given")
+        of = FOXGLOVE if kind == FOXGLOVE or "://" in url or "/" not in url else ZENOH
+        return Connection(of, url, "its address was given")
     if kind == FOXGLOVE:
         return Connection(FOXGLOVE, URL, "as asked, on this machine as no --url was given")
     middleware = os.environ.get("RMW_IMPLEMENTATION", "")
     if "zenoh" in middleware:
-        return Connection(FOXGLOVE, URL, f"RMW_IMPLEMENTATION is {middleware}, which is no DDS")
+        if find_spec("zenoh") is not None:
+            return Connection(ZENOH, why=f"RMW_IMPLEMENTATION is {middleware}")
+        return Connection(
+            FOXGLOVE, URL, f"RMW_IMPLEMENTATION is {middleware}, which is no DDS, and "
+            f"eclipse-zenoh is not installed ({pip_line('zenoh')})",
+        )  # fmt: skip
     if find_spec("cyclonedds") is None:
         return Connection(FOXGLOVE, URL, "cyclonedds is not installed")
     return Connection(DDS, why="cyclonedds is installed, and no --url was given")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
@@ -65,6 +65,7 @@ def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] =
     problems: list[str] = []
     try:
         data = plain(root, problems)
+        _check_kind(data, model, source)
         # As JSON, the strict mode still takes a list for a tuple, and no text for a number.
         made = model.model_validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
@@ -72,6 +73,22 @@ def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] =
     if problems:
         raise CohelmError("\n".join(problems))
     return made
+
+
+def _check_kind(data: Any, model: type[Schema], source: str) -> None:
+    """CohelmError where a robot's file is given for a scenario, or the reverse."""
+    if not isinstance(data, dict):
+        return
+    robots, sites = "footprint_m" in data, "reference" in data
+    if robots and not sites and model is Scenario:
+        raise CohelmError(
+            f"{source} describes a robot, not a scenario: name it in one, with `robot: {source}`, "
+            f"or with --set robot={source}"
+        )
+    if sites and not robots and model is RobotModel:
+        raise CohelmError(
+            f"{source} is a scenario, and does not describe a robot: give the robot's YAML file"
+        )
 
 
 def dump(model: Schema) -> str:

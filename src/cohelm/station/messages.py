@@ -175,7 +175,7 @@ class State(Schema):
     """What the wheels get."""
     why: str
     """Why the two differ, or empty."""
-    verdict: Literal["untouched", "shaped", "braking", "standing", "invalid", "no_filter"]
+    verdict: Literal["untouched", "shaped", "braking", "standing", "invalid"]
     stick: Motion
     """In use on the robot: fore-aft, left-right."""
     arming: Literal["absent", "waiting", "armed"]

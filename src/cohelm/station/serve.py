@@ -10,6 +10,7 @@ import socket
 import ssl
 from asyncio import Transport
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import uvicorn
@@ -110,7 +111,7 @@ class Server:
             server_header=False,
             date_header=False, proxy_headers=False, lifespan="on", **options,
         )  # fmt: skip
-        self._server = uvicorn.Server(config)
+        self._server = _Unhurried(config)
 
     @property
     def address(self) -> str:
@@ -146,6 +147,15 @@ class Server:
     def started(self) -> bool:
         """Whether pages are served by now."""
         return self._server.started
+
+
+class _Unhurried(uvicorn.Server):
+    """One for whom a second Ctrl-C is no more than the first: it ends within a second anyway, and
+    breaking that off would only be a traceback."""
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        if not self.should_exit:
+            super().handle_exit(sig, frame)
 
 
 def _listening(host: str, port: int) -> Listener:

@@ -63,7 +63,7 @@ def known(
             "the most to localise by: clear it of noise, or make it coarser"
         )
     cells, facing = _faces(occupied, free)
-    if 4 * len(cells) < found:  # what is free was not drawn up to the walls
+    if 2 * len(cells) < found:  # what is free was not drawn up to half of the walls
         beside = scipy.ndimage.binary_dilation(free, iterations=3, mask=~occupied)
         cells, facing = _faces(occupied, beside)
     points, across = _lined(cells * resolution, facing, max(0.15, 3.0 * resolution))
@@ -216,7 +216,8 @@ class Judgement(NamedTuple):
     the number of things that contradict, not of their beams: one wide wall is one error of the
     map, three are a wrong place. told: number of beams. weighed: log as it compares with that of
     other places: a beam that ends where the map knows nothing is explained as little as one that
-    passes through a wall.
+    passes through a wall. closer: log likelihood by which ends of beams lie closer to their
+    surfaces than is usual: the right place needs no more, but of two that fit it tells one.
     """
 
     agree: float
@@ -225,11 +226,12 @@ class Judgement(NamedTuple):
     log: float
     told: int
     weighed: float
+    closer: float
 
 
 _NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
-_SPREAD = 0.06  # standard deviation of its distance for the likelihood [m]
-_INDEPENDENT = 15.0  # beams of a scan, as far as their distances go
+_INDEPENDENT = 15.0  # beams of a scan, as far as their distances go; each of them tells
+_USUAL, _MOST = 0.5, 1.5  # so much less than is usual at the right place, and no more than this
 _RUN = 3  # fewer neighbouring beams are an edge, not a thing
 _EDGE = -0.2  # log likelihoods: of such an edge,
 _SHORT, _WIDE_SHORT = -1.5, -0.02  # a thing that is not on the map, and each of its beams,
@@ -240,9 +242,14 @@ _AGREE, _IN_FRONT, _BEHIND, _SILENT, _BEYOND = 0, 1, 2, 3, 4
 
 @jit
 def judge(
-    known: LocalizationMap, lidar: Lidar, pose: Pose, ranges: Floats, every: int
-) -> Judgement:
-    """Compare every `every`-th beam of a scan from a body pose with what the map expects."""
+    known: LocalizationMap, lidar: Lidar, pose: Pose, ranges: Floats, every: int,
+    offset: float, spread: float,
+) -> Judgement:  # fmt: skip
+    """Compare every `every`-th beam of a scan from a body pose with what the map expects.
+
+    offset: by which ends of beams lie before their surface in truth; spread: their standard
+    deviation from there [m].
+    """
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     x = pose.x + c * lidar.mount.x - s * lidar.mount.y
     y = pose.y + s * lidar.mount.x + c * lidar.mount.y
@@ -259,7 +266,9 @@ def judge(
         near = gap_at(known, x + r * dx, y + r * dy) if r < math.inf else math.nan
         if near < _NEAR:
             verdict = _AGREE
-            near_log += max(-0.5 * (near / _SPREAD) ** 2, -1.5)
+            off = _off(known, x + r * dx, y + r * dy, dx, dy, offset)
+            off = near if math.isnan(off) else off
+            near_log -= min(0.5 * (off / spread) ** 2, _MOST)
         else:
             verdict = _against(expected(known, x, y, dx, dy, lidar.range_max), r, lidar.range_max)
         counts[verdict] += 1
@@ -271,12 +280,30 @@ def judge(
     log += _cost(before, run, every)
     told = counts[_AGREE] + counts[_IN_FRONT] + counts[_BEHIND]
     if told == 0:
-        return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3)
-    log += near_log * _INDEPENDENT / told
+        return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3, 0.0)
+    better = (near_log / told + _USUAL) * _INDEPENDENT
+    log += min(better, 0.0)
     return Judgement(
         counts[_AGREE] / told, counts[_IN_FRONT] / told, counts[_BEHIND] / told, log, told,
-        log + _WIDE_THROUGH * counts[_BEYOND] * every,
+        log + _WIDE_THROUGH * counts[_BEYOND] * every, max(better, 0.0),
     )  # fmt: skip
+
+
+@jit
+def _off(known: LocalizationMap, x: float, y: float, dx: float, dy: float, offset: float) -> float:
+    """How far a beam's end is off the surface that it sees; NaN where there is none [m]."""
+    made = known.surfaces
+    u, v = (x - made.x) / made.resolution, (y - made.y) / made.resolution
+    rows, columns = made.nearest.shape
+    if not (0.0 <= u < columns and 0.0 <= v < rows):
+        return math.nan
+    k = made.nearest[int(v), int(u)]
+    if k >= 0 and made.normals[k, 0] * dx + made.normals[k, 1] * dy > 0.0 and len(made.back):
+        k = made.back[k]  # the wall's other side
+    if k < 0:
+        return math.nan
+    ex, ey = x - made.points[k, 0], y - made.points[k, 1]
+    return ex * made.normals[k, 0] + ey * made.normals[k, 1] - offset
 
 
 @jit

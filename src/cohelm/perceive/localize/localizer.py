@@ -144,6 +144,11 @@ class Caution(NamedTuple):
     """Points of a sweep that are matched, at most."""
 
 
+_SCATTER = 0.06
+"""Of the points of scans about the surfaces of a map of which nothing has been learnt [m],"""
+_LEAST_SCATTER = 0.02
+"""and of any: an accurate LiDAR's."""
+
 _BESIDE: Floats = np.diag([0.1, 0.1, 0.03]) ** 2
 """A match along a corridor may end so far beside; the next one is not held to it."""
 
@@ -237,6 +242,7 @@ class Locator:
         self._usual = -math.inf  # log likelihood of scans, as they were before they were odd
         self._likely = 0.0  # log likelihood of the believed pose
         self._blank = 0.0  # by how much what ended where the map knows nothing made it less likely
+        self._scatter = _SCATTER  # of points about their surfaces, as far as learnt [m]
         self._spread = 0.0  # how far those of scans are from what is usual, in the mean
         self._keyframe: Keyframe | None = None
         self._there = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
@@ -481,8 +487,12 @@ class Locator:
         into, or the edge of cells that were filled. Walls on either side show it, for what moves
         the robot from one moves it to the other."""
         most = self.known.resolution
-        new = self.care.offset + min(way / self.caution.drawn, 0.1) * fit.before
+        learnt = min(way / self.caution.drawn, 0.1)
+        new = self.care.offset + learnt * fit.before
         self.care = self.care._replace(offset=min(max(new, -most), most))
+        if math.isfinite(fit.rms):
+            scatter = self._scatter + learnt * (fit.rms - self._scatter)
+            self._scatter = max(scatter, _LEAST_SCATTER)
 
     def _believe(
         self, pose: Pose, covariance: Floats, share: float, lead: float, proven: bool = False
@@ -614,7 +624,7 @@ class Locator:
     def _until_now(self, pose: Pose) -> float:
         """How likely all scans since it is lost are, had the robot come to this pose."""
         seen = [
-            share * self._weighed(judge(self.known, self.lidar, compose(pose, back), ranges, 2))
+            share * self._weighed(self._judge(compose(pose, back), ranges, 2))
             for back, ranges, share in self._past
         ]
         whole = sum(share for _, _, share in self._past)
@@ -826,13 +836,15 @@ class Locator:
         self._moved, self._led, self._usual = False, 0, -math.inf
         self._told = False
 
-    def _judge(self, pose: Pose, ranges: Floats) -> Judgement:
-        return judge(self.known, self.lidar, pose, ranges, 1)
+    def _judge(self, pose: Pose, ranges: Floats, every: int = 1) -> Judgement:
+        offset = self.care.offset
+        return judge(self.known, self.lidar, pose, ranges, every, offset, self._scatter)
 
     def _weighed(self, judged: Judgement) -> float:
         """How likely a place is beside others: where much of the view ended where the map knows
         nothing until now, as much of it may."""
-        return judged.log - max(judged.log - judged.weighed - self._blank, 0.0)
+        unknown = max(judged.log - judged.weighed - self._blank, 0.0)
+        return judged.log + judged.closer - unknown
 
     def _fits(self, judged: Judgement) -> bool:
         """Whether a tracked pose may be kept; after a jolt, less is excused than before."""

@@ -1,4 +1,4 @@
-"""A chunk of a suite's episodes, driven wherever it happens to be sent."""
+"""Drives a chunk of a suite's episodes, in whichever process it is sent to."""
 
 from __future__ import annotations
 

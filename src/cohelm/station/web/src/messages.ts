@@ -134,7 +134,7 @@ export interface State {
   applied: [number, number]
   /** Why the two differ, or empty. */
   why: string
-  verdict: 'untouched' | 'shaped' | 'braking' | 'standing' | 'invalid' | 'no_filter'
+  verdict: 'untouched' | 'shaped' | 'braking' | 'standing' | 'invalid'
   /** In use on the robot: fore-aft, left-right. */
   stick: [number, number]
   arming: 'absent' | 'waiting' | 'armed'

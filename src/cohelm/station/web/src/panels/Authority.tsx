@@ -5,11 +5,10 @@ import { hand, idle } from '../input/drive'
 import { DEVICE_NAMES } from '../input/source'
 import { points } from '../map/points'
 import { gaps, SECTORS } from '../map/ring'
-import type { State } from '../messages'
 import * as s from '../state'
+import { abnormal, CLOSE_M, why } from './why'
 import { metres, speed, yaw } from './words'
 
-const CLOSE_M = 0.25
 const NEAR_M = 0.7
 
 export function Authority() {
@@ -45,32 +44,6 @@ export function Authority() {
       </div>
     </section>
   )
-}
-
-const GUARDED: Partial<Record<State['verdict'], string>> = {
-  shaped: 'held back: something is near',
-  braking: 'braking: something is near',
-  standing: 'standing: no way to go is safe',
-  invalid: 'standing: a number is not finite',
-}
-
-/** Whether the applied command is visibly not the nominal one. */
-function other({ nominal, applied }: State): boolean {
-  return Math.abs(nominal[0] - applied[0]) > 0.02 || Math.abs(nominal[1] - applied[1]) > 0.05
-}
-
-/** Why the applied command is not the nominal one: the gate's word, the guard's, or the wheels' inertia. */
-function why(state: State | null): string {
-  if (state === null) return '–'
-  if (state.why !== '') return state.why
-  if (!other(state)) return 'as asked'
-  return GUARDED[state.verdict] ?? 'as fast as the wheels may change'
-}
-
-/** Whether the robot does something else than it was asked, and not because it is to hold. */
-function abnormal(state: State | null): boolean {
-  if (state === null || (state.mode === 'hold' && state.stopped === '')) return false
-  return state.why !== '' || (other(state) && GUARDED[state.verdict] !== undefined)
 }
 
 function near(gap: number | null): string {

@@ -1,0 +1,76 @@
+"""Drives until somebody ends it: with the site's stick and mode, or as stations want."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+from cohelm.drive.operate import End, Hands
+from cohelm.drive.session import Session, SessionConfig
+from cohelm.drive.teleop_server import TeleopConfig, serve
+from cohelm.link import keys
+from cohelm.link.messages import Mode
+from cohelm.link.udp import PORT, address
+from cohelm.loop.loop import Loop
+
+if TYPE_CHECKING:
+    from cohelm.drive.on_topics import OnTopics
+
+
+def drive_here(
+    plan: SessionConfig, mode: Mode, operator: Hands, stop: End, seconds: float | None = None,
+    arrive: bool = False, topics: OnTopics | None = None,
+    begun: Callable[[Session], AbstractContextManager[object]] = nullcontext,
+) -> dict[str, Any]:  # fmt: skip
+    """Drive, and say what became of it.
+
+    seconds: end after so many. arrive: end when the route is done. topics: what a ROS 2 robot says
+    besides. begun: told the session; it drives within the context that is returned.
+
+    Raises CohelmError where something can not be started.
+    """
+    with Session(plan, operator) as session:
+        stop.heed()
+        clock = session.loop.keeper.now
+        with begun(session):
+            if topics is not None:
+                topics.begin(session)
+            operator.watches(clock)
+            end = clock() + (math.inf if seconds is None else seconds)
+
+            def until(loop: Loop) -> bool:
+                if topics is not None:
+                    topics.turn(loop)
+                over = clock() >= end or (arrive and loop.driver.arrived)
+                return over or stop.asked != ""
+
+            session.run(until, mode)
+            session.end(stop.asked or "the drive is over")
+        summary = session.summary()
+    return summary | session.record_summary()
+
+
+def drive_for_stations(
+    plan: SessionConfig, listen: str, stop: End, seconds: float | None = None,
+    topics: OnTopics | None = None, begun: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:  # fmt: skip
+    """Drive as paired stations want, and say what became of it. listen: HOST[:PORT].
+
+    seconds, topics: as above. begun: told the address. Raises CohelmError as above.
+    """
+    host, port = address(listen, PORT)
+    end = math.inf
+
+    def ready(at: tuple[Any, ...]) -> None:
+        nonlocal end
+        stop.heed()
+        end = time.monotonic() + (math.inf if seconds is None else seconds)
+        begun(f"{at[0]}:{at[1]}")
+
+    def over() -> str:
+        return stop.asked or ("its time is over" if time.monotonic() >= end else "")
+
+    return serve(plan, TeleopConfig(keys.robot(), host, port), ready, over, topics)

@@ -1,0 +1,38 @@
+// Why the robot does something else than was asked of it.
+
+import type { State } from '../messages'
+
+/** Nearer than this is close [m]. */
+export const CLOSE_M = 0.25
+
+const GUARDED: Partial<Record<State['verdict'], string>> = {
+  shaped: 'held back: something is near',
+  braking: 'braking: something is near',
+  standing: 'standing: no way to go is safe',
+  invalid: 'standing: a number is not finite',
+}
+
+/** Whether the applied command is visibly not the nominal one. */
+function other({ nominal, applied }: State): boolean {
+  return Math.abs(nominal[0] - applied[0]) > 0.02 || Math.abs(nominal[1] - applied[1]) > 0.05
+}
+
+/** Why the applied command is not the nominal one: the gate's word, the guard's, or the wheels' inertia. */
+export function why(state: State | null): string {
+  if (state === null) return '–'
+  if (state.why !== '') return state.why
+  if (!other(state)) return 'as asked'
+  return guarded(state) ?? 'as fast as the robot may'
+}
+
+/** What the guard held back for; where it names nothing and nothing is close, the robot's own limits shaped the command. */
+function guarded({ verdict, limiting, clearance_m }: State): string | undefined {
+  const close = limiting !== null || (clearance_m !== null && clearance_m < CLOSE_M)
+  return verdict === 'shaped' && !close ? undefined : GUARDED[verdict]
+}
+
+/** Whether the robot does something else than it was asked, and not because it is to hold. */
+export function abnormal(state: State | null): boolean {
+  if (state === null || (state.mode === 'hold' && state.stopped === '')) return false
+  return state.why !== '' || (other(state) && guarded(state) !== undefined)
+}
