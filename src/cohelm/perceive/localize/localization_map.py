@@ -281,7 +281,7 @@ def judge(
     told = counts[_AGREE] + counts[_IN_FRONT] + counts[_BEHIND]
     if told == 0:
         return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3, 0.0)
-    better = (near_log / told + _USUAL) * _INDEPENDENT
+    better = (near_log + _USUAL * counts[_AGREE]) / told * _INDEPENDENT
     log += min(better, 0.0)
     return Judgement(
         counts[_AGREE] / told, counts[_IN_FRONT] / told, counts[_BEHIND] / told, log, told,

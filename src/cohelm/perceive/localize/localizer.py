@@ -401,15 +401,13 @@ class Locator:
         c, way = self.caution, math.hypot(step.x, step.y)
         movable = self._movable
         fits = self._fits(judged)
-        jumped = False
         if movable and not fits:
             loose = np.diag([4.0, 4.0, 16.0])
             wider = self.care._replace(reach=0.6)
             other = align(self.known.surfaces, points, across, foretold, loose, wider)
             again = self._judge(other.pose, sweep.ranges)
-            jumped = again.log > judged.log + 1.0 and self._fair(again, c.good)
-            if jumped:
-                fit, judged = other, again
+            if again.log > judged.log + 1.0 and self._fair(again, c.good):
+                fit, judged, fits = other, again, self._fits(again)
         self._fitting = self._fitting + way if fits else self._fitting
         self._unheld = 0.0 if fits else self._unheld + way
         astray = self._unheld > c.unheld
@@ -422,7 +420,7 @@ class Locator:
         off = innovation @ own @ np.linalg.solve(np.eye(3) + told[:3, :3] @ own, innovation)
         # moved from where it was, or put elsewhere than was said: the place that fits is one of
         # those that may
-        jumped = jumped or (movable and off > c.refused)
+        jumped = movable and off > c.refused
         if jumped and self._lead >= c.unmoved and self._fitting < c.proven:
             told = joined(told[:3, :3] + np.diag([c.put, c.put, 0.5 * c.put]) ** 2, told[3:, 3:])
         if self._doubts >= c.patience or jumped:
