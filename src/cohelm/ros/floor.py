@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from cohelm.core.types import Floats, Ints
 from cohelm.robot.sensors import FloorModel, LidarModel
 
-_ENOUGH = 0.6
-"""Of the pixels that should show the floor in a cell, so many have to."""
+_ENOUGH, _AGAIN = 0.6, 0.8
+"""Of the pixels that should show the floor in a cell, so many have to; where it ended in the scan
+before, so many, that an edge does not come and go with the noise."""
 _BELOW = 0.1
 """Of a cell's points that show it, so many others may be deeper: strays at edges are."""
 _FEW = 3.0
@@ -38,9 +39,8 @@ class Floor:
         self._needed = np.ones(self._shape)
         self._ought = np.ones(self._shape, dtype=np.bool_)
         """Which cells ought to be seen."""
-        self._short = 2
-        """The near end of the cell so many before the first that is not seen stands. Where one
-        point is enough to show a cell, the floor may end obliquely in the one before."""
+        self._ended: NDArray[np.bool_] = np.zeros(self._shape[0], dtype=np.bool_)
+        """Where the floor ended in the scan before."""
         self.seen = 1.0
         """Share of those that were, by the last points."""
 
@@ -49,12 +49,14 @@ class Floor:
         (n,) [m]: cells that would have too few are not asked."""
         counts = self._counted(beams, far, np.ones(len(far), dtype=np.bool_))
         self._needed, self._ought = np.maximum(_ENOUGH * counts, 1.0), counts >= _FEW
-        self._short = 1
 
     def stood(self, beams: Ints, far: Floats, heights: Floats, ranges: Floats) -> Floats:
-        """(beams,), the ranges [m], and where the floor ends before them that instead: the near end
-        of the last cell that is seen, or of the one before; -inf where none is, as what begins
-        nearer than the first can not be seen.
+        """(beams,), the ranges [m], and where the floor ends before them that instead: a cell
+        before its last point, along each beam; -inf where none is seen, as what begins nearer than
+        the first can not be seen.
+
+        Not the cell's end: that would be the same for many beams and scans, as of a sensor that
+        hangs, and would jump as the robot moves.
 
         beams, far, heights: of all points that were measured, (n,); NaN counts nowhere [m].
         """
@@ -63,16 +65,24 @@ class Floor:
             deep = heights < floor.height_m - floor.drop_m
             there = (heights < self._low) & ~deep
         shown, below = self._counted(beams, far, there), self._counted(beams, far, deep)
-        seen = (shown >= self._needed) & (below <= _BELOW * shown)
+        needed = np.where(self._ended[:, None], _AGAIN / _ENOUGH, 1.0) * self._needed
+        seen = (shown >= needed) & (below <= _BELOW * shown)
         self.seen = float(seen[self._ought].mean()) if self._ought.any() else 0.0
         missing = self._ought & ~seen
+        self._ended = np.asarray(missing.any(axis=1), dtype=np.bool_)
         cell = missing.argmax(axis=1)
-        first = cell <= self._ought.argmax(axis=1)
-        ends = np.where(first, -math.inf, floor.from_m + self._long * (cell - self._short))
-        ends[~missing.any(axis=1)] = math.inf
-        hides = floor.from_m + self._long * (cell + 1.0)
-        ends, hides = ends[self._beams], hides[self._beams]
-        made: Floats = np.where(~(ranges < hides) & (ends < math.inf), ends, ranges)
+        first = (cell <= self._ought.argmax(axis=1))[self._beams]
+        far_ends: Floats = np.where(
+            self._ended, floor.from_m + self._long * (cell + 1.0), -math.inf
+        )
+        hides = far_ends[self._beams]
+        """Up to the far end of the first cell that is not seen: what stands before that hides it."""
+        with np.errstate(invalid="ignore"):
+            last = np.flatnonzero(there & (far >= floor.from_m) & (far < hides[beams]))
+        ends: Floats = np.full(len(ranges), floor.from_m)
+        np.maximum.at(ends, beams[last], far[last])
+        ends = np.where(first, -math.inf, ends - self._long)
+        made: Floats = np.where(~(ranges < hides) & np.isfinite(hides), ends, ranges)
         return made
 
     def _counted(self, beams: Ints, far: Floats, which: NDArray[np.bool_]) -> Floats:
