@@ -16,6 +16,29 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 AtLeast0 = Annotated[float, Field(ge=0.0)]
 
 
+class FloorModel(Schema):
+    """Floor that a depth camera or 3D LiDAR sees all the time, unless there is none: a stair, the
+    end of a ramp. Where it is not seen counts as standing."""
+
+    from_m: Annotated[float, Field(gt=0.0)]
+    """From so far from the sensor..."""
+    to_m: Annotated[float, Field(gt=0.0)]
+    """... to so far, in all of its field of view, it sees the floor."""
+    drop_m: Annotated[float, Field(gt=0.0)] = 0.05
+    """What is so far below is not the floor; what is higher is, up to the height band."""
+    cell_m: Annotated[float, Field(ge=0.02, le=1.0)] = 0.05
+    """It is looked at in cells so long: longer than from one of the sensor's points on the floor
+    to the next."""
+    height_m: float = 0.0
+    """Of the floor above the body's origin."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.from_m + 2.0 * self.cell_m <= self.to_m:
+            raise ValueError("floor: from from_m to to_m there must be two cells at least")
+        return self
+
+
 class LidarModel(Schema):
     """A planar LiDAR."""
 
@@ -59,6 +82,9 @@ class LidarModel(Schema):
     depth_image: bool = False
     """Over ROS 2: they are made of depth images instead, and the field of view and mount are those
     of the camera. Needs a height_band_m."""
+    floor: FloorModel | None = None
+    """Over ROS 2: which floor it sees, if it shall notice where there is none. Needs a
+    height_band_m."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -66,6 +92,13 @@ class LidarModel(Schema):
             raise ValueError("height_band_m must be the lower height, then the upper one")
         if self.depth_image and self.height_band_m is None:
             raise ValueError("depth_image needs a height_band_m: which heights count")
+        if self.floor is not None:
+            if self.height_band_m is None:
+                raise ValueError("floor needs a height_band_m: a planar LiDAR sees no floor")
+            if self.floor.height_m >= self.height_band_m[0]:
+                raise ValueError("floor.height_m must be below the height_band_m")
+            if self.floor.to_m > self.range_max_m:
+                raise ValueError("floor.to_m must not be farther than range_max_m")
         if self.range_min_m >= self.range_max_m:
             raise ValueError("range_min_m must be smaller than range_max_m")
         if self.sweep_s * self.rate_hz > 1.0:

@@ -10,6 +10,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 from cohelm.robot.sensors import LidarModel
+from cohelm.ros.floor import Floor
 
 _FORMATS = {7: "f4", 8: "f8"}
 """Of `sensor_msgs/msg/PointField`: FLOAT32, FLOAT64."""
@@ -58,25 +59,38 @@ class CloudRanges:
         """model: one with a height band. body: (4, 4), from the cloud's frame into the body's."""
         self._model, self._body, self._topic = model, body, topic
         self._numbers = model.lidar()
+        self._floor = None if model.floor is None else Floor(model, model.floor)
+
+    @property
+    def floor_seen(self) -> float:
+        """Of the cells of floor that ought to be seen, the share that was, in the last cloud; NaN
+        where none is asked about."""
+        return math.nan if self._floor is None else self._floor.seen
 
     def of(self, cloud: Any) -> Floats:
         """(beams,) [m]: of the points within the band, the distance on the floor of the nearest
-        along each beam, as the sensor of the model sees it; inf where there is none, -inf where it
-        is nearer than the least range. CohelmError for what is no cloud."""
+        along each beam, as the sensor of the model sees it, or where floor ends that it ought to
+        see; inf where there is none, -inf where it is nearer than the least range. CohelmError for
+        what is no cloud."""
         model, lidar = self._model, self._numbers
         low, high = model.height_band_m or (-math.inf, math.inf)
         seen = points(cloud, self._topic)
         with np.errstate(invalid="ignore", over="ignore"):
             here = seen @ self._body[:3, :3].T + self._body[:3, 3]
-            here = here[(here[:, 2] >= low) & (here[:, 2] <= high)]
+            least = low if self._floor is None else -math.inf
+            here = here[(here[:, 2] >= least) & (here[:, 2] <= high)]
             dx, dy = here[:, 0] - lidar.mount.x, here[:, 1] - lidar.mount.y
             far = np.hypot(dx, dy)
             near = far <= model.range_max_m  # no NaN either
-            dx, dy, far = dx[near], dy[near], far[near]
+            dx, dy, far, heights = dx[near], dy[near], far[near], here[near, 2]
             bearing = np.arctan2(dy, dx) - lidar.mount.psi - lidar.first + 0.5 * lidar.step
         beams = (np.mod(bearing, 2.0 * math.pi) / lidar.step).astype(np.int64)
         inside = beams < model.beams
+        beams, far, heights = beams[inside], far[inside], heights[inside]
         made: Floats = np.full(model.beams, math.inf)
-        np.minimum.at(made, beams[inside], far[inside])
+        stands = heights >= low
+        np.minimum.at(made, beams[stands], far[stands])
+        if self._floor is not None:
+            made = self._floor.stood(beams, far, heights, made)
         made[made < model.range_min_m] = -math.inf
         return made

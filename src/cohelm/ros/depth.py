@@ -10,6 +10,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Ints, wrap
 from cohelm.robot.sensors import LidarModel
+from cohelm.ros.floor import Floor
 
 _ENCODINGS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 """Of a pixel, and the metres of its one (REP-118)."""
@@ -150,7 +151,14 @@ class DepthRanges:
         level = (rise == 0.0) & (low <= body[2, 3]) & (body[2, 3] <= high)
         first = np.where(level, 0.0, np.maximum(np.nan_to_num(ends[0], nan=math.inf), 0.0))
         last = np.minimum(np.where(level, math.inf, ends[1]), beyond)
-        chosen = np.flatnonzero((beams < model.beams) & (first <= last))
+        used = first <= last
+        floor = self._floor = None if model.floor is None else Floor(model, model.floor)
+        flat: Floats = far
+        if model.floor is not None:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                flat = far * (model.floor.height_m - body[2, 3]) / rise
+            used |= (rise < 0.0) & (flat < model.range_max_m)
+        chosen = np.flatnonzero((beams < model.beams) & used)
         chosen = chosen[np.argsort(beams[chosen], kind="stable")]
         self._pixels, self._beams = pixels[chosen], beams[chosen]
         self._far = far[chosen].astype(np.float32)
@@ -159,11 +167,22 @@ class DepthRanges:
             self._beams, return_index=True, return_counts=True
         )
         """The beams that have pixels, and where theirs begin."""
+        if floor is not None:
+            self._down = np.flatnonzero(rise[chosen] < 0.0)
+            self._rise, self._lens = rise[chosen].astype(np.float32), np.float32(body[2, 3])
+            floor.expect(self._beams[self._down], flat[chosen][self._down])
+
+    @property
+    def floor_seen(self) -> float:
+        """Of the cells of floor that ought to be seen, the share that was, in the last image; NaN
+        where none is asked about."""
+        return math.nan if self._floor is None else self._floor.seen
 
     def of(self, image: Any) -> Floats:
         """(beams,) [m]: of the points within the band, the distance on the floor of the nearest
-        along each beam; inf where there is none, -inf where it is nearer than the least range, NaN
-        where most of the beam's pixels measured nothing. CohelmError for what is no such image."""
+        along each beam, or where floor ends that it ought to see; inf where there is none, -inf
+        where it is nearer than the least range, NaN where most of the beam's pixels measured
+        nothing. CohelmError for what is no such image."""
         seen, metres = depths(image, self._camera, self._topic)
         made: Floats = np.full(self._model.beams, math.nan)
         if not len(self._seen):
@@ -179,8 +198,13 @@ class DepthRanges:
         ranges[close] = -math.inf
         nearest = np.minimum.reduceat(ranges, self._starts).astype(np.float64)
         blind = np.add.reduceat(none, self._starts, dtype=np.int64) > _MEASURED * self._counts
-        nearest[nearest < self._model.range_min_m] = -math.inf
         made[self._seen] = np.where(blind & (nearest == math.inf), math.nan, nearest)
+        if self._floor is not None:
+            down, depth[~(depth > 0.0)] = self._down, math.nan
+            low = depth[down]
+            heights, far = self._lens + low * self._rise[down], low * self._far[down]
+            made = self._floor.stood(self._beams[down], far, heights, made)
+        made[made < self._model.range_min_m] = -math.inf
         return made
 
 

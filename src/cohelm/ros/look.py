@@ -393,7 +393,7 @@ class _Heard:
         if infos := self._infos.get(topic):
             camera = depth.camera(infos[-1].message, depth.info_topic(topic))
             lidar = depth.described(camera, matrix, lidar, topic)
-            depth.DepthRanges(lidar, camera, matrix, topic).of(rows[-1].message)
+            ranges = depth.DepthRanges(lidar, camera, matrix, topic)
             what = f"depth image: {camera.width} x {camera.height}"
             grain = (
                 f", over {lidar.field_of_view_deg:.0f} deg, middle beam at "
@@ -401,7 +401,13 @@ class _Heard:
                 f"between rays at {lidar.range_max_m:g} m"
             )
         else:
-            cloud.CloudRanges(lidar, matrix, topic).of(rows[-1].message)
+            ranges = cloud.CloudRanges(lidar, matrix, topic)
+        ranges.of(rows[-1].message)
+        if lidar.floor is not None:
+            grain += (
+                f"; floor from {lidar.floor.from_m:g} to {lidar.floor.to_m:g} m, of which "
+                f"{100.0 * ranges.floor_seen:.0f} % is seen now"
+            )
         low, high = given.height_band_m or (0.0, 0.0)
         notes.append(
             f"{what}: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
