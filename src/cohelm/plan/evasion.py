@@ -219,11 +219,11 @@ def _watched(seen: Floats, around: Surroundings, period: float) -> Floats:
             push = math.hypot(ax, ay)
             share = min(1.0, most / push) if push > 0.0 else 1.0
             ax, ay = ax * share, ay * share
-            one[4], one[5], one[6] = ax, ay, 0.0
-            if seen[before, 6] >= 0.0:  # what does not last was noise
-                bx, by = seen[before, 4], seen[before, 5]
-                larger = max(ax * ax + ay * ay, bx * bx + by * by)
-                one[6] = max(ax * bx + ay * by, 0.0) / larger if larger > 0.0 else 0.0
+            new = 1.0 if seen[before, 6] < 0.0 else 0.5
+            one[4] = seen[before, 4] + new * (ax - seen[before, 4])
+            one[5] = seen[before, 5] + new * (ay - seen[before, 5])
+            one[6] = max(seen[before, 6], 0.0)
+            one[6] += new * (ax * ax + ay * ay - one[6])
             one[7] = max(one[7], seen[before, 7])
             one[8] = min(one[8], seen[before, 8] + period)
         n += 1
@@ -259,7 +259,11 @@ def _gathered(
         if speed > 0.0:
             if k < len(seen):
                 lasts, top, lately = (
-                    max(seen[k, 6], 0.0),
+                    (
+                        min((seen[k, 4] ** 2 + seen[k, 5] ** 2) / seen[k, 6], 1.0)
+                        if seen[k, 6] > 0.0
+                        else 0.0
+                    ),
                     seen[k, 7],
                     lately or seen[k, 8] < _LATELY,
                 )
