@@ -86,11 +86,11 @@ def _flat(
     )
     evasion = EvasionParams(
         r[43], r[44], r[45], r[46], r[47], r[48], r[49], r[50], r[51], r[52], r[53], r[54], r[55],
-        r[56], r[57], r[58], r[59], r[60], r[61], r[62],
+        r[56], r[57], r[58], r[59], r[60], r[61], r[62], r[63],
     )  # fmt: skip
     s = Settings(
         outline, limits, gains, rules, pace, r[38] != 0.0, r[39] != 0.0, r[40], r[41], r[42],
-        fastest, evasion, r[63],
+        fastest, evasion, r[64],
     )  # fmt: skip
     before = State(
         k,

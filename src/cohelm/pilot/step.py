@@ -228,7 +228,7 @@ def _capped(e: EvasionParams, fastest: float) -> EvasionParams:
         e.horizon, e.period, min(e.speed, fastest), e.yaw_rate, e.clearance, e.standing_growth,
         e.moving_growth, e.growth_per_speed, e.most_growth, e.social_clearance, e.risk_weight,
         e.ahead, e.slack, e.slack_growth, e.turning, e.hysteresis, e.static_clearance,
-        e.certified_for, e.certified_growth, e.pass_right,
+        e.certified_for, e.certified_growth, e.pass_right, e.sets_off_weight,
     )  # fmt: skip
 
 

@@ -48,6 +48,10 @@ _SAME = 0.5  # who is farther from where he should be by now is somebody else [m
 _STRIDE = 0.5  # with which is foretold about where a motion leads [s]
 _ABOUT = 0.25  # by so much less it may then cost [m]
 _LASTS = 0.5  # of a change of velocity, share that is taken from the newest look
+_WALKS, _LATELY = 0.3, 1.0  # who was faster so lately may set off again at any moment [m/s, s]
+_BRAKES = 0.5  # of what he is capable of, from which on who slows down is taken to stop
+_FASTER = 2.0  # times as fast as he was ever seen is who sets off next
+_NOTICED = 0.3  # until it is seen that somebody sets off: three looks [s]
 
 HURRY = 1.6
 """Who gets out of somebody's way may be so much faster than the reference."""
@@ -96,6 +100,9 @@ class EvasionParams(NamedTuple):
     pass_right: float = 0.0
     """How much wider movers are taken to be on the robot's left, so that it passes them on the
     right, as the paper's k_CBF does [m]."""
+    sets_off_weight: float = 180.0
+    """How far the robot goes out of its way for a second beside somebody who would be there before
+    it got away, if he turned on it [m/s]."""
 
 
 class Evasion(NamedTuple):
@@ -119,10 +126,11 @@ NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
 def nobody_watched() -> Floats:
-    """Memory of how movers change their velocities, for `evade`: (64, 7), as many rows of x, y, vx,
-    vy, ax, ay and the mean square of what ax, ay were taken from as there were movers at the last
+    """Memory of how movers change their velocities, for `evade`: (64, 9), as many rows of x, y, vx,
+    vy, ax, ay, the mean square of what they were taken from (-1: not known yet), the largest speed
+    so far and the time since he was last faster than `_WALKS` as there were movers at the last
     look, then NaN."""
-    return np.full((_WATCHED, 7), math.nan)
+    return np.full((_WATCHED, 9), math.nan)
 
 
 class Field(NamedTuple):
@@ -139,8 +147,9 @@ class _Case(NamedTuple):
     """All that candidates are held against."""
 
     movers: Floats
-    """(m, 9): x, y, vx, vy, radius, the acceleration that the filter takes it to be capable of,
-    how fast doubt of where it is grows, and the acceleration that it has."""
+    """(m, 12): x, y, vx, vy, radius, the acceleration that the filter takes it to be capable of,
+    how fast doubt of where it is grows, the acceleration that it has and for how long, the speed
+    that it may reach, and how long the robot takes to be out of its way."""
     field: Field
     way: Floats
     """(k, 3): x, y, what is left of the course from there [m]."""
@@ -170,7 +179,7 @@ def evade(
     seen = _watched(watched, around, e.period)
     watched[: len(seen)] = seen
     watched[len(seen) :] = math.nan
-    movers, who = _movers(around, seen, pose, reach, e)
+    movers, who = _movers(around, seen, pose, reach, limits, e)
     if who == 0 or _follows(
         movers, who, pose, twist, course, clock, outline, reach, limits, gains, pace, e
     ):
@@ -188,7 +197,7 @@ def _steps(e: EvasionParams, rules: Rules) -> int:
 @jit
 def _watched(seen: Floats, around: Surroundings, period: float) -> Floats:
     """Those that move, and how they change their velocities, as `nobody_watched` says."""
-    found = np.empty((min(len(around.discs), _WATCHED), 7))
+    found = np.empty((min(len(around.discs), _WATCHED), 9))
     n = 0
     for i in range(len(around.discs)):
         d = around.discs[i]
@@ -196,7 +205,8 @@ def _watched(seen: Floats, around: Surroundings, period: float) -> Floats:
             continue
         one = found[n]
         one[0], one[1], one[2], one[3] = d[X], d[Y], d[VX], d[VY]
-        one[4], one[5], one[6] = 0.0, 0.0, -1.0
+        one[4], one[5], one[6], one[7] = 0.0, 0.0, -1.0, math.hypot(d[VX], d[VY])
+        one[8] = 0.0 if one[7] > _WALKS else math.inf
         best, before = _SAME, -1
         for j in range(len(seen)):
             far = math.hypot(
@@ -215,53 +225,69 @@ def _watched(seen: Floats, around: Surroundings, period: float) -> Floats:
             one[5] = seen[before, 5] + new * (ay - seen[before, 5])
             one[6] = max(seen[before, 6], 0.0)
             one[6] += new * (ax * ax + ay * ay - one[6])
+            one[7] = max(one[7], seen[before, 7])
+            one[8] = min(one[8], seen[before, 8] + period)
         n += 1
     return found[:n]
 
 
 @jit
 def _movers(
-    around: Surroundings, seen: Floats, pose: Pose, reach: float, e: EvasionParams
+    around: Surroundings, seen: Floats, pose: Pose, reach: float, limits: Limits, e: EvasionParams
 ) -> tuple[Floats, int]:
     """Those that could matter within the horizon, and how many of them come first because they
-    move; the others may set off."""
-    found = np.empty((2 * len(around.discs), 9))
-    n = _gathered(found, 0, True, around, seen, pose, reach, e)
-    return found[: _gathered(found, n, False, around, seen, pose, reach, e)], n
+    move, or did lately; the others may set off."""
+    found = np.empty((2 * len(around.discs), 12))
+    n = _gathered(found, 0, True, around, seen, pose, reach, limits, e)
+    return found[: _gathered(found, n, False, around, seen, pose, reach, limits, e)], n
 
 
 @jit
 def _gathered(
     found: Floats, n: int, moving: bool, around: Surroundings, seen: Floats, pose: Pose,
-    reach: float, e: EvasionParams,
+    reach: float, limits: Limits, e: EvasionParams,
 ) -> int:  # fmt: skip
     """Write those that move, or those that do not, from row n on; one past the last row."""
     k = 0
+    fast = min(e.speed, limits.speed)
+    stops = brake_steps(Twist(fast, 0.0), limits, _H) * _H
     for i in range(len(around.discs)):
         d = around.discs[i]
         vx, vy = d[VX], d[VY]
+        agility = around.agility[i]
         speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
+        top, lately, turning = speed, speed > _SLOW, e.turning
         if speed > 0.0:
-            if k < len(seen) and seen[k, 6] > 0.0:  # what does not last was noise
-                lasts = min((seen[k, 4] ** 2 + seen[k, 5] ** 2) / seen[k, 6], 1.0)
+            if k < len(seen):
+                lasts = 0.0
+                if seen[k, 6] > 0.0:  # what does not last was noise
+                    lasts = min((seen[k, 4] ** 2 + seen[k, 5] ** 2) / seen[k, 6], 1.0)
+                top, lately = seen[k, 7], lately or seen[k, 8] < _LATELY
                 ax, ay = lasts * seen[k, 4], lasts * seen[k, 5]
             k += 1
-        if vx == 0.0 and vy == 0.0 and around.agility[i] == 0.0:
+        if vx == 0.0 and vy == 0.0 and agility == 0.0:
             continue
-        if (speed > _SLOW) != moving:
+        if lately != moving:
             continue
         far = math.hypot(d[X] - pose.x, d[Y] - pose.y) - d[RADIUS] - reach
         if not far < (speed + e.speed) * e.horizon + e.social_clearance:
             continue
         if speed > 0.0:  # who slows down, stops; he does not go back
-            back = min(ax * vx + ay * vy + speed * speed / e.turning, 0.0) / (speed * speed)
-            ax, ay = ax - back * vx, ay - back * vy
+            brakes = -(ax * vx + ay * vy) / speed
+            if brakes > max(_BRAKES * agility, 0.9 * math.hypot(ax, ay)):
+                turning = speed / brakes
+                ax, ay = -brakes * vx / speed, -brakes * vy / speed
+            else:
+                back = min(speed / e.turning - brakes, 0.0) / speed
+                ax, ay = ax - back * vx, ay - back * vy
         found[n, 0], found[n, 1], found[n, 2], found[n, 3] = d[X], d[Y], vx, vy
-        found[n, 4], found[n, 5] = d[RADIUS], around.agility[i]
+        found[n, 4], found[n, 5] = d[RADIUS], agility
         found[n, 6] = e.standing_growth
         if moving:
             found[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
-        found[n, 7], found[n, 8] = ax, ay
+        found[n, 7], found[n, 8], found[n, 9], found[n, 10] = ax, ay, turning, _FASTER * top
+        way = reach + d[RADIUS] + 0.5 * agility * stops * stops
+        found[n, 11] = min(_NOTICED + way / max(fast, 1e-3) + 0.5 * stops, e.horizon)
         n += 1
         if e.pass_right > 0.0 and far < math.inf:
             found[n] = found[n - 1]
@@ -283,7 +309,7 @@ def _goes(t: float, turning: float) -> float:
 @jit
 def _clearance(
     movers: Floats, outline: Floats, reach: float, pose: Pose, t: float, most: float,
-    turning: float, growth: float, agile: float,
+    growth: float, agile: float,
 ) -> float:  # fmt: skip
     """Least clearance of the outline to where the movers will be after t, at most `most` [m].
 
@@ -293,8 +319,8 @@ def _clearance(
     least = most
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     since = t - agile
-    goes = _goes(since, turning) + agile * min(since, turning)
     for i in range(len(movers)):
+        goes = _goes(since, movers[i, 9]) + agile * min(since, movers[i, 9])
         dx = movers[i, 0] + movers[i, 2] * t + movers[i, 7] * goes - pose.x
         dy = movers[i, 1] + movers[i, 3] * t + movers[i, 8] * goes - pose.y
         r = movers[i, 4] + 0.5 * movers[i, 5] * agile * agile + growth * movers[i, 6] * t
@@ -304,26 +330,57 @@ def _clearance(
     return least
 
 
+@jit_inline
+def _comes(
+    mover: Floats, t: float, dx: float, dy: float, c: float, s: float, e: EvasionParams
+) -> float:
+    """How far a mover could come, if it turned on the robot after t, before the robot is away [m].
+
+    dx, dy: where it is then, from the robot [m]; c, s: cosine and sine of the robot's heading. The
+    robot gets away to the front or to the back: from who is ahead or behind, after turning by up to
+    a radian. Who moves stops first. Nobody is faster than `_FASTER` lets him be; who has not been
+    seen to move does not count.
+    """
+    if mover[2] == 0.0 and mover[3] == 0.0:
+        return 0.0
+    a, until = mover[5], min(t, mover[9])
+    if not a > 0.0:
+        return 0.0
+    u = math.hypot(mover[2] + mover[7] * until, mover[3] + mover[8] * until)
+    beside = abs(c * dy - s * dx) / max(math.hypot(dx, dy), 1e-9)
+    left = mover[11] + (1.0 - beside) / e.yaw_rate - u / a
+    if not left > 0.0:
+        return 0.0
+    top = min(mover[10], a * left)
+    return top * left - 0.5 * top * top / a
+
+
 @jit
 def _risk(case: _Case, pose: Pose, t: float, e: EvasionParams) -> tuple[float, float]:
     """How uneasy it is to be there after t, and the least clearance to where the movers will be.
 
     Each counts (1 - clearance / d)^2 below d = `e.clearance` and the doubt of where he is by then;
-    of those that stand only the nearest, as they may be many points of one thing.
+    of those that stand only the nearest, as they may be many points of one thing. Who has been seen
+    to move counts besides by how much nearer he is than `_comes`.
     """
     risk, stands, least = 0.0, 0.0, 9.0
+    weight = e.sets_off_weight / e.risk_weight if e.risk_weight > 0.0 else 0.0
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    goes = _goes(t, e.turning)
     movers = case.movers
     for i in range(len(movers)):
+        goes = _goes(t, movers[i, 9])
         dx = movers[i, 0] + movers[i, 2] * t + movers[i, 7] * goes - pose.x
         dy = movers[i, 1] + movers[i, 3] * t + movers[i, 8] * goes - pose.y
         near = e.clearance + movers[i, 6] * t
-        far = near + case.reach + movers[i, 4]
-        far += e.ahead * math.hypot(movers[i, 2], movers[i, 3])
+        zone = _comes(movers[i], t, dx, dy, c, s, e) if weight > 0.0 else 0.0
+        far = near + e.ahead * math.hypot(movers[i, 2], movers[i, 3])
+        far = max(far, zone) + case.reach + movers[i, 4]
         if dx * dx + dy * dy < far * far:
             g = gap(case.outline, c * dx + s * dy, -s * dx + c * dy) - movers[i, 4]
             least = min(least, g)
+            if zone > 0.0 and g < zone:
+                share = 1.0 - max(g, 0.0) / zone
+                risk += weight * share * share
             if e.ahead > 0.0:  # in front of somebody it is worse than behind him
                 dx += movers[i, 2] * e.ahead
                 dy += movers[i, 3] * e.ahead
@@ -345,7 +402,7 @@ def _follows(
     """Whether following the course as it is meets nobody who moves within the horizon."""
     movers, t = movers[:who], 0.0
     while t < e.horizon:
-        near = _clearance(movers, outline, reach, pose, t, 9.0, e.turning, 1.0, 0.0)
+        near = _clearance(movers, outline, reach, pose, t, 9.0, 1.0, 0.0)
         if near < e.social_clearance:
             return False
         if t <= e.certified_for:
@@ -568,9 +625,7 @@ def _spare(
     what the filter takes them to be capable of [m]."""
     takes = brake_steps(twist, limits, _H) * _H
     there = arc(pose, twist, coasting(twist, limits, _H))
-    return _clearance(
-        movers, outline, reach, there, t + takes, 1.0, e.turning, e.certified_growth, takes
-    )
+    return _clearance(movers, outline, reach, there, t + takes, 1.0, e.certified_growth, takes)
 
 
 @jit

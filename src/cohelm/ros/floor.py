@@ -76,7 +76,7 @@ class Floor:
             self._ended, floor.from_m + self._long * (cell + 1.0), -math.inf
         )
         hides = far_ends[self._beams]
-        """Up to the far end of the first cell that is not seen: what stands before that hides it."""
+        """Far ends of the first cells that are not seen: what stands before that hides it."""
         with np.errstate(invalid="ignore"):
             last = np.flatnonzero(there & (far >= floor.from_m) & (far < hides[beams]))
         ends: Floats = np.full(len(ranges), floor.from_m)
