@@ -212,15 +212,28 @@ def test_who_rests_for_a_moment_is_still_made_way_for():
     robot forgot it, followed its course again, and had turned when the disc set off at it."""
     watched, minded = nobody_watched(), []
     for k in range(30):
-        v = max(0.5 - 0.1 * k, 0.01)  # from the sixth look on it rests, and sways a little
+        v = max(0.5 - 0.1 * max(k - 5, 0), 0.01)  # then it rests, and sways a little
         around = surroundings([disc(1.5, 0.0, 0.3, 0.8, v, 0.0)], [1.0])
         seen = _watched(watched, around, 0.1)
         watched[: len(seen)] = seen
         minded.append(
             _movers(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[1]
         )
-    assert set(minded[:10]) == {1}
-    assert set(minded[15:]) == {0}
+    assert set(minded[:15]) == {1}
+    assert set(minded[20:]) == {0}
+
+
+def test_who_seems_to_walk_for_a_moment_is_soon_forgotten():
+    """What stands, and moves by noise, is told by a LiDAR as one who walks, for a scan or two."""
+    watched, minded = nobody_watched(), []
+    for k in range(10):
+        around = surroundings([disc(1.5, 0.0, 0.3, 0.8, 0.5 if 3 <= k < 6 else 0.01, 0.0)], [1.0])
+        seen = _watched(watched, around, 0.1)
+        watched[: len(seen)] = seen
+        minded.append(
+            _movers(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[1]
+        )
+    assert minded == [0] * 3 + [1] * 3 + [0] * 4
 
 
 def _passes(weight):

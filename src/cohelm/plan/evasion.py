@@ -49,6 +49,7 @@ _STRIDE = 0.5  # with which is foretold about where a motion leads [s]
 _ABOUT = 0.25  # by so much less it may then cost [m]
 _LASTS = 0.5  # of a change of velocity, share that is taken from the newest look
 _WALKS, _LATELY = 0.3, 1.0  # who was faster so lately may set off again at any moment [m/s, s]
+_KNOWN = 0.5  # who has walked for less may be noise, and none of whom to expect it [s]
 _BRAKES = 0.5  # of what he is capable of, from which on who slows down is taken to stop
 _FASTER = 2.0  # times as fast as he was ever seen is who sets off next
 _NOTICED = 0.3  # until it is seen that somebody sets off: three looks [s]
@@ -126,11 +127,11 @@ NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
 def nobody_watched() -> Floats:
-    """Memory of how movers change their velocities, for `evade`: (64, 9), as many rows of x, y, vx,
+    """Memory of how movers change their velocities, for `evade`: (64, 10), as many rows of x, y, vx,
     vy, ax, ay, the mean square of what they were taken from (-1: not known yet), the largest speed
-    so far and the time since he was last faster than `_WALKS` as there were movers at the last
-    look, then NaN."""
-    return np.full((_WATCHED, 9), math.nan)
+    so far, the time since he was last faster than `_WALKS` and for how long he has been, as there
+    were movers at the last look, then NaN."""
+    return np.full((_WATCHED, 10), math.nan)
 
 
 class Field(NamedTuple):
@@ -197,7 +198,7 @@ def _steps(e: EvasionParams, rules: Rules) -> int:
 @jit
 def _watched(seen: Floats, around: Surroundings, period: float) -> Floats:
     """Those that move, and how they change their velocities, as `nobody_watched` says."""
-    found = np.empty((min(len(around.discs), _WATCHED), 9))
+    found = np.empty((min(len(around.discs), _WATCHED), 10))
     n = 0
     for i in range(len(around.discs)):
         d = around.discs[i]
@@ -206,7 +207,8 @@ def _watched(seen: Floats, around: Surroundings, period: float) -> Floats:
         one = found[n]
         one[0], one[1], one[2], one[3] = d[X], d[Y], d[VX], d[VY]
         one[4], one[5], one[6], one[7] = 0.0, 0.0, -1.0, math.hypot(d[VX], d[VY])
-        one[8] = 0.0 if one[7] > _WALKS else math.inf
+        walks = one[7] > _WALKS
+        one[8], one[9] = (0.0, period) if walks else (math.inf, 0.0)
         best, before = _SAME, -1
         for j in range(len(seen)):
             far = math.hypot(
@@ -227,6 +229,7 @@ def _watched(seen: Floats, around: Surroundings, period: float) -> Floats:
             one[6] += new * (ax * ax + ay * ay - one[6])
             one[7] = max(one[7], seen[before, 7])
             one[8] = min(one[8], seen[before, 8] + period)
+            one[9] += seen[before, 9]
         n += 1
     return found[:n]
 
@@ -256,13 +259,15 @@ def _gathered(
         vx, vy = d[VX], d[VY]
         agility = around.agility[i]
         speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
-        top, lately, turning = speed, speed > _SLOW, e.turning
+        top, lately, turning = 0.0, speed > _SLOW, e.turning
         if speed > 0.0:
             if k < len(seen):
                 lasts = 0.0
                 if seen[k, 6] > 0.0:  # what does not last was noise
                     lasts = min((seen[k, 4] ** 2 + seen[k, 5] ** 2) / seen[k, 6], 1.0)
-                top, lately = seen[k, 7], lately or seen[k, 8] < _LATELY
+                known = seen[k, 9] > _KNOWN
+                top = seen[k, 7] if known else 0.0
+                lately = lately or (known and seen[k, 8] < _LATELY)
                 ax, ay = lasts * seen[k, 4], lasts * seen[k, 5]
             k += 1
         if vx == 0.0 and vy == 0.0 and agility == 0.0:
