@@ -127,10 +127,10 @@ NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
 def nobody_watched() -> Floats:
-    """Memory of how movers change their velocities, for `evade`: (64, 10), as many rows of x, y, vx,
-    vy, ax, ay, the mean square of what they were taken from (-1: not known yet), the largest speed
-    so far, the time since he was last faster than `_WALKS` and for how long he has been, as there
-    were movers at the last look, then NaN."""
+    """Memory of how movers change their velocities, for `evade`: (64, 10), as many rows of x, y,
+    vx, vy, ax, ay, the mean square of what they were taken from (-1: not known yet), the largest
+    speed so far, the time since he was last faster than `_WALKS` and for how long he has been, as
+    there were movers at the last look, then NaN."""
     return np.full((_WATCHED, 10), math.nan)
 
 
