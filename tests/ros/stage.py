@@ -214,8 +214,11 @@ class Filter:
         self.keeper.close()
 
 
-def until(true: Callable[[], bool], within: float = 8.0) -> bool:
-    """Whether something has become true by then."""
+def until(true: Callable[[], bool], within: float = 20.0) -> bool:
+    """Whether something has become true by then.
+
+    A bridge that hung is killed after 3 s and begins anew; what it had on DDS is gone after 10 s.
+    """
     end = time.monotonic() + within
     while not true():
         if time.monotonic() > end:
