@@ -101,22 +101,31 @@ def test_a_walker_seen_by_lidar_is_kept_off(name):
     assert rows["clearance"].min() > 0.05
 
 
+def _least_gap(pilot, seen, steps):
+    """Between the robot and the discs that it sees at each step [m]."""
+    pose, twist, gaps = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), []
+    for k in range(steps):
+        around = seen(k)
+        if k % 10 == 0:
+            pilot.take(pilot.plan(pose, twist, around), pose, twist)
+        d = pilot.step(k * DT, pose, twist, None, around)
+        gaps.append(clearance(pose, SALLY.outline, 0.5, around.discs, np.empty((0, 4)), 9.0))
+        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
+        pose = arc(pose, twist, DT)
+    return min(gaps)
+
+
 def test_who_turns_towards_the_robot_is_foreseen_to_turn():
     """A walker on a circle that passes through where the robot stands."""
-    pilot, gaps = Pilot(through([(0.0, 0.0), (0.01, 0.0)], 0.5), ON), []
-    pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
-    for k in range(600):
+
+    def seen(k):
         a = 0.35 * k * DT
         x, y = 1.6 * math.sin(a) - 1.6, 1.6 * math.cos(a)
         vx, vy = 0.56 * math.cos(a), -0.56 * math.sin(a)
-        seen = surroundings([disc(x, y, 0.25, 0.75, vx, vy)], [0.5])
-        if k % 10 == 0:
-            pilot.take(pilot.plan(pose, twist, seen), pose, twist)
-        d = pilot.step(k * DT, pose, twist, None, seen)
-        gaps.append(clearance(pose, SALLY.outline, 0.5, seen.discs, np.empty((0, 4)), 9.0))
-        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
-        pose = arc(pose, twist, DT)
-    assert min(gaps) > 0.05
+        return surroundings([disc(x, y, 0.25, 0.75, vx, vy)], [0.5])
+
+    pilot = Pilot(through([(0.0, 0.0), (0.01, 0.0)], 0.5), ON)
+    assert _least_gap(pilot, seen, 600) > 0.05
 
 
 def test_a_person_who_leads_is_not_overruled():
@@ -239,19 +248,13 @@ def test_who_seems_to_walk_for_a_moment_is_soon_forgotten():
 def _passes(weight):
     """How near the robot comes to who comes to rest 0.8 m beside its way [m]."""
     settings = ON._replace(evasion=EvasionParams(speed=0.8, sets_off_weight=weight))
-    pilot, gaps = Pilot(through([(0.0, 0.0), (5.0, 0.0)], 0.5), settings), []
-    pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
-    for k in range(400):
+
+    def seen(k):
         t = max(3.0 - k * DT, -1.0)  # he rests after 3 s, and sways a little
         y, v = 0.8 + 0.15 * t * abs(t), -0.3 * abs(t) if t > 0.0 else 0.01
-        seen = surroundings([disc(2.5, y, 0.3, 0.8, 0.0, v)], [1.0])
-        if k % 10 == 0:
-            pilot.take(pilot.plan(pose, twist, seen), pose, twist)
-        d = pilot.step(k * DT, pose, twist, None, seen)
-        gaps.append(clearance(pose, SALLY.outline, 0.5, seen.discs, np.empty((0, 4)), 9.0))
-        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
-        pose = arc(pose, twist, DT)
-    return min(gaps)
+        return surroundings([disc(2.5, y, 0.3, 0.8, 0.0, v)], [1.0])
+
+    return _least_gap(Pilot(through([(0.0, 0.0), (5.0, 0.0)], 0.5), settings), seen, 400)
 
 
 def test_the_robot_keeps_farther_from_who_has_stopped_and_may_turn_on_it():

@@ -13,7 +13,18 @@ import typer
 from cohelm.cli.app import app
 from cohelm.cli.live import Foxglove, live, shown_at
 from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
-from cohelm.cli.tell import Json, Pictures, console, plain, print_json, print_table, say, starting
+from cohelm.cli.tell import (
+    Json,
+    Pictures,
+    RobotOrScenario,
+    Site,
+    console,
+    plain,
+    print_json,
+    print_table,
+    say,
+    starting,
+)
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -23,16 +34,8 @@ if TYPE_CHECKING:
 
 @app.command()
 def robot(
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT.yaml|SCENARIO",
-            help="A scenario, by file or name, or a robot's YAML file, driven in --scenario.",
-        ),
-    ] = "lab-guard",
-    scenario: Annotated[
-        str, typer.Option(metavar="SCENARIO", help="Where a robot's YAML file is driven.")
-    ] = "lab-guard",
+    name: RobotOrScenario = "lab-guard",
+    scenario: Site = "lab-guard",
     driver: Annotated[
         str | None,
         typer.Option(

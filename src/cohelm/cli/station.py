@@ -11,7 +11,7 @@ import typer
 
 from cohelm.cli.app import app
 from cohelm.cli.live import Foxglove, live, shown_at
-from cohelm.cli.tell import Pictures, plain, say, starting
+from cohelm.cli.tell import Pictures, RobotOrScenario, Site, plain, say, starting
 
 if TYPE_CHECKING:
     from cohelm.station.robot_link import Connect
@@ -82,16 +82,8 @@ def station(
 
 @app.command()
 def drive(
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT.yaml|SCENARIO",
-            help="A scenario, by file or name, or a robot's YAML file, driven in --scenario.",
-        ),
-    ] = "lab-guard",
-    scenario: Annotated[
-        str, typer.Option(metavar="SCENARIO", help="Where a robot's YAML file is driven.")
-    ] = "lab-guard",
+    name: RobotOrScenario = "lab-guard",
+    scenario: Site = "lab-guard",
     twin: Annotated[
         bool,
         typer.Option("--twin/--kinematic", help="Physics and a camera (MuJoCo), or kinematics."),

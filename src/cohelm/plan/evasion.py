@@ -343,13 +343,11 @@ def _comes(
 
     dx, dy: where it is then, from the robot [m]; c, s: cosine and sine of the robot's heading. The
     robot gets away to the front or to the back: from who is ahead or behind, after turning by up to
-    a radian. Who moves stops first. Nobody is faster than `_FASTER` lets him be; who has not been
-    seen to move does not count.
+    a radian. Who moves stops first. Nobody is faster than `_FASTER` lets him be; who is not known
+    to walk does not count.
     """
-    if mover[2] == 0.0 and mover[3] == 0.0:
-        return 0.0
     a, until = mover[5], min(t, mover[9])
-    if not a > 0.0:
+    if not (a > 0.0 and mover[10] > 0.0):
         return 0.0
     u = math.hypot(mover[2] + mover[7] * until, mover[3] + mover[8] * until)
     beside = abs(c * dy - s * dx) / max(math.hypot(dx, dy), 1e-9)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.frames import between, placed
 from cohelm.core.types import Floats, Pose
+from cohelm.law.guard.surroundings import Surroundings
 
 CELL = 0.05
 """Keep-out zones have cells no larger than this: nothing passes between the points of two [m]."""
@@ -201,6 +202,10 @@ class Zoned:
         """The keep-out zones that stand in its way, (p, 2), in the map [m]; the same array as long
         as nothing changes."""
         return _NOTHING if self._fence is None else self._fence.points(pose)
+
+    def beside(self, seen: Surroundings, pose: Pose) -> Surroundings:
+        """What is seen, and behind its points those zones. All in the map."""
+        return seen._replace(points=np.vstack((seen.points, self.points(pose))))
 
     @property
     def inside(self) -> bool:

@@ -20,7 +20,7 @@ SPACE = "@ros2_lv"
 NO_HASH = "TypeHashNotSupported"
 """Of every type in ROS 2 Humble."""
 _PUBLISHES = {"MP": True, "MS": False}
-_RELIABLE, _BEST_EFFORT = "1", "2"
+_BEST_EFFORT = "2"
 _TRANSIENT_LOCAL, _VOLATILE = "1", "2"
 _DEPTH = 42
 """Where a token names none."""

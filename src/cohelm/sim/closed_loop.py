@@ -144,7 +144,7 @@ def stretches(
             now = now._replace(told=told_by(eyes, k * dt, now.robot))
         seen, limited = now.told, settings
         if zones is not None:
-            now = now._replace(told=_fenced(seen, zones.points(now.robot.pose)))
+            now = now._replace(told=zones.beside(seen, now.robot.pose))
             limited = settings._replace(fastest=zones.limit(now.robot.pose)[0])
         if k % period == 0:
             walls = near_walls(scene.around.walls, now.robot.pose)
@@ -174,11 +174,6 @@ def stretches(
         if written == len(out.rows) or now.arrived or k == steps:
             yield out.part(0, written)
             out, written = _empty(max(min(length, steps - k), 0), m), 0
-
-
-def _fenced(told: Surroundings, points: Floats) -> Surroundings:
-    """And keep-out zones, as points behind those that are seen."""
-    return told._replace(points=np.vstack((told.points, points)))
 
 
 def _next(k: int, period: int, thinking: int) -> int:

@@ -192,8 +192,7 @@ class _Told(TwinRun):
         pose, seen, twist = self._seen(k * self.setup.dt, then, things)
         fastest = math.inf
         if self.zones is not None:
-            zoned = self.zones.points(pose)
-            seen = seen._replace(points=np.vstack((seen.points, zoned)))
+            seen = self.zones.beside(seen, pose)
             fastest = self.zones.limit(pose)[0]
         stick = self.hand(k, things)
         self._plan(k, pose, twist, seen)

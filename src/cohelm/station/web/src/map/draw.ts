@@ -43,18 +43,28 @@ export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
 }
 
 function drawGrid(ctx: Ctx, v: View, size: Size, grid: Grid): void {
-  const [ox, oy, psi] = grid.origin
+  onCells(ctx, v, size, grid, (px, py, cell) => {
+    if (grid.origin[2] !== 0) {
+      ctx.drawImage(grid.picture, 0, -grid.height * cell, grid.width * cell, grid.height * cell)
+    } else {
+      drawSeenPart(ctx, size, grid, px, py, cell)
+    }
+  })
+}
+
+/** Draw from the corner of cell (0, 0) on, along a raster's axes; cell: the side of one on the screen. */
+function onCells(
+  ctx: Ctx, v: View, size: Size, raster: Pick<Grid, 'origin' | 'resolution'>,
+  how: (px: number, py: number, cell: number) => void,
+): void {
+  const [ox, oy, psi] = raster.origin
   const [px, py] = toPixel(v, size, [ox, oy])
-  const cell = grid.resolution * v.scale
+  const cell = raster.resolution * v.scale
   ctx.save()
   ctx.imageSmoothingEnabled = cell < 1
   ctx.translate(px, py)
   ctx.rotate(-psi)
-  if (psi !== 0) {
-    ctx.drawImage(grid.picture, 0, -grid.height * cell, grid.width * cell, grid.height * cell)
-  } else {
-    drawSeenPart(ctx, size, grid, px, py, cell)
-  }
+  how(px, py, cell)
   ctx.restore()
 }
 
@@ -74,15 +84,9 @@ function drawSeenPart(
 }
 
 function drawZones(ctx: Ctx, v: View, size: Size, zones: Zones): void {
-  const [ox, oy, psi] = zones.origin
-  const [px, py] = toPixel(v, size, [ox, oy])
-  const cell = zones.resolution * v.scale
-  ctx.save()
-  ctx.imageSmoothingEnabled = cell < 1
-  ctx.translate(px, py)
-  ctx.rotate(-psi)
-  ctx.drawImage(zones.picture, 0, -zones.rows * cell, zones.columns * cell, zones.rows * cell)
-  ctx.restore()
+  onCells(ctx, v, size, zones, (_px, _py, cell) => {
+    ctx.drawImage(zones.picture, 0, -zones.rows * cell, zones.columns * cell, zones.rows * cell)
+  })
 }
 
 function drawSpeeds(ctx: Ctx, v: View, size: Size, zones: Zones): void {
