@@ -107,6 +107,18 @@ def test_a_box_is_seen_where_it_is_however_the_camera_is_mounted(mount):
     assert (ranges[beside] == math.inf).all()
 
 
+def test_a_camera_says_from_where_on_it_sees_the_whole_band():
+    """Its lowest row comes down to 10 cm so far from the lens; nearer, things may be below."""
+    body = mounted(z=0.5, down=25.0)
+    near = described(CAM, body, GIVEN, "/depth").whole_from_m
+    lowest = math.radians(25.0) + math.atan(23.5 / 55.0)
+    assert near >= 0.4 / math.tan(lowest) - 1e-9
+    assert near == pytest.approx(0.4 / math.tan(lowest), rel=0.35)  # farther at the sides
+    assert described(CAM, mounted(z=0.05), GIVEN, "/depth").whole_from_m == 0.0
+    stated = GIVEN.model_copy(update={"whole_from_m": 2.0})
+    assert described(CAM, body, stated, "/depth").whole_from_m == 2.0
+
+
 def test_neither_the_floor_nor_what_is_above_or_below_the_band_counts():
     body = mounted(down=20.0)
     low, high = (1.0, -1.0, 0.0, 1.2, 1.0, 0.08), (0.8, -1.0, 1.05, 1.2, 1.0, 1.2)

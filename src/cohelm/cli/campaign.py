@@ -24,8 +24,8 @@ def campaign(
         str,
         typer.Argument(
             metavar="SUITE",
-            help="lab, random, movers, barn, crowd, adversary or hands; or the folder of a "
-            "campaign, to go on with it as it was asked for.",
+            help="lab, random, movers, barn, crowd, adversary, hands or heights; or the folder of "
+            "a campaign, to go on with it as it was asked for.",
         ),
     ],
     law: Annotated[
@@ -63,7 +63,7 @@ def campaign(
             metavar="PLANT",
             help="kinematic (the default), twin, twin-rear (a second LiDAR behind) or "
             "twin-all-round: MuJoCo, knowing only what its sensors say; in lab, random, movers "
-            "and adversary.",
+            "and adversary; heights is driven on the twin only.",
         ),
     ] = None,
     out: Out = None,

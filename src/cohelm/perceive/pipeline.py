@@ -19,7 +19,7 @@ from cohelm.perceive.observation_source import NOTHING, ObservationSource
 from cohelm.perceive.scan.deskew import DeskewedScan, all_round
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
-from cohelm.perceive.space.unobserved import Blind
+from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
 from cohelm.perceive.track.tracker import TrackerParams, bodies, strays
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Readings, Scan
@@ -104,6 +104,11 @@ class Perception:
         self._blind = None
         if outline is not None and not any(all_round(source.lidar) for source in self._sources):
             self._blind = Blind(outline)
+        floors = [one.lidar for one in self._sources if one.lidar.floor_from > 0.0]
+        self._floor = None
+        if outline is not None and floors:
+            self._floor = UnwatchedFloor(outline, floors)
+        self._unobserved = self._unwatched = NOTHING
         self.known = known
         """The map to localise on, if there is one."""
         self._locator = Locator(known, self.lidar, start) if known is not None else None
@@ -155,12 +160,14 @@ class Perception:
         if found is None:
             return
         seen, pose = found
-        self._points = self._told = self._standing()
+        self._points = self._standing()
         if self._blind is not None and source.look is not None:
             mobile = self._mobile(source.stamp)[2]
             looking = [(one.lidar, one.look) for one in self._sources if one.look is not None]
-            blind = self._blind.points(source.lidar, source.look, looking, pose, mobile)
-            self._told = np.vstack((self._points, blind))
+            self._unobserved = self._blind.points(source.lidar, source.look, looking, pose, mobile)
+        if self._floor is not None and source.look is not None and source.lidar.floor_from > 0.0:
+            self._unwatched = self._floor.points(source.lidar, source.look, pose)
+        self._told = np.vstack((self._points, self._unobserved, self._unwatched))
         if source is self._first and self._locator is not None:
             self._located = self._locator.correct(seen, pose)
             self._map_odom = compose(self._located.pose, inverse(pose))

@@ -154,8 +154,8 @@ class RobotModel(Schema):
 
 
 SHIPPED = (
-    "sally", "sally-rear", "jackal", "husky", "rosbot", "turtlebot3_burger", "turtlebot3_waffle",
-    "turtlebot4", "mir100",
+    "sally", "sally-rear", "sally-depth", "jackal", "husky", "rosbot", "turtlebot3_burger",
+    "turtlebot3_waffle", "turtlebot4", "mir100",
 )  # fmt: skip
 """Robots that come with the package, by the names a scenario may use."""
 

@@ -82,6 +82,9 @@ class LidarModel(Schema):
     depth_image: bool = False
     """Over ROS 2: they are made of depth images instead, and the field of view and mount are those
     of the camera. Needs a height_band_m."""
+    whole_from_m: AtLeast0 = 0.0
+    """Nearer than this it does not see all of its height band: what stood there stays, though its
+    beams go past it. Of depth images worked out from the camera, if that is more."""
     floor: FloorModel | None = None
     """Over ROS 2: which floor it sees, if it shall notice where there is none. Needs a
     height_band_m."""
@@ -99,6 +102,8 @@ class LidarModel(Schema):
                 raise ValueError("floor.height_m must be below the height_band_m")
             if self.floor.to_m > self.range_max_m:
                 raise ValueError("floor.to_m must not be farther than range_max_m")
+        if self.whole_from_m > 0.0 and self.height_band_m is None:
+            raise ValueError("whole_from_m needs a height_band_m: a planar LiDAR has none to miss")
         if self.range_min_m >= self.range_max_m:
             raise ValueError("range_min_m must be smaller than range_max_m")
         if self.sweep_s * self.rate_hz > 1.0:
@@ -117,10 +122,14 @@ class LidarModel(Schema):
             lost = math.inf if self.dropout else -math.inf
         else:
             lost = NormalDist().inv_cdf(self.dropout)
+        ground = (
+            (math.nan, math.nan) if self.floor is None else (self.floor.from_m, self.floor.to_m)
+        )
         return Lidar(
             Pose(self.mount_x_m, self.mount_y_m, math.radians(self.mount_yaw_deg)),
             first, step, self.range_min_m, self.range_max_m, self.noise_m, lost,
             np.column_stack((np.cos(bearings), np.sin(bearings))),
+            max(self.whole_from_m, 0.0 if self.floor is None else self.floor.from_m), *ground,
         )  # fmt: skip
 
 
@@ -148,6 +157,31 @@ class Lidar(NamedTuple):
     """A beam is lost where its standard normal number is below this."""
     beams: Floats
     """Direction of each beam in the sensor frame, unit vectors, (n, 2)."""
+    whole_from: float = 0.0
+    """What stands nearer may be below what the beams see [m]."""
+    floor_from: float = math.nan
+    """From so far it sees the floor, ... [m]; NaN: it does not look for that."""
+    floor_to: float = math.nan
+    """... to so far [m]."""
+
+
+_ROOM = 0.25
+"""Beside a robot that drives on, where floor is seen before it comes there [m]."""
+
+
+def vouched_floor(lidar: Lidar, outline: Floats, least: float) -> float:
+    """How far around a robot there has to be floor where it is switched on, as nobody can see it
+    from there [m]: to where the view of the sensor that watches it is as wide as the robot, with
+    room beside.
+
+    outline: (k, 2) of the robot [m]. least: at least so far [m].
+    """
+    half = min(0.5 * lidar.step * (len(lidar.beams) - 1), 0.5 * math.pi)
+    wide = float(np.abs(outline[:, 1]).max()) + _ROOM
+    far = max(lidar.floor_from, wide / math.sin(half))
+    ends = [lidar.mount.psi + side * half for side in (-1.0, 1.0)]
+    x, y = lidar.mount.x, lidar.mount.y
+    return max(least, *(math.hypot(x + far * math.cos(a), y + far * math.sin(a)) for a in ends))
 
 
 class OdometryModel(Schema):

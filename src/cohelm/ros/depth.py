@@ -116,8 +116,11 @@ def described(camera: Camera, body: Floats, given: LidarModel, topic: str) -> Li
     view = min(given.field_of_view_deg, math.degrees(left - right))
     most = int(math.radians(view) / camera.gap) + 1
     x, y, z = (float(v) for v in body[:3, 3])
+    band = given.height_band_m
+    near = 0.0 if band is None else _whole_from(rays, z - band[0])
     return given.model_copy(
         update={
+            "whole_from_m": max(given.whole_from_m, min(near, given.range_max_m)),
             "beams": max(min(given.beams, most), 2), "field_of_view_deg": view, "sweep_s": 0.0,
             "mount_x_m": x, "mount_y_m": y, "mount_z_m": z,
             "mount_yaw_deg": math.degrees(wrap(yaw + 0.5 * (left + right))),
@@ -216,6 +219,16 @@ def _rays(camera: Camera, body: Floats, columns: Ints, rows: Ints) -> Floats:
     made[..., 1] = ((rows - camera.cy) / camera.fy)[:, None]
     rays: Floats = made @ body[:3, :3].T
     return rays
+
+
+def _whole_from(rays: Floats, above: float) -> float:
+    """How far from the lens the lowest rays come down to what is so far below it, in the farthest
+    column; 0 where that is not below, inf where they never do [m]."""
+    if above <= 0.0:
+        return 0.0
+    slopes = rays[..., 2] / np.hypot(rays[..., 0], rays[..., 1])
+    steepest = float(slopes.min(axis=0).max())
+    return above / -steepest if steepest < 0.0 else math.inf
 
 
 def _wrapped(angles: Floats) -> Floats:

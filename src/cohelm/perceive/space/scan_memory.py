@@ -67,8 +67,9 @@ def renew(
     All that the scan sees is replaced by what it sees; what it can not see, outside the field of
     view or hidden, is remembered. A beam without a return (inf) has seen that nothing is there, if
     its neighbours saw no less: single ones are drop-outs; NaN has seen nothing. What is too near to
-    be measured (-inf) is put at the least range. A thin wall that points at the sensor hides
-    between two beams: beams that pass along it have not seen that it is gone.
+    be measured (-inf) is put at the least range. Nearer than `whole_from` beams may go past above
+    what stands: it is remembered, unless they end where it is. A thin wall that points at the
+    sensor hides between two beams: beams that pass along it have not seen that it is gone.
     """
     n = len(ranges)
     c, s = math.cos(pose.psi), math.sin(pose.psi)
@@ -100,7 +101,9 @@ def renew(
         beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
         far = math.sqrt(square)
         reach = _reaches(ranges, beam) if 0 <= beam < n else -math.inf
-        if reach + care.behind >= far:
+        if 0 <= beam < n and reach == -math.inf and abs(far - lidar.range_min) < care.behind:
+            continue  # it has been put there anew
+        if reach + care.behind >= far and (far >= lidar.whole_from or reach < far + care.behind):
             thin = far * lidar.step + 0.5 * lidar.noise
             past = reach > far + lidar.noise
             if not (past and _edge_on(points, i, wx / far, wy / far, thin)):

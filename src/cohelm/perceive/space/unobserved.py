@@ -20,7 +20,7 @@ from cohelm.perceive.scan.deskew import beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
 from cohelm.robot.footprint import disc_clearance
-from cohelm.robot.sensors import Lidar
+from cohelm.robot.sensors import Lidar, vouched_floor
 
 VOUCHED = 0.2
 """So far beyond its turning circle, ground is taken to be free where the robot is switched on: who
@@ -70,8 +70,10 @@ def vouched(viewed: Viewed, x: float, y: float, radius: float) -> Viewed:
 
 
 @jit
-def looked_at(viewed: Viewed, lidar: Lidar, look: Look) -> Viewed:
-    """With the ground that a sweep has in view, up to and with what stands there."""
+def looked_at(viewed: Viewed, lidar: Lidar, look: Look, floor: bool = False) -> Viewed:
+    """With the ground that a sweep has in view, up to and with what stands there; or with the
+    floor that it sees, which is only from where to where it looks for that, and before what ends
+    it."""
     which, doubt = viewed.which.copy(), viewed.doubt.copy()
     sensor, n = look.sensor, len(look.ranges)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
@@ -84,8 +86,15 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look) -> Viewed:
             far = math.hypot(wx, wy)
             if far > NEAR or _known(viewed, i, j, -math.inf):
                 continue
+            if floor and not lidar.floor_from <= far <= lidar.floor_to:
+                continue
             beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
-            if 0 <= beam < n and look.ranges[beam] > far - CELL:
+            if not 0 <= beam < n:
+                continue
+            reach = look.ranges[beam]
+            if floor and math.isnan(reach) and 0 < beam < n - 1:  # of things; floor is beside it
+                reach = min(look.ranges[beam - 1], look.ranges[beam + 1])
+            if reach > (far if floor else far - CELL):
                 _note(which, doubt, i, j)
     return Viewed(which, doubt)
 
@@ -149,10 +158,11 @@ def doubted(
 
 @jit
 def blind(
-    viewed: Viewed, views: tuple[View, ...], now: float, pose: Pose, outline: Floats, far: float
+    viewed: Viewed, views: tuple[View, ...], now: float, pose: Pose, outline: Floats, far: float,
+    floor: bool = False,
 ) -> Floats:  # fmt: skip
-    """Where such ground begins, (p, 2), in `odom`, within `far` [m] of a robot with this outline
-    at this pose: cells beside one that was in view, or beside the robot itself."""
+    """Where such ground, or floor, begins, (p, 2), in `odom`, within `far` [m] of a robot with this
+    outline at this pose: cells beside one that was in view, or beside the robot itself."""
     low_x, low_y = cell(pose.x - far), cell(pose.y - far)
     wide = math.ceil(2.0 * far / CELL) + 1
     out = np.empty((wide * wide, 2))
@@ -163,7 +173,7 @@ def blind(
             py = (j + 0.5) * CELL
             if math.hypot(px - pose.x, py - pose.y) > far or _known(viewed, i, j, now):
                 continue
-            if _looked_at(views, px, py):
+            if not floor and _looked_at(views, px, py):
                 continue  # hidden by what is seen before it
             gap = disc_clearance(pose, outline, px, py, 0.0)
             if gap <= 0.0:
@@ -215,3 +225,28 @@ class Blind:
         viewed = looked_at(self._viewed, lidar, look)
         self._viewed = doubted(viewed, views, now, mobile, pose, self._outline, far)
         return blind(self._viewed, views, now, pose, self._outline, far)
+
+
+class UnwatchedFloor:
+    """The floor that one robot has not seen, of whose sensors some watch it.
+
+    Only those count, and only where they see it: a LiDAR that looks all round sees no stair.
+    """
+
+    def __init__(self, outline: Floats, watching: list[Lidar]) -> None:
+        """outline: (k, 2) of the robot [m]. watching: those that see the floor."""
+        self._outline = outline
+        self._reach = float(np.hypot(*outline.T).max())
+        least = self._reach + VOUCHED
+        self._vouched = max(vouched_floor(one, outline, least) for one in watching)
+        self._viewed: Viewed | None = None
+
+    def points(self, lidar: Lidar, look: Look, pose: Pose) -> Floats:
+        """After a sweep of one of these from an `odom` pose, where floor that nobody has seen
+        begins, (p, 2)."""
+        if self._viewed is None:
+            self._viewed = vouched(nothing(), pose.x, pose.y, self._vouched)
+        self._viewed = looked_at(self._viewed, lidar, look, True)
+        view = (View(lidar, look.sensor),)
+        far = self._reach + _TOLD
+        return blind(self._viewed, view, look.stamp, pose, self._outline, far, True)

@@ -27,6 +27,8 @@ away is outside, and its ground unknown again."""
 VOUCHED = 0.2
 """So far beyond its turning circle, ground is taken to be free where the robot is switched on: who
 does that has looked; and from there it can turn and look for itself [m]."""
+UNWATCHED = 1e-6
+"""Error of floor that nobody has seen [m]: it stands where it begins, and is told from things."""
 CORNER = math.sqrt(0.5) * CELL
 """From the middle of a cell to its corners, and at most from the sensor to that of its cell [m]."""
 STEADY, TURNED = CELL, 0.05
@@ -42,10 +44,16 @@ _WIDE = np.arcsin(np.minimum(2.0 * CORNER / np.maximum(_FAR, CELL), 1.0))
 class FreeSpace:
     """What one sensor has looked at. All poses are of the odometry's frame."""
 
-    def __init__(self, sensor: Sensor, shape: Outline, within: float) -> None:
-        """within: ground farther than this beyond the turning circle can not matter yet [m]."""
-        self._sensor, self._shape = sensor, shape
+    def __init__(self, sensor: Sensor, shape: Outline, within: float, floor: bool = False) -> None:
+        """within: ground farther than this beyond the turning circle can not matter yet [m].
+        floor: only the floor that it sees counts, from where to where it looks for that, and what
+        is unknown is not for crawling: there may be none."""
+        self._sensor, self._shape, self._floor = sensor, shape, floor
         mount = sensor.mount
+        self._vouches = shape.reach + VOUCHED
+        self._error = -math.inf
+        if floor:
+            self._vouches, self._error = max(self._vouches, sensor.vouched), UNWATCHED
         self._near = math.hypot(mount.x, mount.y) + shape.reach + within > _FAR
         self._known: NDArray[np.bool_] = np.zeros(_FAR.shape, dtype=np.bool_)
         self._cell = (0, 0)
@@ -84,10 +92,17 @@ class FreeSpace:
         span = float(sensor.bearings[-1] - sensor.bearings[0])
         along = _BEARING - first  # from the first beam
         along[along < 0.0] += 2.0 * math.pi
-        wide = _WIDE + 0.5 * abs(turned)
+        wide = 0.5 * abs(turned) + (0.0 if self._floor else _WIDE)
         looks = (along >= wide) & (along <= span - wide)
         beams = np.minimum((along / sensor.step + 0.5).astype(np.intp), len(ranges) - 1)
-        self._known |= looks & (ranges[beams] > _FAR - CELL)
+        if self._floor:
+            watched = (_FAR >= sensor.floor_from) & (_FAR <= sensor.floor_to)
+            beside = np.minimum(np.roll(ranges, 1), np.roll(ranges, -1))
+            reach = np.where(np.isnan(ranges), beside, ranges)  # floor is seen by several beams
+            looks &= watched & (reach[beams] > _FAR)  # not for NaN
+            self._known |= looks
+        else:
+            self._known |= looks & (ranges[beams] > _FAR - CELL)
         if not self._vouched:
             self._vouch(pose)
         cells = np.argwhere(~(self._known | looks) & self._near)
@@ -100,7 +115,7 @@ class FreeSpace:
         n = len(unknown)
         self.cells = cells[~under]
         self.unknown = Surroundings(
-            unknown, np.full(n, -math.inf), np.full(n, CORNER), np.full(n, seen)
+            unknown, np.full(n, self._error), np.full(n, CORNER), np.full(n, seen)
         )  # fmt: skip
         return self.unknown
 
@@ -108,7 +123,7 @@ class FreeSpace:
         """For the ground about a pose."""
         self._vouched = True
         x, y = (CELL * (c + k) for c, k in zip(self._cell, (_X, _Y), strict=True))
-        self._known |= np.hypot(x - pose.x, y - pose.y) < self._shape.reach + VOUCHED
+        self._known |= np.hypot(x - pose.x, y - pose.y) < self._vouches
 
     def _move(self, i: int, j: int) -> None:
         """The window about a cell: what was in it and still is stays known."""

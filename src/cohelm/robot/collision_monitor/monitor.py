@@ -16,7 +16,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
-from cohelm.robot.collision_monitor.free_space import unknown_to_all
+from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
 from cohelm.robot.collision_monitor.odometry import PoseHistory, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.runaway import Runaway
@@ -49,6 +49,7 @@ LASTS = 1.0
 ALONG = 1e-6
 """What comes nearer by no more than this is passed along [m]."""
 _NONE = Twist(0.0, 0.0)
+_WHAT = {-math.inf: "ground that nothing looked at", UNWATCHED: "floor that nothing has seen"}
 
 
 class Described(NamedTuple):
@@ -202,7 +203,8 @@ class CollisionMonitor:
                     other.heed(source)
         if any(new for new, _ in looks):
             spaces = [source.ground for source in self._sources if source.ground is not None]
-            self._unknown = unknown_to_all(spaces)
+            floors = [source.floor for source in self._sources if source.floor is not None]
+            self._unknown = joined(unknown_to_all(spaces), unknown_to_all(floors))
             returns = all_of([source.by_odometry for source in self._sources])
             self._all = joined(returns, self._unknown)
             self._by_command = all_of([source.by_command for source in self._sources])
@@ -296,7 +298,7 @@ class CollisionMonitor:
     def _where(self, things: Surroundings, which: int) -> str:
         """In words: what it is, how far from the outline, and on which side."""
         shape, point = self._shape, things.points[which]
-        what = "something" if things.errors[which] > -math.inf else "ground that nothing looked at"
+        what = _WHAT.get(float(things.errors[which]), "something")
         outside = shape.normals @ point - shape.offsets
         along = shape.normals[outside.argmax()]
         if abs(along[0]) >= abs(along[1]):

@@ -50,6 +50,14 @@ class Sensor(NamedTuple):
     height: float = math.nan
     """Of the plane in which it measures, above the body's origin [m]; NaN: nobody says so, or it
     measures in no plane."""
+    whole_from: float = 0.0
+    """What stands nearer may be below what its beams see [m]."""
+    floor_from: float = math.nan
+    """From so far it sees the floor, ... [m]; NaN: it does not look for that."""
+    floor_to: float = math.nan
+    """... to so far [m]."""
+    vouched: float = 0.0
+    """So far around the robot there is floor where it is switched on [m]."""
 
 
 class Returns(NamedTuple):

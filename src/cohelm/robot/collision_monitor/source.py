@@ -50,6 +50,9 @@ class Source:
         """Returns farther from the sensor than this can not matter [m]."""
         self.ground = FreeSpace(sensor, shape, farthest) if remembers else None
         """What it has looked at."""
+        watches = sensor.floor_from > 0.0
+        self.floor = FreeSpace(sensor, shape, farthest, floor=True) if watches else None
+        """Which floor it has seen, if it watches that."""
         self._scan: Scan | None = None
         self._newest: Look | None = None
         self.by_odometry = NOTHING
@@ -61,8 +64,9 @@ class Source:
         """What odometry had placed: it began anew."""
         self._scan = self._newest = None
         self.by_odometry = NOTHING
-        if self.ground is not None:
-            self.ground.forget()
+        for space in (self.ground, self.floor):
+            if space is not None:
+                space.forget()
 
     def look(
         self, readings: Readings, measured: PoseHistory, commanded: PoseHistory
@@ -81,7 +85,7 @@ class Source:
             return False, self._said("the scan's time is no number")
         first, last = (measured.at(scan.stamp + t) for t in (0.0, scan.duration))
         before = out_of_sight(
-            self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach
+            self.by_odometry, scan, first, last, sensor, self._shape.reach
         )  # fmt: skip
         self._scan, self._newest = scan, Look(sensor, scan, first, last)
         found = returns(scan.ranges, sensor, self._near)
@@ -112,9 +116,10 @@ class Source:
         return ""
 
     def _look_at_ground(self, scan: Scan, first: Pose, last: Pose, measured: PoseHistory) -> None:
-        if self.ground is not None:
-            when = scan.stamp + 0.5 * scan.duration
-            self.ground.look(scan.ranges, measured.at(when), last.psi - first.psi, when)
+        when = scan.stamp + 0.5 * scan.duration
+        for space in (self.ground, self.floor):
+            if space is not None:
+                space.look(scan.ranges, measured.at(when), last.psi - first.psi, when)
 
     def _said(self, what: str) -> str:
         return of_sensor(self._sensor.name, what)

@@ -21,6 +21,9 @@ BESIDE = 3.0
 GRAIN = 0.02
 """Of what is remembered one return stands for all so near to each other [m]."""
 
+ENDS = 0.1
+"""A beam that ends no farther behind what is remembered is a new sight of it [m]."""
+
 LEVEL = 0.01
 """Planes whose heights differ by no more are one [m]: the spot of a beam is as high."""
 
@@ -75,21 +78,30 @@ def all_round(sensor: Sensor) -> bool:
 
 
 def out_of_sight(
-    old: Surroundings, now: float, first: Pose, last: Pose, sensor: Sensor, reach: float
+    old: Surroundings, scan: Scan, first: Pose, last: Pose, sensor: Sensor, reach: float
 ) -> Surroundings:
-    """What of it a scan could not see, and is still to be reckoned with.
+    """What of it a scan could not see, and is still to be reckoned with: at the end of the view,
+    or so near that beams may go past above it, unless they end there or before.
 
     first, last: where the robot was at the scan's first beam and at its last. A beam looks half a
     step to either side: what stands at the end of the view of a robot that stands is in it, and
     who walks out of the view there does not stay behind.
     """
-    if all_round(sensor) or not len(old.points):
+    low = sensor.whole_from > 0.0
+    if (all_round(sensor) and not low) or not len(old.points):
         return NOTHING
-    middle = 0.5 * (sensor.bearings[0] + sensor.bearings[-1])
+    now, middle = scan.stamp, 0.5 * (sensor.bearings[0] + sensor.bearings[-1])
     half = 0.5 * (sensor.bearings[-1] - sensor.bearings[0] + sensor.step)
-    begin, end = (_polar(old.points, pose, sensor, middle)[0] for pose in (first, last))
-    right = begin < 0.0
-    hidden = np.flatnonzero((right & (begin < -half)) | (~right & (np.abs(end) > half)))
+    begin, (end, far) = (_polar(old.points, pose, sensor, middle) for pose in (first, last))
+    right = begin[0] < 0.0
+    unseen = (right & (begin[0] < -half)) | (~right & (np.abs(end) > half))
+    if all_round(sensor):
+        unseen[:] = False
+    if low:
+        beams = np.clip(np.rint((end + half) / sensor.step - 0.5), 0, len(scan.ranges) - 1)
+        ranges = scan.ranges[beams.astype(np.intp)]
+        unseen |= (far < sensor.whole_from) & ~(ranges < far + ENDS)
+    hidden = np.flatnonzero(unseen)
     here = seen_from(old.points[hidden], last)
     near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
     kept = hidden[near]

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
+from cohelm.core.types import Floats
 from cohelm.robot.collision_monitor.monitor import CollisionMonitor, Described
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.gate.gate import Rules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import Monitor
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
-from cohelm.robot.sensors import LidarModel
+from cohelm.robot.sensors import LidarModel, vouched_floor
 
 
 def monitors(model: RobotModel, rules: Rules) -> tuple[Monitor, ...]:
@@ -27,11 +28,11 @@ def described(model: RobotModel, rules: Rules) -> Described:
     """What the collision monitor has to know of a robot that has a LiDAR."""
     if model.lidar is None:
         raise ValueError("a robot without a LiDAR has no collision monitor")
-    sensors = tuple(_sensor(given) for given in model.lidars)
+    sensors = tuple(_sensor(given, model.outline) for given in model.lidars)
     return Described(model.outline, sensors, rules.bounds, model.delay_s, rules.period)
 
 
-def _sensor(given: LidarModel) -> Sensor:
+def _sensor(given: LidarModel, outline: Floats) -> Sensor:
     lidar = given.lidar()
     bearings = lidar.first + lidar.step * np.arange(given.beams, dtype=np.float64)
     given_height = math.nan if given.mount_z_m is None else given.mount_z_m
@@ -39,5 +40,6 @@ def _sensor(given: LidarModel) -> Sensor:
     return Sensor(
         lidar.mount, bearings, lidar.step, given.range_min_m, given.noise_m, given.rate_hz,
         given.sweep_s, given.latency_s, given.name, given.timeout_s or math.nan,
-        given.range_max_m, height,
+        given.range_max_m, height, lidar.whole_from, lidar.floor_from, lidar.floor_to,
+        0.0 if given.floor is None else vouched_floor(lidar, outline, 0.0),
     )  # fmt: skip

@@ -97,7 +97,8 @@ class View:
 
     def __init__(self, lidar: Lidar) -> None:
         n = len(lidar.beams)
-        self._lidar = lidar
+        self._lidar, self._floor = lidar, lidar.floor_from > 0.0
+        """Who watches the floor returns inf only where that is seen, and so has seen."""
         self._bin = (np.arange(n) * lidar.step / _BIN).astype(np.int64)
         self._count = int(self._bin[-1]) + 1
         self._size = np.bincount(self._bin, minlength=self._count)
@@ -114,7 +115,7 @@ class View:
         Returns over which angle nothing has been seen since things vanished there all at once, for
         so many scans that it is no accident [rad].
         """
-        returns = np.isfinite(ranges) | (ranges == -math.inf)
+        returns = ~np.isnan(ranges) if self._floor else np.isfinite(ranges) | (ranges < 0.0)
         seen = np.bincount(self._bin[returns], minlength=self._count)
         self.empty = seen == 0
         self.proven |= seen >= np.minimum(2, self._size)

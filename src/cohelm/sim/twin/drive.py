@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -91,7 +91,7 @@ class TwinRun(ABC):
         around = setup.around
         if setup.barred is not None:  # the map's borders come with the map
             around = around._replace(walls=setup.barred)
-        self.robot = Twin(
+        self.robot = self.made(
             model, setup.start, around, grid=setup.grid, seed=setup.seed,
             settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
             pursuers=pursuers,
@@ -117,6 +117,9 @@ class TwinRun(ABC):
         self.arrived = False
         self.courses = 0
         self.last: Decision | None = None
+
+    made: Callable[..., Twin] = Twin
+    """Makes the robot."""
 
     @abstractmethod
     def step(self, k: int, row: Any) -> None:

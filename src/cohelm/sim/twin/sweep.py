@@ -46,7 +46,7 @@ def sweep(
                 beams[i, 0], beams[i, 1] = math.cos(bearing), math.sin(bearing)
         part = Lidar(
             lidar.mount, lidar.first + lidar.step * low, step, lidar.range_min, lidar.range_max,
-            lidar.noise, lidar.lost, beams,
+            lidar.noise, lidar.lost, beams, lidar.whole_from, lidar.floor_from, lidar.floor_to,
         )  # fmt: skip
         pose = Pose(0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), a[2])
         sight(pose, part, discs, walls, grid, ranges[low:high])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from html import escape
 
-from cohelm.study.campaign import crowd, movers, rooms
+from cohelm.study.campaign import crowd, heights, movers, rooms
 
 Part = str | tuple[str, ...]
 """A paragraph, or the items of a list."""
@@ -132,7 +132,29 @@ def _hands() -> Sequence[Part]:
     )
 
 
+def _heights() -> Sequence[Part]:
+    return (
+        "Halls of 8 to 10 m by 6 to 7 m with stairs down, pits, lower ground and docks, table tops,"
+        " hanging shelves and things lower than the LiDAR's plane, two to five of them. The robot, "
+        f"{heights.ROBOT}, has a planar LiDAR at 20 cm and a depth camera that watches the floor "
+        "ahead; what its pictures show comes to it as the bytes of ROS 2's images.",
+        (
+            f"none is nearer than {heights.CLEAR:g} m to start or goal, and a way {heights.WAY:g} m"
+            " wide leads from one to the other, wider with a load that is;",
+            "brakes and delay are the worst that the robot's file states, or better, by the load, "
+            "which changes within every second episode; in every third one it is wider or longer "
+            "than the robot, and its footprint is stated so;",
+            "who steers, in turns: the controller; it and a hand that pushes at the nearest edge; "
+            "a hand alone for 15 s: at the nearest edge ahead or tail first, spins, lunges, fits.",
+        ),
+        "Fallen: one of six points where it stands on the floor (wheels, castors) is above lower "
+        "ground. An episode ends with the first fall or contact. Arrived: within 0.4 m of the goal,"
+        " within 60 s; of those that have one. Nothing but the robot moves: standing contacts there"
+        " are none.",
+    )
+
+
 _ABOUT: dict[str, Callable[[], Sequence[Part]]] = {
     "lab": _lab, "random": _random, "movers": _movers, "barn": _barn, "crowd": _crowd,
-    "adversary": _adversary, "hands": _hands,
+    "adversary": _adversary, "hands": _hands, "heights": _heights,
 }  # fmt: skip

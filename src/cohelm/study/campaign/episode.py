@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules
 from cohelm.sim import adversarial
 from cohelm.sim.adversarial import SCRIPT, Attack, Scene, duel
+from cohelm.sim.heights import Heights
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.study.campaign.interventions import Interventions
@@ -63,6 +64,32 @@ class AdversarialRollout:
         return replace(self, attack=Attack(SCRIPT, self.attack.seed, script, hold))
 
 
+class Load(NamedTuple):
+    """What the robot really does from a moment on, by what it carries."""
+
+    since: float
+    """[s]"""
+    brakes: float
+    """Largest acceleration of a wheel [m/s^2]; the robot's file states the least there is."""
+    delay: float
+    """From a command to the wheels [s]; it states the largest."""
+
+
+@dataclass(frozen=True)
+class Uneven:
+    """A world with heights, and the hand in it."""
+
+    heights: Heights
+    wheels: Floats
+    """(k, 2), where the robot stands on the floor, in the body [m]: it falls where one of these
+    has none."""
+    loads: tuple[Load, ...]
+    hand: str = ""
+    """Who holds the stick, see `campaign.heights`; empty: nobody."""
+    edges: Floats = field(default_factory=lambda: np.empty((0, 4)))
+    """What the hand pushes at: sides of boxes and drops, (s, 4) [m]."""
+
+
 @dataclass(frozen=True)
 class Episode:
     """One episode of a suite.
@@ -81,6 +108,8 @@ class Episode:
     plant: Plant = "kinematic"
     robot: str = "sally"
     """Name of the robot that drives."""
+    uneven: Uneven | None = None
+    """Of the suite heights: what there is besides, and who pushes where."""
 
 
 def under(setup: Setup, law: Law) -> Setup:
@@ -105,6 +134,10 @@ def traced(case: Episode, law: Law, acted: Interventions) -> Iterator[Trace]:
     """
     if case.duel is not None:
         return _fought_on_twin(case, acted) if case.setup.twin else iter((fought(case, law),))
+    if case.uneven is not None:
+        from cohelm.study.campaign import heights_run  # needs MuJoCo, which is an extra
+
+        return heights_run.pieces(case, acted, _PIECE)
     setup = under(case.setup, law)
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)

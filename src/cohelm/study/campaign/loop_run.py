@@ -59,7 +59,7 @@ class Watched(GatedRobot):
 
 def pieces(setup: Setup, acted: Interventions, length: int) -> Iterator[Trace]:
     """The drive in traces of `length` steps, the last one shorter; it ends on arrival."""
-    return stepped(_Looped(setup, acted), length)
+    return stepped(Looped(setup, acted), length)
 
 
 def fought(
@@ -69,7 +69,7 @@ def fought(
     return stepped(_Attacked(setup, acted, attack, pursuers), length)
 
 
-class _Looped(TwinRun):
+class Looped(TwinRun):
     """The loop drives the robot, behind its gate."""
 
     def __init__(
@@ -128,7 +128,7 @@ class _Looped(TwinRun):
             self.loop.choose(self.mode)
 
 
-class _Attacked(_Looped):
+class _Attacked(Looped):
     """The attacker drives alone, in manual. He centres the stick whenever it has to be armed."""
 
     def __init__(

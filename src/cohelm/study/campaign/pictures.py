@@ -19,6 +19,7 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
 from cohelm.pilot.step import EVADING
 from cohelm.scenario.worlds.tracks import ELSEWHERE
+from cohelm.sim.heights import edges
 from cohelm.study.campaign.episode import Episode
 from cohelm.study.campaign.result import EpisodeResult, clearance_then
 from cohelm.study.draw import (
@@ -156,6 +157,9 @@ def _above(axes: Axes, case: Episode, trace: Trace, row: EpisodeResult) -> None:
     rows, setup = trace.rows, case.setup
     walls = setup.around.walls.reshape(-1, 2, 2)
     axes.add_collection(LineCollection(list(walls), colors=WALL, linewidths=1.6))
+    if case.uneven is not None:
+        drops = edges(case.uneven.heights.drops).reshape(-1, 2, 2)
+        axes.add_collection(LineCollection(list(drops), colors=DANGER, linewidths=1.0))
     worst = int(np.argmin(np.abs(rows["t"] - row.min_clearance_at_s)))
     for i in range(trace.discs.shape[1]):
         _disc(axes, trace.discs[:, i], worst, trace.dt)

@@ -56,11 +56,12 @@ def outcome(made: Suite, laws: Sequence[str], rows: Sequence[EpisodeResult]) -> 
 def worst(rows: Sequence[EpisodeResult], count: int) -> list[EpisodeResult]:
     """The worst episodes: faults, then contacts, the deepest first, non-arrivals, small gaps."""
 
-    def badness(row: EpisodeResult) -> tuple[bool, bool, bool, float]:
+    def badness(row: EpisodeResult) -> tuple[bool, bool, bool, bool, float]:
         gap = row.min_clearance_moving_m
         missed = not row.arrived and math.isfinite(row.tracking_rms)
         return (
             not row.fault,
+            row.falls == 0,
             row.contacts_moving == 0,
             not missed,
             gap if math.isfinite(gap) else math.inf,
@@ -78,6 +79,8 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("episodes", lambda s: f"{s.episodes}" + (f" ({s.faults} failed)" if s.faults else "")),
         ("arrived without a moving contact", lambda s: _share(s.success)),
         ("arrived", lambda s: _share(s.arrived)),
+        ("fallen", lambda s: _share(s.fell)),
+        ("stuck: had a goal, came to no harm, and did not arrive", lambda s: _share(s.stuck)),
         ("with a moving contact", lambda s: _share(s.moving)),
         ("with a standing contact: walked into", lambda s: _share(s.standing)),
         ("with a departing contact: moved into who walked into it", lambda s: _share(s.departing)),

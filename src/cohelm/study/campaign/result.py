@@ -28,6 +28,11 @@ class EpisodeResult(NamedTuple):
     """Contacts that began while it stood: it was walked into."""
     contacts_departing: int
     """Those of them in which it then moved deeper into what had walked into it."""
+    falls: int
+    """Of `heights`: 1 where a wheel had no floor under it; the episode ends with that, or with the
+    first contact."""
+    wanted: bool
+    """Whether anybody wanted to get anywhere."""
     untouched_share: float
     """Of all control steps, those in which nothing was touched."""
     min_clearance_m: float

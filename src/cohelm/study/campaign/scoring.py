@@ -12,6 +12,7 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.limits import Limits
 from cohelm.scenario.worlds.barn import score
+from cohelm.sim.heights import fallen
 from cohelm.sim.judge import FAR, Judged, gap_to, judge
 from cohelm.sim.setup import Setup
 from cohelm.study.campaign.contact_analysis import NOTHING_TOUCHED, Touch, first_touch
@@ -108,6 +109,8 @@ def _row(
         contacts_moving=seen.moving,
         contacts_standing=seen.standing,
         contacts_departing=seen.departing,
+        falls=_falls(case, rows),
+        wanted=case.goal is not None,
         untouched_share=1.0 - seen.touched / max(seen.steps, 1),
         min_clearance_m=seen.gap,
         min_clearance_moving_m=seen.gap_moving,
@@ -134,6 +137,14 @@ def _row(
         contact_driven_mps=touched.driven,
         stick=[],
     )
+
+
+def _falls(case: Episode, rows: NDArray[np.void]) -> int:
+    """Whether it fell, as 0 or 1."""
+    if case.uneven is None:
+        return 0
+    poses = np.column_stack((rows["x"], rows["y"], rows["psi"]))
+    return int(fallen(case.uneven.heights, poses, case.uneven.wheels) >= 0)
 
 
 def _score(case: Episode, duration: float, success: bool) -> float:

@@ -83,7 +83,7 @@ class Summary(NamedTuple):
     arrived: Share | None
     """None where nobody wants to arrive."""
     success: Share | None
-    """Of all, those that arrived and had no moving contact."""
+    """Of all, those that arrived and had no moving contact, and no fall."""
     moving: Share
     """Episodes with a contact in which the robot moved."""
     standing: Share
@@ -92,6 +92,11 @@ class Summary(NamedTuple):
     """Episodes in which it moved into what had walked into it."""
     touched: Share
     """Episodes with a contact of any kind."""
+    fell: Share | None
+    """Episodes with a fall; None where there are no heights."""
+    stuck: Share | None
+    """Episodes that wanted to get somewhere and came to nothing: no fall, no contact, no arrival.
+    Of heights only."""
     untouched_share: float
     """Of all steps of all episodes, those without a contact."""
     limit_excess: float
@@ -116,6 +121,9 @@ class Summary(NamedTuple):
                 "contacts_standing_share": _bounds(self.standing),
                 "contacts_departing": self.departing.count,
                 "contacts_departing_share": _bounds(self.departing),
+                "falls": None if self.fell is None else self.fell.count,
+                "falls_share": None if self.fell is None else _bounds(self.fell),
+                "stuck": None if self.stuck is None else self.stuck.count,
                 "touched": self.touched.count,
                 "touched_share": _bounds(self.touched),
                 "untouched_share": self.untouched_share,
@@ -142,6 +150,10 @@ def _untouched(rows: Sequence[EpisodeResult]) -> float:
     return sum(row.untouched_share * row.duration_s for row in told) / whole if whole else math.nan
 
 
+def _well(row: EpisodeResult) -> bool:
+    return row.arrived and row.contacts_moving == 0 and row.falls == 0
+
+
 def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
     """The rows of one law; those that could not be driven count as episodes and as not arrived.
 
@@ -149,18 +161,27 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
     """
     sound = [row for row in rows if not row.fault]
     n = len(rows)
+    uneven = any(row.suite == "heights" for row in rows)
+    wanting = [row for row in sound if row.wanted]
+    of = n - len(sound) + len(wanting)  # what could not be driven did not arrive
+    stuck = sum(
+        not (row.arrived or row.falls or row.contacts_moving + row.contacts_standing)
+        for row in wanting
+    )
     scored = any(math.isfinite(row.score) for row in sound)
     scores = [0.0 if row.fault else row.score for row in rows]
     return Summary(
         law,
         n,
         n - len(sound),
-        share(sum(row.arrived for row in sound), n) if goals else None,
-        share(sum(row.arrived and row.contacts_moving == 0 for row in sound), n) if goals else None,
+        share(sum(row.arrived for row in sound), of) if goals else None,
+        share(sum(_well(row) for row in sound), of) if goals else None,
         share(sum(row.contacts_moving > 0 for row in sound), n),
         share(sum(row.contacts_standing > 0 for row in sound), n),
         share(sum(row.contacts_departing > 0 for row in sound), n),
         share(sum(row.contacts_moving + row.contacts_standing > 0 for row in sound), n),
+        share(sum(row.falls > 0 for row in sound), n) if uneven else None,
+        share(stuck, of) if uneven else None,
         _untouched(sound),
         max((row.limit_excess for row in sound), default=0.0),
         float(np.mean(scores)) if scored else math.nan,

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign import adversary, barn, crowd, hands, lab, movers, rooms
+from cohelm.study.campaign import adversary, barn, crowd, hands, heights, lab, movers, rooms
 from cohelm.study.campaign.episode import LAWS, PLANTS, Episode, Law, Plant
 from cohelm.study.campaign.plant import on_twin
 
-NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands")
+NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands", "heights")
 
 _NEEDS_DATA = ("barn", "crowd", "hands")
-_ON_TWIN = ("lab", "random", "movers", "adversary")
+_ON_TWIN = ("lab", "random", "movers", "adversary", "heights")
 _CHUNKS = {"adversary": 10, "random": 5, "movers": 5}
 
 
@@ -41,6 +41,8 @@ class Suite:
     @property
     def laws(self) -> tuple[Law, ...]:
         """Under which it can be driven."""
+        if self.name == "heights":
+            return ("guard",)
         if self.plant != "kinematic":
             return ("guard",) if self.name == "adversary" else ("guard", "paper", "none")
         return LAWS if self.name == "random" else ("guard", "paper", "none")
@@ -52,6 +54,8 @@ class Suite:
 
     def case(self, number: int) -> Episode:
         """Episode `number`: the same whenever and wherever it is asked for."""
+        if self.name == "heights":
+            return heights.case(self.seed, number)
         made = self._case(number)
         return made if self.plant == "kinematic" else on_twin(made, self.plant)
 
@@ -79,6 +83,8 @@ def suite(name: str, seed: int, data: Path | None, plant: Plant = "kinematic") -
     """
     if plant not in PLANTS:
         raise CohelmError(f"there is no plant {plant!r}: choose {', '.join(PLANTS)}")
+    if name == "heights":
+        plant = _sensed(plant)
     made = _suite(name, seed, data)
     if plant != "kinematic" and name not in _ON_TWIN:
         raise CohelmError(
@@ -86,6 +92,15 @@ def suite(name: str, seed: int, data: Path | None, plant: Plant = "kinematic") -
             f"{', '.join(_ON_TWIN)}"
         )
     return replace(made, plant=plant)
+
+
+def _sensed(plant: Plant) -> Plant:
+    """What heights is driven on: the twin, whether that was asked for or not."""
+    if plant not in ("kinematic", "twin"):
+        raise CohelmError(
+            "the suite heights is driven on --plant twin only, by the sensors of its own robot"
+        )
+    return "twin"
 
 
 def _suite(name: str, seed: int, data: Path | None) -> Suite:
@@ -106,6 +121,8 @@ def _suite(name: str, seed: int, data: Path | None) -> Suite:
         return Suite(name, seed, None, 1000)
     if name == "movers":
         return Suite(name, seed, None, 200 * len(movers.DENSITIES))
+    if name == "heights":
+        return Suite(name, seed, None, 1000)
     if name == "adversary":
         if data is None:
             notes = ("no recorded hands among the attackers: --data was not given",)

@@ -19,7 +19,7 @@ from cohelm.study.campaign.suites import Suite
 
 _ROOMS = (
     "core", "robot", "law", "perceive", "plan", "pilot", "link", "loop", "sim", "scenario",
-    "study/campaign",
+    "ros", "study/campaign",
 )  # fmt: skip
 
 

@@ -1,0 +1,167 @@
+"""An episode of `heights`: the twin with a depth camera, behind the loop, its gate and monitors.
+
+A picture is made of what the camera sees from where the robot is, packed into the bytes of a
+`sensor_msgs/msg/Image`, and read from them as a robot's own images are. It ends with the first fall
+or contact: what comes after it says nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Image as Image
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.trace import Trace
+from cohelm.core.types import Floats, Pose, Stick
+from cohelm.link.messages import Arming, Mode
+from cohelm.loop.stick_arming import CENTRED
+from cohelm.record.markers import header
+from cohelm.robot.footprint import segment_clearance
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Scan
+from cohelm.ros.depth import DepthRanges
+from cohelm.ros.mismatch import IMAGE
+from cohelm.ros.types import packed, unpacked
+from cohelm.sim.adversarial import BANG, SPIN, Attack, deflection
+from cohelm.sim.heights import Heights, fallen, picture
+from cohelm.sim.twin.drive import stepped
+from cohelm.sim.twin.robot import Scanner, Twin
+from cohelm.study.campaign.episode import Episode, Load
+from cohelm.study.campaign.heights_camera import ASKEW, lens, mounted, seen_by
+from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.loop_run import Looped
+
+_NO_DISCS: Floats = np.empty((0, 6))
+_FIT, _REST = 3.0, 2.0
+"""Somebody who shares pushes for so long, and lets go for so long [s]."""
+
+
+class UnevenTwin(Twin):
+    """A twin whose depth cameras see heights, and that carries what it carries."""
+
+    def __init__(
+        self, heights: Heights, loads: tuple[Load, ...], model: RobotModel, start: Pose,
+        *rest: Any, seed: int = 0, **named: Any,
+    ) -> None:  # fmt: skip
+        """The rest as for a twin."""
+        self._heights, self._loads = heights, deque(loads)
+        self._random = np.random.default_rng([seed, 0xDE9])
+        self._lens = lens(model, ASKEW * float(self._random.standard_normal()))
+        told = lens(model, 0.0)
+        self._ranges = {
+            one.name: DepthRanges(one, seen_by(told), mounted(told), f"/{one.name}")
+            for one in model.lidars
+            if one.depth_image
+        }
+        super().__init__(model, start, *rest, seed=seed, **named)
+
+    def send(self, twist: Any) -> Any:
+        """As any twin, with the load of this moment."""
+        now = self.now()
+        while self._loads and self._loads[0].since <= now:
+            load = self._loads.popleft()
+            self._limits = self._limits._replace(wheel_acceleration=load.brakes)
+            self._delay = self._steps(load.delay)
+        return super().send(twist)
+
+    def _scan(self, step: int, scanner: Scanner) -> None:
+        made = self._ranges.get(scanner.model.name)
+        if made is None:
+            super()._scan(step, scanner)
+            return
+        s, model = self._state[0], scanner.model
+        pose = Pose(float(s["x"]), float(s["y"]), float(s["psi"]))
+        stamp = step * self._step
+        message, damage = unpacked(self._image(pose, stamp), IMAGE)
+        if damage:
+            raise CohelmError(damage)
+        ranges = made.of(message)
+        ranges.flags.writeable = False
+        scan = Scan(stamp, scanner.number, ranges, 0.0, model.name)
+        scanner.coming.append((step + self._steps(model.latency_s), scan))
+        scanner.number += 1
+        scanner.next = self._after(step, model.rate_hz)
+
+    def _image(self, pose: Pose, stamp: float) -> bytes:
+        """The bytes of the message."""
+        seen = picture(self._lens, self._heights, pose, self._random)
+        rows, columns = seen.shape
+        message = Image(
+            header(round(stamp * 1e9), "deep"), rows, columns, "16UC1", 0, 2 * columns,
+            np.frombuffer(np.rint(1000.0 * seen).astype("<u2").tobytes(), np.uint8),
+        )  # fmt: skip
+        return packed(message, IMAGE)
+
+
+def pieces(case: Episode, acted: Interventions, length: int) -> Iterator[Trace]:
+    """The drive in traces of `length` steps, the last one shorter; it ends on arrival, with a fall
+    or with a contact."""
+    return stepped(_Uneven(case, acted), length)
+
+
+class _Uneven(Looped):
+    """The loop drives the robot, or a hand that pushes it at edges, or both."""
+
+    def __init__(self, case: Episode, acted: Interventions) -> None:
+        assert case.uneven is not None
+        self.uneven = given = case.uneven
+        self.made = partial(UnevenTwin, given.heights, given.loads)
+        super().__init__(case.setup, acted)
+        manual = given.hand != "" and case.goal is None
+        self.mode = Mode.MANUAL if manual else Mode.SHARED if given.hand else Mode.AUTOMATIC
+        kind = {"bang": BANG, "spin": SPIN}.get(given.hand, BANG)
+        self.attack = Attack(kind, case.setup.seed, np.zeros((1, 2)), 1.0)
+        self.held = CENTRED
+
+    def hand(self, k: int, things: Floats) -> Stick:
+        """What the person does in step k; centred whenever the stick has to be armed."""
+        given, t = self.uneven, k * self.setup.dt
+        if not given.hand:
+            return CENTRED
+        resting = self.mode == Mode.SHARED and t % (_FIT + _REST) < _REST
+        pose, bang = self.truth.pose, t % 3.0 >= 2.0 and self.mode == Mode.MANUAL
+        if resting:
+            self.held = CENTRED
+        elif given.hand in ("ram", "back") and not bang:
+            self.held = towards(pose, given.edges, given.hand == "back")
+        else:
+            self.held = deflection(
+                self.attack, self.held, k, self.setup.dt, pose, _NO_DISCS, given.edges
+            )
+        return self.held if self.loop.person.arming == Arming.ARMED else CENTRED
+
+    def step(self, k: int, row: Any) -> None:
+        """As any; it ends with the first row in which it has fallen, or touches something."""
+        pose, given = self.truth.pose, self.uneven
+        super().step(k, row)
+        over = fallen(given.heights, np.array([pose]), given.wheels) >= 0
+        self.arrived = self.arrived or over or self._touches(pose)
+
+    def _touches(self, pose: Pose) -> bool:
+        walls = self.setup.around.walls
+        return any(segment_clearance(pose, self.setup.outline, *w) <= 0.0 for w in walls.tolist())
+
+
+def towards(pose: Pose, edges: Floats, tail_first: bool) -> Stick:
+    """At the nearest point of the edges, ahead or tail first."""
+    if not len(edges):
+        return CENTRED
+    here = np.array(pose[:2])
+    a, along = edges[:, :2], edges[:, 2:] - edges[:, :2]
+    square = np.maximum((along * along).sum(axis=1), 1e-12)
+    share = np.clip(((here - a) * along).sum(axis=1) / square, 0.0, 1.0)
+    off = a + share[:, None] * along - here
+    dx, dy = off[int(np.argmin((off * off).sum(axis=1)))].tolist()
+    turn = math.remainder(
+        math.atan2(dy, dx) - pose.psi - (math.pi if tail_first else 0.0), 2.0 * math.pi
+    )
+    if abs(turn) > 0.5 * math.pi:
+        return Stick(0.0, math.copysign(1.0, turn))
+    ahead = -1.0 if tail_first else 1.0
+    return Stick(ahead * math.cos(turn), math.sin(turn))

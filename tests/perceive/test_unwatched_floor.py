@@ -1,0 +1,85 @@
+"""Floor that no camera has seen stands, whatever a LiDAR looks past; what it has seen does not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, Twist
+from cohelm.perceive.pipeline import Perception
+from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
+from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.scenario.load import robot
+
+DEEP = robot("sally-depth")
+ROUND = DEEP.model_copy(
+    update={
+        "lidar": DEEP.lidar.model_copy(update={"field_of_view_deg": 360.0}) if DEEP.lidar else None
+    }
+)
+"""With a LiDAR that looks all round, and at no floor."""
+LIDAR = DEEP.further_lidars[0].lidar()
+CARE = ScanMemoryParams()
+
+
+def told(poses, deep=math.inf, model=ROUND):
+    """Points in the body frame after a scan from each pose; all see nothing that stands, and the
+    camera what is given."""
+    eyes, seen = Perception(model), None
+    for k, pose in enumerate(poses):
+        t = 0.1 * k
+        scan = Scan(t, k, np.full(720, math.inf), 0.0, "planar")
+        floor = Scan(t, k, np.full(model.further_lidars[0].beams, deep), 0.0, "deep")
+        seen = eyes.take(
+            t, Readings(Odometry(t, pose, Twist(0.0, 0.0)), scan, None, None, (floor,))
+        )
+    assert seen is not None
+    last = poses[-1]
+    c, s = math.cos(last.psi), math.sin(last.psi)
+    off = seen.points - (last.x, last.y)
+    return np.column_stack((c * off[:, 0] + s * off[:, 1], -s * off[:, 0] + c * off[:, 1]))
+
+
+def turned(*degrees):
+    return [Pose(0.0, 0.0, math.radians(d)) for d in degrees]
+
+
+@pytest.mark.parametrize("model", [ROUND, DEEP])
+def test_floor_behind_and_beside_that_was_never_seen_stands(model):
+    for poses in (turned(0), turned(*range(0, 101, 10))):
+        points = told(poses, model=model)
+        bearings = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
+        behind = np.abs(np.abs(bearings) - 180.0) < 20.0
+        assert behind.any()
+        far = np.hypot(*points.T)
+        assert far.min() > (0.9 if model is ROUND else 0.6)  # somebody has looked, who started it
+        assert far[behind].max() < 1.5
+        assert not (np.abs(bearings) < 25.0).any()  # ahead it sees
+
+
+def test_floor_that_was_seen_once_is_free_to_back_onto():
+    assert not len(told(turned(*range(0, 361, 5))))
+
+
+def test_a_camera_that_sees_nothing_vouches_for_no_floor():
+    everywhere = told(turned(*range(0, 361, 5)), deep=math.nan)
+    assert len(everywhere)
+    assert (np.abs(np.arctan2(everywhere[:, 1], everywhere[:, 0])) < 0.3).any()
+
+
+def test_what_is_nearer_than_the_whole_band_is_seen_stays_though_beams_go_past_above_it():
+    low = np.array([[LIDAR.mount.x + 0.40, 0.02], [LIDAR.mount.x + 0.9, 0.4]])
+    past = np.full(len(LIDAR.beams), math.inf)
+    kept = renew(low, Pose(0.0, 0.0, 0.0), LIDAR, past, CARE)
+    assert kept.tolist() == low[:1].tolist()  # what is farther away would be seen
+    again = past.copy()
+    again[:] = 0.42
+    kept = renew(low, Pose(0.0, 0.0, 0.0), LIDAR, again, CARE)
+    assert low[0].tolist() not in kept.tolist()  # it is seen anew
+
+
+def test_what_is_too_near_to_be_measured_fills_no_memory():
+    points, close = np.empty((0, 2)), np.full(len(LIDAR.beams), -math.inf)
+    for _ in range(20):
+        points = renew(points, Pose(0.0, 0.0, 0.0), LIDAR, close, CARE)
+    assert 10 < len(points) <= len(LIDAR.beams)

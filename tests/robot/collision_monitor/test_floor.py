@@ -1,0 +1,87 @@
+"""The collision monitor takes no robot onto floor that nothing has seen, nor over an edge that left
+the camera's view beneath it."""
+
+import math
+
+import numpy as np
+
+from cohelm.core.types import Pose, Twist
+from cohelm.robot.collision_monitor.monitor import CollisionMonitor
+from cohelm.robot.keep.gated_robot import rules
+from cohelm.robot.keep.watch import described
+from cohelm.robot.monitor import UNRESTRICTED
+from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.scenario.load import robot
+
+DEEP = robot("sally-depth")
+STILL, BACK, ON = Twist(0.0, 0.0), Twist(-0.5, 0.0), Twist(0.3, 0.0)
+BEAMS = DEEP.further_lidars[0].beams
+
+
+def after(poses, deeps=None, model=DEEP):
+    """A monitor that has seen a scan from each pose, and when that was."""
+    it, t = CollisionMonitor(described(model, rules(model, 0.02))), 0.0
+    for k, pose in enumerate(poses):
+        for _ in range(5):
+            t += 0.02
+            it.observe(t, readings(t, k, pose, None if deeps is None else deeps[k], model), STILL)
+    return it, t
+
+
+def readings(t, k, pose, deep, model):
+    assert model.lidar is not None
+    first = Scan(t, k, np.full(model.lidar.beams, math.inf), 0.0, "planar")
+    given = np.full(BEAMS, math.inf) if deep is None else deep
+    return Readings(
+        Odometry(t, pose, STILL), first, None, None, (Scan(t, k, given, 0.0, "deep"),)
+    )  # fmt: skip
+
+
+def spun(last):
+    return [Pose(0.0, 0.0, math.radians(d)) for d in range(0, last + 1, 10)]
+
+
+def backed(by):
+    """As if it had come backwards, up to the end of what was vouched for."""
+    return [Pose(-x, 0.0, 0.0) for x in np.arange(0.0, by + 0.01, 0.04)]
+
+
+def test_it_backs_no_farther_than_floor_was_seen_though_a_lidar_looks_there():
+    assert DEEP.lidar is not None
+    all_round = DEEP.model_copy(
+        update={"lidar": DEEP.lidar.model_copy(update={"field_of_view_deg": 360.0})}
+    )
+    it, t = after(backed(0.64), model=all_round)
+    found = it.restrict(t, BACK)
+    assert found.share == 0.0
+    assert "floor that nothing has seen" in found.reason
+    assert "behind" in found.reason
+    it, t = after(backed(0.2), model=all_round)
+    assert it.restrict(t, Twist(-0.1, 0.0)) == UNRESTRICTED
+
+
+def test_it_backs_where_it_has_looked_before():
+    it, t = after([*spun(360), *backed(0.56)])
+    assert it.restrict(t, Twist(-0.3, 0.0)) == UNRESTRICTED
+
+
+def test_it_drives_on_where_the_camera_sees_the_floor():
+    it, t = after(spun(0) * 3)
+    assert it.restrict(t, Twist(0.6, 0.0)) == UNRESTRICTED
+
+
+def test_an_edge_that_left_the_view_beneath_the_camera_stops_it_still():
+    """Seen 0.9 m before the lens; then the robot is 0.55 m nearer, and beams go past above it."""
+    edge, beams = np.full(BEAMS, math.inf), slice(BEAMS // 2 - 6, BEAMS // 2 + 6)
+    edge[beams] = 0.9
+    poses = [Pose(x, 0.0, 0.0) for x in np.arange(0.02, 0.6, 0.05)]
+    deeps = []
+    for pose in poses:
+        deeps.append(np.full(BEAMS, math.inf))
+        if 0.9 - pose.x > 0.56:
+            deeps[-1][beams] = 0.9 - pose.x
+    it, t = after(poses, deeps)
+    found = it.restrict(t, Twist(1.0, 0.0))
+    assert found.share < 0.9
+    assert "something 0.2" in found.reason
+    assert it.restrict(t, Twist(-0.3, 0.0)) == UNRESTRICTED
