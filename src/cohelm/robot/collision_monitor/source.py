@@ -85,7 +85,7 @@ class Source:
             return False, self._said("the scan's time is no number")
         first, last = (measured.at(scan.stamp + t) for t in (0.0, scan.duration))
         before = out_of_sight(
-            self.by_odometry, scan, first, last, sensor, self._shape.reach
+            self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach, scan.ranges
         )  # fmt: skip
         self._scan, self._newest = scan, Look(sensor, scan, first, last)
         found = returns(scan.ranges, sensor, self._near)

@@ -78,29 +78,30 @@ def all_round(sensor: Sensor) -> bool:
 
 
 def out_of_sight(
-    old: Surroundings, scan: Scan, first: Pose, last: Pose, sensor: Sensor, reach: float
-) -> Surroundings:
+    old: Surroundings, now: float, first: Pose, last: Pose, sensor: Sensor, reach: float,
+    ranges: Floats | None = None,
+) -> Surroundings:  # fmt: skip
     """What of it a scan could not see, and is still to be reckoned with: at the end of the view,
     or so near that beams may go past above it, unless they end there or before.
 
-    first, last: where the robot was at the scan's first beam and at its last. A beam looks half a
-    step to either side: what stands at the end of the view of a robot that stands is in it, and
-    who walks out of the view there does not stay behind.
+    ranges: of the scan; without them nothing is too near. first, last: where the robot was at its
+    first beam and at its last. A beam looks half a step to either side: what stands at the end of
+    the view of a robot that stands is in it, and who walks out of the view there does not stay
+    behind.
     """
-    low = sensor.whole_from > 0.0
+    low = sensor.whole_from > 0.0 and ranges is not None
     if (all_round(sensor) and not low) or not len(old.points):
         return NOTHING
-    now, middle = scan.stamp, 0.5 * (sensor.bearings[0] + sensor.bearings[-1])
+    middle = 0.5 * (sensor.bearings[0] + sensor.bearings[-1])
     half = 0.5 * (sensor.bearings[-1] - sensor.bearings[0] + sensor.step)
     begin, (end, far) = (_polar(old.points, pose, sensor, middle) for pose in (first, last))
     right = begin[0] < 0.0
     unseen = (right & (begin[0] < -half)) | (~right & (np.abs(end) > half))
     if all_round(sensor):
         unseen[:] = False
-    if low:
-        beams = np.clip(np.rint((end + half) / sensor.step - 0.5), 0, len(scan.ranges) - 1)
-        ranges = scan.ranges[beams.astype(np.intp)]
-        unseen |= (far < sensor.whole_from) & ~(ranges < far + ENDS)
+    if ranges is not None and low:
+        beams = np.clip(np.rint((end + half) / sensor.step - 0.5), 0, len(ranges) - 1)
+        unseen |= (far < sensor.whole_from) & ~(ranges[beams.astype(np.intp)] < far + ENDS)
     hidden = np.flatnonzero(unseen)
     here = seen_from(old.points[hidden], last)
     near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
