@@ -127,3 +127,23 @@ def test_sally_rear_is_sally_with_a_second_lidar_behind():
 def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
     with pytest.raises(ValidationError, match=why):
         RobotModel.model_validate(SQUARE | keys)
+
+
+@pytest.mark.parametrize(
+    ("lidar", "why"),
+    [
+        ({"field_of_view_deg": 4.712}, r"is in degrees; 4.712 looks like radians \(270 deg\)"),
+        (
+            {"range_max_m": 30000},
+            r"in metres; 30000 looks like millimetres \(30 m\)",
+        ),
+        ({"range_min_m": 60, "range_max_m": 100}, "range_min_m is in metres"),
+        ({"noise_m": 10}, "noise_m is in metres"),
+        ({"rate_hz": 0.05}, "one every 20 s is too seldom to drive by"),
+        ({"mount_x_m": 300}, "300 m is outside of the robot"),
+        ({"mount_y_m": -150}, "150 m is outside of the robot"),
+    ],
+)
+def test_a_lidar_in_other_units_is_refused_and_the_sentence_says_which(lidar, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | {"lidar": lidar})

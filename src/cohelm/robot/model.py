@@ -15,10 +15,14 @@ from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
 from cohelm.robot.footprint import convex_outline
 from cohelm.robot.limits import Limits, checked_limits, unlimited
-from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel
+from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
 Positive = Annotated[float, Field(gt=0.0)]
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+BEYOND = 1.0
+"""So far out of its outline may a LiDAR be mounted, on a boom [m]."""
 
 
 class LimitsModel(Schema):
@@ -89,6 +93,19 @@ class RobotModel(Schema):
         names = [lidar.name for lidar in self.lidars]
         if "" in names[1:] or len(set(names)) < len(names):
             raise ValueError("each of further_lidars needs a name of its own")
+        return self
+
+    @model_validator(mode="after")
+    def _mounted(self) -> Self:
+        """A mount in millimetres is far from the robot, and so would be all that is seen."""
+        for lidar in self.lidars:
+            away = math.hypot(lidar.mount_x_m, lidar.mount_y_m)
+            if away > self.reach + BEYOND:
+                said = (
+                    "mount_x_m and mount_y_m are in metres, from the middle of the axle; "
+                    f"{away:g} m is outside of the robot"
+                )
+                raise ValueError(of_sensor(lidar.name, said))
         return self
 
     @property
