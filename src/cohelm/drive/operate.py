@@ -86,6 +86,7 @@ def known(asked: Asked, made: RobotFactory) -> tuple[LocalizationMap | None, Zon
 
 def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> RobotFactory:
     """A ROS 2 robot, as it is found; CohelmError with all that does not fit."""
+    from cohelm.ros.camera import choose
     from cohelm.ros.connection import connection
     from cohelm.ros.look import look
     from cohelm.ros.robot import Ros2Make, topics_of
@@ -97,7 +98,10 @@ def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> 
     way = connection(where.transport, where.url)
     transport = way.open("cohelm", named.namespace)
     try:
-        found = look(transport, described, named)._replace(connection=way)
+        found = look(transport, described, named)
+        camera, note = choose(named.camera, transport.endpoints())
+        notes = (*found.notes, note) if note else found.notes
+        found = found._replace(connection=way, camera=camera, notes=notes)
     except CohelmError as error:
         raise CohelmError(by_topics(str(error))) from error
     finally:

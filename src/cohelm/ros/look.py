@@ -14,6 +14,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, cloud, depth, laser, mismatch
+from cohelm.ros.camera import CameraTopic
 from cohelm.ros.clock import Clock, SimulatedClock, estimated, seconds
 from cohelm.ros.connection import Connection
 from cohelm.ros.mismatch import CAMERA_INFO, CLOUD, IMAGE, ODOMETRY, SCAN, STAMPED, TF, TWIST
@@ -41,12 +42,14 @@ class Topics(NamedTuple):
     namespace: str = "/"
     further: tuple[tuple[str, str], ...] = ()
     """Of further LiDARs: name and topic. Of one that is not named here: /scan_NAME."""
+    camera: str | None = None
+    """Of pictures; empty: none; None: the only one there is."""
 
     @classmethod
     def named(
         cls, namespace: str = "/", command: str = "/cmd_vel_nav", out: str = "/cmd_vel",
         scan: str = "/scan", odom: str = "/odom", lock: str = "/emergency_stop",
-        further: Sequence[str] = (),
+        further: Sequence[str] = (), camera: str | None = None,
     ) -> Topics:  # fmt: skip
         """As somebody names them: in a namespace, if there is one, also those with a slash before
         them that are there by default. further: `NAME=TOPIC` for each further LiDAR whose topic is
@@ -62,7 +65,8 @@ class Topics(NamedTuple):
         if bad := [one for one, (_, _, topic) in zip(further, pairs, strict=True) if not topic]:
             raise CohelmError(f"{bad[0]!r}: name a further LiDAR's scans as NAME=TOPIC")
         named = tuple((name, resolved(topic, space)) for name, _, topic in pairs)
-        return cls(*inside, namespace=space, further=named)
+        camera = resolved(camera, space) if camera else camera
+        return cls(*inside, namespace=space, further=named, camera=camera)
 
     def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
         """The topics of its LiDARs' scans, the first one first. CohelmError for a topic of a LiDAR
@@ -137,6 +141,8 @@ class Found(NamedTuple):
     """Without a word on the lock's topic for so long the base is locked [s]."""
     simulated: bool = False
     """Whether stamps are of the simulator's time on /clock."""
+    camera: CameraTopic | None = None
+    """What people look through; chosen for who drives."""
 
 
 def look(

@@ -199,15 +199,15 @@ def _by_environment() -> Topics:
 def topics_of(pairs: Sequence[str]) -> Topics:
     """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR. CohelmError for what is
     none of them."""
-    names = ("command", "out", "scan", "odom", "lock", "namespace")
+    names = ("command", "out", "scan", "odom", "lock", "namespace", "camera")
     given: dict[str, str] = {}
     further: list[str] = []
     for pair in pairs:
-        key, _, name = pair.partition("=")
+        key, equals, name = pair.partition("=")
         if key.startswith("scan_") and name:
             further.append(pair.removeprefix("scan_"))
             continue
-        if key not in names or not name:
+        if key not in names or not (name or (equals and key in ("lock", "camera"))):
             raise CohelmError(
                 f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}, scan_NAME"
             )
