@@ -147,3 +147,36 @@ def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
 def test_a_lidar_in_other_units_is_refused_and_the_sentence_says_which(lidar, why):
     with pytest.raises(ValidationError, match=why):
         RobotModel.model_validate(SQUARE | {"lidar": lidar})
+
+
+SONAR = {"name": "sonar", "range_sensor": True, "field_of_view_deg": 30}
+
+
+def test_a_range_sensor_has_as_many_beams_as_its_cone_needs():
+    given = {"lidar": {}, "further_lidars": [SONAR, SONAR | {"name": "ir", "beams": 7}]}
+    _, sonar, infrared = RobotModel.model_validate(SQUARE | given).lidars
+    assert (sonar.beams, infrared.beams) == (16, 7)
+    fixed = SONAR | {"range_min_m": 0.3, "range_max_m": 0.3}
+    assert RobotModel.model_validate(SQUARE | {"lidar": {}, "further_lidars": [fixed]})
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"field_of_view_deg": None}, "needs a field_of_view_deg of up to 180"),
+        ({"field_of_view_deg": 270}, "needs a field_of_view_deg of up to 180"),
+        ({"height_band_m": [0.1, 1.0]}, "range_sensor has no height_band_m"),
+        ({"range_min_m": 2.0, "range_max_m": 1.0}, "range_min_m must be smaller"),
+        ({"range_sensor": False, "range_min_m": 1.0, "range_max_m": 1.0}, "must be smaller"),
+        ({"forget_s": -1.0}, "greater than or equal to 0"),
+        ({"range_sensor": "sonar"}, "valid boolean"),
+    ],
+)
+def test_a_range_sensor_that_is_none_is_refused(keys, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | {"lidar": {}, "further_lidars": [SONAR | keys]})
+
+
+def test_the_first_lidar_is_no_range_sensor():
+    with pytest.raises(ValidationError, match="can not be a range_sensor"):
+        RobotModel.model_validate(SQUARE | {"lidar": SONAR})

@@ -93,6 +93,8 @@ class RobotModel(Schema):
         names = [lidar.name for lidar in self.lidars]
         if "" in names[1:] or len(set(names)) < len(names):
             raise ValueError("each of further_lidars needs a name of its own")
+        if self.lidar is not None and self.lidar.range_sensor:
+            raise ValueError("lidar can not be a range_sensor: put that under further_lidars")
         return self
 
     @model_validator(mode="after")

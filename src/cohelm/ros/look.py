@@ -9,15 +9,27 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros import clock, cloud, depth, laser, mismatch
+from cohelm.ros import clock, cloud, cone, depth, laser, mismatch
 from cohelm.ros.camera import CameraTopic
 from cohelm.ros.clock import Clock, SimulatedClock, estimated, seconds
 from cohelm.ros.connection import Connection
-from cohelm.ros.mismatch import CAMERA_INFO, CLOUD, IMAGE, ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.mismatch import (
+    CAMERA_INFO,
+    CLOUD,
+    IMAGE,
+    ODOMETRY,
+    RANGE,
+    SCAN,
+    STAMPED,
+    TF,
+    TWIST,
+)  # fmt: skip
 from cohelm.ros.names import namespace_of, resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received, Transport
 from cohelm.ros.transforms import Mount, StaticTransforms
@@ -110,7 +122,8 @@ class FoundLidar(NamedTuple):
     stamped_at_end: bool
     """Whether scans are stamped when their last beam was measured, not their first."""
     cloud: Floats | None = None
-    """(4, 4), of one that sends point clouds or depth images: from their frame into the body's."""
+    """(4, 4), of one that sends point clouds, depth images or single ranges: from their frame into
+    the body's."""
     camera: depth.Camera | None = None
     """Of one that sends depth images."""
 
@@ -356,6 +369,8 @@ class _Heard:
         """One LiDAR as it is, and as the robot's description will say it."""
         if given is not None and given.height_band_m is not None:
             return self._cloud(topic, given, allowed, notes)
+        if given is not None and given.range_sensor:
+            return self._cone(topic, given, allowed, notes)
         rows = self._scans[topic]
         mount, scan, rate = self._placed(topic, given, allowed), rows[-1].message, self._rate(rows)
         late, duration = laser.taken(scan, mount)
@@ -422,6 +437,34 @@ class _Heard:
         pose = Pose(x, y, math.radians(lidar.mount_yaw_deg))
         return FoundLidar(topic, Mount(pose, False, z), ticks, False, matrix, camera), lidar
 
+    def _cone(
+        self, topic: str, given: LidarModel, allowed: Allowed, notes: list[str]
+    ) -> tuple[FoundLidar, LidarModel]:
+        """One that sends single ranges."""
+        rows, body = self._scans[topic], self._body()
+        matrix = self._transforms.between(self._frame(topic), body)
+        if allowed.mount_from_model:
+            matrix = _matrix(given)
+        if matrix is None:
+            frames = self._transforms.frames()
+            raise CohelmError(mismatch.no_frame(topic, self._frame(topic), body, frames))
+        ages, rate = self._ages(rows), self._rate(rows)
+        ticks = estimated(ages, topic, allowed.clock)
+        lidar = cone.described(
+            rows[-1].message, topic, matrix, rate, min(ages) + ticks.ahead, given
+        )  # fmt: skip
+        near = lidar.range_min_m == lidar.range_max_m
+        notes.append(
+            f"range sensor: {topic}, {rate:.1f} Hz, "
+            + (f"whether something is within {lidar.range_max_m:g} m" if near else
+               f"from {lidar.range_min_m:g} to {lidar.range_max_m:g} m")
+            + f" in {lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "
+            f"{lidar.mount_y_m:.3f} m, looks at {lidar.mount_yaw_deg:.1f} deg"
+        )  # fmt: skip
+        x, y, z = matrix[:3, 3].tolist()
+        pose = Pose(x, y, math.radians(lidar.mount_yaw_deg))
+        return FoundLidar(topic, Mount(pose, False, z), ticks, False, matrix), lidar
+
     def _placed(self, topic: str, given: LidarModel | None, allowed: Allowed) -> Mount:
         """Where a LiDAR is."""
         if not allowed.mount_from_model:
@@ -469,9 +512,21 @@ class _Heard:
 
 def kind_of(lidar: LidarModel | None) -> str:
     """The type of the messages of a LiDAR that is described so."""
+    if lidar is not None and lidar.range_sensor:
+        return RANGE
     if lidar is None or lidar.height_band_m is None:
         return SCAN
     return IMAGE if lidar.depth_image else CLOUD
+
+
+def _matrix(lidar: LidarModel) -> Floats:
+    """Where it is by its description, level, (4, 4)."""
+    yaw = math.radians(lidar.mount_yaw_deg)
+    c, s = math.cos(yaw), math.sin(yaw)
+    made: Floats = np.eye(4)
+    made[:2, :2] = [[c, -s], [s, c]]
+    made[:3, 3] = lidar.mount_x_m, lidar.mount_y_m, lidar.mount_z_m or 0.0
+    return made
 
 
 def _rate(came: list[float]) -> float:

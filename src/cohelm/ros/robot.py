@@ -19,6 +19,7 @@ from cohelm.robot.sensors import LidarModel
 from cohelm.ros import laser
 from cohelm.ros.clock import Clock, SimulatedClock, seconds
 from cohelm.ros.cloud import CloudRanges
+from cohelm.ros.cone import ConeRanges
 from cohelm.ros.connection import connection
 from cohelm.ros.depth import DepthRanges
 from cohelm.ros.interlock import Interlock
@@ -91,9 +92,10 @@ class Ros2Robot(Robot):
             odometry, scans = None, {}
         seen = {name: self._seen(name, scan.message) for name, scan in scans.items()}
         first = seen.pop(next(iter(self._lidars)), None)
+        further = tuple(scan for scan in seen.values() if scan is not None)
         measured = None if odometry is None else self._measured(odometry.message)
         health = Health(self.now(), math.nan, self._interlock.faults())
-        return Readings(measured, first, None, health, tuple(seen.values()))
+        return Readings(measured, first, None, health, further)
 
     def send(self, twist: Twist) -> None:
         """To the base, as the type that it wants; after a while of standing, nothing."""
@@ -125,14 +127,19 @@ class Ros2Robot(Robot):
             Pose(at.x, at.y, yaw_of(turned)), Twist(way.linear.x, way.angular.z), _near(age)
         )
 
-    def _seen(self, name: str, message: Any) -> Scan:
-        lidar, ranges = self._lidars[name]
+    def _seen(self, name: str, message: Any) -> Scan | None:
+        """A message of a LiDAR; None for a range sensor's that measured nothing: it is late until
+        it does."""
+        lidar, converts = self._lidars[name]
+        ranges = converts.of(message)
+        if isinstance(converts, ConeRanges) and math.isnan(ranges[0]):
+            return None
         late, duration = laser.taken(message, lidar.mount) if lidar.cloud is None else (0.0, 0.0)
         stamp = seconds(message.header.stamp) + late
         if not lidar.stamped_at_end:
             stamp += duration
         age = _near(self._aged(lidar.clock, stamp))
-        return self.scan(ranges.of(message), age, duration, name)
+        return self.scan(ranges, age, duration, name)
 
     def _aged(self, clock: Clock, stamp: float) -> float:
         """By the simulator's time, if there is one, else by a clock."""
@@ -155,8 +162,10 @@ class Ros2Robot(Robot):
 
 def _ranges(
     model: LidarModel, found: FoundLidar
-) -> laser.Ranges | CloudRanges | DepthRanges:  # fmt: skip
+) -> laser.Ranges | CloudRanges | DepthRanges | ConeRanges:  # fmt: skip
     """What makes ranges of the messages of a LiDAR."""
+    if found.cloud is not None and model.range_sensor:
+        return ConeRanges(model, found.cloud)
     if found.cloud is not None and found.camera is not None:
         return DepthRanges(model, found.camera, found.cloud, found.topic)
     if found.cloud is not None:

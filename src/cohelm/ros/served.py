@@ -31,6 +31,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     sensor_msgs__msg__LaserScan as LaserScan,
     sensor_msgs__msg__PointCloud2 as PointCloud2,
     sensor_msgs__msg__PointField as PointField,
+    sensor_msgs__msg__Range as Range,
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
@@ -178,10 +179,17 @@ def odometry_transform(reading: Odometry, ahead: float) -> Any:
 
 def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
     """A `sensor_msgs/msg/LaserScan`, or where its LiDAR has a height band a `PointCloud2` of posts
-    or an `Image` of depths. ahead: of the robot's clock is the wall's [s]."""
+    or an `Image` of depths, or of a range sensor a `Range`. ahead: of the robot's clock is the
+    wall's [s]."""
     lidar, frame = _frames(model)[reading.sensor]
     numbers, n = lidar.lidar(), len(reading.ranges)
     stamped = header(_nanoseconds(reading.stamp + ahead), frame)
+    if lidar.range_sensor:
+        view = math.radians(lidar.field_of_view_deg)
+        nearest = float(reading.ranges.min())
+        return Range(
+            stamped, Range.ULTRASOUND, view, lidar.range_min_m, lidar.range_max_m, nearest, 0.0
+        )  # fmt: skip
     if lidar.depth_image:
         return rendered.image(reading.ranges, lidar, _height(lidar), stamped)
     if lidar.height_band_m is not None:

@@ -214,6 +214,8 @@ class Kinematic(Paced):
             self._motion.pose, lidar, self._discs, self._seen_walls, self._grid, scanner.seed,
             number, ranges,
         )  # fmt: skip
+        if scanner.model.range_sensor:
+            ranges[:] = ranges.min()
         ranges.flags.writeable = False
         scanner.newest = Scan(tick * self._step, number, ranges, 0.0, scanner.model.name)
         scanner.number += 1

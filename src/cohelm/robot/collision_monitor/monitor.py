@@ -105,7 +105,9 @@ class CollisionMonitor:
         stopping = max(known, default=0.0)
         self._runaway = Runaway(described.delay + stopping)
         farthest = (top.v + spin.omega * self._shape.reach) * (stopping + described.delay)
-        remembers = not any(all_round(sensor) for sensor in described.sensors)
+        remembers = not any(
+            all_round(sensor) and sensor.forgets == math.inf for sensor in described.sensors
+        )
         self._sources = [
             Source(sensor, i == 0, self._shape, farthest, remembers)
             for i, sensor in enumerate(described.sensors)

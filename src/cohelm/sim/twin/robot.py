@@ -329,6 +329,8 @@ class Twin(Paced):
             self._seen_walls, self._grid, ranges,
         )  # fmt: skip
         measure(lidar, scanner.seed, number, ranges)
+        if model.range_sensor:
+            ranges[:] = ranges.min()
         ranges.flags.writeable = False
         stamp, length = began * self._step, scanner.sweep * self._step
         made = Scan(stamp, number, ranges, length, model.name)
