@@ -130,6 +130,26 @@ def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
         RobotModel.model_validate(SQUARE | keys)
 
 
+@pytest.mark.parametrize(
+    ("lidar", "why"),
+    [
+        ({"field_of_view_deg": 4.712}, r"is in degrees; 4.712 looks like radians \(270 deg\)"),
+        (
+            {"range_max_m": 30000},
+            r"in metres; 30000 looks like millimetres \(30 m\)",
+        ),
+        ({"range_min_m": 60, "range_max_m": 100}, "range_min_m is in metres"),
+        ({"noise_m": 10}, "noise_m is in metres"),
+        ({"rate_hz": 0.05}, "one every 20 s is too seldom to drive by"),
+        ({"mount_x_m": 300}, "300 m is outside of the robot"),
+        ({"mount_y_m": -150}, "150 m is outside of the robot"),
+    ],
+)
+def test_a_lidar_in_other_units_is_refused_and_the_sentence_says_which(lidar, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | {"lidar": lidar})
+
+
 SONAR = {"name": "sonar", "range_sensor": True, "field_of_view_deg": 30}
 
 
@@ -179,6 +199,7 @@ def test_bumpers_and_cliff_sensors_are_described_with_their_place_and_side():
     [
         ({"bumpers": [BUMPER], "cliff_sensors": [BUMPER]}, "a name of its own"),
         ({"bumpers": [{"mount_x_m": 0.3}]}, "name"),
+        ({"bumpers": [BUMPER | {"mount_x_m": 300}]}, "front bumper: mount_x_m .* are in metres"),
         ({"bumpers": [{"name": "front"}]}, "mount_x_m"),
         ({"bumpers": [BUMPER | {"name": "Front"}]}, "pattern"),
         ({"bumpers": [BUMPER | {"timeout_s": 0}]}, "greater than 0"),

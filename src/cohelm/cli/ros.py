@@ -23,8 +23,8 @@ TopicNames = Annotated[
     typer.Option(
         "--topic",
         metavar="KEY=NAME",
-        help="With --ros2: odom, scan, scan_NAME, contact_NAME, out, lock or namespace, where not "
-        "as usual.",
+        help="With --ros2: odom, scan, scan_NAME, contact_NAME, out, lock, camera (pictures) or "
+        "namespace, where not as usual.",
     ),
 ]
 Transports = Annotated[

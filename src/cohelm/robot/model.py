@@ -16,10 +16,14 @@ from cohelm.core.types import Floats
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.footprint import convex_outline
 from cohelm.robot.limits import Limits, checked_limits, unlimited
-from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel
+from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
 Positive = Annotated[float, Field(gt=0.0)]
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+BEYOND = 1.0
+"""So far out of its outline may a LiDAR be mounted, on a boom [m]."""
 
 
 class LimitsModel(Schema):
@@ -100,6 +104,21 @@ class RobotModel(Schema):
         touching = [one.name for one in self.contacts]
         if len(set(touching)) < len(touching):
             raise ValueError("each of bumpers and cliff_sensors needs a name of its own")
+        return self
+
+    @model_validator(mode="after")
+    def _mounted(self) -> Self:
+        """A mount in millimetres is far from the robot, and so would be all that is seen."""
+        for one in (*self.lidars, *self.contacts):
+            away = math.hypot(one.mount_x_m, one.mount_y_m)
+            if away > self.reach + BEYOND:
+                said = (
+                    "mount_x_m and mount_y_m are in metres, from the middle of the axle; "
+                    f"{away:g} m is outside of the robot"
+                )
+                if isinstance(one, LidarModel):
+                    raise ValueError(of_sensor(one.name, said))
+                raise ValueError(f"{one.said}: {said}")
         return self
 
     @property

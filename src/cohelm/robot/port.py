@@ -63,6 +63,17 @@ class Frame(NamedTuple):
     """(height, width, 3), RGB."""
 
 
+class Encoded(NamedTuple):
+    """One picture of a camera that encodes it itself."""
+
+    stamp: float
+    """When it was taken [s]."""
+    number: int
+    """Counts up from 0 by one."""
+    data: bytes
+    """A file of JPEG or another kind that is common."""
+
+
 class Health(NamedTuple):
     """How the robot says it is."""
 

@@ -111,6 +111,25 @@ class LidarModel(Schema):
         return keys | {"beams": max(math.ceil(view / _FINE_DEG), 2) + 1}
 
     @model_validator(mode="after")
+    def _in_its_units(self) -> Self:
+        """Nobody sells such a LiDAR; a slip of units makes one."""
+        view, farthest = self.field_of_view_deg, self.range_max_m
+        if self.beams > 1 and view < 6.4 and not self.range_sensor:
+            looks = f"{view:g} looks like radians ({math.degrees(view):.0f} deg)"
+            raise ValueError(f"field_of_view_deg is in degrees; {looks}")
+        for key, value, most in (
+            ("range_max_m", farthest, 1000.0), ("range_min_m", self.range_min_m, 10.0),
+            ("noise_m", self.noise_m, 1.0),
+        ):  # fmt: skip
+            if value > most:
+                looks = f"{value:g} looks like millimetres ({value / 1000.0:g} m)"
+                raise ValueError(f"{key} is in metres; {looks}")
+        if self.rate_hz < 1.0:
+            seldom = f"every {1.0 / self.rate_hz:g} s is too seldom to drive by"
+            raise ValueError(f"rate_hz is in scans per second; one {seldom}")
+        return self
+
+    @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.height_band_m is not None and self.height_band_m[0] >= self.height_band_m[1]:
             raise ValueError("height_band_m must be the lower height, then the upper one")

@@ -17,6 +17,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, cloud, cone, depth, laser, mismatch
+from cohelm.ros.camera import CameraTopic
 from cohelm.ros.clock import Clock, SimulatedClock, estimated, seconds
 from cohelm.ros.connection import Connection
 from cohelm.ros.contact import contact_topics, usual_topic
@@ -57,12 +58,14 @@ class Topics(NamedTuple):
     """Of further LiDARs: name and topic. Of one that is not named here: /scan_NAME."""
     contacts: tuple[tuple[str, str], ...] = ()
     """The same of bumpers and cliff sensors: /bumper_NAME, /cliff_NAME, /hazard_detection."""
+    camera: str | None = None
+    """Of pictures; empty: none; None: the only one there is."""
 
     @classmethod
     def named(
         cls, namespace: str = "/", command: str = "/cmd_vel_nav", out: str = "/cmd_vel",
         scan: str = "/scan", odom: str = "/odom", lock: str = "/emergency_stop",
-        further: Sequence[str] = (), contacts: Sequence[str] = (),
+        further: Sequence[str] = (), contacts: Sequence[str] = (), camera: str | None = None,
     ) -> Topics:  # fmt: skip
         """As somebody names them: in a namespace, if there is one, also those with a slash before
         them that are there by default. further: `NAME=TOPIC` for each further LiDAR whose topic is
@@ -75,9 +78,10 @@ class Topics(NamedTuple):
                 (command, out, scan, odom, lock), cls._field_defaults.values(), strict=False
             )
         ]
+        camera = resolved(camera, space) if camera else camera
         return cls(
             *inside, namespace=space, further=_pairs(further, "a further LiDAR's scans", space),
-            contacts=_pairs(contacts, "a bumper or cliff sensor", space),
+            contacts=_pairs(contacts, "a bumper or cliff sensor", space), camera=camera,
         )  # fmt: skip
 
     def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
@@ -177,6 +181,8 @@ class Found(NamedTuple):
     """Without a word on the lock's topic for so long the base is locked [s]."""
     simulated: bool = False
     """Whether stamps are of the simulator's time on /clock."""
+    camera: CameraTopic | None = None
+    """What people look through; chosen for who drives."""
 
 
 def look(

@@ -211,16 +211,16 @@ def _by_environment() -> Topics:
 def topics_of(pairs: Sequence[str]) -> Topics:
     """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR, `contact_NAME=` of a
     bumper or cliff sensor. CohelmError for what is none of them."""
-    names = ("command", "out", "scan", "odom", "lock", "namespace")
+    names = ("command", "out", "scan", "odom", "lock", "namespace", "camera")
     given: dict[str, str] = {}
     several: dict[str, list[str]] = {"scan_": [], "contact_": []}
     for pair in pairs:
-        key, _, name = pair.partition("=")
+        key, equals, name = pair.partition("=")
         of = next((one for one in several if key.startswith(one)), "")
         if of and name:
             several[of].append(pair.removeprefix(of))
             continue
-        if key not in names or not name:
+        if key not in names or not (name or (equals and key in ("lock", "camera"))):
             raise CohelmError(
                 f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}, scan_NAME, "
                 "contact_NAME"

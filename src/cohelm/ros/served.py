@@ -7,6 +7,7 @@ For trying and testing without ROS: a simulated robot becomes one that `cohelm f
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import threading
 import time
@@ -14,6 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as TimeMessage,
     geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
@@ -25,6 +27,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     geometry_msgs__msg__Vector3 as Vector3,
     nav_msgs__msg__Odometry as OdometryMessage,
     rosgraph_msgs__msg__Clock as ClockMessage,
+    sensor_msgs__msg__CompressedImage as CompressedImage,
     sensor_msgs__msg__LaserScan as LaserScan,
     sensor_msgs__msg__PointCloud2 as PointCloud2,
     sensor_msgs__msg__PointField as PointField,
@@ -36,9 +39,10 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
 from cohelm.record.markers import header, pose
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Robot, Scan
+from cohelm.robot.port import Frame, Odometry, Robot, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, rendered
+from cohelm.ros.camera import COMPRESSED
 from cohelm.ros.contact import contact_topics, said
 from cohelm.ros.depth import info_topic
 from cohelm.ros.localized import transform
@@ -73,9 +77,11 @@ class ServedRobot:
         its stamps are of its own time, which it tells on /clock, and not of the wall's."""
         self._simulated, self._ticked = simulated, -math.inf
         self._robot, self._topics, self.tamper = robot, topics, tamper
+        self._transport = transport
         self._arrived = threading.Condition()
         self._command: Twist | None = None
         self._odometry: Odometry | None = None
+        self._frame: Frame | None = None
         self._scans: dict[str, Scan] = {}
         """The newest of each LiDAR, by its topic."""
         self._publishers = {
@@ -141,6 +147,17 @@ class ServedRobot:
                     lidar, _ = _frames(robot.model)[one.sensor]
                     self._send(info, rendered.info(rendered.camera_of(lidar), message.header))
 
+        if readings.frame is not None and readings.frame is not self._frame:
+            self._frame = readings.frame
+            self._send(self._pictures(), picture(readings.frame, ahead))
+
+    def _pictures(self) -> str:
+        """The camera's topic, which is there once there is a picture."""
+        topic = resolved("camera/image_raw/compressed", self._topics.namespace)
+        if topic not in self._publishers:
+            self._publishers[topic] = self._transport.publish(topic, COMPRESSED, SENSOR)
+        return topic
+
     def _send(self, topic: str, message: Any) -> None:
         message = self.tamper(topic, message)
         if message is not None:
@@ -203,6 +220,15 @@ def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
         1.0 / lidar.rate_hz, lidar.range_min_m, lidar.range_max_m,
         reading.ranges.astype(np.float32), np.empty(0, dtype=np.float32),
     )  # fmt: skip
+
+
+def picture(frame: Frame, ahead: float) -> Any:
+    """A `sensor_msgs/msg/CompressedImage`, JPEG. ahead: as above."""
+    file = io.BytesIO()
+    Image.fromarray(frame.pixels).save(file, "JPEG", quality=75)
+    stamped = header(_nanoseconds(frame.stamp + ahead), "camera")
+    data = np.frombuffer(file.getvalue(), dtype=np.uint8)
+    return CompressedImage(stamped, "rgb8; jpeg compressed bgr8", data)
 
 
 def mounts(model: RobotModel) -> Any:
