@@ -1,4 +1,5 @@
-"""Glass ahead, which the LiDAR does not see: the robot stops before it by a sonar."""
+"""Glass ahead, which the LiDAR does not see: the robot stops before it by a sonar, or at it by a
+bumper."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.operator import Scripted
+from cohelm.robot.contacts import ContactModel
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.sensors import LidarModel
 from tests.drive.faults import CORRIDOR
@@ -31,7 +33,6 @@ class BehindGlass:
     def __init__(self, robot) -> None:
         self._robot = robot
         self._given = None
-        self.silent_from = math.inf
 
     def __getattr__(self, name):
         return getattr(self._robot, name)
@@ -48,7 +49,10 @@ class BehindGlass:
             self._given = scan._replace(
                 ranges=np.where(ends > GLASS - 0.1, math.inf, scan.ranges)
             )  # fmt: skip
-        return readings._replace(scan=self._given)
+        front = self.model.outline[:, 0].max()
+        touches = self._robot.truth().pose.x + front >= GLASS
+        contacts = tuple(one._replace(on=bool(touches)) for one in readings.contacts)
+        return readings._replace(scan=self._given, contacts=contacts)
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,11 @@ class AtGlass(Simulated):
         return BehindGlass(super().__call__())
 
 
-def before_glass(sonars, seed: int) -> AtGlass:
+def before_glass(sonars, seed: int, bumpers=()) -> AtGlass:
     made = simulated(CORRIDOR, real_time=False, seed=seed)
-    model = made.model.model_copy(update={"camera": None, "further_lidars": tuple(sonars)})
+    model = made.model.model_copy(
+        update={"camera": None, "further_lidars": tuple(sonars), "bumpers": bumpers}
+    )
     scenario = made.scenario.model_copy(
         update={
             "robot": model,
@@ -100,6 +106,14 @@ def test_with_the_stick_ahead_it_stops_before_glass_that_a_sonar_sees(seed):
     assert fast > 0.4
     assert GLASS - 0.4 < far < GLASS - 0.03
     assert latch == ""
+
+
+def test_at_glass_that_only_its_bumper_meets_it_stops_and_latches():
+    bumper = ContactModel(name="front", mount_x_m=0.36, width_m=0.4)
+    far, fast, latch = driven(before_glass([], 1, (bumper,)), 8.0)
+    assert fast > 0.4
+    assert far < GLASS + 0.12  # its delay, and braking
+    assert latch == "contact monitor: the front bumper is pressed"
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
+from cohelm.robot.contacts import ContactModel
 from cohelm.robot.limits import unlimited
 from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
 
@@ -180,3 +181,35 @@ def test_a_range_sensor_that_is_none_is_refused(keys, why):
 def test_the_first_lidar_is_no_range_sensor():
     with pytest.raises(ValidationError, match="can not be a range_sensor"):
         RobotModel.model_validate(SQUARE | {"lidar": SONAR})
+
+
+BUMPER = {"name": "front", "mount_x_m": 0.3}
+
+
+def test_bumpers_and_cliff_sensors_are_described_with_their_place_and_side():
+    cliff = {"name": "drop", "mount_x_m": 0.2, "floor_m": 0.04}
+    model = RobotModel.model_validate(SQUARE | {"bumpers": [BUMPER], "cliff_sensors": [cliff]})
+    assert [one.said for one in model.contacts] == ["front bumper", "drop cliff sensor"]
+    left, right = ContactModel(name="a", mount_x_m=0.2, mount_yaw_deg=90, width_m=0.1).ends()
+    assert (*left, *right) == pytest.approx((0.15, 0.0, 0.25, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"bumpers": [BUMPER], "cliff_sensors": [BUMPER]}, "a name of its own"),
+        ({"bumpers": [{"mount_x_m": 0.3}]}, "name"),
+        ({"bumpers": [BUMPER | {"mount_x_m": 300}]}, "front bumper: mount_x_m .* are in metres"),
+        ({"bumpers": [{"name": "front"}]}, "mount_x_m"),
+        ({"bumpers": [BUMPER | {"name": "Front"}]}, "pattern"),
+        ({"bumpers": [BUMPER | {"timeout_s": 0}]}, "greater than 0"),
+        ({"bumpers": [BUMPER | {"width_m": -0.1}]}, "greater than or equal to 0"),
+        ({"bumpers": [BUMPER | {"floor_m": 0.1}]}, "floor_m"),
+        ({"bumpers": [BUMPER | {"mount_x_m": float("nan")}]}, "finite"),
+        ({"cliff_sensors": [BUMPER | {"drop_m": 0}]}, "greater than 0"),
+        ({"cliff_sensors": [BUMPER | {"hazard": "cliff", "floor_m": 0.1}]}, "hazard or floor_m"),
+    ],
+)
+def test_bumpers_and_cliff_sensors_that_are_none_are_refused(keys, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | keys)

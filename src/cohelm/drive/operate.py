@@ -112,6 +112,7 @@ def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> 
 _OF_THE_FILTER = {
     "--further-scan": "--topic scan_NAME=TOPIC",
     "--scan": "--topic scan=TOPIC",
+    "--contact": "--topic contact_NAME=TOPIC",
     "--odom": "--topic odom=TOPIC",
     "--out": "--topic out=TOPIC",
     "with --lock, or none with --lock ''": "with --topic lock=TOPIC",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose, inverse
 from cohelm.core.types import Floats, Pose, Twist
+from cohelm.perceive.contact_memory import ContactMemory
 from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
 from cohelm.perceive.localize.localizer import Located, Locator
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
@@ -23,7 +24,7 @@ from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind
 from cohelm.perceive.track.tracker import TrackerParams, bodies, strays
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
 _ON_WALL = 0.1  # what ends as near to a wall of the map as this stands [m]
@@ -108,6 +109,9 @@ class Perception:
         looking = [one for one in self._sources if isinstance(one, ObservationSource)]
         if outline is not None and not any(all_round(source.lidar) for source in looking):
             self._blind = Blind(outline)
+        self._touched = None
+        if isinstance(model, RobotModel) and model.contacts:
+            self._touched = ContactMemory(model.contacts)
         self.known = known
         """The map to localise on, if there is one."""
         self._locator = Locator(known, self.lidar, start) if known is not None else None
@@ -136,6 +140,7 @@ class Perception:
                 scan = readings.of_lidar(source.sensor)
                 if scan is not None and source.new(scan):
                     self._look(source, scan)
+            self._feel(now, readings.contacts)
         scan = readings.scan
         if scan is not None and self._first.new(scan) and len(self._trail):
             self._look(self._first, scan)
@@ -169,6 +174,16 @@ class Perception:
                 self._located = self._locator.correct(seen, pose)
                 self._map_odom = compose(self._located.pose, inverse(pose))
                 self._matched = pose
+        self._tell()
+
+    def _feel(self, now: float, contacts: Sequence[Contact]) -> None:
+        if self._touched is None:
+            return
+        if self._touched.take(now, contacts, pose_at(self._trail, now)):
+            self._points = self._standing()
+            self._tell()
+
+    def _tell(self) -> None:
         self._told = self._points
         if len(self._unobserved):
             self._told = np.vstack((self._points, self._unobserved))
@@ -186,10 +201,11 @@ class Perception:
         self._unobserved = self._blind.points(source.lidar, source.look, looking, pose, mobile)
 
     def _standing(self) -> Floats:
-        """Points that any LiDAR sees standing, or remembers."""
-        if not self._further:
-            return self._first.points
-        return np.vstack([source.points for source in self._sources])
+        """Points that any LiDAR sees standing, or remembers, and that a bumper has met."""
+        parts = [source.points for source in self._sources]
+        if self._touched is not None:
+            parts.append(self._touched.points)
+        return parts[0] if len(parts) == 1 else np.vstack(parts)
 
     def _mapped(self, seen: DeskewedScan, pose: Pose) -> NDArray[np.bool_] | None:
         """Which points are on the map's walls, where the robot knows its place on it."""
@@ -263,7 +279,8 @@ def rehearse(model: RobotModel, mapped: bool) -> None:
             Scan(t, k, _in_a_room(one.lidar(), k), 0.05, one.name) for one in model.further_lidars
         )
         for _ in range(20):  # a search is a slice of work at every call
-            nowhere.take(t + 0.05, Readings(odometry, scan, None, None, further))
+            none = untouched(model, t)
+            nowhere.take(t + 0.05, Readings(odometry, scan, None, None, further, none))
         if k == 9:
             nowhere.place(here)
 

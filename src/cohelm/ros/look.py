@@ -6,6 +6,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from cohelm.ros import clock, cloud, cone, depth, laser, mismatch
 from cohelm.ros.camera import CameraTopic
 from cohelm.ros.clock import Clock, SimulatedClock, estimated, seconds
 from cohelm.ros.connection import Connection
+from cohelm.ros.contact import contact_topics, usual_topic
 from cohelm.ros.mismatch import (
     CAMERA_INFO,
     CLOUD,
@@ -54,6 +56,8 @@ class Topics(NamedTuple):
     namespace: str = "/"
     further: tuple[tuple[str, str], ...] = ()
     """Of further LiDARs: name and topic. Of one that is not named here: /scan_NAME."""
+    contacts: tuple[tuple[str, str], ...] = ()
+    """The same of bumpers and cliff sensors: /bumper_NAME, /cliff_NAME, /hazard_detection."""
     camera: str | None = None
     """Of pictures; empty: none; None: the only one there is."""
 
@@ -61,11 +65,12 @@ class Topics(NamedTuple):
     def named(
         cls, namespace: str = "/", command: str = "/cmd_vel_nav", out: str = "/cmd_vel",
         scan: str = "/scan", odom: str = "/odom", lock: str = "/emergency_stop",
-        further: Sequence[str] = (), camera: str | None = None,
+        further: Sequence[str] = (), contacts: Sequence[str] = (), camera: str | None = None,
     ) -> Topics:  # fmt: skip
         """As somebody names them: in a namespace, if there is one, also those with a slash before
         them that are there by default. further: `NAME=TOPIC` for each further LiDAR whose topic is
-        not /scan_NAME. CohelmError for what is no name."""
+        not /scan_NAME; contacts: the same of bumpers and cliff sensors. CohelmError for what is
+        no name."""
         space = namespace_of(namespace)
         inside = [
             name and resolved(name.lstrip("/") if name == default else name, space)
@@ -73,12 +78,11 @@ class Topics(NamedTuple):
                 (command, out, scan, odom, lock), cls._field_defaults.values(), strict=False
             )
         ]
-        pairs = [one.partition("=") for one in further]
-        if bad := [one for one, (_, _, topic) in zip(further, pairs, strict=True) if not topic]:
-            raise CohelmError(f"{bad[0]!r}: name a further LiDAR's scans as NAME=TOPIC")
-        named = tuple((name, resolved(topic, space)) for name, _, topic in pairs)
         camera = resolved(camera, space) if camera else camera
-        return cls(*inside, namespace=space, further=named, camera=camera)
+        return cls(
+            *inside, namespace=space, further=_pairs(further, "a further LiDAR's scans", space),
+            contacts=_pairs(contacts, "a bumper or cliff sensor", space), camera=camera,
+        )  # fmt: skip
 
     def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
         """The topics of its LiDARs' scans, the first one first. CohelmError for a topic of a LiDAR
@@ -96,6 +100,29 @@ class Topics(NamedTuple):
                 f"two LiDARs of {model.name} can not share a topic: {', '.join(topics)}"
             )
         return topics
+
+    def of_contacts(self, model: RobotModel) -> tuple[str, ...]:
+        """The topics of its bumpers and cliff sensors. CohelmError for one that the robot does not
+        have."""
+        given = dict(self.contacts)
+        names = [one.name for one in model.contacts]
+        if strange := [name for name in given if name not in names]:
+            raise CohelmError(
+                f"{model.name} has no bumper or cliff sensor {strange[0]!r}: describe it under "
+                "bumpers or cliff_sensors in the robot's YAML file"
+            )
+        return tuple(
+            given.get(one.name) or resolved(usual_topic(one), self.namespace)
+            for one in model.contacts
+        )
+
+
+def _pairs(given: Sequence[str], what: str, space: str) -> tuple[tuple[str, str], ...]:
+    """Names and topics. CohelmError for what is no `NAME=TOPIC`."""
+    pairs = [one.partition("=") for one in given]
+    if bad := [one for one, (_, _, topic) in zip(given, pairs, strict=True) if not topic]:
+        raise CohelmError(f"{bad[0]!r}: name {what} as NAME=TOPIC")
+    return tuple((name, resolved(topic, space)) for name, _, topic in pairs)
 
 
 class Allowed(NamedTuple):
@@ -214,6 +241,9 @@ class _Heard:
             topic: [] for topic, kind in self._kinds.items() if kind == IMAGE
         }
         """CameraInfo, by the topics of the depth images that it is of."""
+        self._contacts = contact_topics(model, topics.of_contacts(model))
+        self._touched: set[str] = set()
+        """Topics of bumpers and cliff sensors on which anything came."""
         self._commands: list[float] = []
         self._clock, self._simulated = SimulatedClock(), False
         self._damage: dict[str, str] = {}
@@ -232,6 +262,10 @@ class _Heard:
                     (depth.info_topic(topic), CAMERA_INFO, SENSOR, self._into(rows, topic))
                     for topic, rows in self._infos.items()
                 ),
+                *(
+                    (topic, kind, SENSOR, partial(self._touch, topic))
+                    for topic, kind in {(one.topic, one.kind) for one in self._contacts}
+                ),
                 *((topics.command, kind, SENSOR, self._command) for kind in (TWIST, STAMPED)),
                 *(
                     (name, TF, frames, self._transform)
@@ -249,6 +283,7 @@ class _Heard:
         """Whether the sensors are known."""
         scans = min(map(len, self._scans.values()))
         told = all(self._infos.values())
+        told = told and all(one.topic in self._touched for one in self._contacts)
         return len(self._odometry) >= _READINGS and scans >= _SCANS and told
 
     def framed(self) -> bool:
@@ -281,6 +316,11 @@ class _Heard:
             mismatch.no_camera_info(topic, depth.info_topic(topic), seen)
             for topic, rows in self._infos.items() if not rows
         ]  # fmt: skip
+        silent = {(o.topic, o.kind) for o in self._contacts if o.topic not in self._touched}
+        for topic, kind in sorted(silent):
+            damage = self._damage.get(topic, "")
+            wrong.append(mismatch.unheard(topic, kind, SENSOR, "--contact", seen, damage))
+        notes += [f"{one.model.said}: {one.topic}, {one.kind}" for one in self._contacts]
         out_type = TWIST
         if drives:
             out_type, amiss = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
@@ -500,6 +540,12 @@ class _Heard:
             del rows[:-200]
 
         return heard
+
+    def _touch(self, topic: str, received: Received) -> None:
+        if received.message is None:
+            self._damage[topic] = received.damage
+        else:
+            self._touched.add(topic)
 
     def _command(self, received: Received) -> None:
         if received.message is not None:

@@ -21,6 +21,7 @@ from cohelm.ros.clock import Clock, SimulatedClock, seconds
 from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.cone import ConeRanges
 from cohelm.ros.connection import connection
+from cohelm.ros.contact import Contacts, contact_topics
 from cohelm.ros.depth import DepthRanges
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.look import Found, FoundLidar, Topics, kind_of, look
@@ -71,6 +72,8 @@ class Ros2Robot(Robot):
                 self._transport, topics.out, topics.lock, found.bypass, found.lock_silence
             )
             self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._hear_odometry)
+            felt = contact_topics(model, topics.of_contacts(model))
+            self._contacts = Contacts(self._transport, felt, self.now)
             for lidar, one in zip(model.lidars, found.lidars, strict=True):
                 hear = partial(self._hear_scan, lidar.name)
                 self._transport.subscribe(one.topic, kind_of(lidar), SENSOR, hear)
@@ -95,7 +98,7 @@ class Ros2Robot(Robot):
         further = tuple(scan for scan in seen.values() if scan is not None)
         measured = None if odometry is None else self._measured(odometry.message)
         health = Health(self.now(), math.nan, self._interlock.faults())
-        return Readings(measured, first, None, health, further)
+        return Readings(measured, first, None, health, further, self._contacts.read())
 
     def send(self, twist: Twist) -> None:
         """To the base, as the type that it wants; after a while of standing, nothing."""
@@ -206,19 +209,21 @@ def _by_environment() -> Topics:
 
 
 def topics_of(pairs: Sequence[str]) -> Topics:
-    """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR. CohelmError for what is
-    none of them."""
+    """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR, `contact_NAME=` of a
+    bumper or cliff sensor. CohelmError for what is none of them."""
     names = ("command", "out", "scan", "odom", "lock", "namespace", "camera")
     given: dict[str, str] = {}
-    further: list[str] = []
+    several: dict[str, list[str]] = {"scan_": [], "contact_": []}
     for pair in pairs:
         key, equals, name = pair.partition("=")
-        if key.startswith("scan_") and name:
-            further.append(pair.removeprefix("scan_"))
+        of = next((one for one in several if key.startswith(one)), "")
+        if of and name:
+            several[of].append(pair.removeprefix(of))
             continue
         if key not in names or not (name or (equals and key in ("lock", "camera"))):
             raise CohelmError(
-                f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}, scan_NAME"
+                f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}, scan_NAME, "
+                "contact_NAME"
             )
         given[key] = name
-    return Topics.named(**given, further=further)
+    return Topics.named(**given, further=several["scan_"], contacts=several["contact_"])

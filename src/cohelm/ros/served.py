@@ -43,6 +43,7 @@ from cohelm.robot.port import Frame, Odometry, Robot, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, rendered
 from cohelm.ros.camera import COMPRESSED
+from cohelm.ros.contact import contact_topics, said
 from cohelm.ros.depth import info_topic
 from cohelm.ros.localized import transform
 from cohelm.ros.look import Topics, kind_of
@@ -55,6 +56,8 @@ _LOOKS = 0.004
 """The robot is looked at so often [s]."""
 _TICK = 0.01
 """It tells its time so often, where that is not the wall's [s]."""
+_TOUCHES = 0.02
+"""Its bumpers and cliff sensors speak so often [s]."""
 _BODY, _LASER, _ODOM = "base_link", "laser", "odom"
 _HEIGHT = 0.2
 """Of a LiDAR above the body's origin, whose description does not say it [m]."""
@@ -94,6 +97,11 @@ class ServedRobot:
             if kind_of(lidar) == IMAGE:
                 info = info_topic(topic)
                 self._publishers[info] = transport.publish(info, CAMERA_INFO, SENSOR)
+        self._contacts = contact_topics(robot.model, topics.of_contacts(robot.model))
+        self._touched = -math.inf
+        for one in self._contacts:
+            if one.topic not in self._publishers:
+                self._publishers[one.topic] = transport.publish(one.topic, one.kind, SENSOR)
         self._tf = resolved("tf", topics.namespace)
         self._publishers[self._tf] = transport.publish(self._tf, TF, Qos(True, False, 10))
         tf = resolved("tf_static", topics.namespace)
@@ -124,6 +132,12 @@ class ServedRobot:
             self._odometry = readings.odometry
             self._send(topics.odom, odometry(readings.odometry, ahead))
             self._send(self._tf, odometry_transform(readings.odometry, ahead))
+        if self._contacts and now - self._touched >= _TOUCHES:
+            self._touched = now
+            on = {one.sensor for one in readings.contacts if one.on}
+            stamped = header(_nanoseconds(now + ahead), _BODY)
+            for topic, message in said(self._contacts, on, stamped):
+                self._send(topic, message)
         for one in (readings.scan, *readings.further):
             if one is not None and one is not self._scans.get(one.sensor):
                 self._scans[one.sensor] = one

@@ -8,6 +8,7 @@ import numpy as np
 
 from cohelm.robot.collision_monitor.monitor import CollisionMonitor, Described
 from cohelm.robot.collision_monitor.returns import Sensor
+from cohelm.robot.contact_monitor import ContactMonitor
 from cohelm.robot.gate.gate import Rules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import Monitor
@@ -20,6 +21,8 @@ def monitors(model: RobotModel, rules: Rules) -> tuple[Monitor, ...]:
     found: list[Monitor] = [PlausibilityMonitor(model)]
     if model.lidar is not None:
         found.append(CollisionMonitor(described(model, rules)))
+    if model.contacts:
+        found.append(ContactMonitor(model))
     return tuple(found)
 
 
