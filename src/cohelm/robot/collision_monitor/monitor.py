@@ -106,18 +106,19 @@ class CollisionMonitor:
         stopping = max(known, default=0.0)
         self._runaway = Runaway(described.delay + stopping)
         farthest = (top.v + spin.omega * self._shape.reach) * (stopping + described.delay)
-        remembers = not any(all_round(sensor) for sensor in described.sensors)
+        remembers = not any(
+            all_round(sensor) and sensor.forgets == math.inf for sensor in described.sensors
+        )
         self._sources = [
             Source(sensor, i == 0, self._shape, farthest, remembers)
             for i, sensor in enumerate(described.sensors)
         ]
-        self._unknown = NOTHING
-        """Ground that no beam looks at or has looked at before, in the odometry's frame."""
         self._measured, self._commanded = PoseHistory(), PoseHistory()
         self._sent = -math.inf
         """When a twist was asked about, and so sent, last [s]."""
         self._all = NOTHING
-        """All returns, remembered ones too, and this ground."""
+        """All returns, remembered ones too, and ground that no beam looks at or has looked at,
+        in the odometry's frame."""
         self._by_command = NOTHING
         """Returns of the newest scans in the frame of the poses reckoned from what was sent."""
         self._wrong = ""
@@ -178,7 +179,6 @@ class CollisionMonitor:
         history = self._measured
         if odometry.stamp < history.stamp:
             history.clear()
-            self._unknown = self._all = NOTHING
             for source in self._sources:
                 source.forget()
         if odometry.stamp > history.stamp:
@@ -204,9 +204,9 @@ class CollisionMonitor:
         if any(new for new, _ in looks):
             spaces = [source.ground for source in self._sources if source.ground is not None]
             floors = [source.floor for source in self._sources if source.floor is not None]
-            self._unknown = joined(unknown_to_all(spaces), unknown_to_all(floors))
             returns = all_of([source.by_odometry for source in self._sources])
-            self._all = joined(returns, self._unknown)
+            unknown = joined(unknown_to_all(spaces), unknown_to_all(floors))
+            self._all = joined(returns, unknown)
             self._by_command = all_of([source.by_command for source in self._sources])
         return next((wrong for _, wrong in looks if wrong), "")
 
