@@ -31,8 +31,8 @@ class EpisodeResult(NamedTuple):
     falls: int
     """Of `heights`: 1 where a wheel had no floor under it; the episode ends with that, or with the
     first contact."""
-    wanted: bool
-    """Whether anybody wanted to get anywhere."""
+    no_goal: bool
+    """Whether nobody wanted to get anywhere."""
     untouched_share: float
     """Of all control steps, those in which nothing was touched."""
     min_clearance_m: float

@@ -110,7 +110,7 @@ def _row(
         contacts_standing=seen.standing,
         contacts_departing=seen.departing,
         falls=_falls(case, rows),
-        wanted=case.goal is not None,
+        no_goal=case.goal is None,
         untouched_share=1.0 - seen.touched / max(seen.steps, 1),
         min_clearance_m=seen.gap,
         min_clearance_moving_m=seen.gap_moving,

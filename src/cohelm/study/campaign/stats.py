@@ -162,7 +162,7 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
     sound = [row for row in rows if not row.fault]
     n = len(rows)
     uneven = any(row.suite == "heights" for row in rows)
-    wanting = [row for row in sound if row.wanted]
+    wanting = [row for row in sound if not row.no_goal]
     of = n - len(sound) + len(wanting)  # what could not be driven did not arrive
     stuck = sum(
         not (row.arrived or row.falls or row.contacts_moving + row.contacts_standing)
