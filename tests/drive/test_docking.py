@@ -8,14 +8,19 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Pose, Stick
+from cohelm.core.types import Pose, Stick, Twist
+from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.drive.until_ended import dock_of
-from cohelm.link.messages import Ask, DockPhase, Mode
+from cohelm.link.messages import Ask, DockPhase, Docks, Mode
 from cohelm.loop.docking import Docking
 from cohelm.plan.docks import Dock
+from cohelm.record.write import Recorder
 from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.scenario import build, load
+from cohelm.sim.run import pieces
+from cohelm.study.single import scene
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import CENTRED, checked
 
@@ -193,8 +198,6 @@ class Seen:
 
 
 def over(docking: Docking, now: float, seen: Seen, v: float = 0.15, stick: Stick = CENTRED) -> str:
-    from cohelm.core.types import Twist
-
     ended = docking.ended(now, seen, Twist(v, 0.0), stick, False)  # pyright: ignore
     return "" if ended is None else ended.why
 
@@ -231,7 +234,7 @@ def test_it_ends_when_its_time_is_over_or_it_comes_no_farther(docking):
     assert over(docking, 51.0, Seen(1.5), v=0.0) == "not done within 40 s"
     docking.begin(60.0, 1, Seen(1.5), False)
     assert over(docking, 61.9, Seen(1.5), v=0.0) == ""
-    assert over(docking, 62.1, Seen(1.5), v=0.0) == "held back at -50, +0 cm from it"
+    assert over(docking, 62.1, Seen(1.5), v=0.0) == "held back, at -50, +0 cm from it"
     docking.begin(70.0, 1, Seen(1.98), False)
     assert over(docking, 71.0, Seen(1.98), v=0.0) == ""
     assert over(docking, 72.1, Seen(1.98), v=0.0).startswith("docked at charger, -2.0")
@@ -308,3 +311,15 @@ def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
         session.run(lambda _: bool(loop.docking.last.why))
         assert loop.docking.last == ("charger is left", True)
         assert loop.keeper.truth().least_moving > 0.0355
+
+
+def test_a_replay_shows_the_docks_there_were(tmp_path):
+    setup = build.setup(load.scenario("dock", ["simulation.duration_s=0.1"]))
+    with Recorder(tmp_path / "run.mcap", scene(setup)) as recorder:
+        for piece in pieces(setup):
+            recorder.write(piece)
+    played = Playback(tmp_path / "run.mcap")
+    (docks,) = (one for one in played.first() if isinstance(one, Docks))
+    assert [(dock.name, dock.pose, dock.approach) for dock in docks.all] == [
+        ("charger", (4.5, 0.0, 0.0), 1.3)
+    ]

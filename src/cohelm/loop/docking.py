@@ -146,10 +146,10 @@ class Docking:
         self.last, self.number = ended, 0
 
     def ended(
-        self, now: float, seen: Seen, told: Twist, stick: Stick, paused: bool
+        self, now: float, seen: Seen, told: Twist, stick: Stick, paused: bool, held: str = ""
     ) -> Ended | None:
         """Why it is over now; None: it goes on. told: what the robot was told last. paused: whether
-        it stands for another reason."""
+        it stands for another reason. held: what it is held back for that nothing shows."""
         dock = self.docks[self.number - 1]
         if seen.lost:
             return Ended("lost on the map")
@@ -162,7 +162,7 @@ class Docking:
             return Ended("somebody is in its corridor")
         if paused or abs(told.v) > STANDS or abs(told.omega) > STANDS:
             self._moved = now
-        arrived = self._arrived(now, dock, seen)
+        arrived = self._arrived(now, dock, seen, held or "held back")
         if arrived is not None:
             return arrived
         if now - self._begun > dock.within:
@@ -177,7 +177,7 @@ class Docking:
             self._alone = now
         return now - self._alone > BLOCKED_FOR
 
-    def _arrived(self, now: float, dock: Dock, seen: Seen) -> Ended | None:
+    def _arrived(self, now: float, dock: Dock, seen: Seen, held: str) -> Ended | None:
         """Whether it is there, or comes no farther."""
         x, y, psi = dock.off(seen.pose)
         stands = now - self._moved > STANDS_FOR
@@ -185,12 +185,12 @@ class Docking:
             to_go = x + dock.approach
             if to_go <= LEFT_TO_GO:
                 return Ended(f"{dock.name} is left", True)
-            return Ended(f"held back, {to_go:.2f} m to go") if stands else None
+            return Ended(f"{held}, {to_go:.2f} m to go") if stands else None
         if docked(dock, seen.pose) and (abs(x) <= ENDS or stands):
             off = f"{100.0 * x:+.1f}, {100.0 * y:+.1f} cm, {math.degrees(psi):+.1f}° off"
             return Ended(f"docked at {dock.name}, {off}", True)
         if stands:
-            return Ended(f"held back at {100.0 * x:+.0f}, {100.0 * y:+.0f} cm from it")
+            return Ended(f"{held}, at {100.0 * x:+.0f}, {100.0 * y:+.0f} cm from it")
         return None
 
 
