@@ -38,12 +38,16 @@ from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.limits import checked_braking
+from cohelm.robot.port import Encoded, Frame
 from cohelm.scenario.docks import checked
 from cohelm.scenario.load import dump
 from cohelm.scenario.zones import check, given_first
 
 _BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
 _READY = 10.0  # the robot's sensors must speak within this [s]
+
+
+Camera = Callable[[float], Frame | Encoded | None]
 
 
 @dataclass(frozen=True)
@@ -88,9 +92,12 @@ class SessionConfig:
 class Session:
     """Everything that runs. `close`, or leaving the `with`, stops the robot first."""
 
-    def __init__(self, plan: SessionConfig, operator: Operator | None = None) -> None:
-        """Raises CohelmError where something can not be started; nothing is left running then."""
-        self.plan = plan
+    def __init__(
+        self, plan: SessionConfig, operator: Operator | None = None, camera: Camera | None = None
+    ) -> None:
+        """camera: gives the newest picture, told the robot's time; by default the robot's readings
+        do. Raises CohelmError where something can not be started; nothing is left running then."""
+        self.plan, self._camera = plan, camera
         self.scheduling = "simulated time"
         self._urgent, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
         robot, real_time = plan.robot, plan.robot.real_time
@@ -106,6 +113,8 @@ class Session:
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
         """Who is shown the pictures, with their age [s]."""
+        self._frame: Frame | Encoded | None = None
+        """The newest of that camera."""
         self._to_dock = False
         """Whether `run` was to dock."""
         self._recorded = -math.inf
@@ -199,8 +208,12 @@ class Session:
     def _look(self) -> None:
         """Through the camera: have frames packed, and pass on what is packed. Takes no time."""
         loop, rate = self.loop, self.plan.pictures
-        frame = loop.readings.frame if loop.readings is not None else None
-        if frame is None or loop.seen is None:
+        if loop.readings is None or loop.seen is None:
+            return
+        frame = loop.readings.frame
+        if self._camera is not None:
+            self._frame = frame = self._camera(loop.keeper.now()) or self._frame
+        if frame is None:
             return
         due = rate > 0.0 and loop.log.wants_pictures and frame.stamp - self._recorded > 0.9 / rate
         if due or self.shown is not None:

@@ -35,7 +35,7 @@ def drive_here(
     Raises CohelmError where something can not be started.
     """
     number = dock_of(plan, dock)
-    with Session(plan, operator) as session:
+    with Session(plan, operator, None if topics is None else topics.camera) as session:
         stop.heed()
         clock = session.loop.keeper.now
         with begun(session):
