@@ -17,6 +17,7 @@ from cohelm.link.messages import Ask, DockPhase, Docks, Mode
 from cohelm.loop.docking import Docking
 from cohelm.plan.docks import Dock
 from cohelm.record.write import Recorder
+from cohelm.robot.collision_monitor.fields import CRAWL
 from cohelm.robot.gate.modes import Mode as GateMode
 from cohelm.scenario import build, load
 from cohelm.sim.run import pieces
@@ -256,6 +257,28 @@ def test_it_ends_for_who_steps_into_the_corridor_but_not_for_one_scan_of_noise(d
 @pytest.mark.parametrize("stick", [Stick(0.2, 0.0), Stick(0.0, -0.2), Stick(math.nan, 0.0)])
 def test_it_ends_for_a_hand_on_the_stick(docking, stick):
     assert over(docking, 20.0, Seen(1.5), stick=stick) == "the stick was deflected"
+
+
+@pytest.mark.parametrize(
+    ("robot", "speed", "reason"),
+    [
+        ("sally", CRAWL, "undocking from charger, unseen"),
+        ("sally-rear", 0.15, "undocking from charger"),
+        ("turtlebot4", 0.15, "undocking from charger"),
+    ],
+)
+def test_what_does_not_look_behind_backs_out_at_a_crawl(robot, speed, reason):
+    made = simulated("minimal", real_time=False, changes=[f"robot={robot}"])
+    model = made.model
+    own = made.scenario.law.settings(model.outline, model.bounds(), 0.5, 0.02)
+    out = Docking([DOCK], own, 0.05, [lidar.lidar() for lidar in model.lidars])
+    out.begin(0.0, 1, Seen(2.0), True)  # pyright: ignore
+    assert out.cap == (speed, reason)
+    within = 40.0 * 0.15 / speed
+    assert over(out, within - 0.1, Seen(1.5)) == ""
+    assert over(out, within + 0.1, Seen(1.5)) == f"not done within {within:g} s"
+    out.begin(0.0, 1, Seen(1.0), False)  # pyright: ignore
+    assert out.cap == (0.15, "docking at charger")
 
 
 def test_a_site_without_docks_says_so(settings):

@@ -95,7 +95,8 @@ class Loop:
         self.lease = (0, 0)
         """Who drives, 0: nobody; and a count of the leases."""
         self.rights = Authorization()
-        self.docking = Docking(docks, driver.settings, driver.delay)
+        lidars = [one.lidar() for one in keeper.model.lidars]
+        self.docking = Docking(docks, driver.settings, driver.delay, lidars)
         self.log = DriveLog(record, keeper.now, live)
         self._latched = (GateMode.IDLE, "")
         self._allowed_share = 1.0
