@@ -8,14 +8,20 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Pose, Stick
+from cohelm.core.types import Pose, Stick, Twist
+from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.drive.until_ended import dock_of
-from cohelm.link.messages import Ask, DockPhase, Mode
+from cohelm.link.messages import Ask, DockPhase, Docks, Mode
 from cohelm.loop.docking import Docking
 from cohelm.plan.docks import Dock
+from cohelm.record.write import Recorder
+from cohelm.robot.collision_monitor.fields import CRAWL
 from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.scenario import build, load
+from cohelm.sim.run import pieces
+from cohelm.study.single import scene
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import CENTRED, checked
 
@@ -193,8 +199,6 @@ class Seen:
 
 
 def over(docking: Docking, now: float, seen: Seen, v: float = 0.15, stick: Stick = CENTRED) -> str:
-    from cohelm.core.types import Twist
-
     ended = docking.ended(now, seen, Twist(v, 0.0), stick, False)  # pyright: ignore
     return "" if ended is None else ended.why
 
@@ -231,7 +235,7 @@ def test_it_ends_when_its_time_is_over_or_it_comes_no_farther(docking):
     assert over(docking, 51.0, Seen(1.5), v=0.0) == "not done within 40 s"
     docking.begin(60.0, 1, Seen(1.5), False)
     assert over(docking, 61.9, Seen(1.5), v=0.0) == ""
-    assert over(docking, 62.1, Seen(1.5), v=0.0) == "held back at -50, +0 cm from it"
+    assert over(docking, 62.1, Seen(1.5), v=0.0) == "held back, at -50, +0 cm from it"
     docking.begin(70.0, 1, Seen(1.98), False)
     assert over(docking, 71.0, Seen(1.98), v=0.0) == ""
     assert over(docking, 72.1, Seen(1.98), v=0.0).startswith("docked at charger, -2.0")
@@ -253,6 +257,28 @@ def test_it_ends_for_who_steps_into_the_corridor_but_not_for_one_scan_of_noise(d
 @pytest.mark.parametrize("stick", [Stick(0.2, 0.0), Stick(0.0, -0.2), Stick(math.nan, 0.0)])
 def test_it_ends_for_a_hand_on_the_stick(docking, stick):
     assert over(docking, 20.0, Seen(1.5), stick=stick) == "the stick was deflected"
+
+
+@pytest.mark.parametrize(
+    ("robot", "speed", "reason"),
+    [
+        ("sally", CRAWL, "undocking from charger, unseen"),
+        ("sally-rear", 0.15, "undocking from charger"),
+        ("turtlebot4", 0.15, "undocking from charger"),
+    ],
+)
+def test_what_does_not_look_behind_backs_out_at_a_crawl(robot, speed, reason):
+    made = simulated("minimal", real_time=False, changes=[f"robot={robot}"])
+    model = made.model
+    own = made.scenario.law.settings(model.outline, model.bounds(), 0.5, 0.02)
+    out = Docking([DOCK], own, 0.05, [lidar.lidar() for lidar in model.lidars])
+    out.begin(0.0, 1, Seen(2.0), True)  # pyright: ignore
+    assert out.cap == (speed, reason)
+    within = 40.0 * 0.15 / speed
+    assert over(out, within - 0.1, Seen(1.5)) == ""
+    assert over(out, within + 0.1, Seen(1.5)) == f"not done within {within:g} s"
+    out.begin(0.0, 1, Seen(1.0), False)  # pyright: ignore
+    assert out.cap == (0.15, "docking at charger")
 
 
 def test_a_site_without_docks_says_so(settings):
@@ -308,3 +334,15 @@ def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
         session.run(lambda _: bool(loop.docking.last.why))
         assert loop.docking.last == ("charger is left", True)
         assert loop.keeper.truth().least_moving > 0.0355
+
+
+def test_a_replay_shows_the_docks_there_were(tmp_path):
+    setup = build.setup(load.scenario("dock", ["simulation.duration_s=0.1"]))
+    with Recorder(tmp_path / "run.mcap", scene(setup)) as recorder:
+        for piece in pieces(setup):
+            recorder.write(piece)
+    played = Playback(tmp_path / "run.mcap")
+    (docks,) = (one for one in played.first() if isinstance(one, Docks))
+    assert [(dock.name, dock.pose, dock.approach) for dock in docks.all] == [
+        ("charger", (4.5, 0.0, 0.0), 1.3)
+    ]

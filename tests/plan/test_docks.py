@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.frames import compose
+from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose
 from cohelm.plan.docks import (
     BEFORE,
@@ -61,6 +61,24 @@ def test_who_is_off_the_line_may_not_begin_and_farther_off_not_go_on(x, y, psi, 
     pose = there(x, y, psi)
     assert may_begin(DOCK, pose) is begins
     assert in_corridor(DOCK, pose) is within
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("which", range(3))
+def test_a_pose_that_is_no_number_is_nowhere_and_nothing_is_raised(wrong, which):
+    pose = Pose(*(wrong if i == which else value for i, value in enumerate(AT)))
+    assert not may_begin(DOCK, pose)
+    assert not in_corridor(DOCK, pose)
+    assert not docked(DOCK, pose)
+
+
+def test_the_docks_frame_is_that_of_all_frames():
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        pose = Pose(*rng.uniform(-9.0, 9.0, 3).tolist())
+        seen, of_all = DOCK.off(pose), between(AT, pose)
+        assert seen[:2] == pytest.approx(of_all[:2])
+        assert math.remainder(seen.psi - of_all.psi, 2.0 * math.pi) == pytest.approx(0.0)
 
 
 def test_docked_is_who_is_as_near_as_a_hand_is_wide():

@@ -208,3 +208,9 @@ def test_what_the_robots_own_limits_shaped_is_not_said_to_be_held_back_for_somet
     assert asked(
         "panels/why.ts", shaped("null", 0.9), shaped("null", 0.2), shaped("[1, 0]", 0.9),
     ) == [own, near, near]  # fmt: skip
+
+
+def test_the_way_to_a_dock_comes_along_its_line(asked) -> None:
+    (way,) = asked("map/view.ts", "m.wayTo({pose: [4, 1, Math.PI / 2], approach_m: 1.3})")
+    assert way[0] == pytest.approx([4.0, -1.0])
+    assert way[1] == pytest.approx([4.0, -0.3])

@@ -115,10 +115,10 @@ class Playback:
         """[s]"""
 
     def first(self) -> list[m.FromRobot]:
-        """What does not change: the robot."""
+        """What does not change: the robot, its docks."""
         camera = IMAGE in self._series
         model = self._model if camera else self._model.model_copy(update={"camera": None})
-        return [hello(model, "", _NAN), self._docks]
+        return [hello(model, "", _NAN), *((self._docks,) if self._docks.all else ())]
 
     def at(self, t: float) -> list[News]:
         """All that was newest then; the same things again as long as nothing is new."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.frames import placed
-from cohelm.core.types import Stick, Twist
+from cohelm.core.types import Floats, Stick, Twist
 from cohelm.law.govern import Clock
 from cohelm.law.reference import through
 from cohelm.link.latency_speed_limit import Cap
@@ -24,6 +24,8 @@ from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import START, Settings
 from cohelm.plan.docks import BEFORE, Dock, docked, far, in_corridor, may_begin, nearest, stands_in
+from cohelm.robot.collision_monitor.fields import CRAWL
+from cohelm.robot.sensors import Lidar
 
 ENDS = 0.01
 """So near to the end of the way, or standing within its tolerance, the robot has arrived [m]."""
@@ -33,6 +35,9 @@ STANDS, STANDS_FOR = 0.01, 2.0
 """Who is told to be slower than this [m/s] for so long [s] comes no farther."""
 BLOCKED_FOR = 0.15
 """Somebody is in the corridor who has been there for so long: more than one scan [s]."""
+BEHIND = 0.3
+"""Who stands so far behind the robot is to be in view before it backs out faster than a crawl [m].
+"""
 PUSHED = 0.1
 """A deflection of more than this is a hand on the stick."""
 _GUIDE = 0.25
@@ -49,12 +54,17 @@ class Ended(NamedTuple):
 class Docking:
     """Of one loop. It has its own pilots; the loop says what it is told, and to whom."""
 
-    def __init__(self, docks: Sequence[Dock], settings: Settings, delay: float) -> None:
-        """settings, delay: of the pilot that drives elsewhere."""
+    def __init__(
+        self, docks: Sequence[Dock], settings: Settings, delay: float,
+        lidars: Sequence[Lidar] = (),
+    ) -> None:  # fmt: skip
+        """settings, delay: of the pilot that drives elsewhere. lidars: that look; a robot that does
+        not look behind backs out at a crawl: somebody may stand there since it came."""
         self.docks = tuple(docks)
+        self._unseen = not looks_behind(lidars, settings.outline)
         self._outline = settings.outline
         self._pilots = {
-            (i, backwards): _pilot(dock, settings, delay, backwards)
+            (i, backwards): _pilot(dock, settings, delay, backwards, self._speed(dock, backwards))
             for i, dock in enumerate(self.docks, 1) for backwards in (False, True)
         }  # fmt: skip
         self.last = Ended("")
@@ -81,7 +91,14 @@ class Docking:
     @property
     def cap(self) -> Cap:
         """On the speed."""
-        return Cap(self.docks[self.number - 1].speed, self.doing) if self.on else FREE
+        if not self.on:
+            return FREE
+        unseen = ", unseen" if self.backwards and self._unseen else ""
+        speed = self._speed(self.docks[self.number - 1], self.backwards)
+        return Cap(speed, self.doing + unseen)
+
+    def _speed(self, dock: Dock, backwards: bool) -> float:
+        return min(dock.speed, CRAWL) if backwards and self._unseen else dock.speed
 
     @property
     def pilot(self) -> Pilot:
@@ -146,10 +163,10 @@ class Docking:
         self.last, self.number = ended, 0
 
     def ended(
-        self, now: float, seen: Seen, told: Twist, stick: Stick, paused: bool
+        self, now: float, seen: Seen, told: Twist, stick: Stick, paused: bool, held: str = ""
     ) -> Ended | None:
         """Why it is over now; None: it goes on. told: what the robot was told last. paused: whether
-        it stands for another reason."""
+        it stands for another reason. held: what it is held back for that nothing shows."""
         dock = self.docks[self.number - 1]
         if seen.lost:
             return Ended("lost on the map")
@@ -162,11 +179,12 @@ class Docking:
             return Ended("somebody is in its corridor")
         if paused or abs(told.v) > STANDS or abs(told.omega) > STANDS:
             self._moved = now
-        arrived = self._arrived(now, dock, seen)
+        arrived = self._arrived(now, dock, seen, held or "held back")
         if arrived is not None:
             return arrived
-        if now - self._begun > dock.within:
-            return Ended(f"not done within {dock.within:g} s")
+        within = dock.within * dock.speed / self._speed(dock, self.backwards)
+        if now - self._begun > within:
+            return Ended(f"not done within {within:g} s")
         return None
 
     def _somebody(self, now: float, dock: Dock, seen: Seen) -> bool:
@@ -177,7 +195,7 @@ class Docking:
             self._alone = now
         return now - self._alone > BLOCKED_FOR
 
-    def _arrived(self, now: float, dock: Dock, seen: Seen) -> Ended | None:
+    def _arrived(self, now: float, dock: Dock, seen: Seen, held: str) -> Ended | None:
         """Whether it is there, or comes no farther."""
         x, y, psi = dock.off(seen.pose)
         stands = now - self._moved > STANDS_FOR
@@ -185,12 +203,12 @@ class Docking:
             to_go = x + dock.approach
             if to_go <= LEFT_TO_GO:
                 return Ended(f"{dock.name} is left", True)
-            return Ended(f"held back, {to_go:.2f} m to go") if stands else None
+            return Ended(f"{held}, {to_go:.2f} m to go") if stands else None
         if docked(dock, seen.pose) and (abs(x) <= ENDS or stands):
             off = f"{100.0 * x:+.1f}, {100.0 * y:+.1f} cm, {math.degrees(psi):+.1f}° off"
             return Ended(f"docked at {dock.name}, {off}", True)
         if stands:
-            return Ended(f"held back at {100.0 * x:+.0f}, {100.0 * y:+.0f} cm from it")
+            return Ended(f"{held}, at {100.0 * x:+.0f}, {100.0 * y:+.0f} cm from it")
         return None
 
 
@@ -198,7 +216,24 @@ def _pushed(stick: Stick) -> bool:
     return not max(abs(stick.x), abs(stick.psi)) <= PUSHED  # nor for NaN
 
 
-def _pilot(dock: Dock, settings: Settings, delay: float, backwards: bool) -> Pilot:
+def looks_behind(lidars: Sequence[Lidar], outline: Floats) -> bool:
+    """Whether somebody who stands close behind the robot is in view of a LiDAR. outline: (k, 2),
+    body frame [m]."""
+    rear, side = float(outline[:, 0].min()) - BEHIND, float(np.abs(outline[:, 1]).max())
+    return all(any(_looks_at(one, rear, y) for one in lidars) for y in (-side, 0.0, side))
+
+
+def _looks_at(lidar: Lidar, x: float, y: float) -> bool:
+    """Whether a beam goes towards a point of the body frame [m]."""
+    dx, dy, psi = x - lidar.mount.x, y - lidar.mount.y, lidar.mount.psi
+    after = math.remainder(math.atan2(dy, dx) - psi - lidar.first, 2.0 * math.pi)
+    width, most = lidar.step * (len(lidar.beams) - 1), 0.5 * lidar.step
+    return -most <= after <= width + most or after + 2.0 * math.pi <= width + most
+
+
+def _pilot(
+    dock: Dock, settings: Settings, delay: float, backwards: bool, speed: float
+) -> Pilot:  # fmt: skip
     """Along the approach. For the way back the robot is taken as turned round, see
     `Driver.along`."""
     ends = np.array((dock.staging[:2], dock.pose[:2]), dtype=np.float64)
@@ -207,6 +242,6 @@ def _pilot(dock: Dock, settings: Settings, delay: float, backwards: bool) -> Pil
     pace = s.pace._replace(guide=min(s.pace.guide, _GUIDE * dock.approach))
     own = s._replace(
         outline=-s.outline if backwards else s.outline, rules=rules, pace=pace,
-        gains=s.gains._replace(u_d=dock.speed), evasion=s.evasion._replace(horizon=0.0),
+        gains=s.gains._replace(u_d=speed), evasion=s.evasion._replace(horizon=0.0),
     )  # fmt: skip
-    return Pilot(through(ends[::-1] if backwards else ends, dock.speed), own, delay=delay)
+    return Pilot(through(ends[::-1] if backwards else ends, speed), own, delay=delay)

@@ -95,7 +95,8 @@ class Loop:
         self.lease = (0, 0)
         """Who drives, 0: nobody; and a count of the leases."""
         self.rights = Authorization()
-        self.docking = Docking(docks, driver.settings, driver.delay)
+        lidars = [one.lidar() for one in keeper.model.lidars]
+        self.docking = Docking(docks, driver.settings, driver.delay, lidars)
         self.log = DriveLog(record, keeper.now, live)
         self._latched = (GateMode.IDLE, "")
         self._allowed_share = 1.0
@@ -125,6 +126,8 @@ class Loop:
         self._trouble: dict[str, str] = {}
         """With what works for the loop, by name."""
         self._driven_by = (0, "")
+        self._held = ""
+        """What the guard holds it back for that nothing shows."""
 
     def run(self, until: Callable[[Loop], bool], real_time: bool = True) -> None:
         """Turn until `until` says so; it is asked after every period.
@@ -204,7 +207,8 @@ class Loop:
         if not docking.on:
             return
         told = self.keeper.gate.out
-        ended = docking.ended(now, seen, told, self.person.stick, bool(self._pauses))
+        paused = bool(self._pauses)
+        ended = docking.ended(now, seen, told, self.person.stick, paused, self._held)
         if ended is None:
             return
         if not ended.arrived:
@@ -538,9 +542,10 @@ class Loop:
             return
         self._last_status = report.now
         nominal = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
+        self._held = unseen(report, nominal)
         words = StatusWords(
             *self._driven_by, self.mode, self.keeper.gate.reason,
-            refusal or self.paused or unseen(report, nominal), *self.cap, self.alarms.worst(),
+            refusal or self.paused or self._held, *self.cap, self.alarms.worst(),
         )  # fmt: skip
         self.log.words(words)
         told = status(row, words, self.has_map, predicted(report.seen.pose, report.applied))

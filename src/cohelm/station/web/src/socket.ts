@@ -146,6 +146,10 @@ async function paint(part: MapPart): Promise<void> {
   s.grid.value = await painted(s.grid.value, part)
 }
 
+function refuse(text: string): void {
+  s.refused.value = { text, at: performance.now() }
+}
+
 function take(message: ToPage): void {
   switch (message.type) {
     case 'beat':
@@ -196,9 +200,10 @@ function take(message: ToPage): void {
       break
     case 'checked':
       s.checked.value = message
+      if (!message.ok && !message.only_check) refuse(`way: ${message.why}`)
       break
     case 'refused':
-      s.refused.value = { text: `${message.what}: ${message.why}`, at: performance.now() }
+      refuse(`${message.what}: ${message.why}`)
       break
   }
 }

@@ -68,3 +68,8 @@ export function seenFrom(pose: Pose, [x, y]: Point): Point {
   const dy = y - pose[1]
   return [c * dx + s * dy, -s * dx + c * dy]
 }
+
+/** Way-points to where docking begins, so that the robot comes there along the dock's line. */
+export function wayTo(dock: { pose: Pose; approach_m: number }): Point[] {
+  return [0.7, 0].map((before) => placed(dock.pose, [-dock.approach_m - before, 0]))
+}

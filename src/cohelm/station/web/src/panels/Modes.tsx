@@ -4,11 +4,13 @@ import { choose, hand, speedScale } from '../input/drive'
 import { pad } from '../input/gamepad'
 import { change, DEFAULTS, settings } from '../input/settings'
 import { DEVICE_NAMES, type Device } from '../input/source'
+import { wayTo } from '../map/view'
 import { send } from '../socket'
 import * as s from '../state'
 import { MODES, percent } from './words'
 
 const open = signal(false)
+const MOST_WAYS = 4
 
 export function Modes() {
   if (s.isReplay.value) return null
@@ -38,11 +40,12 @@ export function Modes() {
   )
 }
 
-/** Where the robot is at a dock: what it does there, and what it could do. */
+/** What the robot does at a dock, and what it could do; where it is at none, the ways to them. */
 function Docks() {
   const now = s.state.value
-  const name = s.docks.value[(now?.dock ?? 0) - 1]?.name
-  if (now === null || name === undefined) return null
+  if (now === null) return null
+  const name = s.docks.value[now.dock - 1]?.name
+  if (name === undefined) return <WaysToDocks />
   const at = now.docking
   const ask = (what: 'dock' | 'undock') => send({ type: 'do', what, value: now.dock })
   return (
@@ -56,6 +59,22 @@ function Docks() {
       {(at === 'docked' || at === 'between') && (
         <button type="button" disabled={!s.youDrive.value} onClick={() => ask('undock')}>Undock</button>
       )}
+    </div>
+  )
+}
+
+/** To follow in a mode that is chosen then; the robot says why where it can not. */
+function WaysToDocks() {
+  if (s.docks.value.length === 0) return null
+  return (
+    <div class="row docks" role="group" aria-label="Dock">
+      {s.docks.value.slice(0, MOST_WAYS).map((dock) => (
+        <button key={dock.name} type="button" disabled={!s.youDrive.value}
+          title="A way to where docking begins; then choose Auto or Shared"
+          onClick={() => send({ type: 'waypoints', points: wayTo(dock), only_check: false })}>
+          Way to {dock.name}
+        </button>
+      ))}
     </div>
   )
 }

@@ -1,0 +1,51 @@
+"""Docks on the page: drawn, and docked at and left with one button each."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import BrowserContext, expect
+
+from tests.station.person import choose, release, take
+from tests.station.servers import Robot, served
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("realtime")]
+
+
+@pytest.fixture
+def at_dock(tmp_path: Path) -> Iterator[Robot]:
+    made = Robot("dock", False, tmp_path)
+    yield made
+    made.close()
+
+
+def test_a_person_docks_undocks_and_is_shown_the_way_back(
+    at_dock: Robot, context: BrowserContext
+) -> None:
+    with served(at_dock.connect) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        docks = page.get_by_role("group", name="Dock")
+        dock = docks.get_by_role("button", name="Dock at charger")
+        undock = docks.get_by_role("button", name="Undock")
+        expect(dock).to_be_disabled()
+        take(page)
+        dock.click()
+        expect(docks).to_contain_text("docking at charger")
+        expect(docks).to_contain_text("docked at charger")
+        undock.click()
+        expect(docks).to_contain_text("undocking from charger")
+        page.wait_for_timeout(3000)  # half the way
+        choose(page, "Hold")
+        expect(dock).to_be_enabled()
+        expect(undock).to_be_enabled()
+        undock.click()
+        expect(undock).to_have_count(0)
+        expect(dock).to_be_enabled()
+        choose(page, "Auto")
+        way = docks.get_by_role("button", name="Way to charger")
+        way.click()
+        expect(page.get_by_role("radio", name="Auto")).to_be_checked()
+        expect(dock).to_be_enabled()
+        choose(page, "Hold")
+        release(page)
