@@ -127,6 +127,7 @@ class Faults:
 def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     """The robot's process: `line` names faults, asks for the truth, or ends it."""
     faults, ended = Faults(), threading.Event()
+    faults.now = options.pop("begins", "")
     rate = options.pop("rate", None)
     pace = OnTheWall() if rate is None else Simulator(rate)
     robot = Kinematic(named(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=pace)

@@ -23,8 +23,7 @@ def said(made, words: str) -> bool:
 def test_it_stops_before_a_wall_that_only_a_sonar_sees():
     """It crawls: its LiDAR has shown nothing at all."""
     near = np.array([[-60, -3, 1.2, -3], [1.2, -3, 1.2, 3], [1.2, 3, -60, 3]], np.float64)
-    with stage(near, robot="touching") as made:
-        made.base.fault("glass")
+    with stage(near, robot="touching", begins="glass") as made:
         assert made.drives(0.1)
         assert made.stands(30.0)
         assert 0.5 < made.base.truth().pose.x + FRONT < 1.2
