@@ -92,6 +92,10 @@ def robot(
     mode: Annotated[
         str, typer.Option(help="hold, automatic, shared or manual; by default as the stick is.")
     ] = "",
+    dock: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="Dock there, from its approach, and end with that."),
+    ] = "",
     rate: Annotated[float, typer.Option(min=10.0, max=500.0, help="Periods a second.")] = 50.0,
     seconds: Annotated[
         float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
@@ -139,15 +143,18 @@ def robot(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
         on_ros(ros2, topics, transport, url), chart, keep_out, speed_zones,
     )  # fmt: skip
-    if listen is not None and (mode or arrive or fast):
+    if listen is not None and (mode or arrive or fast or dock):
         raise CohelmError(
-            "with --listen the station says how to drive: leave out --mode, --arrive and --fast"
+            "with --listen the station says how to drive: leave out --mode, --dock, --arrive and "
+            "--fast"
         )
     if listen is not None and joy:
         raise CohelmError("with --listen the sticks of stations steer: leave out --joy")
     if joy_param and not joy:
         raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
     parameters = joy_params(joy_param or ())
+    if dock and (mode or arrive):
+        raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
     made = meant(asked)
     chosen_map, zones = known(asked, made)
     if record is not None:
@@ -163,7 +170,8 @@ def robot(
         map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters
     )
     topics_too = on_topics(made, config, lambda text: say(plain(text)))
-    chosen = None if listen is not None else hands(made, mode or ("shared" if joy else ""))
+    usual = "shared" if joy and not dock else ""
+    chosen = None if listen is not None else hands(made, mode or usual)
     say(begins)
     if listen is not None and not keys.stations():
         say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
@@ -184,7 +192,7 @@ def robot(
         else:
             how, hand = chosen
             summary = drive_here(
-                plan, how, beside.joy or hand, stop, seconds, arrive, beside, begun
+                plan, how, beside.joy or hand, stop, seconds, arrive, beside, dock, begun
             )  # fmt: skip
     _told(made.scenario.name, summary, as_json)
 
@@ -237,6 +245,8 @@ def _shown(session: Session) -> Generator[None]:
 def failures(summary: dict[str, Any]) -> list[str]:
     """What went wrong in a drive, a sentence each: with any of them the exit status is 1."""
     found: list[str] = []
+    if summary["docked"] is False:
+        found.append(f"it has not docked: {summary['docking'] or summary['reason']}")
     if summary["faulted"]:
         found.append(f"the robot stopped itself: {summary['reason']}")
     if summary["lost"]:
@@ -261,6 +271,8 @@ def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("ended", f"{summary['mode'].lower()}: {summary['reason']}"),
         ("the route is done", "yes" if summary["arrived"] else "no"),
     ]
+    if summary["docking"]:
+        found.append(("docking", summary["docking"]))
     if clearance is not None:
         found.append(("smallest clearance while moving", f"{clearance:.3f} m"))
     if lost is not None:

@@ -139,7 +139,7 @@ class RobotModel(Schema):
         """From numbers instead of YAML keys.
 
             >>> import cohelm
-            >>> limits = cohelm.Limits(1.0, 2.0, 2.0, 6.0, math.inf, math.inf, 0.4)
+            >>> limits = cohelm.Limits(1.0, acceleration=2.0, yaw_rate=2.0, yaw_acceleration=6.0)
             >>> cart = cohelm.RobotModel.of("cart", [[0.3, 0.2], [-0.3, 0], [0.3, -0.2]], limits)
             >>> cart.reach < 0.37
             True
