@@ -99,6 +99,9 @@ class Readings(NamedTuple):
     """Of each further LiDAR that has given one, the newest scan."""
     contacts: tuple[Contact, ...] = ()
     """Of each bumper and cliff sensor that has said anything, the newest."""
+    outline: Floats | None = None
+    """The robot's own, convex, counter-clockwise, (k, 2) in the body frame [m]; None: as its model
+    has it."""
 
     def of_lidar(self, name: str) -> Scan | None:
         """The newest scan of a further LiDAR."""

@@ -44,9 +44,8 @@ class FreeSpace:
 
     def __init__(self, sensor: Sensor, shape: Outline, within: float) -> None:
         """within: ground farther than this beyond the turning circle can not matter yet [m]."""
-        self._sensor, self._shape = sensor, shape
-        mount = sensor.mount
-        self._near = math.hypot(mount.x, mount.y) + shape.reach + within > _FAR
+        self._sensor = sensor
+        self.reshape(shape, within)
         self._known: NDArray[np.bool_] = np.zeros(_FAR.shape, dtype=np.bool_)
         self._cell = (0, 0)
         self._at: Pose | None = None
@@ -56,6 +55,12 @@ class FreeSpace:
         self.cells: Ints | None = None
         """The cells of that, (n, 2), counted from the frame's origin; None before the first look.
         """
+
+    def reshape(self, shape: Outline, within: float) -> None:
+        """The robot has another outline from now on. within: as above."""
+        mount = self._sensor.mount
+        self._shape = shape
+        self._near = math.hypot(mount.x, mount.y) + shape.reach + within > _FAR
 
     def forget(self) -> None:
         """All of it: as if it were switched on anew."""
