@@ -17,6 +17,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as Time,
+    geometry_msgs__msg__Point32 as Point32,
+    geometry_msgs__msg__Polygon as Polygon,
+    geometry_msgs__msg__PolygonStamped as PolygonStamped,
     rosgraph_msgs__msg__Clock as Clock,
     sensor_msgs__msg__Joy as Joy,
     sensor_msgs__msg__Range as Range,
@@ -35,6 +38,7 @@ from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.commands import Commands
 from cohelm.ros.contact import Contacts, ContactTopic, said
+from cohelm.ros.footprint import ToldFootprint
 from cohelm.ros.goals import GOAL, Goals
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.joy import JOY, JoyOperator, JoyParams
@@ -47,6 +51,7 @@ from cohelm.ros.mismatch import (
     CLOUD,
     IMAGE,
     ODOMETRY,
+    POLYGON,
     RANGE,
     SCAN,
     STAMPED,
@@ -82,6 +87,10 @@ SEEN = {
     PATH: test_goals.path((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)),
     RANGE: Range(header(5, "sonar"), 0, 0.5, 0.02, 4.0, 1.0, 0.0),
     JOY: Joy(header(5, "joy"), np.array([0.0, 0.5, 0.2], np.float32), np.ones(3, np.int32)),
+    POLYGON: PolygonStamped(
+        header(5, "base_link"),
+        Polygon([Point32(x, y, 0.0) for x, y in ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2))]),
+    ),
     HAZARDS: dict(said(TOUCHING, {"a"}, header(5, "base_link")))[f"/{HAZARDS}"],
 }  # fmt: skip
 
@@ -105,6 +114,7 @@ class Listeners:
             Commands(self.network, f"/{kind}", 0.5, clock.Clock()) for kind in (TWIST, STAMPED)
         ]
         self.contacts = Contacts(self.network, TOUCHING, time.monotonic)
+        self.footprint = ToldFootprint(self.network, f"/{POLYGON}", "base_link", 0.4)
         self.joy = JoyOperator(self.network, f"/{JOY}", JoyParams(1, 2, 0))
         lidar, body = SALLY.lidar, test_depth.mounted()
         assert lidar is not None
@@ -136,6 +146,9 @@ class Listeners:
         for one in self.commands:
             if not all(map(math.isfinite, one.now(now).twist)):
                 return f"a command of {one.now(now).twist}"
+        outline, _ = self.footprint.read()
+        if outline is not None and not np.abs(outline).max() <= 0.8:
+            return f"an outline of {outline.tolist()}"
         steered = self.joy.heard().command
         if steered is not None and not max(map(abs, steered.stick)) <= 1.0:
             return f"a stick at {steered.stick}"
