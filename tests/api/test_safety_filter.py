@@ -302,3 +302,16 @@ def test_a_full_turn_in_float32_is_a_scan_either_way(turn):
 def test_no_array_of_the_wrong_shape_or_kind_passes_for_obstacles(given, said):
     with pytest.raises(CohelmError, match=said):
         Obstacles(**given)
+
+
+def test_another_outline_counts_from_the_next_call_on():
+    safe = SafetyFilter(SALLY, DT)
+    seen = Obstacles(points=[[1.0, 0.0]])
+    before = safe(HERE, REST, AHEAD, seen)
+    safe.reset()
+    safe.reshape([[0.95, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.95, -0.2]])
+    after = safe(HERE, REST, AHEAD, seen)
+    assert after.clearance == pytest.approx(0.05, abs=0.02)
+    assert after.clearance < before.clearance
+    with pytest.raises(CohelmError, match="dent"):
+        safe.reshape([[0.3, 0.2], [0.0, 0.0], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]])

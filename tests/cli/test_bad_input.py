@@ -216,6 +216,18 @@ def test_a_robots_file_is_driven_from_the_browser_where_the_scenario_says(cohelm
 @pytest.mark.parametrize(
     ("options", "why"),
     [
+        (("--joy", "/joy", "--listen", "127.0.0.1"), "leave out --joy"),
+        (("--joy-param", "enable_button=1"), "name that with --joy /joy"),
+        (("--joy", "/joy", "--joy-param", "enable=1"), "did you mean enable_button"),
+    ],
+)
+def test_a_joystick_on_a_topic_that_can_not_be_used_is_told(cohelm, options, why):
+    refused(cohelm("robot", "lab-guard", *options), why)
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
         (("--map", "no.yaml"), "no.yaml"),
         (("--keep-out", "no.yaml"), "no.yaml"),
         (("--speed-zones", "no.yaml"), "no.yaml"),

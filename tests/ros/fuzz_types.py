@@ -17,20 +17,31 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as Time,
+    geometry_msgs__msg__Point32 as Point32,
+    geometry_msgs__msg__Polygon as Polygon,
+    geometry_msgs__msg__PolygonStamped as PolygonStamped,
     rosgraph_msgs__msg__Clock as Clock,
+    sensor_msgs__msg__Joy as Joy,
+    sensor_msgs__msg__Range as Range,
     std_msgs__msg__Bool as Bool,
 )
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.plan.path_planner import Goal
+from cohelm.record.markers import header
+from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.port import Odometry, Scan
-from cohelm.ros import clock, depth
+from cohelm.robot.sensors import LidarModel
+from cohelm.ros import clock, cone, depth
 from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.commands import Commands
+from cohelm.ros.contact import Contacts, ContactTopic, said
+from cohelm.ros.footprint import ToldFootprint
 from cohelm.ros.goals import GOAL, Goals
 from cohelm.ros.interlock import Interlock
+from cohelm.ros.joy import JOY, JoyOperator, JoyParams
 from cohelm.ros.laser import Ranges
 from cohelm.ros.localized import PATH, POSE
 from cohelm.ros.messages import command
@@ -40,6 +51,8 @@ from cohelm.ros.mismatch import (
     CLOUD,
     IMAGE,
     ODOMETRY,
+    POLYGON,
+    RANGE,
     SCAN,
     STAMPED,
     TF,
@@ -47,7 +60,7 @@ from cohelm.ros.mismatch import (
 )  # fmt: skip
 from cohelm.ros.served import mounts, odometry, scan
 from cohelm.ros.transforms import Mount, StaticTransforms, yaw_of
-from cohelm.ros.types import packed, unpacked
+from cohelm.ros.types import HAZARDS, packed, unpacked
 from cohelm.scenario.load import robot as load_robot
 from tests.link.fuzz import resident
 from tests.ros import test_cloud, test_depth, test_goals
@@ -56,6 +69,13 @@ from tests.ros.fuzz import Inside, wild
 SALLY = load_robot("sally")
 LONGEST = 2.0
 """On a busy machine; a length that is believed takes minutes, or all the memory [s]."""
+BUMPER = ContactModel(name="a", mount_x_m=0.3, hazard="bump_left")
+DOWN = CliffModel(name="b", mount_x_m=0.3, floor_m=0.05)
+TOUCHING = (
+    ContactTopic(BUMPER, f"/{HAZARDS}", HAZARDS), ContactTopic(DOWN, f"/{RANGE}", RANGE),
+    ContactTopic(ContactModel(name="c", mount_x_m=0.3), f"/{BOOL}", BOOL),
+)  # fmt: skip
+SONAR = LidarModel.model_validate({"name": "s", "range_sensor": True, "field_of_view_deg": 30})
 SEEN = {
     ODOMETRY: odometry(Odometry(0.0, Pose(1, 2, 0.5), Twist(0.1, 0.2)), 5.0),
     SCAN: scan(Scan(0.0, 0, np.linspace(1.0, 5.0, 720), 0.05), SALLY, 5.0),
@@ -65,6 +85,13 @@ SEEN = {
     TWIST: command(Twist(0.5, 0.1), TWIST, ""), STAMPED: command(Twist(0.5, 0.1), STAMPED, "b"),
     clock.TYPE: Clock(Time(5, 7)), GOAL: test_goals.goal(), POSE: test_goals.told(),
     PATH: test_goals.path((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)),
+    RANGE: Range(header(5, "sonar"), 0, 0.5, 0.02, 4.0, 1.0, 0.0),
+    JOY: Joy(header(5, "joy"), np.array([0.0, 0.5, 0.2], np.float32), np.ones(3, np.int32)),
+    POLYGON: PolygonStamped(
+        header(5, "base_link"),
+        Polygon([Point32(x, y, 0.0) for x, y in ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2))]),
+    ),
+    HAZARDS: dict(said(TOUCHING, {"a"}, header(5, "base_link")))[f"/{HAZARDS}"],
 }  # fmt: skip
 
 
@@ -86,6 +113,9 @@ class Listeners:
         self.commands = [
             Commands(self.network, f"/{kind}", 0.5, clock.Clock()) for kind in (TWIST, STAMPED)
         ]
+        self.contacts = Contacts(self.network, TOUCHING, time.monotonic)
+        self.footprint = ToldFootprint(self.network, f"/{POLYGON}", "base_link", 0.4)
+        self.joy = JoyOperator(self.network, f"/{JOY}", JoyParams(1, 2, 0))
         lidar, body = SALLY.lidar, test_depth.mounted()
         assert lidar is not None
         flat = Mount(Pose(lidar.mount_x_m, lidar.mount_y_m, 0.0), False, 0.2)
@@ -97,6 +127,9 @@ class Listeners:
             CAMERA_INFO: lambda message: depth.camera(message, "/camera_info"),
             TF: lambda message: StaticTransforms().add(message),
             ODOMETRY: lambda message: yaw_of(message.pose.pose.orientation),
+            RANGE: lambda message: cone.ConeRanges(
+                cone.described(message, "/sonar", body, 10.0, 0.0, SONAR), body
+            ).of(message),
         }  # fmt: skip
 
     def take(self, kind: str, data: bytes) -> str:
@@ -113,6 +146,14 @@ class Listeners:
         for one in self.commands:
             if not all(map(math.isfinite, one.now(now).twist)):
                 return f"a command of {one.now(now).twist}"
+        outline, _ = self.footprint.read()
+        if outline is not None and not np.abs(outline).max() <= 0.8:
+            return f"an outline of {outline.tolist()}"
+        steered = self.joy.heard().command
+        if steered is not None and not max(map(abs, steered.stick)) <= 1.0:
+            return f"a stick at {steered.stick}"
+        if any(one.sensor not in "abc" for one in self.contacts.read()):
+            return "a bumper that there is not"
         way, placed = self.goals.way(), self.goals.initial()
         if (
             way is not None

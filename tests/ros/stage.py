@@ -127,6 +127,7 @@ class Faults:
 def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     """The robot's process: `line` names faults, asks for the truth, or ends it."""
     faults, ended = Faults(), threading.Event()
+    faults.now = options.pop("begins", "")
     rate = options.pop("rate", None)
     pace = OnTheWall() if rate is None else Simulator(rate)
     robot = Kinematic(named(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=pace)
@@ -263,14 +264,15 @@ class Stage:
 
     def __init__(
         self, walls: Any = HALL, way: Connection | None = None, robot: str = "sally",
-        theirs: Connection | None = None, **options: Any,
+        theirs: Connection | None = None, footprint: str = "", **options: Any,
     ) -> None:  # fmt: skip
         """way: from the filter to the robot. theirs: of robot and controller."""
         way, theirs = way or Connection(), theirs or Connection()
         self.base = Base(walls, robot, way=theirs, **options)
         self.theirs, self.ours = theirs.open("controller"), way.open("cohelm_filter")
         self.controller = Controller(self.theirs)
-        self.found = look(self.ours, named(robot), Topics(), Allowed())._replace(connection=way)
+        topics = Topics(footprint=footprint)
+        self.found = look(self.ours, named(robot), topics, Allowed())._replace(connection=way)
         self.filter = Filter(self.found, self.ours)
 
     def speed(self) -> float:

@@ -66,7 +66,8 @@ def test_clockwise_and_upside_down_scans_are_turned_the_right_way_round():
 
 
 def test_zero_is_nothing_measured_and_too_near_is_too_near():
-    got = around(message(-STEP, STEP, [0.0, 0.05, math.inf]), UPRIGHT)
+    far = [9.0] * 3
+    got = around(message(-4 * STEP, STEP, [*far, 0.0, 0.05, math.inf, *far]), UPRIGHT)
     assert math.isnan(got[359])
     assert got[0] == -math.inf
     assert got[1] == math.inf

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import time
+
+import numpy as np
 import pytest
+from rosbags.typesys.stores.ros2_jazzy import (
+    geometry_msgs__msg__Point32 as Point32,
+    geometry_msgs__msg__Polygon as Polygon,
+    geometry_msgs__msg__PolygonStamped as PolygonStamped,
+)
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
 
+from cohelm.record.markers import header
+from cohelm.ros.mismatch import POLYGON
+from cohelm.ros.port import LATCHED
 from tests.ros.stage import stage, until
 
 pytestmark = [pytest.mark.xdist_group("realtime"), pytest.mark.slow]
@@ -18,11 +29,13 @@ def said(made, words: str) -> bool:
 
 
 def test_it_stops_before_a_wall_that_only_a_sonar_sees():
-    with stage(robot="touching") as made:
-        made.base.fault("glass")
-        assert made.drives(0.4)
-        assert made.stands(15.0)
-        assert 4.0 - 0.5 < made.base.truth().pose.x + FRONT < 4.0
+    """It crawls: its LiDAR has shown nothing at all."""
+    near = np.array([[-60, -3, 1.2, -3], [1.2, -3, 1.2, 3], [1.2, 3, -60, 3]], np.float64)
+    with stage(near, robot="touching", begins="glass") as made:
+        assert made.drives(0.1)
+        assert made.stands(30.0)
+        assert 0.5 < made.base.truth().pose.x + FRONT < 1.2
+        assert said(made, "something")
 
 
 @pytest.mark.parametrize(
@@ -38,13 +51,11 @@ def test_driven_against_it_latches_and_after_a_reset_only_backs(fault, words):
         assert said(made, words)
         made.filter.node._reset_asked = True
         assert until(lambda: not made.filter.latched, 5.0)
-        assert made.stands()
-        assert said(made, "only drive away")
         where = made.base.truth().pose.x
-        made.base.fault("")
-        made.base.fault(fault)
+        time.sleep(1.0)
+        assert made.base.truth().pose.x == pytest.approx(where, abs=0.005)  # still asked for 0.4
         assert made.drives(-0.2)
-        assert made.base.truth().pose.x < where
+        assert until(lambda: made.base.truth().pose.x < where - 0.1)
 
 
 def test_without_the_bumpers_messages_it_stands_and_names_it():
@@ -55,3 +66,42 @@ def test_without_the_bumpers_messages_it_stands_and_names_it():
         assert said(made, "nothing is heard of the front bumper")
         made.base.fault("")
         assert made.drives(0.3)
+
+
+def box(front: float, frame: str = "base_link"):
+    corners = [(front, 0.26), (-0.36, 0.26), (-0.36, -0.26), (front, -0.26)]
+    return PolygonStamped(header(0, frame), Polygon([Point32(x, y, 0.0) for x, y in corners]))
+
+
+def test_a_footprint_that_grows_while_it_drives_counts_at_once_and_bad_ones_stop_it():
+    with stage(footprint="/footprint") as made:
+        told = made.theirs.publish("/footprint", POLYGON, LATCHED)
+        assert made.drives(0.4)
+        assert until(lambda: made.base.truth().pose.x > 1.0)
+        told.send(box(0.66))
+        assert until(lambda: made.filter.node._shape._next[:, 0].max() > 0.6, 3.0)
+        assert until(lambda: made.filter.node._shape._now is made.filter.node._shape._next, 3.0)
+        assert made.speed() > 0.2  # it fits, and so it drives on
+        assert made.stands(20.0)
+        assert 4.0 - 0.3 < made.base.truth().pose.x + 0.66 < 4.0
+        told.send(box(0.36))
+        assert until(lambda: made.speed() > 0.05)  # on, with the small one
+        assert made.stands(20.0)
+        assert 4.0 - 0.3 < made.base.truth().pose.x + 0.36 < 4.0
+        told.send(box(0.36, "odom"))
+        assert said(made, "it is in the frame 'odom', and an outline is in that of the base")
+        assert made.filter.latched
+
+
+def test_one_that_grows_into_a_wall_stops_it():
+    with stage(footprint="/footprint") as made:
+        told = made.theirs.publish("/footprint", POLYGON, LATCHED)
+        assert made.drives(0.4)
+        assert until(lambda: made.base.truth().pose.x > 3.2)
+        told.send(box(0.82))  # 2 cm into it
+        assert said(made, "the outline changes, and both count until it fits")
+        assert made.stands(5.0)
+        assert made.base.truth().pose.x + 0.36 < 3.8
+        assert not made.filter.latched
+        told.send(box(0.36))
+        assert made.drives(-0.2)

@@ -12,6 +12,7 @@ import pytest
 from rosbags.typesys.stores.ros2_jazzy import (
     geometry_msgs__msg__Twist as TwistMessage,
     geometry_msgs__msg__Vector3 as Vector3,
+    sensor_msgs__msg__Joy as Joy,
     sensor_msgs__msg__LaserScan as LaserScan,
     std_msgs__msg__String as String,
     tf2_msgs__msg__TFMessage as TFMessage,
@@ -19,9 +20,13 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm.core.errors import CohelmError
 from cohelm.record.markers import header
+from cohelm.robot.contacts import CliffModel, ContactModel
+from cohelm.ros.contact import Contacts, ContactTopic, said
 from cohelm.ros.foxglove import FoxgloveTransport
-from cohelm.ros.mismatch import SCAN, TF, TWIST
+from cohelm.ros.joy import JOY, JoyOperator, JoyParams
+from cohelm.ros.mismatch import RANGE, SCAN, TF, TWIST
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received
+from cohelm.ros.types import HAZARDS
 from tests.ros.stage import until
 from tests.ros.transports import TRANSPORTS
 
@@ -227,3 +232,29 @@ def test_who_leaves_is_gone_and_what_it_leaves_behind_hurts_nobody(kind):
         leaves.endpoints()
     again.close()
     stays.close()
+
+
+def test_joysticks_ranges_and_hazards_come_as_they_were_sent(pair):
+    """Of iRobot's type no distribution of ROS 2 knows anything."""
+    one, two = pair
+    touched = ContactModel(name="bow", mount_x_m=0.2, hazard="bump_left")
+    down = CliffModel(name="edge", mount_x_m=0.2, floor_m=0.04)
+    topics = (ContactTopic(touched, "/hazards", HAZARDS), ContactTopic(down, "/down", RANGE))
+    contacts = Contacts(two, topics, time.monotonic)
+    joy = JoyOperator(two, "/joy", JoyParams(1, 0, 2))
+    stick = Joy(header(5, "joy"), np.array([-0.25, 0.5], np.float32), np.ones(3, np.int32))
+    sends = [(one.publish("/joy", JOY, COMMAND), stick)] + [
+        (one.publish(topic, HAZARDS if topic == "/hazards" else RANGE, COMMAND), message)
+        for topic, message in said(topics, {"bow", "edge"}, header(5, "base_link"))
+    ]
+
+    def came() -> bool:
+        for out, message in sends:
+            out.send(message)
+        command = joy.heard().command
+        on = {known.sensor: known.on for known in contacts.read()}
+        steers = command is not None and command.stick == (0.5, -0.25)
+        return steers and on == {"bow": True, "edge": True}
+
+    assert until(came)
+    joy.close()

@@ -71,6 +71,21 @@ def robot(
             help="With --ros2: where the robot is told to be, while it stands; RViz: /initialpose.",
         ),
     ] = "",
+    joy: Annotated[
+        str,
+        typer.Option(
+            metavar="TOPIC",
+            help="With --ros2: the joystick (sensor_msgs/msg/Joy) on this topic steers.",
+        ),
+    ] = "",
+    joy_param: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE",
+            help="Of teleop_twist_joy: axis_linear.x=5, axis_angular.yaw=2, enable_button=5, "
+            "require_enable_button=true; also hold_to_run=false.",
+        ),
+    ] = None,
     twin: Annotated[
         bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
     ] = False,
@@ -122,6 +137,7 @@ def robot(
     from cohelm.drive.until_ended import drive_for_stations, drive_here
     from cohelm.link import keys
     from cohelm.loop.loop import LoopParams
+    from cohelm.ros.joy import joy_params
 
     asked = Asked(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
@@ -132,6 +148,11 @@ def robot(
             "with --listen the station says how to drive: leave out --mode, --dock, --arrive and "
             "--fast"
         )
+    if listen is not None and joy:
+        raise CohelmError("with --listen the sticks of stations steer: leave out --joy")
+    if joy_param and not joy:
+        raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
+    parameters = joy_params(joy_param or ())
     if dock and (mode or arrive):
         raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
     made = meant(asked)
@@ -145,9 +166,12 @@ def robot(
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
     if chosen_map is None and len(made.scenario.walls()) == 0:
         begins += "; neither --map nor walls to localise by: it trusts its odometry"
-    config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)
+    config = TopicsConfig(
+        map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters
+    )
     topics_too = on_topics(made, config, lambda text: say(plain(text)))
-    chosen = None if listen is not None else hands(made, mode)
+    usual = "shared" if joy and not dock else ""
+    chosen = None if listen is not None else hands(made, mode or usual)
     say(begins)
     if listen is not None and not keys.stations():
         say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
@@ -166,7 +190,10 @@ def robot(
         if chosen is None:
             summary = drive_for_stations(plan, listen or "", stop, seconds, beside, listens)
         else:
-            summary = drive_here(plan, *chosen, stop, seconds, arrive, beside, dock, begun)
+            how, hand = chosen
+            summary = drive_here(
+                plan, how, beside.joy or hand, stop, seconds, arrive, beside, dock, begun
+            )  # fmt: skip
     _told(made.scenario.name, summary, as_json)
 
 

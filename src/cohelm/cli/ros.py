@@ -73,6 +73,9 @@ def filter_(
         typer.Option(metavar="NAME=TOPIC", help="That of a bumper or cliff sensor, if not on "
                      "/bumper_NAME, /cliff_NAME or /hazard_detection."),
     ] = None,
+    footprint: Annotated[
+        str, typer.Option(metavar="TOPIC", help="The base's outline, where that changes.")
+    ] = "",
     odom: Annotated[str, typer.Option(metavar="TOPIC", help="The base's odometry.")] = "/odom",
     namespace: Annotated[
         str, typer.Option(metavar="/NAME", help="Of the robot's topics.")
@@ -135,7 +138,15 @@ def filter_(
 
     model = load_robot(robot)
     topics = Topics.named(
-        namespace, command, out, scan, odom, lock, further_scan or (), contact or ()
+        namespace,
+        command,
+        out,
+        scan,
+        odom,
+        lock,
+        further_scan or (),
+        contact or (),
+        footprint=footprint,
     )
     allowed = Allowed(
         stamped,

@@ -17,19 +17,21 @@ from cohelm.drive.rerouting import Rerouting, Wish, stands
 from cohelm.drive.session import Camera as Eye, Session, driver_of
 from cohelm.drive.shown import way
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Checked
+from cohelm.link.messages import Arming, Checked
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import gap_at
 from cohelm.ros.camera import Camera
 from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.goals import Goals, Placed
+from cohelm.ros.joy import JoyOperator, JoyParams
 from cohelm.ros.localized import MAP, NODE, Localized
+from cohelm.ros.names import resolved
 from cohelm.ros.robot import Ros2Make
 
 TOPICS = -1
 """Who wishes on a topic, where clients of the link have their numbers."""
-_FIRST = "first way"
+_FIRST, _JOY = "first way", "joy"
 
 
 class TopicsConfig(NamedTuple):
@@ -43,15 +45,23 @@ class TopicsConfig(NamedTuple):
     """Topics of goals or paths that become ways; without, none does."""
     initial: str = ""
     """Topic of initial poses; empty: none is heard."""
+    joy: str = ""
+    """Topic of the joystick that is the operator's stick; empty: none."""
+    joy_params: JoyParams = JoyParams()
+    """Which of its axes and buttons count."""
 
 
 class OnTopics:
     """Of one drive; `turn` is called between two periods and takes no time."""
 
     def __init__(
-        self, localized: Localized | None, goals: Goals | None, camera: Eye | None = None
-    ) -> None:
+        self, localized: Localized | None, goals: Goals | None, camera: Eye | None = None,
+        joy: JoyOperator | None = None,
+    ) -> None:  # fmt: skip
         """None: what there is not."""
+        self.joy = joy
+        """Who steers by a joystick on a topic."""
+        self._joy_armed = False
         self._localized, self._goals = localized, goals
         self.camera = camera
         self.blind = localized is not None and camera is None
@@ -66,6 +76,8 @@ class OnTopics:
     def begin(self, session: Session, jobs: Callable[..., SessionJobs] = SessionJobs) -> None:
         """Of a session that no station drives: ways are made here, and the robot stands until the
         first one comes. jobs: what works beside the loop."""
+        if self.joy is not None:
+            session.loop.pause(_JOY, f"waits for {self.joy.topic}, centred")
         if self._goals is None or not self._goals.ways:
             return
         robot = session.plan.robot
@@ -78,6 +90,8 @@ class OnTopics:
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
+        if self.joy is not None:
+            self._hold(loop, self.joy)
         seen, readings, pilot = loop.seen, loop.readings, loop.driver.pilot
         if seen is None or readings is None:
             return
@@ -118,6 +132,20 @@ class OnTopics:
             self._rerouting.close()
         if self._goals is not None:
             self._goals.close()
+
+    def _hold(self, loop: Loop, joy: JoyOperator) -> None:
+        """Until the joystick was seen once the robot stands; where it has to be held to run, also
+        later whenever it is not."""
+        self._joy_armed = self._joy_armed or loop.person.arming == Arming.ARMED
+        why = ""
+        if not self._joy_armed:
+            why = joy.problem() or f"waits for {joy.topic} to be centred"
+        elif joy.params.hold_to_run and not joy.held():
+            why = joy.problem() or f"the enable button of {joy.topic} is not held"
+        if why:
+            loop.pause(_JOY, why)
+        else:
+            loop.go_on(_JOY)
 
     def _place(self, loop: Loop, told: Placed) -> str:
         """Why it is not, or nothing."""
@@ -162,8 +190,8 @@ def on_topics(
     if not isinstance(make, Ros2Make):
         if config != TopicsConfig():
             raise CohelmError(
-                "--map-frame, --no-tf, --goals-from and --initial-pose-from are of a ROS 2 robot: "
-                "add --ros2"
+                "--map-frame, --no-tf, --goals-from, --initial-pose-from and --joy are of a ROS 2 "
+                "robot: add --ros2"
             )
         yield OnTopics(None, None)
         return
@@ -187,7 +215,12 @@ def on_topics(
         if found.camera is not None:
             clock = SimulatedClock.on(transport) if found.simulated else None
             camera = Camera(transport, found.camera, found.odom_clock, clock)
-        made = OnTopics(localized, goals, camera)
+        joy = None
+        if config.joy:
+            joy = JoyOperator(transport, resolved(config.joy, space), config.joy_params)
+            if unheard := joy.unheard():
+                say(unheard)
+        made = OnTopics(localized, goals, camera, joy)
         try:
             yield made
         finally:

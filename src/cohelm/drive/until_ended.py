@@ -19,11 +19,13 @@ from cohelm.loop.loop import Loop
 
 if TYPE_CHECKING:
     from cohelm.drive.on_topics import OnTopics
+    from cohelm.ros.joy import JoyOperator
 
 
 def drive_here(
-    plan: SessionConfig, mode: Mode, operator: Hands, stop: End, seconds: float | None = None,
-    arrive: bool = False, topics: OnTopics | None = None, dock: str = "",
+    plan: SessionConfig, mode: Mode, operator: Hands | JoyOperator, stop: End,
+    seconds: float | None = None, arrive: bool = False, topics: OnTopics | None = None,
+    dock: str = "",
     begun: Callable[[Session], AbstractContextManager[object]] = nullcontext,
 ) -> dict[str, Any]:  # fmt: skip
     """Drive, and say what became of it.

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
@@ -17,6 +18,7 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
 from cohelm.pilot.delay_compensation import moved_on, periods, stopping
 from cohelm.pilot.margin_inflation import SLOP, inflated_rules, noise
+from cohelm.robot.footprint import convex_outline
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable, checked_braking, checked_limits
 from cohelm.robot.model import RobotModel
@@ -150,6 +152,14 @@ class SafetyFilter:
         if not (math.isfinite(v) and math.isfinite(omega)):
             raise CohelmError("a twist that was sent must be finite: a robot can not do NaN")
         self._sent[(self._count[0] - 1) % len(self._sent), :2] = v, omega
+
+    def reshape(self, outline: ArrayLike) -> None:
+        """Another outline of the robot counts from the next call on. Where something is nearer to
+        it than the margin, or in it, the robot may only leave that: bring it to rest before.
+
+        outline: corners [x, y] in the body frame, convex [m]. Raises CohelmError for what is none.
+        """
+        self._outline = convex_outline(outline)
 
     def reset(self) -> None:
         """Forget what was sent, as when driving begins: the measured twist is believed at first."""

@@ -71,6 +71,26 @@ def convex_outline(corners: ArrayLike) -> Floats:
     )
 
 
+def hull(points: Floats) -> Floats:
+    """The smallest convex outline around points (p, 2), counter-clockwise [m]; they must not all
+    lie on a line."""
+    given = np.unique(points, axis=0)  # by x, then y
+    sides: list[list[Floats]] = []
+    for row in (given, given[::-1]):
+        side: list[Floats] = []
+        for point in row:
+            while len(side) > 1 and _left(side[-2], side[-1], point) <= 0.0:
+                side.pop()
+            side.append(point)
+        sides.append(side[:-1])
+    return convex_outline(np.array(sides[0] + sides[1]))
+
+
+def _left(a: Floats, b: Floats, c: Floats) -> float:
+    """Above 0 where c is to the left of the line from a to b."""
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
 _NOT_CORNERS = "an outline is a list of corners [[x, y], ...] in metres, x forward and y left"
 
 

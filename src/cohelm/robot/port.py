@@ -99,6 +99,10 @@ class Readings(NamedTuple):
     """Of each further LiDAR that has given one, the newest scan."""
     contacts: tuple[Contact, ...] = ()
     """Of each bumper and cliff sensor that has said anything, the newest."""
+    outline: Floats | None = None
+    """The robot's own, convex, counter-clockwise, (k, 2) in the body frame [m]; None: as its model
+    has it. Heeded by the collision monitor and `cohelm filter`; the loop's own filter and plans go
+    by the model's."""
 
     def of_lidar(self, name: str) -> Scan | None:
         """The newest scan of a further LiDAR."""

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
@@ -52,7 +53,11 @@ def described(
         "latency_s": min(max(latency, 0.0), 1.0), "mount_x_m": float(matrix[0, 3]),
         "mount_y_m": float(matrix[1, 3]), "mount_yaw_deg": math.degrees(math.atan2(y, x)),
     }  # fmt: skip
-    return LidarModel.model_validate(keys)  # as many beams as the cone needs
+    try:
+        return LidarModel.model_validate(keys)  # as many beams as the cone needs
+    except ValidationError as error:
+        fault = error.errors()[0]
+        raise CohelmError(f"{topic} tells of no range sensor: {fault['msg']}") from error
 
 
 class ConeRanges:

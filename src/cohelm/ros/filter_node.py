@@ -22,7 +22,7 @@ from cohelm.perceive.pipeline import Perception, Seen, rehearse
 from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
 from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
 from cohelm.robot.gate.modes import Mode, driving, latched
-from cohelm.robot.keep.gated_robot import Keeper, rules
+from cohelm.robot.keep.gated_robot import Keeper, rules, standing
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
 from cohelm.ros.clock import SimulatedClock
@@ -31,6 +31,7 @@ from cohelm.ros.look import Found
 from cohelm.ros.pacing import Pacing
 from cohelm.ros.port import Qos, Transport
 from cohelm.ros.report import Report, Row
+from cohelm.ros.reshaping import Shape
 
 WATCHDOG = 0.2
 """Without a sound proposal for so long the keeper brakes the base [s]."""
@@ -83,6 +84,7 @@ class FilterNode:
         ticks = found.odom_clock if clock is None else clock
         self._commands = Commands(transport, found.topics.command, params.timeout, ticks)
         self._report = Report(transport, found, say, clock)
+        self._shape = Shape(model.outline, self._filter.reshape)
         self._reset_asked = False
         transport.subscribe(
             self._report.topic("reset"), "std_msgs/msg/Empty", _ONCE, self._asked_to_reset
@@ -128,6 +130,8 @@ class FilterNode:
         wrong = self._watchdog.wrong(now, readings)
         wrong = wrong and (self._transport.lost() or wrong)
         seen = self._perception.take(now, readings)
+        self._shape.take(readings.outline)
+        self._report.outline = self._shape.outline
         result = self._filter(
             _NOWHERE if wrong or readings.scan is None else seen.odometry, seen.twist,
             nominal.twist, obstacles(seen), after if math.isfinite(after) else None,
@@ -141,8 +145,12 @@ class FilterNode:
         self._number += 1
         if math.isfinite(passed.out.v) and math.isfinite(passed.out.omega):
             self._filter.sent(passed.out)
+        stands = passed.out == _STILL and standing(seen.twist)
+        reshaping = self._shape.settle(result.verdict, stands)
         gate = keeper.gate
         kind, text = _reason(nominal, wrong, result, passed, gate)
+        if reshaping and kind in ("brakes", "monitor"):
+            kind, text = "footprint", f"{text}: the outline changes, and both count until it fits"
         row = Row(
             kind, text, nominal.twist, safe, passed.out, result.verdict, result.change,
             result.clearance, latched(gate.mode), _place(result, seen), *_ages(now, readings),

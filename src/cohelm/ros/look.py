@@ -58,6 +58,8 @@ class Topics(NamedTuple):
     """Of further LiDARs: name and topic. Of one that is not named here: /scan_NAME."""
     contacts: tuple[tuple[str, str], ...] = ()
     """The same of bumpers and cliff sensors: /bumper_NAME, /cliff_NAME, /hazard_detection."""
+    footprint: str = ""
+    """Of the robot's outline, where that changes; empty: none."""
     camera: str | None = None
     """Of pictures; empty: none; None: the only one there is."""
 
@@ -66,6 +68,7 @@ class Topics(NamedTuple):
         cls, namespace: str = "/", command: str = "/cmd_vel_nav", out: str = "/cmd_vel",
         scan: str = "/scan", odom: str = "/odom", lock: str = "/emergency_stop",
         further: Sequence[str] = (), contacts: Sequence[str] = (), camera: str | None = None,
+        footprint: str = "",
     ) -> Topics:  # fmt: skip
         """As somebody names them: in a namespace, if there is one, also those with a slash before
         them that are there by default. further: `NAME=TOPIC` for each further LiDAR whose topic is
@@ -82,6 +85,7 @@ class Topics(NamedTuple):
         return cls(
             *inside, namespace=space, further=_pairs(further, "a further LiDAR's scans", space),
             contacts=_pairs(contacts, "a bumper or cliff sensor", space), camera=camera,
+            footprint=resolved(footprint, space) if footprint else "",
         )  # fmt: skip
 
     def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
@@ -327,6 +331,10 @@ class _Heard:
             past = "" if allowed.bypass else mismatch.bypass(topics.out, seen)
             wrong += [one for one in (amiss, past) if one]
             notes.append(f"commands to the base: {topics.out}, {out_type}")
+        if topics.footprint:
+            told, amiss = mismatch.footprint(topics.footprint, seen)
+            wrong += [amiss] if amiss else []
+            notes.append(told)
         if topics.lock:
             locked, amiss = mismatch.lock(topics.lock, seen)
             wrong += [amiss] if amiss else []

@@ -10,6 +10,7 @@ CLOUD, RANGE = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Range"
 IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 TF = "tf2_msgs/msg/TFMessage"
 BOOL = "std_msgs/msg/Bool"
+POLYGON = "geometry_msgs/msg/PolygonStamped"
 _MOST_NAMED = 4
 
 
@@ -117,6 +118,20 @@ def lock(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
             f"move: name another topic with --lock, or none with --lock ''{_others(BOOL, seen)}"
         )
     return f"emergency stop: {topic}{_by(there)}", ""
+
+
+def footprint(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
+    """Who tells the robot's outline, in words, and why that is never heard, or nothing."""
+    there = [one for one in seen if one.publishes and one.topic == topic]
+    if not there:
+        return f"footprint: nobody publishes {topic} yet; that of the robot's file counts", ""
+    wrong = [one for one in there if one.type != POLYGON]
+    if wrong:
+        return "", (
+            f"{topic} is {wrong[0].type}{_by(wrong)}, and {POLYGON} is needed: name another topic "
+            f"with --footprint{_others(POLYGON, seen)}"
+        )
+    return f"footprint: {topic}{_by(there)}", ""
 
 
 def no_camera_info(topic: str, info: str, seen: list[Endpoint]) -> str:

@@ -25,10 +25,10 @@ period."""
 _LEVELS = {
     "": messages.OK, "command": messages.OK, "limits": messages.OK, "shaped": messages.WARN,
     "brakes": messages.WARN, "monitor": messages.WARN, "readings": messages.ERROR,
-    "gate": messages.ERROR,
+    "gate": messages.ERROR, "footprint": messages.WARN,
 }  # fmt: skip
 
-_WORDED = ("readings", "gate", "command")
+_WORDED = ("readings", "gate", "command", "footprint")
 """Kinds of reasons that are told again when their words change, and not their numbers alone."""
 
 
@@ -70,6 +70,8 @@ class Report:
         """say: hears each new reason, in a sentence. clock: whose time is told, by default the
         wall's."""
         self._found, self._say, self._clock = found, say, clock
+        self.outline = found.model.outline
+        """The robot's, as it counts now."""
         space = found.topics.namespace
         self._diagnostics = transport.publish(
             resolved("diagnostics", space), messages.DIAGNOSTICS, COMMAND._replace(depth=10)
@@ -96,7 +98,7 @@ class Report:
             found = self._found
             self._markers.send(
                 messages.markers(
-                    found.model.outline, found.body, found.odom, _LEVELS[self._kind], row.limiting
+                    self.outline, found.body, found.odom, _LEVELS[self._kind], row.limiting
                 )
             )
 

@@ -23,6 +23,7 @@ from cohelm.ros.cone import ConeRanges
 from cohelm.ros.connection import connection
 from cohelm.ros.contact import Contacts, contact_topics
 from cohelm.ros.depth import DepthRanges
+from cohelm.ros.footprint import ToldFootprint
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.look import Found, FoundLidar, Topics, kind_of, look
 from cohelm.ros.messages import command
@@ -74,6 +75,11 @@ class Ros2Robot(Robot):
             self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._hear_odometry)
             felt = contact_topics(model, topics.of_contacts(model))
             self._contacts = Contacts(self._transport, felt, self.now)
+            self._footprint = None
+            if topics.footprint:
+                self._footprint = ToldFootprint(
+                    self._transport, topics.footprint, found.body, model.reach
+                )
             for lidar, one in zip(model.lidars, found.lidars, strict=True):
                 hear = partial(self._hear_scan, lidar.name)
                 self._transport.subscribe(one.topic, kind_of(lidar), SENSOR, hear)
@@ -97,8 +103,10 @@ class Ros2Robot(Robot):
         first = seen.pop(next(iter(self._lidars)), None)
         further = tuple(scan for scan in seen.values() if scan is not None)
         measured = None if odometry is None else self._measured(odometry.message)
-        health = Health(self.now(), math.nan, self._interlock.faults())
-        return Readings(measured, first, None, health, further, self._contacts.read())
+        outline, wrong = (None, "") if self._footprint is None else self._footprint.read()
+        faults = (*self._interlock.faults(), *filter(None, (wrong,)))
+        health = Health(self.now(), math.nan, faults)
+        return Readings(measured, first, None, health, further, self._contacts.read(), outline)
 
     def send(self, twist: Twist) -> None:
         """To the base, as the type that it wants; after a while of standing, nothing."""

@@ -48,13 +48,9 @@ class FreeSpace:
         """within: ground farther than this beyond the turning circle can not matter yet [m].
         floor: only the floor that it sees counts, from where to where it looks for that, and what
         is unknown is not for crawling: there may be none."""
-        self._sensor, self._shape, self._floor = sensor, shape, floor
-        mount = sensor.mount
-        self._vouches = shape.reach + VOUCHED
-        self._error = -math.inf
-        if floor:
-            self._vouches, self._error = max(self._vouches, sensor.vouched), UNWATCHED
-        self._near = math.hypot(mount.x, mount.y) + shape.reach + within > _FAR
+        self._sensor, self._floor = sensor, floor
+        self._error = UNWATCHED if floor else -math.inf
+        self.reshape(shape, within)
         self._known: NDArray[np.bool_] = np.zeros(_FAR.shape, dtype=np.bool_)
         self._cell = (0, 0)
         self._at: Pose | None = None
@@ -64,6 +60,15 @@ class FreeSpace:
         self.cells: Ints | None = None
         """The cells of that, (n, 2), counted from the frame's origin; None before the first look.
         """
+
+    def reshape(self, shape: Outline, within: float) -> None:
+        """The robot has another outline from now on. within: as above."""
+        mount = self._sensor.mount
+        self._shape = shape
+        self._vouches = shape.reach + VOUCHED
+        if self._floor:
+            self._vouches = max(self._vouches, self._sensor.vouched)
+        self._near = math.hypot(mount.x, mount.y) + shape.reach + within > _FAR
 
     def forget(self) -> None:
         """All of it: as if it were switched on anew."""

@@ -28,6 +28,7 @@ from cohelm.robot.collision_monitor.surroundings import (
     joined,
 )  # fmt: skip
 from cohelm.robot.collision_monitor.sweep import (
+    around,
     contact_times,
     edge_distances,
     fastest,
@@ -99,18 +100,21 @@ class CollisionMonitor:
 
     def __init__(self, described: Described) -> None:
         self._robot, self._shape = described, outline(described.corners)
+        self._outline, self._free = self._shape.corners, False
+        """The outline that the robot said last; and whether the last motion was let through."""
         bounds = described.bounds
         top = Twist(min(bounds.speed, bounds.wheel_speed), 0.0)
         spin = Twist(0.0, min(bounds.yaw_rate, 2.0 * bounds.wheel_speed / bounds.track))
         known = [needed(twist, bounds) for twist in (top, spin) if math.isfinite(sum(twist))]
         stopping = max(known, default=0.0)
         self._runaway = Runaway(described.delay + stopping)
-        farthest = (top.v + spin.omega * self._shape.reach) * (stopping + described.delay)
+        self._stopping = stopping + described.delay
+        self._top = Twist(top.v, spin.omega)
         remembers = not any(
             all_round(sensor) and sensor.forgets == math.inf for sensor in described.sensors
         )
         self._sources = [
-            Source(sensor, i == 0, self._shape, farthest, remembers)
+            Source(sensor, i == 0, self._shape, self._farthest(), remembers)
             for i, sensor in enumerate(described.sensors)
         ]
         self._measured, self._commanded = PoseHistory(), PoseHistory()
@@ -128,9 +132,10 @@ class CollisionMonitor:
 
     def observe(self, now: float, readings: Readings, applied: Twist) -> Restriction:
         """Take in odometry and scan; a fault where the robot moves and nobody wants it to."""
+        self._heed(readings.outline, applied)
         self._reckon(now, applied)
         self._wrong = self._take(readings.odometry) or self._look(readings)
-        speed = max(fastest(twist, self._shape) for twist in self._motions())
+        speed = self._speed()
         if self._runaway.noticed(now, applied, speed):
             moves = f"the robot moves at {speed:.2f} m/s although it is told to stand"
             return Restriction(0.0, f"collision monitor: {moves}", fault=True)
@@ -138,6 +143,11 @@ class CollisionMonitor:
 
     def restrict(self, now: float, twist: Twist) -> Restriction:
         """So much of a twist as the room ahead allows, and of what the robot does already."""
+        found = self._restricted(now, twist)
+        self._free = found == UNRESTRICTED and twist != _NONE
+        return found
+
+    def _restricted(self, now: float, twist: Twist) -> Restriction:
         self._sent = now
         if twist == _NONE or not math.isfinite(twist.v + twist.omega):
             return UNRESTRICTED  # nothing to take from; the gate knows what to do with no number
@@ -156,6 +166,30 @@ class CollisionMonitor:
         if field.share > 0.0:
             return self._told(now, field.share, "slow", f"slower, {where}")
         return self._told(now, 0.0, "stop", f"{where} on the braking path")
+
+    def _farthest(self) -> float:
+        """What is farther beyond the turning circle can not matter [m]."""
+        return (self._top.v + self._top.omega * self._shape.reach) * self._stopping
+
+    def _heed(self, told: Floats | None, applied: Twist) -> None:
+        """Another outline, if the robot says one: at once, and the one before too, until a motion
+        is let through with both, or the robot stands."""
+        if told is not None and not np.array_equal(told, self._outline):
+            self._outline, self._free = told, False
+            self._become(around(np.vstack((self._shape.corners, told))))
+        elif self._shape.corners is not self._outline and (
+            self._free or (applied == _NONE and self._speed() <= CRAWL)
+        ):
+            self._become(self._outline)
+
+    def _become(self, corners: Floats) -> None:
+        self._shape = outline(corners)
+        for source in self._sources:
+            source.reshape(self._shape, self._farthest())
+
+    def _speed(self) -> float:
+        """Of the fastest point of the outline, as far as is measured [m/s]."""
+        return max(fastest(twist, self._shape) for twist in self._motions())
 
     def _things(self, when: float, twist: Twist) -> Surroundings:
         """What is near enough to matter to a twist, or to the one that was sent last: by odometry

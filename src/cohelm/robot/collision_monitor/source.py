@@ -45,8 +45,8 @@ class Source:
         self._sensor, self._first, self._shape = sensor, first, shape
         usual = MISSED / sensor.rate + sensor.sweep + sensor.latency
         self._patience = usual if math.isnan(sensor.timeout) else sensor.timeout
-        around = all_round(sensor)
-        self._near = 2.0 * shape.reach + (farthest if around else max(farthest, BESIDE))
+        self._around = all_round(sensor)
+        self._near = 0.0
         """Returns farther from the sensor than this can not matter [m]."""
         vouches = sensor.forgets == math.inf
         self.ground = FreeSpace(sensor, shape, farthest) if remembers and vouches else None
@@ -54,12 +54,21 @@ class Source:
         watches = sensor.floor_from > 0.0
         self.floor = FreeSpace(sensor, shape, farthest, floor=True) if watches else None
         """Which floor it has seen, if it watches that."""
+        self.reshape(shape, farthest)
         self._scan: Scan | None = None
         self._newest: Look | None = None
         self.by_odometry = NOTHING
         """Returns of the newest scan, in the frame of the odometry's poses, and remembered ones."""
         self.by_command = NOTHING
         """Those of the scan in the frame of the poses reckoned from what was sent."""
+
+    def reshape(self, shape: Outline, farthest: float) -> None:
+        """The robot has another outline from now on. farthest: as above."""
+        self._shape = shape
+        self._near = 2.0 * shape.reach + (farthest if self._around else max(farthest, BESIDE))
+        for space in (self.ground, self.floor):
+            if space is not None:
+                space.reshape(shape, farthest)
 
     def forget(self) -> None:
         """What odometry had placed: it began anew."""

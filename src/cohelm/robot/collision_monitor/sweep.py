@@ -61,6 +61,27 @@ def outline(corners: Floats) -> Outline:
     )  # fmt: skip
 
 
+def around(points: Floats) -> Floats:
+    """The smallest convex outline around points (p, 2), counter-clockwise [m]."""
+    x, y = points[int(points[:, 0].argmin())]
+    found, at = [(x, y)], points
+    while True:  # on to the point that has all others to its left
+        x, y = found[-1]
+        away = at - (x, y)
+        far = np.hypot(away[:, 0], away[:, 1])
+        others = np.flatnonzero(far > 1e-9)
+        best = others[0]
+        for i in others[1:]:
+            turn = away[best, 0] * away[i, 1] - away[best, 1] * away[i, 0]
+            if turn < -1e-12 or (turn <= 1e-12 and far[i] > far[best]):
+                best = i
+        x, y = at[best]
+        if math.hypot(x - found[0][0], y - found[0][1]) <= 1e-9 or len(found) > len(points):
+            made: Floats = np.array(found, dtype=np.float64)
+            return made
+        found.append((x, y))
+
+
 def fastest(twist: Twist, shape: Outline) -> float:
     """No point of the outline is faster than this [m/s]."""
     return abs(twist.v) + abs(twist.omega) * shape.reach

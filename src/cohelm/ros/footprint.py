@@ -1,0 +1,101 @@
+"""The robot's outline as it changes, from a topic (geometry_msgs/msg/PolygonStamped)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats
+from cohelm.robot.footprint import convex_outline
+from cohelm.ros.mismatch import POLYGON
+from cohelm.ros.port import LATCHED, SENSOR, Received, Transport
+
+_SAME = 0.001
+"""Corners that are nearer to each other are the same [m]."""
+_MOST = 32
+"""Corners."""
+_CHANGES, _WITHIN = 5, 5.0
+"""An outline that changes so often within so long is none that anybody could keep clear of [s]."""
+
+
+class ToldFootprint:
+    """The newest outline that was told, or what is wrong with it. Until one is, there is none."""
+
+    def __init__(self, transport: Transport, topic: str, body: str, reach: float) -> None:
+        """body: the frame of the base, in which an outline has to be. reach: of the outline in the
+        robot's file [m]; one that reaches more than twice as far is none."""
+        self._topic, self._body, self._reach = topic, body, reach
+        self._lock = threading.Lock()
+        self._newest: Floats | None = None
+        self._wrong = ""
+        self._changes: deque[float] = deque(maxlen=_CHANGES)
+        """When it last was another than before [s]."""
+        for qos in (SENSOR, LATCHED):  # said again and again, or once to all who come
+            transport.subscribe(topic, POLYGON, qos, self._hear)
+
+    def read(self) -> tuple[Floats | None, str]:
+        """The outline, (k, 2) [m], and why it can not be relied on; empty: it can."""
+        with self._lock:
+            return self._newest, self._wrong
+
+    def _hear(self, received: Received) -> None:
+        try:
+            if received.message is None:
+                raise CohelmError(f"it can not be read ({received.damage})")
+            made, wrong = self._outline(received.message), ""
+        except CohelmError as error:
+            made, wrong = None, f"{self._topic}: {error}"
+        now = time.monotonic()
+        with self._lock:
+            if made is not None and not _same(made, self._newest):
+                if self._newest is not None:
+                    self._changes.append(now)
+                self._newest = made
+            self._wrong = wrong or self._restless(now)
+
+    def _restless(self, now: float) -> str:
+        if len(self._changes) < _CHANGES or now - self._changes[0] > _WITHIN:
+            return ""
+        return (
+            f"{self._topic}: the outline changes with every message: publish it in the frame of "
+            "the base, and another one only when the robot has another shape"
+        )
+
+    def _outline(self, message: Any) -> Floats:
+        """Of a message. CohelmError for what is no outline of the robot's."""
+        frame = message.header.frame_id.lstrip("/")
+        if frame != self._body:
+            raise CohelmError(
+                f"it is in the frame {frame!r}, and an outline is in that of the base, "
+                f"{self._body!r}: publish it in that"
+            )
+        corners = [(float(one.x), float(one.y)) for one in message.polygon.points]
+        if len(corners) > _MOST:
+            raise CohelmError(f"an outline has at most {_MOST} corners, got {len(corners)}")
+        made = convex_outline(np.array(corners, dtype=np.float64).reshape(-1, 2))
+        edges = np.roll(made, -1, axis=0) - made
+        if not (edges[:, 1] * made[:, 0] > edges[:, 0] * made[:, 1]).all():
+            raise CohelmError(
+                "the outline does not contain the base's origin: give it in the frame of the base"
+            )
+        far = float(np.hypot(made[:, 0], made[:, 1]).max())
+        if far > 2.0 * self._reach:
+            raise CohelmError(
+                f"the outline reaches {far:.2f} m from the base, more than twice the "
+                f"{self._reach:.2f} m of the robot's file: mend either"
+            )
+        return made
+
+
+def _same(made: Floats, before: Floats | None) -> bool:
+    """Whether it is the outline that there was, wherever its corners begin."""
+    if before is None or made.shape != before.shape:
+        return False
+    off = np.abs(made[:, None] - before[None]).max(axis=2)
+    first = int(off[0].argmin())
+    return float(np.abs(made - np.roll(before, -first, axis=0)).max()) <= _SAME

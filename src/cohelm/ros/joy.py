@@ -1,0 +1,172 @@
+"""A joystick on a topic (sensor_msgs/msg/Joy) as the operator's stick, with the parameters of
+teleop_twist_joy."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
+from typing import Any, NamedTuple
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.link.messages import Command, Device
+from cohelm.link.operator_input import OperatorInput
+from cohelm.loop.operator import NullOperator
+from cohelm.loop.stick_arming import CENTRED
+from cohelm.ros import mismatch
+from cohelm.ros.port import SENSOR, Received, Transport
+
+JOY = "sensor_msgs/msg/Joy"
+STALE = 0.25
+"""Without a message for so long there is no stick [s]."""
+STUCK, STUCK_AT_THE_END = 3.0, 10.0
+"""Deflected, a hand trembles: without any change for so long nobody holds it [s]; at the end of its
+travel, for so long."""
+_WAITS = 2.0
+"""For the first message, before it is said that there is none [s]."""
+_MOST = 1.01
+"""Axes go from -1 to 1."""
+_NAMES = {
+    "axis_linear.x": "linear", "axis_angular.yaw": "angular", "enable_button": "enable",
+    "require_enable_button": "required", "hold_to_run": "hold_to_run",
+}  # fmt: skip
+
+
+class JoyParams(NamedTuple):
+    """Which axes and buttons count: by default those that teleop_twist_joy takes."""
+
+    linear: int = 5
+    """The axis for fore-aft, forward positive."""
+    angular: int = 2
+    """The axis for left-right, left positive."""
+    enable: int = 5
+    """The button..."""
+    required: bool = True
+    """... without which the stick counts as centred."""
+    hold_to_run: bool = False
+    """Whether the robot stands in every mode while that is not held."""
+
+
+def joy_params(pairs: Sequence[str]) -> JoyParams:
+    """From `axis_linear.x=1` and the like. CohelmError for what is none of them."""
+    made = JoyParams()
+    for pair in pairs:
+        key, _, value = pair.partition("=")
+        if key not in _NAMES:
+            near = get_close_matches(key, _NAMES, 1)
+            meant = f": did you mean {near[0]}?" if near else f"; there are {', '.join(_NAMES)}"
+            raise CohelmError(f"--joy-param {pair!r}: there is no parameter {key!r}{meant}")
+        name, low = _NAMES[key], value.strip().lower()
+        if isinstance(getattr(made, name), bool):
+            if low not in ("true", "false"):
+                raise CohelmError(f"--joy-param {pair!r}: give true or false")
+            made = made._replace(**{name: low == "true"})
+        elif low.isdecimal():
+            made = made._replace(**{name: int(low)})
+        else:
+            raise CohelmError(f"--joy-param {pair!r}: give the number of an axis or button, from 0")
+    return made
+
+
+class JoyOperator(NullOperator):
+    """Who holds the joystick. It chooses no mode and asks for nothing: it only steers."""
+
+    def __init__(
+        self, transport: Transport, topic: str, params: JoyParams,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        """clock: by which messages are stamped [s]."""
+        self.topic, self.params, self._clock = topic, params, clock
+        self._lock = threading.Lock()
+        self._came = self._changed = -math.inf
+        """When the newest message came, and when one differed from that before [s]."""
+        self._newest: tuple[tuple[float, ...], tuple[int, ...]] = ((), ())
+        """Axes and buttons."""
+        self._transport = transport
+        self._end = transport.subscribe(topic, JOY, SENSOR, self._hear)
+
+    def watches(self, clock: Callable[[], float]) -> None:
+        """It goes by the wall's time."""
+
+    def unheard(self) -> str:
+        """Why nothing is heard, in a sentence, after a while of waiting; empty: something is."""
+        end = time.monotonic() + _WAITS
+        while time.monotonic() < end:
+            if self._came > -math.inf:
+                return ""
+            time.sleep(0.02)
+        return mismatch.unheard(self.topic, JOY, SENSOR, "--joy", self._transport.endpoints())
+
+    def heard(self) -> OperatorInput:
+        """The stick, as it is now."""
+        age = self._clock() - self._came
+        if not 0.0 <= age <= STALE:
+            return OperatorInput(
+                1, self.topic, None, age if math.isfinite(age) else math.nan, 0.0, ()
+            )  # fmt: skip
+        said = self._read()
+        stick = CENTRED if isinstance(said, str) else said
+        valid = not isinstance(said, str)
+        command = Command(stick, valid, True, Device.GAMEPAD, 1.0, ())
+        return OperatorInput(1, self.topic, command, age, 0.0, ())
+
+    def problem(self) -> str:
+        """Why there is no stick, in a sentence; empty: there is one."""
+        age = self._clock() - self._came
+        if not 0.0 <= age <= STALE:
+            known = math.isfinite(age)
+            return f"{self.topic}: " + (f"silent for {age:.1f} s" if known else "nothing is heard")
+        said = self._read()
+        return f"{self.topic}: {said}" if isinstance(said, str) else ""
+
+    def held(self) -> bool:
+        """Whether there is a stick, and its button is held."""
+        with self._lock:
+            buttons = self._newest[1]
+        return not self.problem() and bool(buttons[self.params.enable])
+
+    def close(self) -> None:
+        """Hear no more."""
+        self._end()
+
+    def _read(self) -> Stick | str:
+        """Its deflection, or why there is none."""
+        with self._lock:
+            (axes, buttons), changed = self._newest, self._changed
+        params = self.params
+        if max(params.linear, params.angular) >= len(axes):
+            key, value = max(("axis_linear.x", params.linear), ("axis_angular.yaw", params.angular),
+                             key=lambda pair: pair[1])  # fmt: skip
+            return f"it has {len(axes)} axes, and {key} is {value}: choose it with --joy-param"
+        needed = params.required or params.hold_to_run
+        if needed and params.enable >= len(buttons):
+            return (
+                f"it has {len(buttons)} buttons, and enable_button is {params.enable}: choose it "
+                "with --joy-param"
+            )
+        x, psi = axes[params.linear], axes[params.angular]
+        if not (abs(x) <= _MOST and abs(psi) <= _MOST):  # nor for NaN
+            return f"its axes are {x:g} and {psi:g}, and go from -1 to 1: mend its driver"
+        if needed and not buttons[params.enable]:
+            return CENTRED
+        most = max(abs(x), abs(psi))
+        patience = STUCK_AT_THE_END if most >= 0.99 else STUCK
+        if most > 0.1 and self._clock() - changed > patience:
+            return f"it is deflected, and nothing of it has changed for {patience:g} s"
+        return Stick(min(max(x, -1.0), 1.0), min(max(psi, -1.0), 1.0))
+
+    def _hear(self, received: Received) -> None:
+        message: Any = received.message
+        if message is None:
+            return
+        newest = (
+            tuple(float(value) for value in message.axes),
+            tuple(int(value) for value in message.buttons),
+        )
+        with self._lock:
+            self._came = self._clock()
+            if newest != self._newest:
+                self._newest, self._changed = newest, self._came

@@ -1,0 +1,156 @@
+"""A joystick on a topic: teleop_twist_joy's axes and buttons, and when there is no stick."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick
+from cohelm.ros.joy import JoyOperator, JoyParams, joy_params
+from cohelm.ros.port import Received
+
+CENTRED = Stick(0.0, 0.0)
+
+
+class Topic:
+    """A joystick in a test's hands, and the wall's time."""
+
+    def __init__(self, **params):
+        self.now = 10.0
+        self.operator = JoyOperator(self, "/joy", JoyParams()._replace(**params), lambda: self.now)
+
+    def subscribe(self, topic, kind, qos, heard):
+        self._heard = heard
+        return lambda: None
+
+    def endpoints(self):
+        return []
+
+    def say(self, x=0.0, psi=0.0, held=True, axes=6, buttons=8):
+        given = [0.0] * axes
+        if axes > 5:
+            given[5], given[2] = x, psi
+        pressed = [0] * buttons
+        if buttons > 5:
+            pressed[5] = int(held)
+        self._heard(Received(SimpleNamespace(axes=given, buttons=pressed), self.now))
+
+    @property
+    def stick(self):
+        heard = self.operator.heard()
+        return heard.command.stick if heard.command and heard.command.valid else None
+
+
+def test_its_axes_are_those_of_teleop_twist_joy():
+    joy = Topic()
+    joy.say(0.5, -0.25)
+    assert joy.stick == Stick(0.5, -0.25)
+    joy.say(1.005, -1.0)
+    assert joy.stick == Stick(1.0, -1.0)
+    assert joy.operator.problem() == ""
+
+
+def test_without_its_button_it_is_centred_and_not_gone():
+    joy = Topic()
+    joy.say(0.5, 0.5, held=False)
+    assert joy.stick == CENTRED
+    assert not joy.operator.held()
+    joy.say(0.5, 0.5)
+    assert joy.stick == Stick(0.5, 0.5)
+    assert joy.operator.held()
+    free = Topic(required=False)
+    free.say(0.5, 0.5, held=False, buttons=0)
+    assert free.stick == Stick(0.5, 0.5)
+
+
+def test_silent_it_is_no_centred_stick_but_none():
+    joy = Topic()
+    nobody = joy.operator.heard()
+    assert nobody.command is None
+    assert math.isnan(nobody.age)
+    assert joy.operator.problem() == "/joy: nothing is heard"
+    joy.say(0.5)
+    joy.now += 0.25
+    assert joy.stick is not None
+    joy.now += 0.05
+    heard = joy.operator.heard()
+    assert (heard.driver, heard.command) == (1, None)
+    assert heard.age == pytest.approx(0.3)
+    assert joy.operator.problem() == "/joy: silent for 0.3 s"
+    assert not joy.operator.held()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"axes": 5}, "it has 5 axes, and axis_linear.x is 5: choose it with --joy-param"),
+        ({"axes": 0}, "it has 0 axes"),
+        ({"buttons": 5}, "it has 5 buttons, and enable_button is 5"),
+        ({"x": math.nan}, "its axes are nan and 0, and go from -1 to 1"),
+        ({"psi": math.inf}, "its axes are 0 and inf"),
+        ({"x": 32767.0}, "its axes are 32767 and 0, and go from -1 to 1: mend its driver"),
+    ],
+)
+def test_what_is_no_stick_is_one_sentence_and_none_that_steers(wrong, said):
+    joy = Topic()
+    joy.say(**wrong)
+    assert joy.stick is None
+    assert joy.operator.problem().startswith(f"/joy: {said}")
+    assert not joy.operator.held()
+
+
+@pytest.mark.parametrize(("x", "patience"), [(0.5, 3.0), (1.0, 10.0)])
+def test_a_deflection_that_nothing_changes_is_of_no_hand(x, patience):
+    joy = Topic()
+    for k in range(round(patience / 0.05)):
+        joy.say(x)
+        assert joy.stick == Stick(x, 0.0), k
+        joy.now += 0.05
+    joy.now += 0.05
+    joy.say(x)
+    assert joy.stick is None
+    assert "nothing of it has changed" in joy.operator.problem()
+    joy.say(x + 0.001 if x < 1 else 0.9)
+    assert joy.stick is not None
+    for _ in range(400):  # centred it may rest
+        joy.say(0.0)
+        joy.now += 0.05
+    assert joy.operator.problem() == ""
+
+
+def test_bytes_that_are_no_message_are_none():
+    joy = Topic()
+    joy._heard(Received(None, 0.0, "3 bytes are no sensor_msgs/msg/Joy"))
+    assert joy.stick is None
+
+
+def test_parameters_are_those_of_teleop_twist_joy():
+    given = ["axis_linear.x=1", "axis_angular.yaw=0", "enable_button=4", "hold_to_run=true"]
+    assert joy_params(given) == JoyParams(1, 0, 4, True, True)
+    assert joy_params(["require_enable_button=False"]).required is False
+    assert joy_params([]) == JoyParams(5, 2, 5, True, False)
+
+
+@pytest.mark.parametrize(
+    ("pair", "said"),
+    [
+        ("axis_linear=1", "no parameter 'axis_linear': did you mean axis_linear.x"),
+        ("turbo", "there is no parameter 'turbo'; there are axis_linear.x"),
+        ("enable_button=-1", "give the number of an axis or button"),
+        ("enable_button=", "give the number"),
+        ("axis_linear.x=left", "give the number"),
+        ("hold_to_run=1", "give true or false"),
+    ],
+)
+def test_a_parameter_that_is_none_is_refused(pair, said):
+    with pytest.raises(CohelmError, match=said):
+        joy_params([pair])
+
+
+def test_a_joystick_that_nobody_publishes_is_told_of(monkeypatch):
+    monkeypatch.setattr("cohelm.ros.joy._WAITS", 0.05)
+    assert Topic().operator.unheard().startswith("nobody publishes /joy: start its driver, or")
+    joy = Topic()
+    joy.say()
+    assert joy.operator.unheard() == ""
