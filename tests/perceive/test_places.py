@@ -10,6 +10,7 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize.localization_map import judge, known
+from cohelm.perceive.localize.localizer import Locator, _Hypothesis
 from cohelm.perceive.pipeline import Perception
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario import load
@@ -367,3 +368,22 @@ def test_where_the_map_draws_a_wall_that_is_gone_the_robot_may_be():
         assert seen.lost or off < 0.2
     assert seen is not None
     assert not seen.lost
+
+
+def test_a_pose_is_given_up_for_the_same_place_found_twice_not_for_two():
+    """Where the map is wrong, some place of the whole map fits better each time; only one that
+    the robot has gone on with, too, may be where it is."""
+
+    def held(*places):
+        locator = Locator(known(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
+        poor = locator._judge(locator.located.pose, np.full(LIDAR.beams, 1.0))
+        locator._checked = -20.0
+        kept = []
+        for pose in places:
+            found = _Hypothesis(pose, np.eye(3), 0.0, -5.0, poor)
+            locator._hypotheses = [found]
+            kept.append(locator._holds_on_the_map())
+        return kept
+
+    assert held(Pose(10.0, 0.0, 0.0), Pose(17.0, 0.0, 0.0), Pose(10.0, 0.0, 0.0)) == [True] * 3
+    assert held(Pose(10.0, 0.0, 0.0), Pose(10.1, 0.0, 0.0)) == [True, False]

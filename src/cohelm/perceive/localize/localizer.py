@@ -76,7 +76,7 @@ class Caution(NamedTuple):
     unheld: float = 5.0
     """before it has been so for this way [m]: then the whole map is searched for a better place,"""
     elsewhere: int = 2
-    """and that one must be better in so many searches in a row."""
+    """and the same one must be better in so many searches in a row."""
     poor: float = 0.25
     """Where less than this share of what is unblocked fits, there is no map to speak of: then no
     search is needed to be lost, and none is enough to be found."""
@@ -260,7 +260,8 @@ class Locator:
         self._odds = 0.0  # log odds that the robot is where it left off, since it is lost
         self._left_joint: Floats = np.empty((0, 0))  # and how sure that place is
         self._checked = 0.0  # log likelihood of the believed pose by the scan it is checked with
-        self._elsewhere = 0  # searches of the whole map that found a better place
+        self._elsewhere = 0  # searches of the whole map that found the same better place,
+        self._other: Pose | None = None  # where the robot would be by now, had it been there
         pose = self.start or Pose(0.0, 0.0, 0.0)
         lost = self.start is None
         wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
@@ -290,6 +291,7 @@ class Locator:
         step = self._wheels.corrected(step)
         self._base = compose(self._base, step)
         self._before = compose(self._before, step) if self._before else None
+        self._other = compose(self._other, step) if self._other else None
         if self._left:
             self._left, self._left_joint = moved(self._left, self._left_joint, step)
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
@@ -520,6 +522,7 @@ class Locator:
         self._left, self._odds = None, 0.0
         self._fitting, self._unheld = self.caution.proven if proven else 0.0, 0.0
         self._rivals = self._elsewhere = 0
+        self._other = None
         self.located = Located(pose, covariance, share, False, "")
 
     def _follow(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
@@ -763,7 +766,7 @@ class Locator:
         c = self.caution
         self._checking = False
         if self._everywhere:
-            return self._holds_on_the_map(best)
+            return self._holds_on_the_map()
         if self._shaken and self._hypotheses:
             best = max(self._hypotheses, key=lambda h: h.latest + self._gained(h.pose))
         if best is not None and not _same(best.pose, self.located.pose):
@@ -786,17 +789,22 @@ class Locator:
         self._hypotheses, self._before = [], None
         return True
 
-    def _holds_on_the_map(self, best: _Hypothesis | None) -> bool:
+    def _holds_on_the_map(self) -> bool:
         """Whether no place of the whole map fits better, now that this one has not for a while.
 
-        Where the map is as wrong everywhere else, it is the map that is wrong.
+        Where the map is as wrong everywhere else, it is the map that is wrong; and where another
+        place fits better each time, too: the robot would have gone on with the right one.
         """
-        c = self.caution
-        better = best is not None and best.latest > self._checked + c.margin
-        if better and best is not None and not _same(best.pose, self.located.pose):
+        c, other = self.caution, self._other
+        better = [
+            h for h in self._hypotheses
+            if h.latest > self._checked + c.margin and not _same(h.pose, self.located.pose)
+        ]  # fmt: skip
+        if other and any(_same(h.pose, other) for h in better):
             self._elsewhere += 1
         else:
-            self._elsewhere = 0
+            self._elsewhere = 1 if better else 0
+            self._other = max(better, key=lambda h: h.latest).pose if better else None
         if self._elsewhere < c.elsewhere:
             self._unheld = c.unheld - 1.0 if self._elsewhere else 0.0
             self._hypotheses, self._before = [], None
