@@ -75,7 +75,7 @@ def drive(
             if d is not None:
                 pilot = loop.driver.pilot
                 asked = pilot is not None and pilot.course.row == 0 and d.behavior == FOLLOWING
-                free = float(asked and d.gap > FREE and d.verdict == UNTOUCHED)
+                free = float(asked and d.clearance_seen > FREE and d.verdict == UNTOUCHED)
                 turned = wrap(seen.pose.psi - truth.pose.psi)
                 row = (now, *truth.pose[:2], d.x_d, d.y_d, free, off, turned, float(seen.lost))
                 rows.append(row)

@@ -10,7 +10,9 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize.localization_map import judge, known
+from cohelm.perceive.localize.localizer import Locator, _Hypothesis
 from cohelm.perceive.pipeline import Perception
+from cohelm.robot.sensors import LidarModel
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
 from cohelm.sim.lidar import scan as cast
@@ -287,16 +289,17 @@ def test_boxes_on_no_map_where_it_begins_send_it_to_no_place_that_looks_alike(st
     assert rows[rows[:, 1] == 0.0, 0].max() < 0.2
 
 
-def standing_without_a_third(start, steps):
+def standing_without_a_third(start, steps, seed=4, lidar=LIDAR, beside=0.0):
     """What a robot that stands in the dotted corridor is told, and what it reads there where a
-    third of the walls is gone."""
-    occupied, free, cell, origin = dotted(4, length=60.0)
-    here = Pose(start, 0.0, 0.0)
+    third of the walls is gone. beside: from the middle of the corridor [m]."""
+    occupied, free, cell, origin = dotted(seed, length=60.0)
+    here = Pose(start, beside, 0.0)
     moments = drive(
         [here] * (steps + 1), [Twist(0.0, 0.0)] * steps, 6, NO_DISCS, NO_WALLS,
-        grid=grid(gone(occupied, 0.35, 6), cell, origin),
+        grid=grid(gone(occupied, 0.35, seed + 2), cell, origin), model=lidar,
     )  # fmt: skip
-    return Perception(SALLY, known(occupied, free, cell, origin), here), moments
+    robot = SALLY.model_copy(update={"lidar": lidar})
+    return Perception(robot, known(occupied, free, cell, origin), here), moments
 
 
 @pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0], 2))
@@ -332,3 +335,55 @@ def test_who_steps_past_where_a_third_of_the_walls_is_gone_does_not_make_it_lost
         assert seen.lost or off < 0.2
     assert seen is not None
     assert not seen.lost
+
+
+def test_what_a_search_has_found_is_kept_until_all_of_the_map_was_searched():
+    """With a LiDAR of 3.5 m that sees a wall in half of its beams at most: the place where it was
+    switched on, found first, was dropped while the search went on, and a look-alike was left.
+
+    Found on a published map. Of sixteen starts in such corridors this one needs all of the cure:
+    where odometry leads is matched by how well that is known, too, not only half a metre around.
+    """
+    short = LidarModel(
+        beams=360, field_of_view_deg=360.0, range_max_m=3.5, rate_hz=5.0, noise_m=0.02
+    )
+    perception, moments = standing_without_a_third(50.0, 180, 5, short)
+    seen = None
+    for moment in moments:
+        seen = perception.take(moment.now, moment.readings)
+        off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+        assert seen.lost or off < 0.2
+    assert seen is not None
+    assert not seen.lost
+
+
+def test_where_the_map_draws_a_wall_that_is_gone_the_robot_may_be():
+    """It stood there, lost for good, for the map shows no free ground there; of six such places
+    one in which it was."""
+    perception, moments = standing_without_a_third(6.1, 150, beside=0.925)
+    seen = None
+    for moment in moments:
+        seen = perception.take(moment.now, moment.readings)
+        off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+        assert seen.lost or off < 0.2
+    assert seen is not None
+    assert not seen.lost
+
+
+def test_a_pose_is_given_up_for_the_same_place_found_twice_not_for_two():
+    """Where the map is wrong, some place of the whole map fits better each time; only one that
+    the robot has gone on with, too, may be where it is."""
+
+    def held(*places):
+        locator = Locator(known(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
+        poor = locator._judge(locator.located.pose, np.full(LIDAR.beams, 1.0))
+        locator._checked = -20.0
+        kept = []
+        for pose in places:
+            found = _Hypothesis(pose, np.eye(3), 0.0, -5.0, poor)
+            locator._hypotheses = [found]
+            kept.append(locator._holds_on_the_map())
+        return kept
+
+    assert held(Pose(10.0, 0.0, 0.0), Pose(17.0, 0.0, 0.0), Pose(10.0, 0.0, 0.0)) == [True] * 3
+    assert held(Pose(10.0, 0.0, 0.0), Pose(10.1, 0.0, 0.0)) == [True, False]

@@ -76,7 +76,7 @@ class Caution(NamedTuple):
     unheld: float = 5.0
     """before it has been so for this way [m]: then the whole map is searched for a better place,"""
     elsewhere: int = 2
-    """and that one must be better in so many searches in a row."""
+    """and the same one must be better in so many searches in a row."""
     poor: float = 0.25
     """Where less than this share of what is unblocked fits, there is no map to speak of: then no
     search is needed to be lost, and none is enough to be found."""
@@ -212,7 +212,7 @@ class Locator:
         self._odometry: Pose | None = None
         self._doubts = 0
         self._search: Search | None = None
-        self._found: list[Pose] = []
+        self._found: list[tuple[Pose, Floats | None]] = []
         self._base = Pose(0.0, 0.0, 0.0)  # odometry pose of the sweep that is searched with
         self._searched: tuple[Floats, Floats, Floats] | None = None
         self._hypotheses: list[_Hypothesis] = []
@@ -260,7 +260,8 @@ class Locator:
         self._odds = 0.0  # log odds that the robot is where it left off, since it is lost
         self._left_joint: Floats = np.empty((0, 0))  # and how sure that place is
         self._checked = 0.0  # log likelihood of the believed pose by the scan it is checked with
-        self._elsewhere = 0  # searches of the whole map that found a better place
+        self._elsewhere = 0  # searches of the whole map that found the same better place,
+        self._other: Pose | None = None  # where the robot would be by now, had it been there
         pose = self.start or Pose(0.0, 0.0, 0.0)
         lost = self.start is None
         wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
@@ -290,6 +291,7 @@ class Locator:
         step = self._wheels.corrected(step)
         self._base = compose(self._base, step)
         self._before = compose(self._before, step) if self._before else None
+        self._other = compose(self._other, step) if self._other else None
         if self._left:
             self._left, self._left_joint = moved(self._left, self._left_joint, step)
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
@@ -320,11 +322,11 @@ class Locator:
                 most = c.everywhere if self._everywhere else c.hypotheses
                 found = candidates(self._search, most)
                 self._full = len(found) == most
-                self._found += found
+                self._found += [(pose, None) for pose in found]
                 self._search = None
             return self.located
-        for pose in self._found[:4]:
-            self._tried.append(self._consider(pose, points, across, ranges))
+        for pose, prior in self._found[:4]:
+            self._tried.append(self._consider(pose, prior, points, across, ranges))
         self._found = self._found[4:]
         if not self._found:
             self._searched, self._answered, self._waited = None, True, 0
@@ -376,6 +378,16 @@ class Locator:
             self._there = compose(self.located.pose, moved_by)
             self._jolts = self._aged = 0
 
+    def _refuted(self, pose: Pose) -> bool:
+        """Whether the newest scan contradicts what was seen before the alarm, at a pose; nobody
+        knows where that is not known. What does not was not moved: it is the map that is wrong.
+        """
+        if self._witness is None:
+            return True
+        key, there = self._witness
+        log = agreement(self.lidar, key.ranges, self._ranges, between(there, pose))
+        return log < self.caution.contradicted
+
     @property
     def _movable(self) -> bool:
         """Whether the robot may have been moved, or has not yet shown that it knows its place."""
@@ -411,7 +423,9 @@ class Locator:
         self._fitting = self._fitting + way if fits else self._fitting
         self._unheld = 0.0 if fits else self._unheld + way
         astray = self._unheld > c.unheld
-        doubtful = movable or (astray and not self._fair(judged, c.poor))
+        doubtful = astray and not self._fair(judged, c.poor)
+        if movable and not fits:
+            doubtful = self._fitting < c.proven or self._refuted(fit.pose)
         self._doubts = self._doubts + 1 if not fits and doubtful else 0
         innovation = np.array([
             fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi),
@@ -431,7 +445,7 @@ class Locator:
             self._joint = self._told_joint = joint
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
             self._seek(points, across, sweep)
-            self._found += [fit.pose] if jumped and self._searched else []
+            self._found += [(fit.pose, None)] if jumped and self._searched else []
             return
         if not movable and off > c.refused:
             self._joint, self._told_joint = joint, told
@@ -508,6 +522,7 @@ class Locator:
         self._left, self._odds = None, 0.0
         self._fitting, self._unheld = self.caution.proven if proven else 0.0, 0.0
         self._rivals = self._elsewhere = 0
+        self._other = None
         self.located = Located(pose, covariance, share, False, "")
 
     def _follow(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
@@ -576,8 +591,12 @@ class Locator:
         all_ = [sweep.points, *(shifted(v.back, v.points, True) for v in self._earlier)]
         self._search = search(np.vstack(all_), places)
         # where it is taken to be competes with all others
-        self._found = [] if self._cold else [self.located.pose]
-        self._found += [p for p in (self._left, self._before) if p is not None]
+        own = [] if self._cold else [self.located.pose]
+        own += [p for p in (self._left, self._before) if p is not None]
+        self._found = [(pose, None) for pose in own]
+        if own:  # where odometry leads is not looked for half a metre beside
+            joint = self._left_joint if self._left else self._joint
+            self._found += [(self._left or self.located.pose, inverted(joint[:3, :3]))]
         self._searched = (points, across, sweep.ranges)
         self._tried = []
         if self._cold and not self._complete:  # some that can be are not followed: anew
@@ -589,11 +608,15 @@ class Locator:
             self._views, self._weight = 0, 0.0
             self._past, self._seen = [], sweep.ranges
 
-    def _consider(self, guess: Pose, points: Floats, across: Floats, ranges: Floats) -> float:
-        """Match a candidate, and keep it as a hypothesis where it fits. How likely it is."""
-        loose = np.diag([1.0, 1.0, 4.0])
-        wide = self.care._replace(reach=0.6, rounds=30)
-        fit = align(self.known.surfaces, points, across, guess, loose, wide)
+    def _consider(
+        self, guess: Pose, prior: Floats | None, points: Floats, across: Floats, ranges: Floats
+    ) -> float:  # fmt: skip
+        """Match a candidate, and keep it as a hypothesis where it fits. prior: (3, 3), how well it
+        is known, as information; None: hardly. How likely it is."""
+        care = self.care
+        if prior is None:
+            prior, care = np.diag([1.0, 1.0, 4.0]), care._replace(reach=0.6, rounds=30)
+        fit = align(self.known.surfaces, points, across, guess, prior, care)
         judged = self._judge(fit.pose, ranges)
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):
             return -1e3
@@ -647,7 +670,8 @@ class Locator:
         unsure = self._cold or not self._all
         least = self.caution.fair if unsure else self.caution.poor
         if best is None or not self._fair(best.judged, least):
-            self._hypotheses = []
+            if self._searched is None:  # else what a search has found so far is kept for its end
+                self._hypotheses = []
             why = "no place on the map looks like what the LiDAR sees"
             self.located = self.located._replace(lost=True, reason=why)
             return
@@ -678,7 +702,7 @@ class Locator:
             not self._fair(best.judged, c.poor if poor else c.good)
             or best.judged.agree < (c.whole if far else c.poor if poor else c.seen)
             or (best.judged.log < c.least and not stayed and (strange or lead < 3.0 * c.margin))
-            or best.judged.told < 0.5 * len(self.lidar.beams)
+            or (best.judged.told < 0.5 * len(self.lidar.beams) and not stayed)
         ):
             why = "too much of what the LiDAR sees is not on the map"
         elif sigma > c.sure and best is not back:
@@ -694,10 +718,10 @@ class Locator:
         wrong. more: that is asked of a new one."""
         left = self._left
         here = left is not None and math.hypot(left.x - pose.x, left.y - pose.y) < 0.5
+        if here and judged.agree > self.caution.poor:
+            return True  # a wall that is gone may be driven through
         fits = judged.agree > 0.35 + more and judged.through < 0.4 - more
-        return (fits or (here and judged.agree > self.caution.poor)) and free_at(
-            self.known, pose.x, pose.y
-        )
+        return fits and free_at(self.known, pose.x, pose.y)
 
     def _strayed(self, one: _Hypothesis) -> float:
         """How far it is from where the robot would be had nobody moved it, as squared sigmas."""
@@ -742,7 +766,7 @@ class Locator:
         c = self.caution
         self._checking = False
         if self._everywhere:
-            return self._holds_on_the_map(best)
+            return self._holds_on_the_map()
         if self._shaken and self._hypotheses:
             best = max(self._hypotheses, key=lambda h: h.latest + self._gained(h.pose))
         if best is not None and not _same(best.pose, self.located.pose):
@@ -765,17 +789,22 @@ class Locator:
         self._hypotheses, self._before = [], None
         return True
 
-    def _holds_on_the_map(self, best: _Hypothesis | None) -> bool:
+    def _holds_on_the_map(self) -> bool:
         """Whether no place of the whole map fits better, now that this one has not for a while.
 
-        Where the map is as wrong everywhere else, it is the map that is wrong.
+        Where the map is as wrong everywhere else, it is the map that is wrong; and where another
+        place fits better each time, too: the robot would have gone on with the right one.
         """
-        c = self.caution
-        better = best is not None and best.latest > self._checked + c.margin
-        if better and best is not None and not _same(best.pose, self.located.pose):
+        c, other = self.caution, self._other
+        better = [
+            h for h in self._hypotheses
+            if h.latest > self._checked + c.margin and not _same(h.pose, self.located.pose)
+        ]  # fmt: skip
+        if other and any(_same(h.pose, other) for h in better):
             self._elsewhere += 1
         else:
-            self._elsewhere = 0
+            self._elsewhere = 1 if better else 0
+            self._other = max(better, key=lambda h: h.latest).pose if better else None
         if self._elsewhere < c.elsewhere:
             self._unheld = c.unheld - 1.0 if self._elsewhere else 0.0
             self._hypotheses, self._before = [], None
