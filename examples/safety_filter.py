@@ -11,10 +11,7 @@ import cohelm
 
 PERIOD = 0.05  # 20 Hz [s]
 FOOTPRINT = [[0.5, 0.3], [-0.2, 0.3], [-0.2, -0.3], [0.5, -0.3]]  # around the wheel axle [m]
-LIMITS = cohelm.Limits(
-    speed=1.5, acceleration=1.0, yaw_rate=1.5, yaw_acceleration=3.0,
-    wheel_speed=math.inf, wheel_acceleration=math.inf, track=0.5,
-)  # fmt: skip
+LIMITS = cohelm.Limits(speed=1.5, acceleration=1.0, yaw_rate=1.5, yaw_acceleration=3.0)
 CART = cohelm.RobotModel.of("cart", FOOTPRINT, LIMITS, delay=0.08)
 WALL = 4.0  # x of a wall that goes on to both sides [m]
 

@@ -211,3 +211,18 @@ def test_a_robots_file_is_driven_from_the_browser_where_the_scenario_says(cohelm
     refused(said, "cart.yaml:5: wheel_radius_m: must be > 0")
     (tmp_path / "cart.yaml").write_text(ROBOT)
     refused(cohelm("drive", "cart.yaml", "--scenario", "lab-gard"), "did you mean lab-guard?")
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (("--map", "no.yaml"), "no.yaml"),
+        (("--keep-out", "no.yaml"), "no.yaml"),
+        (("--speed-zones", "no.yaml"), "no.yaml"),
+        (("--set", "robot=nobody"), "no robot is called 'nobody'"),
+        (("--topic", "scan=/front"), "add --ros2"),
+        (("--url", "ws://robot:8765"), "add --ros2"),
+    ],
+)
+def test_what_a_drive_can_not_use_is_told_before_anything_starts(cohelm, options, why):
+    refused(cohelm("drive", "lab-guard", *options), why)

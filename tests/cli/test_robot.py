@@ -42,7 +42,7 @@ def test_a_paired_station_hears_a_robot_that_listens(tmp_path, monkeypatch):
 def test_a_station_says_how_to_drive_or_the_command_line_does(cohelm):
     said = cohelm("robot", "--listen", "127.0.0.1", "--arrive")
     assert said.code == 2
-    assert "leave out --mode, --arrive and --fast" in said.err
+    assert "leave out --mode, --dock, --arrive and --fast" in said.err
 
 
 def test_a_mode_that_there_is_not_starts_nothing(cohelm):

@@ -27,6 +27,7 @@ from cohelm.robot.port import Health
 from tests.drive.faults import CORRIDOR
 from tests.drive.simulated_link import SimulatedLink, Station
 
+DOCKS = (Ask.DOCK, Ask.UNDOCK)
 STANDS_WITHIN = 1.5
 """From full speed at the gate's deceleration, with the robot's delay, and room [s]."""
 
@@ -148,14 +149,18 @@ class Rule:
         """When, by which client (0: the robot, -1: the lease), and which request of his."""
         self.latched: object = None
         self.before = Twist(0.0, 0.0)
-        self.given = 0
+        self.given = self.undocked = 0
+        """Modes chosen, and dockings that ended by themselves."""
+        self._docking = False
 
     def end(self, now: float, who: int, number: int = 0) -> None:
         self.since = now if self.mode != Mode.HOLD else self.since
         self.mode = Mode.HOLD
         self.stops.append((now, who, number))
 
-    def follow(self, now: float, log: list[tuple], gate) -> None:
+    def follow(self, now: float, log: list[tuple], gate, docking: bool = False) -> None:
+        """docking: whether that goes on, or undocking; it ends by itself."""
+        given = self.given
         for what, *rest in log:
             if what == "lease":
                 before, self.driver = rest
@@ -165,21 +170,28 @@ class Rule:
             station, request, granted, _ = rest
             if not granted:
                 continue
+            mode = Mode.AUTOMATIC if request.what in DOCKS else None
+            if request.what == Ask.MODE:
+                mode = Mode(request.value)
             if request.what == Ask.STOP or (
                 request.what == Ask.MODE and request.value == Mode.HOLD
             ):
                 self.end(now, station.number, request.number)
-            elif request.what == Ask.MODE:
+            elif mode is not None:
                 assert station.number == self.driver, "a mode by somebody who does not drive"
                 for at, who, number in self.stops:
                     own = who == station.number
                     after = request.number > number if own else who == -1 or request.made > at
                     assert after, "asked before a stop"
-                self.mode, self.given = Mode(request.value), self.given + 1
+                self.mode, self.given = mode, self.given + 1
         state = (gate.mode, gate.reason) if latched(gate.mode) else None
         if state not in (None, self.latched) and not any(at == now for at, *_ in self.stops):
             self.end(now, 0)
         self.latched = state
+        if self._docking and not docking and self.given == given and self.mode != Mode.HOLD:
+            self.end(now, 0)
+            self.undocked += 1
+        self._docking = docking
         assert state is None or self.mode == Mode.HOLD
         self.stops = self.stops[-50:]
 
@@ -216,7 +228,8 @@ class Drive:
         self.link.clock = self.keeper.now
         self.wheels: Wheels = self.keeper._robot
         self.rule = Rule()
-        self.moved = 0
+        self.moved = self.docked = 0
+        """Periods in which it moved, and docked or undocked."""
         self.topics = topics
         self.desk = OperatorRequests(
             self.session, self.link, known, folder, SessionJobs, () if topics is None else (topics,)
@@ -248,7 +261,9 @@ class Drive:
         self.desk.turn(loop)
         if self.topics is not None:
             self.topics.turn(loop)
-        self.rule.follow(self.keeper.now(), self.link.log, self.keeper.gate)
+        on = self.loop.docking.on
+        self.rule.follow(self.keeper.now(), self.link.log, self.keeper.gate, on)
+        self.docked += on
         self.link.log.clear()
         self.rule.holds(self.keeper.now(), self.wheels.sent)
         self.moved += self.wheels.sent != Twist(0.0, 0.0)

@@ -7,11 +7,15 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.drive.awaited import Awaited
+from cohelm.drive.operate import Asked
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
 from cohelm.link.messages import Ask, Checked, Device
 from cohelm.station.robot_link import Quality
+
+LAB = Asked("lab-guard", "lab-guard", "twin", True, None, [])
+NOWHERE = LAB._replace(name="no-such-place", kind="kinematic")
 
 
 class Robot:
@@ -91,7 +95,7 @@ def test_a_page_that_left_before_makes_no_link_afterwards():
 @pytest.mark.xdist_group("realtime")
 def test_a_robot_that_still_starts_is_ended_at_once(tmp_path):
     own, _ = keys.pair_here()
-    robot = RobotProcess("lab-guard", True, TeleopConfig(own, "127.0.0.1", 0, tmp_path), wait=False)
+    robot = RobotProcess(LAB, TeleopConfig(own, "127.0.0.1", 0, tmp_path), wait=False)
     assert not robot.ready.is_set()
     begun = time.monotonic()
     robot.close()
@@ -102,9 +106,7 @@ def test_a_robot_that_still_starts_is_ended_at_once(tmp_path):
 @pytest.mark.xdist_group("realtime")
 def test_a_robot_that_can_not_be_started_says_so_and_what_follows_is_called(tmp_path):
     own, _ = keys.pair_here()
-    robot = RobotProcess(
-        "no-such-place", False, TeleopConfig(own, "127.0.0.1", 0, tmp_path), wait=False
-    )
+    robot = RobotProcess(NOWHERE, TeleopConfig(own, "127.0.0.1", 0, tmp_path), wait=False)
     called: list[str] = []
     robot.afterwards(lambda: called.append(robot.over))
     until = time.monotonic() + 60.0
@@ -115,4 +117,4 @@ def test_a_robot_that_can_not_be_started_says_so_and_what_follows_is_called(tmp_
     assert "no-such-place" in called[0]
     assert not robot.ready.is_set()
     with pytest.raises(CohelmError, match="no-such-place"):
-        RobotProcess("no-such-place", False, TeleopConfig(own, "127.0.0.1", 0, tmp_path))
+        RobotProcess(NOWHERE, TeleopConfig(own, "127.0.0.1", 0, tmp_path))

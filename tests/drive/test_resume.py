@@ -17,6 +17,12 @@ from tests.drive.resuming import Drive
 from tests.drive.simulated_link import CENTRED
 from tests.few import first
 
+DOCKS = ", ".join(
+    f"{{name: {x:.0f} {y:.1f}, x_m: {x}, y_m: {y}, heading_rad: {psi}, approach_m: 5, "
+    "margin_m: 0.08, within_s: 1}"
+    for y in (-0.8, -0.4, 0.0, 0.4, 0.8) for x, psi in ((5.0, 0.0), (1.0, 3.14159))
+)  # fmt: skip
+"""Side by side along the corridor, either way: the robot is often at one, and soon over."""
 AWAY, BACK = [(4.0, 0.3), (6.0, 0.0)], [(2.5, 0.0), (0.5, 0.2)]
 
 
@@ -368,6 +374,14 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
                 for ask, value in ((Ask.TAKE, 0), (Ask.RESET, 0), (Ask.MODE, rng.choice(modes))):
                     who.ask(ask, value)
                 return who.name
+            case "dock" | "undock":
+                who, number = own(), rng.choice([0, 0, 0, 0, 5, 99])
+                if rng.random() < 0.7:  # one who wants to
+                    who.stick = CENTRED
+                    who.ask(Ask.TAKE)
+                    who.ask(Ask.RESET)
+                who.ask(Ask[what.upper()], number)
+                return f"{who.name} {number}"
             case "take" | "refuse" | "reset" | "acknowledge":
                 who = own()
                 who.ask(Ask[what.upper()])
@@ -426,7 +440,8 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
         return ""
 
     often = {
-        "mode": 12, "go": 12, "stick": 8, "way": 8, "stop": 3, "take": 3, "give": 3, "reset": 3,
+        "mode": 12, "go": 12, "stick": 8, "dock": 4, "undock": 2, "way": 8, "stop": 3,
+        "take": 3, "give": 3, "reset": 3,
         "acknowledge": 1, "refuse": 1, "record": 1, "invalid": 1, "silent": 1, "gone": 1, "slow": 1,
         "fails": 2, "takes": 2, "bump": 1, "scan": 1, "planner": 0.2, "sound": 4,
     }  # fmt: skip
@@ -443,7 +458,7 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
 
 def some(folder, seed: int, steps: int) -> Drive:
     history: list[str] = []
-    with Drive(folder) as made:
+    with Drive(folder, changes=[f"docks=[{DOCKS}]"]) as made:
         try:
             made.run(anything(made, random.Random(seed), steps, history))
         except BaseException:
@@ -457,6 +472,7 @@ def test_no_sequence_of_requests_deaths_and_timings_sets_the_robot_off(tmp_path,
     made = some(tmp_path, seed, 1000)
     assert made.rule.given > 20
     assert made.moved > 100  # else it shows nothing
+    assert made.docked > 10
 
 
 @pytest.mark.slow

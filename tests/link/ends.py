@@ -17,6 +17,7 @@ STATUS = m.Status(
     guarding=m.Guarding(m.Verdict.SHAPED, 0.2, (1.5, 2.0), 0.1), e_p=0.01,
     reference=Pose(1.1, 2.0, 0.5), progress=0.25, speed_cap=math.inf, cap_reason="",
     localised=m.Localised.GOOD, sigma=0.01, recording=False,
+    docking=m.DockPhase.AWAY, dock=0,
     timing=m.Timing(0.001, 0, NAN, NAN, NAN, 0), alarms=(), answers=(), ahead=(), ahead_step=0.1,
 )  # fmt: skip
 CENTRED = Stick(0.0, 0.0)

@@ -61,6 +61,7 @@ statuses = st.builds(
     st.builds(Stick, single, single), single, poses, poses, twists, twists, twists, texts(128),
     st.builds(m.Guarding, st.sampled_from(m.Verdict), single, points, single),
     single, poses, single, single, texts(64), st.sampled_from(m.Localised), single, st.booleans(),
+    st.sampled_from(m.DockPhase), byte,
     st.builds(m.Timing, single, long, single, single, single, long),
     listed(
         st.builds(
@@ -96,6 +97,7 @@ bulk_down = st.one_of(
         m.ZoneMap, st.sampled_from(m.Zone), poses, single, single, short, short,
         st.binary(max_size=99),
     ),
+    st.builds(m.Docks, listed(st.builds(m.DockPlace, texts(24), poses, single), 50)),
     st.builds(m.Health, single, listed(texts(120), 16)),
     st.builds(m.Picture, long, clock, poses, st.binary(max_size=99)),
     st.builds(m.Records, listed(st.builds(m.RecordInfo, texts(128), huge, st.floats()), 9)),

@@ -172,3 +172,12 @@ def test_a_wheel_that_can_hardly_accelerate_stays_as_it_is():
 def test_a_track_that_is_no_length_is_told_how_to_measure_it(track):
     with pytest.raises(CohelmError, match=r"track must be a length in metres.*measure between"):
         checked_limits(Limits(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, track))
+
+
+def test_wheels_that_have_no_limits_need_no_track():
+    made = checked_limits(Limits(1.0, 2.0, 2.0, 6.0))
+    assert made[:6] == (1.0, 2.0, 2.0, 6.0, math.inf, math.inf)
+    assert achievable(Twist(5.0, 0.0), Twist(0.0, 0.0), made, 0.1).v == pytest.approx(0.2)
+    for wheels in ({"wheel_speed": 1.0}, {"wheel_acceleration": 1.0}):
+        with pytest.raises(CohelmError, match="track must be a length in metres, got nan"):
+            checked_limits(Limits(1.0, 2.0, 2.0, 6.0, **wheels))

@@ -6,6 +6,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
+from cohelm.robot.contacts import ContactModel
 from cohelm.robot.limits import unlimited
 from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
 
@@ -125,5 +126,90 @@ def test_sally_rear_is_sally_with_a_second_lidar_behind():
     ],
 )
 def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | keys)
+
+
+@pytest.mark.parametrize(
+    ("lidar", "why"),
+    [
+        ({"field_of_view_deg": 4.712}, r"is in degrees; 4.712 looks like radians \(270 deg\)"),
+        (
+            {"range_max_m": 30000},
+            r"in metres; 30000 looks like millimetres \(30 m\)",
+        ),
+        ({"range_min_m": 60, "range_max_m": 100}, "range_min_m is in metres"),
+        ({"noise_m": 10}, "noise_m is in metres"),
+        ({"rate_hz": 0.05}, "one every 20 s is too seldom to drive by"),
+        ({"mount_x_m": 300}, "300 m is outside of the robot"),
+        ({"mount_y_m": -150}, "150 m is outside of the robot"),
+    ],
+)
+def test_a_lidar_in_other_units_is_refused_and_the_sentence_says_which(lidar, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | {"lidar": lidar})
+
+
+SONAR = {"name": "sonar", "range_sensor": True, "field_of_view_deg": 30}
+
+
+def test_a_range_sensor_has_as_many_beams_as_its_cone_needs():
+    given = {"lidar": {}, "further_lidars": [SONAR, SONAR | {"name": "ir", "beams": 7}]}
+    _, sonar, infrared = RobotModel.model_validate(SQUARE | given).lidars
+    assert (sonar.beams, infrared.beams) == (16, 7)
+    fixed = SONAR | {"range_min_m": 0.3, "range_max_m": 0.3}
+    assert RobotModel.model_validate(SQUARE | {"lidar": {}, "further_lidars": [fixed]})
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"field_of_view_deg": None}, "needs a field_of_view_deg of up to 180"),
+        ({"field_of_view_deg": 270}, "needs a field_of_view_deg of up to 180"),
+        ({"height_band_m": [0.1, 1.0]}, "range_sensor has no height_band_m"),
+        ({"range_min_m": 2.0, "range_max_m": 1.0}, "range_min_m must be smaller"),
+        ({"range_sensor": False, "range_min_m": 1.0, "range_max_m": 1.0}, "must be smaller"),
+        ({"forget_s": -1.0}, "greater than or equal to 0"),
+        ({"range_sensor": "sonar"}, "valid boolean"),
+    ],
+)
+def test_a_range_sensor_that_is_none_is_refused(keys, why):
+    with pytest.raises(ValidationError, match=why):
+        RobotModel.model_validate(SQUARE | {"lidar": {}, "further_lidars": [SONAR | keys]})
+
+
+def test_the_first_lidar_is_no_range_sensor():
+    with pytest.raises(ValidationError, match="can not be a range_sensor"):
+        RobotModel.model_validate(SQUARE | {"lidar": SONAR})
+
+
+BUMPER = {"name": "front", "mount_x_m": 0.3}
+
+
+def test_bumpers_and_cliff_sensors_are_described_with_their_place_and_side():
+    cliff = {"name": "drop", "mount_x_m": 0.2, "floor_m": 0.04}
+    model = RobotModel.model_validate(SQUARE | {"bumpers": [BUMPER], "cliff_sensors": [cliff]})
+    assert [one.said for one in model.contacts] == ["front bumper", "drop cliff sensor"]
+    left, right = ContactModel(name="a", mount_x_m=0.2, mount_yaw_deg=90, width_m=0.1).ends()
+    assert (*left, *right) == pytest.approx((0.15, 0.0, 0.25, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"bumpers": [BUMPER], "cliff_sensors": [BUMPER]}, "a name of its own"),
+        ({"bumpers": [{"mount_x_m": 0.3}]}, "name"),
+        ({"bumpers": [BUMPER | {"mount_x_m": 300}]}, "front bumper: mount_x_m .* are in metres"),
+        ({"bumpers": [{"name": "front"}]}, "mount_x_m"),
+        ({"bumpers": [BUMPER | {"name": "Front"}]}, "pattern"),
+        ({"bumpers": [BUMPER | {"timeout_s": 0}]}, "greater than 0"),
+        ({"bumpers": [BUMPER | {"width_m": -0.1}]}, "greater than or equal to 0"),
+        ({"bumpers": [BUMPER | {"floor_m": 0.1}]}, "floor_m"),
+        ({"bumpers": [BUMPER | {"mount_x_m": float("nan")}]}, "finite"),
+        ({"cliff_sensors": [BUMPER | {"drop_m": 0}]}, "greater than 0"),
+        ({"cliff_sensors": [BUMPER | {"hazard": "cliff", "floor_m": 0.1}]}, "hazard or floor_m"),
+    ],
+)
+def test_bumpers_and_cliff_sensors_that_are_none_are_refused(keys, why):
     with pytest.raises(ValidationError, match=why):
         RobotModel.model_validate(SQUARE | keys)

@@ -1,20 +1,26 @@
 """A bridge between DDS and Foxglove's own server (foxglove-sdk), as `foxglove_bridge` is one.
 
-It is a process of its own. foxglove-sdk 0.30 for Python can lock itself up, for good, when a graph
-is published while a client leaves: whoever hangs is ended and begins again on the same port, and
-clients come back to it as they would to a bridge that was restarted.
+It is a process of its own. foxglove-sdk 0.30 for Python locks itself up, for good, where a graph is
+published while the last client that looks at it leaves: the one holds the interpreter and waits for
+the graph, the other the reverse. So one looks at it until the end. Whoever hangs all the same is
+ended and begins again on the same port, and clients come back to it as they would to a bridge that
+was restarted.
 """
 
 from __future__ import annotations
 
 import contextlib
 import faulthandler
+import json
 import threading
 from multiprocessing import get_context
 from typing import Any
 
 import foxglove
 from foxglove.websocket import Capability, ConnectionGraph, ServerListener
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.port import End, Qos
@@ -72,6 +78,25 @@ def serve(line: Any, port: int, graph: bool, domain: int | None) -> None:
     made.close()
 
 
+def looking_on(port: int) -> ClientConnection:
+    """Who looks at a bridge's graph until it is closed."""
+    there = connect(
+        f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")], compression=None,
+        proxy=None,
+    )  # fmt: skip
+    there.send(json.dumps({"op": "subscribeConnectionGraph"}))
+    while "connectionGraphUpdate" not in str(there.recv(5.0)):
+        pass
+
+    def read() -> None:
+        with contextlib.suppress(ConnectionClosed):
+            for _ in there:
+                pass
+
+    threading.Thread(target=read, daemon=True).start()
+    return there
+
+
 class Served(ServerListener):
     """One process's. It looks at the graph ten times a second."""
 
@@ -93,13 +118,15 @@ class Served(ServerListener):
             name=name, host="127.0.0.1", port=port, capabilities=capabilities,
             server_listener=self, supported_encodings=["cdr"], context=self._context,
         )  # fmt: skip
-        self._graph = graph
+        self._onlooker = looking_on(self.server.port) if graph else None
         self._thread = threading.Thread(target=self._look, daemon=True)
         self._thread.start()
 
     def close(self) -> None:
         self._over.set()
         self._thread.join()
+        if self._onlooker is not None:
+            self._onlooker.close()
         self.server.stop()
         for one in self._clients.values():
             one.close()
@@ -132,7 +159,7 @@ class Served(ServerListener):
                 gone.close()
                 if end is not None:
                     end()
-            if self._graph:
+            if self._onlooker is not None:
                 self.server.publish_connection_graph(graph)
         faulthandler.cancel_dump_traceback_later()
 

@@ -15,9 +15,12 @@ from typing import Any
 import numpy as np
 
 from cohelm.core.types import Pose, Twist
+from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.process import RemoteGatedRobot
+from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import OnTheWall
+from cohelm.robot.sensors import LidarModel
 from cohelm.ros.connection import Connection
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
 from cohelm.ros.look import Allowed, Found, Topics, look
@@ -27,6 +30,7 @@ from cohelm.ros.pacing import period
 from cohelm.ros.port import COMMAND
 from cohelm.ros.robot import adapted
 from cohelm.ros.served import ServedRobot
+from cohelm.ros.types import HAZARD, store
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.world import world
@@ -40,6 +44,24 @@ def alone() -> None:
     """Processes of a test meet on this machine only, in a domain of their own."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ.setdefault("ROS_DOMAIN_ID", str(DOMAIN))
+
+
+def named(name: str) -> RobotModel:
+    """A robot; `touching` is Sally with a sonar, a bumper and a Create 3's cliff sensor."""
+    if name != "touching":
+        return load_robot(name)
+    sally = load_robot("sally")
+    sonar = LidarModel.model_validate(
+        {"name": "sonar", "range_sensor": True, "field_of_view_deg": 30, "range_min_m": 0.02,
+         "range_max_m": 4.0, "rate_hz": 20, "noise_m": 0.01, "mount_x_m": 0.35}
+    )  # fmt: skip
+    cliff = CliffModel(name="left", mount_x_m=0.25, mount_y_m=0.1, hazard="cliff_front_left")
+    return sally.model_copy(
+        update={
+            "further_lidars": (sonar,), "cliff_sensors": (cliff,),
+            "bumpers": (ContactModel(name="front", mount_x_m=0.36, width_m=0.4),),
+        }
+    )  # fmt: skip
 
 
 class Simulator:
@@ -74,6 +96,15 @@ class Faults:
                 return None
             case "no rear scan", "/scan_rear":
                 return None
+            case "glass", "/scan":
+                message.ranges[:] = math.inf
+            case "bump", "/bumper_front":
+                message.data = True
+            case "drop", "/hazard_detection":
+                at = type(message.header)(message.header.stamp, "cliff_front_left")
+                message.detections.append(store().types[HAZARD](at, 2))
+            case "no bumper", "/bumper_front":
+                return None
             case "no odometry", "/odom":
                 return None
             case "half", _:
@@ -98,7 +129,7 @@ def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     faults, ended = Faults(), threading.Event()
     rate = options.pop("rate", None)
     pace = OnTheWall() if rate is None else Simulator(rate)
-    robot = Kinematic(load_robot(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=pace)
+    robot = Kinematic(named(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=pace)
     transport = options.pop("way", Connection()).open("base")
     served = ServedRobot(
         transport, robot, Topics(), tamper=faults, simulated=rate is not None, **options
@@ -239,9 +270,7 @@ class Stage:
         self.base = Base(walls, robot, way=theirs, **options)
         self.theirs, self.ours = theirs.open("controller"), way.open("cohelm_filter")
         self.controller = Controller(self.theirs)
-        self.found = look(self.ours, load_robot(robot), Topics(), Allowed())._replace(
-            connection=way
-        )
+        self.found = look(self.ours, named(robot), Topics(), Allowed())._replace(connection=way)
         self.filter = Filter(self.found, self.ours)
 
     def speed(self) -> float:

@@ -31,6 +31,7 @@ from cohelm.ros.mismatch import (
     CLOUD,
     IMAGE,
     ODOMETRY,
+    RANGE,
     SCAN,
     STAMPED,
     TF,
@@ -203,6 +204,37 @@ def test_point_clouds_are_heard_where_the_robots_description_has_a_height_band()
     assert (behind_it.ranges < math.inf).sum() == 1
     assert behind_it.ranges[359:361].min() == pytest.approx(1.0, abs=1e-3)
     robot.close()
+
+
+def test_single_ranges_are_heard_where_the_robots_description_has_a_range_sensor():
+    rear = REAR.lidars[1]
+    keys = {"name": "rear", "range_sensor": True, "field_of_view_deg": 30, "mount_x_m": -0.3}
+    sonar = type(rear).model_validate(keys | {"mount_yaw_deg": 180, "range_max_m": 3})
+    model = REAR.model_copy(update={"further_lidars": (sonar,)})
+    given = Scan(0.0, 0, np.full(sonar.beams, 1.25), 0.0, "rear")
+    said = [(("/scan_rear", RANGE), scan(given, model, time.time() - 0.02)) for _ in range(20)]
+    ends = [*ENDS, out("/scan_rear", RANGE, BEST_EFFORT)]
+    seen = look(Pretended(ends, REAR_FRAMES + readings() + said), model, Topics(), Allowed(), 0.06)
+    behind_it = seen.model.further_lidars[0]
+    assert behind_it.range_sensor
+    assert (behind_it.range_max_m, behind_it.mount_x_m) == pytest.approx((3.0, -0.3))
+    assert any("range sensor: /scan_rear" in note for note in seen.notes)
+    robot = Ros2Robot(seen.model, seen, Spoken(ends, readings() + said))
+    (read,) = robot.read().further
+    assert read.sensor == "rear"
+    assert (read.ranges == np.float32(1.25)).all()
+    robot.close()
+    said[-1][1].range = math.nan
+    robot = Ros2Robot(seen.model, seen, Spoken(ends, readings() + said))
+    assert robot.read().further == ()
+    robot.close()
+    with pytest.raises(CohelmError, match="or give it range_sensor: true in the robot's YAML"):
+        look(Pretended(ends, REAR_FRAMES + readings()), REAR, Topics(), Allowed(), 0.06)
+    with pytest.raises(CohelmError, match="/tf_static does not say where"):
+        look(Pretended(ends, FRAMES + readings() + said), model, Topics(), Allowed(), 0.06)
+    bare = Allowed(mount_from_model=True)
+    seen = look(Pretended(ends, readings() + said), model, Topics(), bare, 0.06)
+    assert abs(seen.model.further_lidars[0].mount_yaw_deg) == pytest.approx(180.0)
 
 
 def with_camera():

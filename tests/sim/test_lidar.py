@@ -34,7 +34,7 @@ some_walls = st.lists(wall, max_size=20).map(lambda rows: np.array(rows).reshape
 sensor = st.builds(
     LidarModel,
     beams=st.integers(1, 200),
-    field_of_view_deg=st.floats(1.0, 360.0) | st.sampled_from([90.0, 180.0, 270.0, 360.0]),
+    field_of_view_deg=st.floats(7.0, 360.0) | st.sampled_from([90.0, 180.0, 270.0, 360.0]),
     range_min_m=st.just(0.0),
     range_max_m=st.just(1000.0),
     mount_x_m=st.floats(-1.0, 1.0),

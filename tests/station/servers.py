@@ -10,6 +10,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
+from cohelm.drive.operate import Asked
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
@@ -34,8 +35,9 @@ class Robot:
         of_robot, self.keys = keys.pair_here()
         self.records = records
         self._made = RobotProcess(
-            scenario, twin, TeleopConfig(of_robot, "127.0.0.1", 0, records), False, PATIENCE
-        )
+            Asked(scenario, scenario, "twin" if twin else "kinematic", True, None, []),
+            TeleopConfig(of_robot, "127.0.0.1", 0, records), False, PATIENCE,
+        )  # fmt: skip
         self.pid = self._made.pid
         self.watcher = StationEnd(self.keys, self._made.host, self._made.port)
 

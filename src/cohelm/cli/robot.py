@@ -11,13 +11,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.driven import (
+    CarryOn,
+    Changes,
+    Chart,
+    KeepOut,
+    OwnDriver,
+    RobotOrScenario,
+    Ros2,
+    Site,
+    SpeedZones,
+)
 from cohelm.cli.live import Foxglove, live, shown_at
 from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
 from cohelm.cli.tell import (
     Json,
     Pictures,
-    RobotOrScenario,
-    Site,
     console,
     plain,
     print_json,
@@ -36,17 +45,8 @@ if TYPE_CHECKING:
 def robot(
     name: RobotOrScenario = "lab-guard",
     scenario: Site = "lab-guard",
-    driver: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PACKAGE:CLASS",
-            help="Your own robot: a subclass of cohelm.Robot, or an entry point of cohelm.robots. "
-            "The scenario gives map, route and law.",
-        ),
-    ] = None,
-    ros2: Annotated[
-        bool, typer.Option("--ros2", help="The robot is a ROS 2 robot on this network.")
-    ] = False,
+    driver: OwnDriver = None,
+    ros2: Ros2 = False,
     topics: TopicNames = None,
     transport: Transports = "auto",
     url: Bridge = "",
@@ -77,6 +77,10 @@ def robot(
     mode: Annotated[
         str, typer.Option(help="hold, automatic, shared or manual; by default as the stick is.")
     ] = "",
+    dock: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="Dock there, from its approach, and end with that."),
+    ] = "",
     rate: Annotated[float, typer.Option(min=10.0, max=500.0, help="Periods a second.")] = 50.0,
     seconds: Annotated[
         float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
@@ -86,26 +90,10 @@ def robot(
         Path | None, typer.Option("--record", metavar="FILE", help="Record into this MCAP file.")
     ] = None,
     pictures: Pictures = 5.0,
-    chart: Annotated[
-        Path | None,
-        typer.Option(
-            "--map",
-            metavar="FILE",
-            help="Localise on this map: of map_server, in the scenario's frame, or made by "
-            "`cohelm map` from the same start; else on the scenario's walls.",
-        ),
-    ] = None,
-    keep_out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Where it must not go: a mask of map_server."),
-    ] = None,
-    speed_zones: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Where it goes slowly: a mask of Nav2's speed filter."),
-    ] = None,
-    carry_on: Annotated[
-        bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
-    ] = False,
+    chart: Chart = None,
+    keep_out: KeepOut = None,
+    speed_zones: SpeedZones = None,
+    carry_on: CarryOn = False,
     fast: Annotated[
         bool, typer.Option("--fast", help="Simulated time: as fast as it can.")
     ] = False,
@@ -117,9 +105,7 @@ def robot(
         typer.Option(metavar="HOST[:PORT]", help="Paired stations drive it, see `cohelm pair`."),
     ] = None,
     foxglove: Foxglove = None,
-    changes: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As in `cohelm run`.")
-    ] = None,
+    changes: Changes = None,
     as_json: Json = False,
 ) -> None:
     """Drive a robot in real time until stopped.
@@ -131,33 +117,33 @@ def robot(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.on_topics import TopicsConfig, on_topics
-    from cohelm.drive.operate import Asked, ended, hands, meant
+    from cohelm.drive.operate import Asked, ended, hands, known, meant
     from cohelm.drive.session import SessionConfig
-    from cohelm.drive.simulated import mapped
     from cohelm.drive.until_ended import drive_for_stations, drive_here
     from cohelm.link import keys
     from cohelm.loop.loop import LoopParams
-    from cohelm.scenario.zones import read_zones
 
     asked = Asked(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
-        on_ros(ros2, topics, transport, url),
+        on_ros(ros2, topics, transport, url), chart, keep_out, speed_zones,
     )  # fmt: skip
-    if listen is not None and (mode or arrive or fast):
+    if listen is not None and (mode or arrive or fast or dock):
         raise CohelmError(
-            "with --listen the station says how to drive: leave out --mode, --arrive and --fast"
+            "with --listen the station says how to drive: leave out --mode, --dock, --arrive and "
+            "--fast"
         )
+    if dock and (mode or arrive):
+        raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
     made = meant(asked)
-    known = None if chart is None else mapped(chart, made.start)
+    chosen_map, zones = known(asked, made)
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
     plan = SessionConfig(
-        made, rate, record, live(foxglove), known,
-        zones=read_zones(keep_out, speed_zones, made.start),
+        made, rate, record, live(foxglove), chosen_map, zones=zones,
         loop=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
-    if known is None and len(made.scenario.walls()) == 0:
+    if chosen_map is None and len(made.scenario.walls()) == 0:
         begins += "; neither --map nor walls to localise by: it trusts its odometry"
     config = TopicsConfig(map_frame, transforms, tuple(goals_from or ()), initial_pose_from)
     topics_too = on_topics(made, config, lambda text: say(plain(text)))
@@ -180,7 +166,7 @@ def robot(
         if chosen is None:
             summary = drive_for_stations(plan, listen or "", stop, seconds, beside, listens)
         else:
-            summary = drive_here(plan, *chosen, stop, seconds, arrive, beside, begun)
+            summary = drive_here(plan, *chosen, stop, seconds, arrive, beside, dock, begun)
     _told(made.scenario.name, summary, as_json)
 
 
@@ -232,6 +218,8 @@ def _shown(session: Session) -> Generator[None]:
 def failures(summary: dict[str, Any]) -> list[str]:
     """What went wrong in a drive, a sentence each: with any of them the exit status is 1."""
     found: list[str] = []
+    if summary["docked"] is False:
+        found.append(f"it has not docked: {summary['docking'] or summary['reason']}")
     if summary["faulted"]:
         found.append(f"the robot stopped itself: {summary['reason']}")
     if summary["lost"]:
@@ -256,6 +244,8 @@ def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("ended", f"{summary['mode'].lower()}: {summary['reason']}"),
         ("the route is done", "yes" if summary["arrived"] else "no"),
     ]
+    if summary["docking"]:
+        found.append(("docking", summary["docking"]))
     if clearance is not None:
         found.append(("smallest clearance while moving", f"{clearance:.3f} m"))
     if lost is not None:

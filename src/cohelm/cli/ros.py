@@ -23,7 +23,8 @@ TopicNames = Annotated[
     typer.Option(
         "--topic",
         metavar="KEY=NAME",
-        help="With --ros2: odom, scan, scan_NAME, out, lock or namespace, where not as usual.",
+        help="With --ros2: odom, scan, scan_NAME, contact_NAME, out, lock, camera (pictures) or "
+        "namespace, where not as usual.",
     ),
 ]
 Transports = Annotated[
@@ -66,6 +67,11 @@ def filter_(
     further_scan: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=TOPIC", help="Those of a further LiDAR, if not on /scan_NAME."),
+    ] = None,
+    contact: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=TOPIC", help="That of a bumper or cliff sensor, if not on "
+                     "/bumper_NAME, /cliff_NAME or /hazard_detection."),
     ] = None,
     odom: Annotated[str, typer.Option(metavar="TOPIC", help="The base's odometry.")] = "/odom",
     namespace: Annotated[
@@ -128,7 +134,9 @@ def filter_(
     from cohelm.scenario.load import load_robot
 
     model = load_robot(robot)
-    topics = Topics.named(namespace, command, out, scan, odom, lock, further_scan or ())
+    topics = Topics.named(
+        namespace, command, out, scan, odom, lock, further_scan or (), contact or ()
+    )
     allowed = Allowed(
         stamped,
         allow_bypass,

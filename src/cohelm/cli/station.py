@@ -10,8 +10,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.driven import (
+    CarryOn,
+    Changes,
+    Chart,
+    KeepOut,
+    OwnDriver,
+    RobotOrScenario,
+    Ros2,
+    Site,
+    SpeedZones,
+)
 from cohelm.cli.live import Foxglove, live, shown_at
-from cohelm.cli.tell import Pictures, RobotOrScenario, Site, plain, say, starting
+from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
+from cohelm.cli.tell import Pictures, plain, say, starting
 
 if TYPE_CHECKING:
     from cohelm.station.robot_link import Connect
@@ -88,19 +100,19 @@ def drive(
         bool,
         typer.Option("--twin/--kinematic", help="Physics and a camera (MuJoCo), or kinematics."),
     ] = True,
-    driver: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PACKAGE:CLASS",
-            help="Your own robot, a subclass of cohelm.Robot, at the scenario's site.",
-        ),
-    ] = None,
+    driver: OwnDriver = None,
+    ros2: Ros2 = False,
+    topics: TopicNames = None,
+    transport: Transports = "auto",
+    url: Bridge = "",
+    chart: Chart = None,
+    keep_out: KeepOut = None,
+    speed_zones: SpeedZones = None,
+    changes: Changes = None,
     records: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the records made from the screen.")
     ] = Path("out/records"),
-    carry_on: Annotated[
-        bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
-    ] = False,
+    carry_on: CarryOn = False,
     pictures: Pictures = 5.0,
     foxglove: Foxglove = None,
     host: Host = "127.0.0.1",
@@ -120,7 +132,7 @@ def drive(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.awaited import Awaited
-    from cohelm.drive.operate import Asked, meant
+    from cohelm.drive.operate import Asked, known, meant
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
     from cohelm.link import keys
@@ -129,25 +141,19 @@ def drive(
     from cohelm.station.linked import Linked
 
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
-    kind = "twin" if twin and driver is None else "kinematic"
-    # one that can not be used is told at once,
-    meant(Asked(name, scenario, kind, True, None, [], driver))
+    kind = "twin" if twin and driver is None and not ros2 else "kinematic"
+    asked = Asked(
+        name, scenario, kind, True, None, changes or [], driver,
+        on_ros(ros2, topics, transport, url), chart, keep_out, speed_zones,
+    )  # fmt: skip
+    if not ros2:  # that is looked for once
+        known(asked, meant(asked))  # what can not be used is told at once,
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
     door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove)
     with (
         ExitStack() as joined,
-        RobotProcess(
-            name,
-            kind == "twin",
-            door,
-            carry_on,
-            pictures=pictures,
-            wait=False,
-            driver=driver,
-            live=view,
-            site=scenario,
-        ) as robot,
+        RobotProcess(asked, door, carry_on, pictures=pictures, wait=False, live=view) as robot,
         starting(f"the robot in {name}") as begun,
     ):
 

@@ -18,16 +18,6 @@ Out = Annotated[
     Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder to write into.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object, on stdout.")]
-RobotOrScenario = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROBOT.yaml|SCENARIO",
-        help="A scenario, by file or name, or a robot's YAML file, driven in --scenario.",
-    ),
-]
-Site = Annotated[
-    str, typer.Option("--scenario", metavar="SCENARIO", help="Where a robot's YAML file is driven.")
-]
 
 Pictures = Annotated[
     float,

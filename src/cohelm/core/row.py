@@ -41,6 +41,8 @@ FIELDS = (
     ("arming", "i8", "how far the stick is believed"),
     ("mode", "i8", "of the gate"),
     ("behavior", "i8", "what the robot is doing"),
+    ("docking", "i8", "how it stands to a dock: `link.messages.DockPhase`"),
+    ("dock", "i8", "which one, from 1; 0: none"),
     ("authority_x", "f8", "automatic share of surge: exp(-V_h), V_h = intent_x + intent_psi (48)"),
     ("authority_psi", "f8", "automatic share of yaw; differs from authority_x only per axis (44)"),
     ("intent_x", "f8", "V_hx (41)"),

@@ -14,13 +14,15 @@ from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import OwnRobot, RobotFactory
 from cohelm.drive.operator_requests import SessionJobs, judge_of
 from cohelm.drive.rerouting import Rerouting, Wish, stands
-from cohelm.drive.session import Session, driver_of
+from cohelm.drive.session import Camera as Eye, Session, driver_of
 from cohelm.drive.shown import way
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Checked
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import gap_at
+from cohelm.ros.camera import Camera
+from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.goals import Goals, Placed
 from cohelm.ros.localized import MAP, NODE, Localized
 from cohelm.ros.robot import Ros2Make
@@ -46,9 +48,14 @@ class TopicsConfig(NamedTuple):
 class OnTopics:
     """Of one drive; `turn` is called between two periods and takes no time."""
 
-    def __init__(self, localized: Localized | None, goals: Goals | None) -> None:
+    def __init__(
+        self, localized: Localized | None, goals: Goals | None, camera: Eye | None = None
+    ) -> None:
         """None: what there is not."""
         self._localized, self._goals = localized, goals
+        self.camera = camera
+        self.blind = localized is not None and camera is None
+        """Whether it is a ROS 2 robot of which there are no pictures."""
         self._session: Session | None = None
         self._jobs: SessionJobs | None = None
         self._rerouting: Rerouting | None = None
@@ -166,6 +173,9 @@ def on_topics(
             f"--map-frame {config.frame!r}: give a frame of its own, such as {MAP}, beside "
             f"{found.odom} and {found.body}"
         )
+    for note in found.notes:
+        if not note.startswith("commands: "):  # of other controllers: nobody else drives
+            say(note)
     space = found.topics.namespace
     transport = found.connection.open(NODE, space)
     try:
@@ -173,7 +183,11 @@ def on_topics(
         if config.ways or config.initial:
             goals = Goals(transport, config.frame, config.ways, config.initial, say, space)
         localized = Localized(transport, found, say, config.frame, config.transforms)
-        made = OnTopics(localized, goals)
+        camera = None
+        if found.camera is not None:
+            clock = SimulatedClock.on(transport) if found.simulated else None
+            camera = Camera(transport, found.camera, found.odom_clock, clock)
+        made = OnTopics(localized, goals, camera)
         try:
             yield made
         finally:

@@ -6,20 +6,25 @@ import signal
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.drive.factory import RobotFactory, own_robot
-from cohelm.drive.simulated import Kind, simulated
+from cohelm.drive.simulated import Kind, mapped, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.operator import NullOperator, Scripted
 from cohelm.robot.model import SHIPPED
 from cohelm.scenario import build, load
 from cohelm.scenario.hand import StickNone, StickOperator
+from cohelm.scenario.zones import read_zones
 from cohelm.sim.operator_model import replayed
+
+if TYPE_CHECKING:
+    from cohelm.perceive.localize.localization_map import LocalizationMap
+    from cohelm.plan.zones import Zones
 
 
 class OnRos(NamedTuple):
@@ -45,6 +50,12 @@ class Asked(NamedTuple):
     """Of a robot that is not simulated: package:Class, or an entry point."""
     ros2: OnRos | None = None
     """Where a ROS 2 robot is."""
+    chart: Path | None = None
+    """The map to localise on; without, it is the scenario's walls."""
+    keep_out: Path | None = None
+    """The mask of its keep-out zones..."""
+    speed_zones: Path | None = None
+    """... and of its speed zones; without either, the scenario's zones."""
 
 
 def meant(asked: Asked) -> RobotFactory:
@@ -67,8 +78,15 @@ def meant(asked: Asked) -> RobotFactory:
     return simulated(name, asked.kind, real_time=asked.real_time, seed=asked.seed, changes=changes)
 
 
+def known(asked: Asked, made: RobotFactory) -> tuple[LocalizationMap | None, Zones | None]:
+    """The map and zones that were named. CohelmError where a file can not be used."""
+    chart = None if asked.chart is None else mapped(asked.chart, made.start)
+    return chart, read_zones(asked.keep_out, asked.speed_zones, made.start)
+
+
 def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> RobotFactory:
     """A ROS 2 robot, as it is found; CohelmError with all that does not fit."""
+    from cohelm.ros.camera import choose
     from cohelm.ros.connection import connection
     from cohelm.ros.look import look
     from cohelm.ros.robot import Ros2Make, topics_of
@@ -80,7 +98,10 @@ def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> 
     way = connection(where.transport, where.url)
     transport = way.open("cohelm", named.namespace)
     try:
-        found = look(transport, described, named)._replace(connection=way)
+        found = look(transport, described, named)
+        camera, note = choose(named.camera, transport.endpoints())
+        notes = (*found.notes, note) if note else found.notes
+        found = found._replace(connection=way, camera=camera, notes=notes)
     except CohelmError as error:
         raise CohelmError(by_topics(str(error))) from error
     finally:
@@ -91,6 +112,7 @@ def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> 
 _OF_THE_FILTER = {
     "--further-scan": "--topic scan_NAME=TOPIC",
     "--scan": "--topic scan=TOPIC",
+    "--contact": "--topic contact_NAME=TOPIC",
     "--odom": "--topic odom=TOPIC",
     "--out": "--topic out=TOPIC",
     "with --lock, or none with --lock ''": "with --topic lock=TOPIC",

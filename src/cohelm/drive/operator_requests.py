@@ -21,7 +21,7 @@ from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import Rerouting, Wishes
 from cohelm.drive.session import Session, SessionConfig, driver_of
-from cohelm.drive.shown import NO_ZONES, detour, drawn, way, zoned
+from cohelm.drive.shown import NO_ZONES, detour, drawn, told, way, zoned
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Health, Map, Polyline, ZoneMap
 from cohelm.loop.driver import Driver
@@ -73,6 +73,7 @@ class OperatorRequests:
         session.shown = operator.picture
         for none in NO_ZONES:
             operator.publish(none)
+        operator.publish(told(session.loop.docking.docks))
         zones = zoned(session.plan.zones, robot.scenario.reference.speed_mps)
         self._map = zones if known is None else (drawn(known), *zones)
         self._show(*self._map, *way(robot.scenario.reference.spline()))

@@ -12,7 +12,7 @@ from PIL import Image
 
 from cohelm.core.types import Pose
 from cohelm.robot.keep.record_pipe import LARGEST
-from cohelm.robot.port import Frame
+from cohelm.robot.port import Encoded, Frame
 
 _QUALITY, _LEAST = 75, 20  # of a JPEG
 _LARGEST = LARGEST - 1000
@@ -38,7 +38,7 @@ class Pictures:
     def __init__(self, waits: bool) -> None:
         """waits: pack at once instead of in the thread, as simulated time may."""
         self._waits = waits
-        self._frames: deque[tuple[Frame, Pose]] = deque(maxlen=1)
+        self._frames: deque[tuple[Frame | Encoded, Pose]] = deque(maxlen=1)
         self._packed: deque[Packed] = deque(maxlen=1)
         self._number = -1
         self._waker = threading.Event()
@@ -47,7 +47,7 @@ class Pictures:
         if not waits:
             self._thread.start()
 
-    def give(self, frame: Frame, pose: Pose) -> None:
+    def give(self, frame: Frame | Encoded, pose: Pose) -> None:
         """Have a frame packed; one that was given before is not packed again."""
         if frame.number == self._number:
             return
@@ -86,8 +86,16 @@ class Pictures:
                 _log.exception("a picture could not be packed")
 
 
-def _packed(frame: Frame, pose: Pose) -> Packed:
-    image, quality = Image.fromarray(frame.pixels), _QUALITY
+def _packed(frame: Frame | Encoded, pose: Pose) -> Packed:
+    """What is JPEG already, and small enough, stays as it is."""
+    if isinstance(frame, Frame):
+        image = Image.fromarray(frame.pixels)
+    else:
+        image = Image.open(io.BytesIO(frame.data))
+        if image.format == "JPEG" and len(frame.data) <= _LARGEST:
+            return Packed(frame.stamp, frame.number, pose, frame.data)
+        image = image.convert("RGB")
+    quality = _QUALITY
     while True:
         file = io.BytesIO()
         image.save(file, "JPEG", quality=quality)

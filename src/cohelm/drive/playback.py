@@ -16,6 +16,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.drive.over_link import hello
+from cohelm.drive.shown import told as told_docks
 from cohelm.law import verdict as verdicts
 from cohelm.link import messages as m
 from cohelm.link.recorded_status import StatusWords
@@ -99,6 +100,7 @@ class Playback:
             if topic in self._series:
                 series, usual = self._series[topic], _usual(path, found)
                 series.all = [one._replace(usual=usual) for one in series.all]
+        self._docks = _docks(path, found)
         self._lidars = [
             ("/scan" if k == 0 else scan_topic(one.name), one.lidar().mount)
             for k, one in enumerate(self._model.lidars)
@@ -116,7 +118,7 @@ class Playback:
         """What does not change: the robot."""
         camera = IMAGE in self._series
         model = self._model if camera else self._model.model_copy(update={"camera": None})
-        return [hello(model, "", _NAN)]
+        return [hello(model, "", _NAN), self._docks]
 
     def at(self, t: float) -> list[News]:
         """All that was newest then; the same things again as long as nothing is new."""
@@ -222,6 +224,16 @@ def _usual(path: Path, found: Found) -> float:
         return load.parse(found.scenario, Scenario, str(path)).reference.speed_mps
     except CohelmError:
         return _NAN
+
+
+def _docks(path: Path, found: Found) -> m.Docks:
+    """Where the robot could dock; none where a record does not say it."""
+    try:
+        return told_docks(
+            [one.dock() for one in load.parse(found.scenario, Scenario, str(path)).docks]
+        )
+    except CohelmError:
+        return m.Docks(())
 
 
 def _robot(path: Path, found: Found) -> RobotModel:

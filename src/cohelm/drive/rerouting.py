@@ -156,6 +156,8 @@ class Rerouting:
             if ok and not what.only_check and what.lease != loop.lease:
                 ok = False
                 why = "you do not drive" if what.client > 0 else _DRIVES_NO_MORE
+            if ok and not what.only_check and loop.docking.on:
+                ok, why = False, f"it is {loop.docking.doing}: hold it first"
             if ok and not what.only_check:
                 self._accept(loop, what, now)
             self._reply(what, ok, why, judged.worst)

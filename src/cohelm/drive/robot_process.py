@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import signal
 import threading
@@ -11,9 +12,11 @@ from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.live import LiveConfig
+from cohelm.drive.operate import Asked
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.robot.keep.processes import bound, started
 
+_log = logging.getLogger("cohelm.drive")
 _START = 900.0
 """A robot that is not ready by then, compiling included, never will be [s]."""
 _END = 15.0
@@ -28,21 +31,18 @@ class RobotProcess:
     """
 
     def __init__(
-        self, name: str, twin: bool, door: TeleopConfig, carry_on: bool = False,
-        patience: float = 0.0, pictures: float = 5.0, wait: bool = True, driver: str | None = None,
-        live: LiveConfig | None = None, site: str = "lab-guard",
+        self, asked: Asked, door: TeleopConfig, carry_on: bool = False, patience: float = 0.0,
+        pictures: float = 5.0, wait: bool = True, live: LiveConfig | None = None,
     ) -> None:  # fmt: skip
-        """name: of a scenario, or a robot's file, then driven in `site`. patience, pictures, live:
-        as in `SessionConfig`. wait: until the robot can be driven; else see `ready`, and `over`
-        where it can not be started. driver: of a robot that is not simulated, see `operate.Asked`.
+        """patience, pictures, live: as in `SessionConfig`. wait: until the robot can be driven;
+        else see `ready`, and `over` where it can not be started.
 
         Raises CohelmError where the robot can not be started.
         """
         self._line, theirs = multiprocessing.Pipe()
         self._process = started(
-            "cohelm robot", _drive, theirs, name, twin, door, carry_on, patience, pictures, driver,
-            live, site,
-        )  # fmt: skip
+            "cohelm robot", _drive, theirs, asked, door, carry_on, patience, pictures, live
+        )
         theirs.close()
         self.host, self.port = "", 0
         self.ready = threading.Event()
@@ -154,12 +154,13 @@ class RobotProcess:
 
 
 def _drive(
-    line: Connection, name: str, twin: bool, door: TeleopConfig, carry_on: bool, patience: float,
-    pictures: float, driver: str | None, live: LiveConfig | None, site: str,
+    line: Connection, asked: Asked, door: TeleopConfig, carry_on: bool, patience: float,
+    pictures: float, live: LiveConfig | None,
 ) -> None:  # fmt: skip
     """The robot's process."""
     let_go = bound()
-    from cohelm.drive.operate import Asked, ended, meant
+    from cohelm.drive.on_topics import TopicsConfig, on_topics
+    from cohelm.drive.operate import ended, known, meant
     from cohelm.drive.session import SessionConfig
     from cohelm.drive.teleop_server import serve
     from cohelm.loop.loop import LoopParams
@@ -178,11 +179,14 @@ def _drive(
             let_go()
 
         try:
-            kind = "twin" if twin else "kinematic"
-            made = meant(Asked(name, site, kind, True, None, [], driver))
-            loop = LoopParams(carry_on=carry_on)
-            plan = SessionConfig(made, live=live, loop=loop, patience=patience, pictures=pictures)
-            serve(plan, door, ready, over)
+            made = meant(asked)
+            chart, zones = known(asked, made)
+            plan = SessionConfig(
+                made, live=live, known=chart, zones=zones, loop=LoopParams(carry_on=carry_on),
+                patience=patience, pictures=pictures,
+            )  # fmt: skip
+            with on_topics(made, TopicsConfig(), _log.warning) as topics:
+                serve(plan, door, ready, over, topics)
         except CohelmError as error:
             try:
                 line.send(str(error))

@@ -18,6 +18,7 @@ from cohelm.drive.recorder import Listening, Recording
 from cohelm.drive.shown import drawn, way, zoned
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Mode
+from cohelm.loop.docking import Ended
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
 from cohelm.loop.operator import NullOperator, Operator
@@ -26,8 +27,9 @@ from cohelm.loop.timing import Timing
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception, rehearse
-from cohelm.pilot.margin_inflation import SLOP, inflated, noise
+from cohelm.pilot.margin_inflation import SLOP, inflated, inflated_rules, noise
 from cohelm.pilot.pilot import Pilot
+from cohelm.plan.docks import Dock
 from cohelm.plan.zones import Zones
 from cohelm.record.topics import Photo
 from cohelm.robot.gate.modes import Mode as GateMode, latched
@@ -36,11 +38,16 @@ from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.limits import checked_braking
+from cohelm.robot.port import Encoded, Frame
+from cohelm.scenario.docks import checked
 from cohelm.scenario.load import dump
 from cohelm.scenario.zones import check, given_first
 
 _BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
 _READY = 10.0  # the robot's sensors must speak within this [s]
+
+
+Camera = Callable[[float], Frame | Encoded | None]
 
 
 @dataclass(frozen=True)
@@ -85,9 +92,12 @@ class SessionConfig:
 class Session:
     """Everything that runs. `close`, or leaving the `with`, stops the robot first."""
 
-    def __init__(self, plan: SessionConfig, operator: Operator | None = None) -> None:
-        """Raises CohelmError where something can not be started; nothing is left running then."""
-        self.plan = plan
+    def __init__(
+        self, plan: SessionConfig, operator: Operator | None = None, camera: Camera | None = None
+    ) -> None:
+        """camera: gives the newest picture, told the robot's time; by default the robot's readings
+        do. Raises CohelmError where something can not be started; nothing is left running then."""
+        self.plan, self._camera = plan, camera
         self.scheduling = "simulated time"
         self._urgent, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
         robot, real_time = plan.robot, plan.robot.real_time
@@ -103,6 +113,10 @@ class Session:
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
         """Who is shown the pictures, with their age [s]."""
+        self._frame: Frame | Encoded | None = None
+        """The newest of that camera."""
+        self._to_dock = False
+        """Whether `run` was to dock."""
         self._recorded = -math.inf
         self._periods = self._lost = 0
         self._whole = True
@@ -118,6 +132,7 @@ class Session:
             if plan.zones is not None:
                 check(plan.zones, known)
             has_map = known is not None
+            docks = docks_of(plan, known)
             warmed_up = _in_thread(lambda: rehearse(model, has_map)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             ends = [None if one is None else one.keeper for one in (self.recording, self.live)]
@@ -138,7 +153,7 @@ class Session:
             self.loop = Loop(
                 self.keeper, perception, self.driver, operator or NullOperator(),
                 _line(self.recording, real_time), _loop_params(plan), has_map=has_map,
-                live=_line(self.live, real_time),
+                live=_line(self.live, real_time), docks=docks,
             )  # fmt: skip
             if known is not None:
                 self.loop.log.show(drawn(known))
@@ -160,13 +175,15 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def run(self, until: Callable[[Loop], bool], mode: Mode = Mode.HOLD) -> None:
+    def run(self, until: Callable[[Loop], bool], mode: Mode = Mode.HOLD, dock: int = 0) -> None:
         """Drive in a mode, as soon as the robot can, until `until` says so.
 
-        A stop, hold or fault meanwhile ends the wish, and so does a mode that a person chooses.
+        dock: dock there instead, from 1. A stop, hold or fault meanwhile ends the wish, and so does
+        a mode that a person chooses.
         """
         keeper, begun = self.loop.keeper, self.loop.keeper.now()
-        wanted, ended = mode, self.loop.rights.ended
+        self._to_dock = dock > 0
+        wanted, ended = (Mode.AUTOMATIC if dock else mode), self.loop.rights.ended
 
         def chosen(loop: Loop) -> bool:
             nonlocal wanted
@@ -174,7 +191,10 @@ class Session:
                 over = loop.rights.ended != ended or loop.mode not in (Mode.HOLD, wanted)
                 over = over or latched(keeper.gate.mode)
                 late = keeper.now() - begun > _READY
-                if over or late or not loop.choose(wanted):
+                said = "" if over else loop.dock(dock) if dock else loop.choose(wanted)
+                if late and said and dock:
+                    loop.docking.over(Ended(said))
+                if over or late or not said:
                     wanted = Mode.HOLD
             self._look()
             self._periods += 1
@@ -188,8 +208,12 @@ class Session:
     def _look(self) -> None:
         """Through the camera: have frames packed, and pass on what is packed. Takes no time."""
         loop, rate = self.loop, self.plan.pictures
-        frame = loop.readings.frame if loop.readings is not None else None
-        if frame is None or loop.seen is None:
+        if loop.readings is None or loop.seen is None:
+            return
+        frame = loop.readings.frame
+        if self._camera is not None:
+            self._frame = frame = self._camera(loop.keeper.now()) or self._frame
+        if frame is None:
             return
         due = rate > 0.0 and loop.log.wants_pictures and frame.stamp - self._recorded > 0.9 / rate
         if due or self.shown is not None:
@@ -240,6 +264,8 @@ class Session:
             "reason": gate.reason,
             "faulted": gate.mode == GateMode.FAULTED,
             "arrived": loop.driver.arrived,
+            "docking": loop.docking.last.why or None,
+            "docked": loop.docking.last.arrived if self._to_dock else None,
             "least_clearance_moving_m": least if math.isfinite(least) else None,
             "lost_share": self._lost / self._periods if self._periods else None,
             "lost": bool(loop.seen is not None and loop.seen.lost),
@@ -326,6 +352,13 @@ def _loop_params(plan: SessionConfig) -> LoopParams:
     arming = plan.loop.arming
     patient = arming._replace(stale=arming.stale + plan.patience)
     return plan.loop._replace(period=plan.period, arming=patient, patience=plan.patience)
+
+
+def docks_of(plan: SessionConfig, known: LocalizationMap | None) -> tuple[Dock, ...]:
+    """Where a plan's robot can dock. CohelmError for a dock where it could not."""
+    scenario, model = plan.robot.scenario, plan.robot.model
+    rules = inflated_rules(scenario.law.guard.rules(plan.period), SLOP + noise(model))
+    return checked(scenario.docks, model.outline, rules.hard_margin, known, plan.zones)
 
 
 def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None = None) -> Driver:

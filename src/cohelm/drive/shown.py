@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.law.reference import Reference, desired
-from cohelm.link.messages import Line, Map, Polyline, Zone, ZoneMap
+from cohelm.link.messages import DockPlace, Docks, Line, Map, Polyline, Zone, ZoneMap
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import Course, poses_along
+from cohelm.plan.docks import Dock
 from cohelm.plan.zones import CELL, Cells, Zones
 
 _STEP = 0.1  # between two points of a way [m]
@@ -61,6 +63,11 @@ def _zone_map(what: Zone, raster: Cells, cells: NDArray[np.uint8], u_d: float) -
     return [
         ZoneMap(what, origin, side, u_d, right - left, bottom - top, zlib.compress(part.tobytes()))
     ]
+
+
+def told(docks: Sequence[Dock]) -> Docks:
+    """Where a robot can dock."""
+    return Docks(tuple(DockPlace(dock.name, dock.pose, dock.approach) for dock in docks))
 
 
 def detour(course: Course | None) -> Polyline:

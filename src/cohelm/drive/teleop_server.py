@@ -50,10 +50,10 @@ def serve(
     end, bulk = both_ends(door.keys, door.host, door.port, door.records, STALE + plan.patience)
     operator = OverLink(
         end, bulk, plan.robot.model, door.records, on_loss, plan.loop.arming.stale,
-        plan.robot.kind != "kinematic",
+        plan.robot.kind != "kinematic" and not (topics is not None and topics.blind),
     )  # fmt: skip
     try:
-        with Session(plan, operator) as session:
+        with Session(plan, operator, None if topics is None else topics.camera) as session:
             if session.known is None:
                 _log.warning("neither map nor walls to localise by: the robot trusts its odometry")
             wishes = () if topics is None else (topics,)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
+from cohelm.core.errors import CohelmError
 from cohelm.drive.operate import End, Hands
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.teleop_server import TeleopConfig, serve
@@ -22,17 +23,19 @@ if TYPE_CHECKING:
 
 def drive_here(
     plan: SessionConfig, mode: Mode, operator: Hands, stop: End, seconds: float | None = None,
-    arrive: bool = False, topics: OnTopics | None = None,
+    arrive: bool = False, topics: OnTopics | None = None, dock: str = "",
     begun: Callable[[Session], AbstractContextManager[object]] = nullcontext,
 ) -> dict[str, Any]:  # fmt: skip
     """Drive, and say what became of it.
 
     seconds: end after so many. arrive: end when the route is done. topics: what a ROS 2 robot says
-    besides. begun: told the session; it drives within the context that is returned.
+    besides. dock: dock there instead, and end when that is over. begun: told the session; it drives
+    within the context that is returned.
 
     Raises CohelmError where something can not be started.
     """
-    with Session(plan, operator) as session:
+    number = dock_of(plan, dock)
+    with Session(plan, operator, None if topics is None else topics.camera) as session:
         stop.heed()
         clock = session.loop.keeper.now
         with begun(session):
@@ -45,12 +48,25 @@ def drive_here(
                 if topics is not None:
                     topics.turn(loop)
                 over = clock() >= end or (arrive and loop.driver.arrived)
+                over = over or bool(number and loop.docking.last.why)
                 return over or stop.asked != ""
 
-            session.run(until, mode)
+            session.run(until, mode, number)
             session.end(stop.asked or "the drive is over")
         summary = session.summary()
     return summary | session.record_summary()
+
+
+def dock_of(plan: SessionConfig, name: str) -> int:
+    """The number of the dock that is called so, from 1; 0: none was named. CohelmError for one that
+    the site does not have."""
+    names = [dock.name for dock in plan.robot.scenario.docks]
+    if not name:
+        return 0
+    if name not in names:
+        known = f"; there are: {', '.join(names)}" if names else ", and this scenario has none"
+        raise CohelmError(f"--dock: no dock is called {name!r}{known}")
+    return names.index(name) + 1
 
 
 def drive_for_stations(

@@ -28,6 +28,7 @@ LARGEST_BULK = 32_000_000
 MOST_BEAMS = 500
 """Beams in one ScanPart."""
 MOST_WAYPOINTS = 500
+MOST_DOCKS = 50
 
 Byte = Annotated[int, whole("B")]
 Short = Annotated[int, whole("H")]
@@ -100,6 +101,10 @@ class Ask(IntEnum):
     """The driver keeps the lease although it was asked for."""
     RECORD = 7
     """Record (value 1) or stop recording (0)."""
+    DOCK = 8
+    """Dock at dock `value`, as `Docks` has them, from 1; 0: the one it is at; the driver may."""
+    UNDOCK = 9
+    """Back out of dock `value`; 0: the one it is at; the driver may."""
 
 
 class Request(NamedTuple):
@@ -156,6 +161,21 @@ class Alarm(NamedTuple):
     """Its cause is still there."""
     acknowledged: bool
     text: Words
+
+
+class DockPhase(IntEnum):
+    """How the robot stands to a dock."""
+
+    AWAY = 0
+    """It is at none."""
+    STAGED = 1
+    """At the beginning of one's approach: it could dock."""
+    DOCKING = 2
+    DOCKED = 3
+    """It could undock."""
+    UNDOCKING = 4
+    BETWEEN = 5
+    """Somewhere on an approach: it could do either."""
 
 
 class Localised(IntEnum):
@@ -261,6 +281,9 @@ class Status(NamedTuple):
     sigma: float
     """Standard deviation of the position [m]."""
     recording: bool
+    docking: DockPhase
+    dock: Byte
+    """At which dock, as `Docks` has them, from 1; 0: at none."""
     timing: Timing
     alarms: Annotated[tuple[Alarm, ...], UpTo(4)]
     """The worst first, at most 4."""
@@ -385,6 +408,22 @@ class ZoneMap(NamedTuple):
     speed that is asked for, 1 .. 100 percent of the usual one."""
 
 
+class DockPlace(NamedTuple):
+    """A dock."""
+
+    name: Name
+    pose: Pose
+    """Of the docked robot, in the map."""
+    approach: float
+    """Length of the straight way that ends there [m]."""
+
+
+class Docks(NamedTuple):
+    """Bulk: where the robot can dock; replaces the earlier ones."""
+
+    all: Annotated[tuple[DockPlace, ...], UpTo(MOST_DOCKS)]
+
+
 class Health(NamedTuple):
     """Bulk: what the robot says of itself; told at every change."""
 
@@ -471,8 +510,8 @@ class Fetch(NamedTuple):
 
 FromOperator: TypeAlias = Command | Waypoints | Fetch
 FromRobot: TypeAlias = (
-    Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Health | Picture | Records
-    | Piece | Digest | Checked
+    Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Docks | Health | Picture
+    | Records | Piece | Digest | Checked
 )  # fmt: skip
 Message: TypeAlias = FromOperator | FromRobot
 """What may go either way."""

@@ -13,6 +13,7 @@ from cohelm.link.messages import (
     Command,
     Digest,
     Discs,
+    Docks,
     Fetch,
     FromOperator,
     FromRobot,
@@ -33,7 +34,7 @@ from cohelm.link.messages import (
     ZoneMap,
 )
 
-VERSION = 6
+VERSION = 7
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 _REQUESTS_AT, _REQUEST_SIZE, _WHAT_AT = 50, 15, 4
@@ -60,7 +61,7 @@ _UP: Mapping[int, type[Any]] = {1: Command, 2: Waypoints, 4: Fetch}
 _DOWN: Mapping[int, type[Any]] = {
     64: Status, 65: ScanPart, 66: Discs,
     96: Hello, 97: Polyline, 98: Map, 99: Health, 100: Picture, 102: Records, 103: Piece,
-    104: Checked, 105: Digest, 106: ZoneMap,
+    104: Checked, 105: Digest, 106: ZoneMap, 107: Docks,
 }  # fmt: skip
 _LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
     kind: (of, layout(of)) for kind, of in {**_UP, **_DOWN}.items()

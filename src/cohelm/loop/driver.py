@@ -8,8 +8,8 @@ from collections import deque
 import numpy as np
 
 from cohelm.core.frames import placed
-from cohelm.core.types import Floats, Pose, Stick, Twist
-from cohelm.law.govern import Profile
+from cohelm.core.types import Floats, Pose, Stick, Twist, wrap
+from cohelm.law.govern import Profile, reversed_twist, turned
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference, through
 from cohelm.link.latency_speed_limit import Cap
@@ -30,6 +30,7 @@ from cohelm.robot.limits import achievable
 _NOTHING: Floats = np.empty((0, 2))
 _COMPILING = 180.0  # the first plan may take this long [s]
 _EVERY = 0.2  # from one snapshot for the planner to the next [s]
+_SPEEDS = ("safe", "tracking", "operator", "nominal", "avoid")
 _ROUNDING = 1e-6  # of times that add up, as 0.6 - 0.4 < 0.2 [s]
 _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 8
 """When the wheels do so much else than they were told, for so many periods, they are believed."""
@@ -152,13 +153,28 @@ class Driver:
         else so that the whole stick is the whole speed u_d."""
         return self._step(self._alone if gently else self._by_hand, now, pose, stick, around)
 
-    def _step(
-        self, pilot: Pilot, now: float, pose: Pose, stick: Stick, around: Surroundings
+    def along(
+        self, pilot: Pilot, now: float, pose: Pose, around: Surroundings, backwards: bool
     ) -> Decision:
+        """On the course of another pilot, alone. backwards: that one's robot is this one, taken as
+        turned round."""
+        if not backwards:
+            return self._step(pilot, now, pose, CENTRED, around)
+        back = self._step(pilot, now, turned(pose), CENTRED, around, -1.0)
+        speeds = {f"{name}_v": -getattr(back, f"{name}_v") for name in _SPEEDS}
+        return back._replace(**speeds, psi_d=wrap(back.psi_d + math.pi), u_d=-back.u_d)
+
+    def _step(
+        self, pilot: Pilot, now: float, pose: Pose, stick: Stick, around: Surroundings,
+        way: float = 1.0,
+    ) -> Decision:  # fmt: skip
+        """way: -1 for a pilot that takes the robot as turned round."""
         d = self._delay  # the commands under way, as the robot got them, where this pilot has them
         for j in range(d):
-            pilot.sent[(pilot.state.k + j) % d] = self._given[j + 1]
-        return pilot.step(now, pose, self._twist, stick, around, self.fastest)
+            given = self._given[j + 1]
+            pilot.sent[(pilot.state.k + j) % d] = (way * given.v, given.omega)
+        twist = self._twist if way > 0.0 else reversed_twist(self._twist)
+        return pilot.step(now, pose, twist, stick, around, self.fastest)
 
     def rehearse(self, pose: Pose, around: Surroundings) -> None:
         """Compile what a period may need; changes nothing."""

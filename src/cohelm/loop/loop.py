@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from cohelm.link.rate import Coalesced
 from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.alarms import Alarms
 from cohelm.loop.authorization import Authorization
+from cohelm.loop.docking import Docking, Ended
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.dropout import WAITING, Dropout, Then, followed
@@ -30,6 +31,7 @@ from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
 from cohelm.loop.timing import Timing
 from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.pilot.step import Decision
+from cohelm.plan.docks import Dock
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import Mode as GateMode, driving, latched
 from cohelm.robot.keep.garbage import Sweeper
@@ -74,8 +76,9 @@ class Loop:
     def __init__(
         self, keeper: Keeper, perception: Perception, driver: Driver, operator: Operator,
         record: Line, params: LoopParams, has_map: bool, live: Line | None = None,
+        docks: Sequence[Dock] = (),
     ) -> None:  # fmt: skip
-        """has_map: whether `perception` localises on one. live: to who looks on."""
+        """has_map: whether `perception` localises on one. live: to who looks on. docks: on it."""
         self.keeper, self.perception, self.driver = keeper, perception, driver
         self.operator, self.params = operator, params
         self.timing, self.alarms = Timing(), Alarms()
@@ -92,6 +95,7 @@ class Loop:
         self.lease = (0, 0)
         """Who drives, 0: nobody; and a count of the leases."""
         self.rights = Authorization()
+        self.docking = Docking(docks, driver.settings, driver.delay)
         self.log = DriveLog(record, keeper.now, live)
         self._latched = (GateMode.IDLE, "")
         self._allowed_share = 1.0
@@ -162,12 +166,52 @@ class Loop:
             return "there is no route to follow"
         said = self.keeper.drive(_GATE[mode])
         if not said:
+            self._over(Ended(f"mode {mode.name}"))
             self.mode = mode
             self._forget_dropout()
             self._event(f"mode {mode.name}")
             if mode == Mode.HOLD:
                 self.rights.end(who, self.keeper.now())
         return said
+
+    def dock(self, number: int = 0, backwards: bool = False) -> str:
+        """Dock, or backwards: undock, from now on; why not, or nothing. Not for what a person asks
+        for: `_dock`. number: of the dock, from 1; 0: the one it is at."""
+        if self.problem or self.seen is None:
+            return self.problem or "the robot has seen nothing yet"
+        if self._pauses:
+            return f"not while the robot waits: {self.paused}"
+        said = self.docking.refusal(number, self.seen, self.person.stick, backwards)
+        said = said or self.keeper.drive(GateMode.AUTOMATIC)
+        if not said:
+            self._over(Ended("another was asked for"))
+            self.mode = Mode.AUTOMATIC
+            self._forget_dropout()
+            self.docking.begin(self.keeper.now(), number, self.seen, backwards)
+            self._event(self.docking.doing)
+        return said
+
+    def _over(self, ended: Ended) -> None:
+        """Docking or undocking, if one of them went on."""
+        if self.docking.on:
+            self._event(f"{self.docking.doing} ended: {ended.why}")
+            self.docking.over(ended)
+            self.cap = FREE
+
+    def _watch_docking(self, now: float, seen: Seen) -> None:
+        """Whatever ends it ends in hold."""
+        docking = self.docking
+        if not docking.on:
+            return
+        told = self.keeper.gate.out
+        ended = docking.ended(now, seen, told, self.person.stick, bool(self._pauses))
+        if ended is None:
+            return
+        if not ended.arrived:
+            self.alarms.on("dock", f"{docking.doing}: {ended.why}", Severity.WARNING)
+            self.alarms.off("dock")  # to be acknowledged; there is nothing that goes on
+        self._over(ended)
+        self.choose(Mode.HOLD)
 
     def pause(self, name: str, why: str) -> None:
         """Brake and stand in the mode it is, until `go_on(name)`: nothing remembers a mode, so what
@@ -198,6 +242,8 @@ class Loop:
         self._take_input(now)
         decision = None
         seen = self.seen
+        if seen is not None:
+            self._watch_docking(now, seen)
         free = driving(keeper.gate.mode) and not self.problem and not self._pauses
         if free and seen is not None:
             decision = self._decide(now, seen)
@@ -329,6 +375,8 @@ class Loop:
             said = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == Ask.MODE:
             said = self._mode(asked, driver) if value in _MODES else "there is no such mode"
+        elif what in (Ask.DOCK, Ask.UNDOCK):
+            said = self._dock(asked, driver)
         text = f"{asked.name} asks for {what.name} {value}: {said or 'done'}"
         for line in self._lines.add(self.keeper.now(), text, text):
             self._event(line)
@@ -351,6 +399,13 @@ class Loop:
                 self.rights.stand(asked)
         return said
 
+    def _dock(self, asked: Asked, driver: int) -> str:
+        backwards = asked.request.what == Ask.UNDOCK
+        said = self._refusal(asked, driver) or self.dock(asked.request.value, backwards)
+        if not said:
+            self._operator_chose = True
+        return said
+
     def _refusal(self, asked: Asked, driver: int, hold: bool = False) -> str:
         return self.rights.refusal(asked, driver, self.keeper.now(), hold)
 
@@ -363,11 +418,15 @@ class Loop:
             if latched(gate.mode):
                 self.rights.end(0, self.keeper.now())
         if not driving(gate.mode) and self.mode != Mode.HOLD:
+            self._over(Ended(gate.reason))
             self.mode = Mode.HOLD
 
     def _decide(self, now: float, seen: Seen) -> Decision:
         obstacles = self.driver.around(seen)
         self._limit_speed(seen, obstacles)
+        docking = self.docking
+        if docking.on:
+            return self.driver.along(docking.pilot, now, seen.pose, obstacles, docking.backwards)
         stick = self.person.stick if self.keeper.gate.mode == GateMode.SHARED else CENTRED
         if self.mode == Mode.MANUAL:
             return self.driver.by_hand(now, seen.pose, stick, obstacles, gently=False)
@@ -378,7 +437,7 @@ class Loop:
     def _limit_speed(self, seen: Seen, obstacles: Surroundings) -> None:
         """How fast it may be asked to go: what the driver allows, his delay, speed zones, and where
         the robot has lost its place, what it sees."""
-        driver, caps = self.driver, [FREE, self.driver.slowed(seen)]
+        driver, caps = self.driver, [FREE, self.driver.slowed(seen), self.docking.cap]
         if self._delay > NOTICED or seen.lost:
             clearance, settings = driver.clear(seen.pose, obstacles, seen.blind), driver.settings
             caps += [cap(self._delay, clearance, settings)]
@@ -456,12 +515,13 @@ class Loop:
 
     def _record(self, report: Report) -> NDArray[np.void]:
         """The period's row, to the recorder, if it has room for it."""
-        gate = self.keeper.gate
+        gate, (phase, dock) = self.keeper.gate, self.docking.phase(report.seen)
         return self.log.period(
             known(report)
             | {
                 "mode": gate.mode, "refused": gate.refused, "dropped": self.log.dropped,
                 "safe_v": self._safe.v, "safe_omega": self._safe.omega,
+                "docking": phase, "dock": dock,
                 "late": self._late, "took": self._took, "overruns": self.timing.overruns,
             }
         )  # fmt: skip

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.robot.contact_monitor import unheard
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import of_sensor
@@ -41,6 +42,7 @@ class SensorWatchdog:
     def __init__(self, model: RobotModel, patience: Patience) -> None:
         self._patience = patience
         self._sensors = [lidar.name for lidar in model.lidars]
+        self._contacts = model.contacts
         limits = model.bounds()
         self._fastest = min(limits.speed, limits.wheel_speed, 50.0)
         self._turns = min(limits.yaw_rate, 2.0 * limits.wheel_speed / limits.track, 50.0)
@@ -55,6 +57,10 @@ class SensorWatchdog:
                 return wrong
             said = self._scan(now, readings.of_lidar(name) if i else readings.scan, i)
             wrong = of_sensor(name, said) if said else ""
+        if not wrong and self._contacts:
+            newest = {one.sensor: one for one in readings.contacts}
+            each = (unheard(one, newest.get(one.name), now) for one in self._contacts)
+            wrong = next((said for said in each if said), "")
         return wrong
 
     def _odometry(self, now: float, odometry: Odometry | None) -> str:

@@ -14,6 +14,7 @@ from cohelm.law import verdict as verdicts
 from cohelm.link.messages import (
     MOST_BEAMS,
     Arming,
+    DockPhase,
     Guarding,
     Lease,
     Localised,
@@ -119,6 +120,8 @@ def status(
         localised=_localised(bool(row["lost"]), f("sigma"), has_map),
         sigma=f("sigma"),
         recording=False,
+        docking=DockPhase(max(int(row["docking"]), 0)),
+        dock=max(int(row["dock"]), 0),
         timing=Timing(f("late"), int(row["overruns"]), f("stick_age"), math.nan, math.nan, 0),
         alarms=words.alarms,
         answers=(),

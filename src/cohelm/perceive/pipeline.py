@@ -12,17 +12,19 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose, inverse
 from cohelm.core.types import Floats, Pose, Twist
+from cohelm.perceive.contact_memory import ContactMemory
 from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
 from cohelm.perceive.localize.localizer import Located, Locator
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.observation_source import NOTHING, ObservationSource
+from cohelm.perceive.range_source import RangeSource
 from cohelm.perceive.scan.deskew import DeskewedScan, all_round
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind
 from cohelm.perceive.track.tracker import TrackerParams, bodies, strays
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
 _ON_WALL = 0.1  # what ends as near to a wall of the map as this stands [m]
@@ -98,18 +100,24 @@ class Perception:
         care, self._watching = remembering or ScanMemoryParams(), watching or TrackerParams()
         self._first = ObservationSource(self.lidar, "", care, self._watching)
         self._further = tuple(
-            ObservationSource(one.lidar(), one.name, care, self._watching) for one in further
-        )
+            RangeSource(one) if one.range_sensor
+            else ObservationSource(one.lidar(), one.name, care, self._watching)
+            for one in further
+        )  # fmt: skip
         self._sources = (self._first, *self._further)
         self._blind = None
-        if outline is not None and not any(all_round(source.lidar) for source in self._sources):
+        looking = [one for one in self._sources if isinstance(one, ObservationSource)]
+        if outline is not None and not any(all_round(source.lidar) for source in looking):
             self._blind = Blind(outline)
+        self._touched = None
+        if isinstance(model, RobotModel) and model.contacts:
+            self._touched = ContactMemory(model.contacts)
         self.known = known
         """The map to localise on, if there is one."""
         self._locator = Locator(known, self.lidar, start) if known is not None else None
         self._trail = EMPTY
         self._twist = Twist(0.0, 0.0)
-        self._points = self._told = NOTHING
+        self._points = self._unobserved = self._told = NOTHING
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
         self._placed = start is None
         self._located: Located | None = None
@@ -132,6 +140,7 @@ class Perception:
                 scan = readings.of_lidar(source.sensor)
                 if scan is not None and source.new(scan):
                     self._look(source, scan)
+            self._feel(now, readings.contacts)
         scan = readings.scan
         if scan is not None and self._first.new(scan) and len(self._trail):
             self._look(self._first, scan)
@@ -150,27 +159,53 @@ class Perception:
             self._map_odom = compose(self._map_odom, inverse(first))
             self._placed = True
 
-    def _look(self, source: ObservationSource, scan: Scan) -> None:
-        found = source.take(scan, self._trail, self._mapped)
-        if found is None:
+    def _look(self, source: ObservationSource | RangeSource, scan: Scan) -> None:
+        if isinstance(source, RangeSource):
+            source.take(scan, self._trail)
+            self._points = self._standing()
+        else:
+            found = source.take(scan, self._trail, self._mapped)
+            if found is None:
+                return
+            seen, pose = found
+            self._points = self._standing()
+            self._look_at_ground(source, pose)
+            if source is self._first and self._locator is not None:
+                self._located = self._locator.correct(seen, pose)
+                self._map_odom = compose(self._located.pose, inverse(pose))
+                self._matched = pose
+        self._tell()
+
+    def _feel(self, now: float, contacts: Sequence[Contact]) -> None:
+        if self._touched is None:
             return
-        seen, pose = found
-        self._points = self._told = self._standing()
-        if self._blind is not None and source.look is not None:
-            mobile = self._mobile(source.stamp)[2]
-            looking = [(one.lidar, one.look) for one in self._sources if one.look is not None]
-            blind = self._blind.points(source.lidar, source.look, looking, pose, mobile)
-            self._told = np.vstack((self._points, blind))
-        if source is self._first and self._locator is not None:
-            self._located = self._locator.correct(seen, pose)
-            self._map_odom = compose(self._located.pose, inverse(pose))
-            self._matched = pose
+        if self._touched.take(now, contacts, pose_at(self._trail, now)):
+            self._points = self._standing()
+            self._tell()
+
+    def _tell(self) -> None:
+        self._told = self._points
+        if len(self._unobserved):
+            self._told = np.vstack((self._points, self._unobserved))
+
+    def _look_at_ground(self, source: ObservationSource, pose: Pose) -> None:
+        """Which ground nobody looks at any more, as a LiDAR has looked from a pose."""
+        if self._blind is None or source.look is None:
+            return
+        mobile = self._mobile(source.stamp)[2]
+        looking = [
+            (one.lidar, one.look)
+            for one in self._sources
+            if isinstance(one, ObservationSource) and one.look is not None
+        ]
+        self._unobserved = self._blind.points(source.lidar, source.look, looking, pose, mobile)
 
     def _standing(self) -> Floats:
-        """Points that any LiDAR sees standing, or remembers."""
-        if not self._further:
-            return self._first.points
-        return np.vstack([source.points for source in self._sources])
+        """Points that any LiDAR sees standing, or remembers, and that a bumper has met."""
+        parts = [source.points for source in self._sources]
+        if self._touched is not None:
+            parts.append(self._touched.points)
+        return parts[0] if len(parts) == 1 else np.vstack(parts)
 
     def _mapped(self, seen: DeskewedScan, pose: Pose) -> NDArray[np.bool_] | None:
         """Which points are on the map's walls, where the robot knows its place on it."""
@@ -215,7 +250,7 @@ class Perception:
 
 
 def _movers(
-    source: ObservationSource, now: float, watching: TrackerParams
+    source: ObservationSource | RangeSource, now: float, watching: TrackerParams
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """The same of one LiDAR."""
     discs, agility = bodies(source.movers, now, watching)
@@ -244,7 +279,8 @@ def rehearse(model: RobotModel, mapped: bool) -> None:
             Scan(t, k, _in_a_room(one.lidar(), k), 0.05, one.name) for one in model.further_lidars
         )
         for _ in range(20):  # a search is a slice of work at every call
-            nowhere.take(t + 0.05, Readings(odometry, scan, None, None, further))
+            none = untouched(model, t)
+            nowhere.take(t + 0.05, Readings(odometry, scan, None, None, further, none))
         if k == 9:
             nowhere.place(here)
 

@@ -19,9 +19,9 @@ physics twin as it comes: `benchmarks/twin.py` [m]."""
 
 def noise(model: RobotModel) -> float:
     """How much nearer than it is seen a thing may be: one standard deviation of a range, of which
-    a surface near by is many beams' mean, and a post's width just one's; of the noisiest LiDAR
-    [m]."""
-    return max((lidar.noise_m for lidar in model.lidars), default=0.0)
+    a surface near by is many beams' mean, and a post's width just one's; of the noisiest LiDAR, as
+    what a range sensor shows is told as near as it may be [m]."""
+    return max((one.noise_m for one in model.lidars if not one.range_sensor), default=0.0)
 
 
 def inflated_rules(rules: Rules, off: float) -> Rules:

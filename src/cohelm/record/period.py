@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from cohelm.core.row import MEANINGS, ROW
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, X, Y
 from cohelm.law.verdict import BRAKING, INVALID, POWERLESS, SHAPED, STANDING, UNTOUCHED
-from cohelm.link.messages import Arming
+from cohelm.link.messages import Arming, DockPhase
 from cohelm.pilot.step import ESCAPING, EVADING, FOLLOWING, LED
 from cohelm.robot.gate.modes import Mode
 
@@ -35,6 +35,7 @@ _CONSTANTS: dict[str, dict[str, int]] = {
     "behavior": {"FOLLOWING": FOLLOWING, "LED": LED, "ESCAPING": ESCAPING, "EVADING": EVADING},
     "arming": {arming.name: arming.value for arming in Arming},
     "mode": {mode.name: mode.value for mode in Mode},
+    "docking": {phase.name: phase.value for phase in DockPhase},
 }  # fmt: skip
 _COLUMNS = {
     "obstacle_x": (X, "[m] centres, in the map, in the order of the names in the metadata"),

@@ -21,7 +21,7 @@ from cohelm.record.messages import attachment, messages
 from cohelm.record.topics import IMAGE, Photo, scan_topic
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
-from cohelm.robot.port import Frame, Health, Odometry, Readings, Scan
+from cohelm.robot.port import Frame, Health, Odometry, Readings, Scan, untouched
 
 
 class Replayed(Paced):
@@ -83,6 +83,7 @@ class Replayed(Paced):
                 for scans, ends in zip(self._further, self._further_ends, strict=True)
                 if (i := bisect.bisect_right(ends, now))
             ),
+            untouched(self.model, self.now()),
         )  # fmt: skip
 
     def _picture(self, now: float) -> Frame | None:

@@ -151,9 +151,10 @@ class RobotAdapter:
 def _newest(new: Readings, old: Readings) -> Readings:
     """Of everything what is new, and what was there where nothing is."""
     scans = {scan.sensor: scan for scan in (*old.further, *new.further)}
+    contacts = {one.sensor: one for one in (*old.contacts, *new.contacts)}
     both = zip(new, old, strict=True)
     newest = Readings._make(one if one is not None else was for one, was in both)
-    return newest._replace(further=tuple(scans.values()))
+    return newest._replace(further=tuple(scans.values()), contacts=tuple(contacts.values()))
 
 
 def _unbraked(model: RobotModel) -> Limits:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.port import Contact, Odometry, Readings, Scan
 from cohelm.robot.sensors import of_sensor
 
 
@@ -117,3 +117,19 @@ class Robot(ABC):
         number = self._scans.get(name, 0)
         self._scans[name] = number + 1
         return Scan(self.now() - age - duration, number, made, duration, name)
+
+    def contact(self, sensor: str, on: bool, age: float = 0.0) -> Contact:
+        """What a bumper or cliff sensor says, for `Readings.contacts`: give it again and again, as
+        one that is silent for its time-out stops the robot.
+
+        on: whether it is pressed, or sees no floor. age: of that [s]. Raises CohelmError for a
+        sensor that there is not.
+        """
+        known = [one.name for one in self.model.contacts]
+        if sensor not in known:
+            there = f"choose {', '.join(known)}, or " if known else ""
+            raise CohelmError(
+                f"{self.model.name} has no bumper or cliff sensor {sensor!r}: {there}describe it "
+                "in the robot's YAML"
+            )
+        return Contact(self.now() - age, sensor, bool(on))

@@ -29,12 +29,12 @@ class Limits(NamedTuple):
     """Either way [rad/s]."""
     yaw_acceleration: float
     """[rad/s^2]"""
-    wheel_speed: float
+    wheel_speed: float = math.inf
     """Of each wheel at its rim [m/s]."""
-    wheel_acceleration: float
+    wheel_acceleration: float = math.inf
     """Of each wheel at its rim [m/s^2]."""
-    track: float
-    """Distance between the wheels [m]."""
+    track: float = math.nan
+    """Distance between the wheels [m]; only the limits of the wheels need it."""
 
 
 def checked_limits(limits: Limits) -> Limits:
@@ -43,6 +43,8 @@ def checked_limits(limits: Limits) -> Limits:
         made = Limits._make(float(value) for value in limits)
     except (TypeError, ValueError) as error:
         raise CohelmError(f"the limits must be {len(Limits._fields)} numbers: {error}") from error
+    if math.isnan(made.track) and made.wheel_speed == made.wheel_acceleration == math.inf:
+        made = made._replace(track=1.0)
     if not 0.0 < made.track < math.inf:  # nor for NaN
         raise CohelmError(
             f"limits.track must be a length in metres, got {made.track:g}: measure between the "

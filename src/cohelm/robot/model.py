@@ -13,12 +13,17 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
+from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.footprint import convex_outline
 from cohelm.robot.limits import Limits, checked_limits, unlimited
-from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel
+from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
 Positive = Annotated[float, Field(gt=0.0)]
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+BEYOND = 1.0
+"""So far out of its outline may a LiDAR be mounted, on a boom [m]."""
 
 
 class LimitsModel(Schema):
@@ -71,6 +76,11 @@ class RobotModel(Schema):
     further_lidars: tuple[LidarModel, ...] = ()
     """Further planar LiDARs, each with a name of its own. What any of them sees counts; without
     the scans of any of them the robot stops."""
+    bumpers: tuple[ContactModel, ...] = ()
+    """Bumpers. Driven against something with one, the robot stops, and from then on only drives
+    away from it while it is pressed; without the messages of any of them it stops."""
+    cliff_sensors: tuple[CliffModel, ...] = ()
+    """Sensors that look down, for which the same holds where there is no floor."""
     camera: CameraModel | None = None
     """The camera, if there is one."""
 
@@ -89,12 +99,37 @@ class RobotModel(Schema):
         names = [lidar.name for lidar in self.lidars]
         if "" in names[1:] or len(set(names)) < len(names):
             raise ValueError("each of further_lidars needs a name of its own")
+        if self.lidar is not None and self.lidar.range_sensor:
+            raise ValueError("lidar can not be a range_sensor: put that under further_lidars")
+        touching = [one.name for one in self.contacts]
+        if len(set(touching)) < len(touching):
+            raise ValueError("each of bumpers and cliff_sensors needs a name of its own")
+        return self
+
+    @model_validator(mode="after")
+    def _mounted(self) -> Self:
+        """A mount in millimetres is far from the robot, and so would be all that is seen."""
+        for one in (*self.lidars, *self.contacts):
+            away = math.hypot(one.mount_x_m, one.mount_y_m)
+            if away > self.reach + BEYOND:
+                said = (
+                    "mount_x_m and mount_y_m are in metres, from the middle of the axle; "
+                    f"{away:g} m is outside of the robot"
+                )
+                if isinstance(one, LidarModel):
+                    raise ValueError(of_sensor(one.name, said))
+                raise ValueError(f"{one.said}: {said}")
         return self
 
     @property
     def lidars(self) -> tuple[LidarModel, ...]:
         """All LiDARs, the first one first; empty where there is none."""
         return () if self.lidar is None else (self.lidar, *self.further_lidars)
+
+    @property
+    def contacts(self) -> tuple[ContactModel, ...]:
+        """All bumpers and cliff sensors."""
+        return (*self.bumpers, *self.cliff_sensors)
 
     @classmethod
     def of(
@@ -104,7 +139,7 @@ class RobotModel(Schema):
         """From numbers instead of YAML keys.
 
             >>> import cohelm
-            >>> limits = cohelm.Limits(1.0, 2.0, 2.0, 6.0, math.inf, math.inf, 0.4)
+            >>> limits = cohelm.Limits(1.0, acceleration=2.0, yaw_rate=2.0, yaw_acceleration=6.0)
             >>> cart = cohelm.RobotModel.of("cart", [[0.3, 0.2], [-0.3, 0], [0.3, -0.2]], limits)
             >>> cart.reach < 0.37
             True

@@ -41,6 +41,17 @@ class Scan(NamedTuple):
     """Name of the LiDAR that it is of, as the robot's model has it."""
 
 
+class Contact(NamedTuple):
+    """What a bumper or cliff sensor says."""
+
+    stamp: float
+    """When it said it [s]."""
+    sensor: str
+    """Its name, as the robot's model has it."""
+    on: bool
+    """Whether it is pressed, or sees no floor."""
+
+
 class Frame(NamedTuple):
     """One picture of the camera."""
 
@@ -50,6 +61,17 @@ class Frame(NamedTuple):
     """Counts up from 0 by one."""
     pixels: NDArray[np.uint8]
     """(height, width, 3), RGB."""
+
+
+class Encoded(NamedTuple):
+    """One picture of a camera that encodes it itself."""
+
+    stamp: float
+    """When it was taken [s]."""
+    number: int
+    """Counts up from 0 by one."""
+    data: bytes
+    """A file of JPEG or another kind that is common."""
 
 
 class Health(NamedTuple):
@@ -75,10 +97,17 @@ class Readings(NamedTuple):
     """What the robot says of itself."""
     further: tuple[Scan, ...] = ()
     """Of each further LiDAR that has given one, the newest scan."""
+    contacts: tuple[Contact, ...] = ()
+    """Of each bumper and cliff sensor that has said anything, the newest."""
 
     def of_lidar(self, name: str) -> Scan | None:
         """The newest scan of a further LiDAR."""
         return next((scan for scan in self.further if scan.sensor == name), None)
+
+
+def untouched(model: RobotModel, now: float) -> tuple[Contact, ...]:
+    """All its bumpers and cliff sensors, none of them on. now: the robot's clock [s]."""
+    return tuple(Contact(now, one.name, False) for one in model.contacts)
 
 
 class Robot(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from statistics import NormalDist
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple, Self, cast
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -37,6 +37,10 @@ class FloorModel(Schema):
         if not self.from_m + 2.0 * self.cell_m <= self.to_m:
             raise ValueError("floor: from from_m to to_m there must be two cells at least")
         return self
+
+
+_FINE_DEG = 2.0
+"""From one beam to the next of a range sensor's cone, where nobody says how many there are."""
 
 
 class LidarModel(Schema):
@@ -85,6 +89,45 @@ class LidarModel(Schema):
     floor: FloorModel | None = None
     """Over ROS 2: which floor it sees, if it shall notice where there is none. Needs a
     height_band_m."""
+    range_sensor: bool = False
+    """It is a sonar or an infrared one and measures one range for all of its field of view: all
+    across that something counts as standing. Only under further_lidars."""
+    forget_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 10.0
+    """What a range sensor does not see any more counts for so long: nobody knows where in its
+    field of view it was."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _as_fine(cls, given: Any) -> Any:
+        """A range sensor has as many beams as its field of view needs."""
+        if not isinstance(given, dict):
+            return given
+        keys = cast("dict[str, Any]", given)
+        view = keys.get("field_of_view_deg")
+        if keys.get("range_sensor") is not True or "beams" in keys:
+            return keys
+        if not isinstance(view, int | float) or not 0.0 < view <= 180.0:
+            raise ValueError("range_sensor needs a field_of_view_deg of up to 180: of its cone")
+        return keys | {"beams": max(math.ceil(view / _FINE_DEG), 2) + 1}
+
+    @model_validator(mode="after")
+    def _in_its_units(self) -> Self:
+        """Nobody sells such a LiDAR; a slip of units makes one."""
+        view, farthest = self.field_of_view_deg, self.range_max_m
+        if self.beams > 1 and view < 6.4 and not self.range_sensor:
+            looks = f"{view:g} looks like radians ({math.degrees(view):.0f} deg)"
+            raise ValueError(f"field_of_view_deg is in degrees; {looks}")
+        for key, value, most in (
+            ("range_max_m", farthest, 1000.0), ("range_min_m", self.range_min_m, 10.0),
+            ("noise_m", self.noise_m, 1.0),
+        ):  # fmt: skip
+            if value > most:
+                looks = f"{value:g} looks like millimetres ({value / 1000.0:g} m)"
+                raise ValueError(f"{key} is in metres; {looks}")
+        if self.rate_hz < 1.0:
+            seldom = f"every {1.0 / self.rate_hz:g} s is too seldom to drive by"
+            raise ValueError(f"rate_hz is in scans per second; one {seldom}")
+        return self
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -99,7 +142,10 @@ class LidarModel(Schema):
                 raise ValueError("floor.height_m must be below the height_band_m")
             if self.floor.to_m > self.range_max_m:
                 raise ValueError("floor.to_m must not be farther than range_max_m")
-        if self.range_min_m >= self.range_max_m:
+        if self.range_sensor and self.height_band_m is not None:
+            raise ValueError("range_sensor has no height_band_m: it measures one range")
+        fixed = self.range_sensor and self.range_min_m == self.range_max_m
+        if self.range_min_m >= self.range_max_m and not fixed:
             raise ValueError("range_min_m must be smaller than range_max_m")
         if self.sweep_s * self.rate_hz > 1.0:
             raise ValueError("sweep_s must not be longer than the time between two scans")

@@ -203,7 +203,7 @@ def _reason(
         return "command", nominal.reason
     if result.verdict == Verdict.INVALID:
         return "command", "the command, or what perception knows, is no number"
-    if driving(gate.mode) and passed.reason.startswith("collision monitor"):
+    if driving(gate.mode) and passed.reason.startswith(("collision monitor", "contact monitor")):
         return "monitor", passed.reason
     if result.verdict in (Verdict.BRAKING, Verdict.STANDING):
         return "brakes", f"brakes for something {_metres(result.clearance)} off"

@@ -6,17 +6,32 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros import clock, cloud, depth, laser, mismatch
+from cohelm.ros import clock, cloud, cone, depth, laser, mismatch
+from cohelm.ros.camera import CameraTopic
 from cohelm.ros.clock import Clock, SimulatedClock, estimated, seconds
 from cohelm.ros.connection import Connection
-from cohelm.ros.mismatch import CAMERA_INFO, CLOUD, IMAGE, ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.contact import contact_topics, usual_topic
+from cohelm.ros.mismatch import (
+    CAMERA_INFO,
+    CLOUD,
+    IMAGE,
+    ODOMETRY,
+    RANGE,
+    SCAN,
+    STAMPED,
+    TF,
+    TWIST,
+)  # fmt: skip
 from cohelm.ros.names import namespace_of, resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received, Transport
 from cohelm.ros.transforms import Mount, StaticTransforms
@@ -41,16 +56,21 @@ class Topics(NamedTuple):
     namespace: str = "/"
     further: tuple[tuple[str, str], ...] = ()
     """Of further LiDARs: name and topic. Of one that is not named here: /scan_NAME."""
+    contacts: tuple[tuple[str, str], ...] = ()
+    """The same of bumpers and cliff sensors: /bumper_NAME, /cliff_NAME, /hazard_detection."""
+    camera: str | None = None
+    """Of pictures; empty: none; None: the only one there is."""
 
     @classmethod
     def named(
         cls, namespace: str = "/", command: str = "/cmd_vel_nav", out: str = "/cmd_vel",
         scan: str = "/scan", odom: str = "/odom", lock: str = "/emergency_stop",
-        further: Sequence[str] = (),
+        further: Sequence[str] = (), contacts: Sequence[str] = (), camera: str | None = None,
     ) -> Topics:  # fmt: skip
         """As somebody names them: in a namespace, if there is one, also those with a slash before
         them that are there by default. further: `NAME=TOPIC` for each further LiDAR whose topic is
-        not /scan_NAME. CohelmError for what is no name."""
+        not /scan_NAME; contacts: the same of bumpers and cliff sensors. CohelmError for what is
+        no name."""
         space = namespace_of(namespace)
         inside = [
             name and resolved(name.lstrip("/") if name == default else name, space)
@@ -58,11 +78,11 @@ class Topics(NamedTuple):
                 (command, out, scan, odom, lock), cls._field_defaults.values(), strict=False
             )
         ]
-        pairs = [one.partition("=") for one in further]
-        if bad := [one for one, (_, _, topic) in zip(further, pairs, strict=True) if not topic]:
-            raise CohelmError(f"{bad[0]!r}: name a further LiDAR's scans as NAME=TOPIC")
-        named = tuple((name, resolved(topic, space)) for name, _, topic in pairs)
-        return cls(*inside, namespace=space, further=named)
+        camera = resolved(camera, space) if camera else camera
+        return cls(
+            *inside, namespace=space, further=_pairs(further, "a further LiDAR's scans", space),
+            contacts=_pairs(contacts, "a bumper or cliff sensor", space), camera=camera,
+        )  # fmt: skip
 
     def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
         """The topics of its LiDARs' scans, the first one first. CohelmError for a topic of a LiDAR
@@ -80,6 +100,29 @@ class Topics(NamedTuple):
                 f"two LiDARs of {model.name} can not share a topic: {', '.join(topics)}"
             )
         return topics
+
+    def of_contacts(self, model: RobotModel) -> tuple[str, ...]:
+        """The topics of its bumpers and cliff sensors. CohelmError for one that the robot does not
+        have."""
+        given = dict(self.contacts)
+        names = [one.name for one in model.contacts]
+        if strange := [name for name in given if name not in names]:
+            raise CohelmError(
+                f"{model.name} has no bumper or cliff sensor {strange[0]!r}: describe it under "
+                "bumpers or cliff_sensors in the robot's YAML file"
+            )
+        return tuple(
+            given.get(one.name) or resolved(usual_topic(one), self.namespace)
+            for one in model.contacts
+        )
+
+
+def _pairs(given: Sequence[str], what: str, space: str) -> tuple[tuple[str, str], ...]:
+    """Names and topics. CohelmError for what is no `NAME=TOPIC`."""
+    pairs = [one.partition("=") for one in given]
+    if bad := [one for one, (_, _, topic) in zip(given, pairs, strict=True) if not topic]:
+        raise CohelmError(f"{bad[0]!r}: name {what} as NAME=TOPIC")
+    return tuple((name, resolved(topic, space)) for name, _, topic in pairs)
 
 
 class Allowed(NamedTuple):
@@ -106,7 +149,8 @@ class FoundLidar(NamedTuple):
     stamped_at_end: bool
     """Whether scans are stamped when their last beam was measured, not their first."""
     cloud: Floats | None = None
-    """(4, 4), of one that sends point clouds or depth images: from their frame into the body's."""
+    """(4, 4), of one that sends point clouds, depth images or single ranges: from their frame into
+    the body's."""
     camera: depth.Camera | None = None
     """Of one that sends depth images."""
 
@@ -137,6 +181,8 @@ class Found(NamedTuple):
     """Without a word on the lock's topic for so long the base is locked [s]."""
     simulated: bool = False
     """Whether stamps are of the simulator's time on /clock."""
+    camera: CameraTopic | None = None
+    """What people look through; chosen for who drives."""
 
 
 def look(
@@ -195,6 +241,9 @@ class _Heard:
             topic: [] for topic, kind in self._kinds.items() if kind == IMAGE
         }
         """CameraInfo, by the topics of the depth images that it is of."""
+        self._contacts = contact_topics(model, topics.of_contacts(model))
+        self._touched: set[str] = set()
+        """Topics of bumpers and cliff sensors on which anything came."""
         self._commands: list[float] = []
         self._clock, self._simulated = SimulatedClock(), False
         self._damage: dict[str, str] = {}
@@ -213,6 +262,10 @@ class _Heard:
                     (depth.info_topic(topic), CAMERA_INFO, SENSOR, self._into(rows, topic))
                     for topic, rows in self._infos.items()
                 ),
+                *(
+                    (topic, kind, SENSOR, partial(self._touch, topic))
+                    for topic, kind in {(one.topic, one.kind) for one in self._contacts}
+                ),
                 *((topics.command, kind, SENSOR, self._command) for kind in (TWIST, STAMPED)),
                 *(
                     (name, TF, frames, self._transform)
@@ -230,6 +283,7 @@ class _Heard:
         """Whether the sensors are known."""
         scans = min(map(len, self._scans.values()))
         told = all(self._infos.values())
+        told = told and all(one.topic in self._touched for one in self._contacts)
         return len(self._odometry) >= _READINGS and scans >= _SCANS and told
 
     def framed(self) -> bool:
@@ -262,6 +316,11 @@ class _Heard:
             mismatch.no_camera_info(topic, depth.info_topic(topic), seen)
             for topic, rows in self._infos.items() if not rows
         ]  # fmt: skip
+        silent = {(o.topic, o.kind) for o in self._contacts if o.topic not in self._touched}
+        for topic, kind in sorted(silent):
+            damage = self._damage.get(topic, "")
+            wrong.append(mismatch.unheard(topic, kind, SENSOR, "--contact", seen, damage))
+        notes += [f"{one.model.said}: {one.topic}, {one.kind}" for one in self._contacts]
         out_type = TWIST
         if drives:
             out_type, amiss = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
@@ -350,6 +409,8 @@ class _Heard:
         """One LiDAR as it is, and as the robot's description will say it."""
         if given is not None and given.height_band_m is not None:
             return self._cloud(topic, given, allowed, notes)
+        if given is not None and given.range_sensor:
+            return self._cone(topic, given, allowed, notes)
         rows = self._scans[topic]
         mount, scan, rate = self._placed(topic, given, allowed), rows[-1].message, self._rate(rows)
         late, duration = laser.taken(scan, mount)
@@ -416,6 +477,34 @@ class _Heard:
         pose = Pose(x, y, math.radians(lidar.mount_yaw_deg))
         return FoundLidar(topic, Mount(pose, False, z), ticks, False, matrix, camera), lidar
 
+    def _cone(
+        self, topic: str, given: LidarModel, allowed: Allowed, notes: list[str]
+    ) -> tuple[FoundLidar, LidarModel]:
+        """One that sends single ranges."""
+        rows, body = self._scans[topic], self._body()
+        matrix = self._transforms.between(self._frame(topic), body)
+        if allowed.mount_from_model:
+            matrix = _matrix(given)
+        if matrix is None:
+            frames = self._transforms.frames()
+            raise CohelmError(mismatch.no_frame(topic, self._frame(topic), body, frames))
+        ages, rate = self._ages(rows), self._rate(rows)
+        ticks = estimated(ages, topic, allowed.clock)
+        lidar = cone.described(
+            rows[-1].message, topic, matrix, rate, min(ages) + ticks.ahead, given
+        )  # fmt: skip
+        near = lidar.range_min_m == lidar.range_max_m
+        notes.append(
+            f"range sensor: {topic}, {rate:.1f} Hz, "
+            + (f"whether something is within {lidar.range_max_m:g} m" if near else
+               f"from {lidar.range_min_m:g} to {lidar.range_max_m:g} m")
+            + f" in {lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "
+            f"{lidar.mount_y_m:.3f} m, looks at {lidar.mount_yaw_deg:.1f} deg"
+        )  # fmt: skip
+        x, y, z = matrix[:3, 3].tolist()
+        pose = Pose(x, y, math.radians(lidar.mount_yaw_deg))
+        return FoundLidar(topic, Mount(pose, False, z), ticks, False, matrix), lidar
+
     def _placed(self, topic: str, given: LidarModel | None, allowed: Allowed) -> Mount:
         """Where a LiDAR is."""
         if not allowed.mount_from_model:
@@ -452,6 +541,12 @@ class _Heard:
 
         return heard
 
+    def _touch(self, topic: str, received: Received) -> None:
+        if received.message is None:
+            self._damage[topic] = received.damage
+        else:
+            self._touched.add(topic)
+
     def _command(self, received: Received) -> None:
         if received.message is not None:
             self._commands.append(received.stamp)
@@ -463,9 +558,21 @@ class _Heard:
 
 def kind_of(lidar: LidarModel | None) -> str:
     """The type of the messages of a LiDAR that is described so."""
+    if lidar is not None and lidar.range_sensor:
+        return RANGE
     if lidar is None or lidar.height_band_m is None:
         return SCAN
     return IMAGE if lidar.depth_image else CLOUD
+
+
+def _matrix(lidar: LidarModel) -> Floats:
+    """Where it is by its description, level, (4, 4)."""
+    yaw = math.radians(lidar.mount_yaw_deg)
+    c, s = math.cos(yaw), math.sin(yaw)
+    made: Floats = np.eye(4)
+    made[:2, :2] = [[c, -s], [s, c]]
+    made[:3, 3] = lidar.mount_x_m, lidar.mount_y_m, lidar.mount_z_m or 0.0
+    return made
 
 
 def _rate(came: list[float]) -> float:

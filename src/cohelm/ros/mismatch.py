@@ -6,7 +6,7 @@ from cohelm.ros.port import Endpoint, Qos, reaches
 
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 ODOMETRY, SCAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
-CLOUD = "sensor_msgs/msg/PointCloud2"
+CLOUD, RANGE = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Range"
 IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 TF = "tf2_msgs/msg/TFMessage"
 BOOL = "std_msgs/msg/Bool"
@@ -31,6 +31,8 @@ def unheard(
             band = ", or give this LiDAR a height_band_m in the robot's YAML file"
         if there[0].type == IMAGE and kind in (SCAN, CLOUD):
             band = ", or give it a height_band_m and depth_image: true in the robot's YAML file"
+        if there[0].type == RANGE:
+            band = ", or give it range_sensor: true in the robot's YAML file"
         return (
             f"{topic} is {there[0].type}{_by(there)}, and {kind} is needed: name another topic "
             f"with {option}{band}{_others(kind, seen)}"

@@ -19,7 +19,9 @@ from cohelm.robot.sensors import LidarModel
 from cohelm.ros import laser
 from cohelm.ros.clock import Clock, SimulatedClock, seconds
 from cohelm.ros.cloud import CloudRanges
+from cohelm.ros.cone import ConeRanges
 from cohelm.ros.connection import connection
+from cohelm.ros.contact import Contacts, contact_topics
 from cohelm.ros.depth import DepthRanges
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.look import Found, FoundLidar, Topics, kind_of, look
@@ -70,6 +72,8 @@ class Ros2Robot(Robot):
                 self._transport, topics.out, topics.lock, found.bypass, found.lock_silence
             )
             self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._hear_odometry)
+            felt = contact_topics(model, topics.of_contacts(model))
+            self._contacts = Contacts(self._transport, felt, self.now)
             for lidar, one in zip(model.lidars, found.lidars, strict=True):
                 hear = partial(self._hear_scan, lidar.name)
                 self._transport.subscribe(one.topic, kind_of(lidar), SENSOR, hear)
@@ -91,9 +95,10 @@ class Ros2Robot(Robot):
             odometry, scans = None, {}
         seen = {name: self._seen(name, scan.message) for name, scan in scans.items()}
         first = seen.pop(next(iter(self._lidars)), None)
+        further = tuple(scan for scan in seen.values() if scan is not None)
         measured = None if odometry is None else self._measured(odometry.message)
         health = Health(self.now(), math.nan, self._interlock.faults())
-        return Readings(measured, first, None, health, tuple(seen.values()))
+        return Readings(measured, first, None, health, further, self._contacts.read())
 
     def send(self, twist: Twist) -> None:
         """To the base, as the type that it wants; after a while of standing, nothing."""
@@ -125,14 +130,19 @@ class Ros2Robot(Robot):
             Pose(at.x, at.y, yaw_of(turned)), Twist(way.linear.x, way.angular.z), _near(age)
         )
 
-    def _seen(self, name: str, message: Any) -> Scan:
-        lidar, ranges = self._lidars[name]
+    def _seen(self, name: str, message: Any) -> Scan | None:
+        """A message of a LiDAR; None for a range sensor's that measured nothing: it is late until
+        it does."""
+        lidar, converts = self._lidars[name]
+        ranges = converts.of(message)
+        if isinstance(converts, ConeRanges) and math.isnan(ranges[0]):
+            return None
         late, duration = laser.taken(message, lidar.mount) if lidar.cloud is None else (0.0, 0.0)
         stamp = seconds(message.header.stamp) + late
         if not lidar.stamped_at_end:
             stamp += duration
         age = _near(self._aged(lidar.clock, stamp))
-        return self.scan(ranges.of(message), age, duration, name)
+        return self.scan(ranges, age, duration, name)
 
     def _aged(self, clock: Clock, stamp: float) -> float:
         """By the simulator's time, if there is one, else by a clock."""
@@ -155,8 +165,10 @@ class Ros2Robot(Robot):
 
 def _ranges(
     model: LidarModel, found: FoundLidar
-) -> laser.Ranges | CloudRanges | DepthRanges:  # fmt: skip
+) -> laser.Ranges | CloudRanges | DepthRanges | ConeRanges:  # fmt: skip
     """What makes ranges of the messages of a LiDAR."""
+    if found.cloud is not None and model.range_sensor:
+        return ConeRanges(model, found.cloud)
     if found.cloud is not None and found.camera is not None:
         return DepthRanges(model, found.camera, found.cloud, found.topic)
     if found.cloud is not None:
@@ -197,19 +209,21 @@ def _by_environment() -> Topics:
 
 
 def topics_of(pairs: Sequence[str]) -> Topics:
-    """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR. CohelmError for what is
-    none of them."""
-    names = ("command", "out", "scan", "odom", "lock", "namespace")
+    """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR, `contact_NAME=` of a
+    bumper or cliff sensor. CohelmError for what is none of them."""
+    names = ("command", "out", "scan", "odom", "lock", "namespace", "camera")
     given: dict[str, str] = {}
-    further: list[str] = []
+    several: dict[str, list[str]] = {"scan_": [], "contact_": []}
     for pair in pairs:
-        key, _, name = pair.partition("=")
-        if key.startswith("scan_") and name:
-            further.append(pair.removeprefix("scan_"))
+        key, equals, name = pair.partition("=")
+        of = next((one for one in several if key.startswith(one)), "")
+        if of and name:
+            several[of].append(pair.removeprefix(of))
             continue
-        if key not in names or not name:
+        if key not in names or not (name or (equals and key in ("lock", "camera"))):
             raise CohelmError(
-                f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}, scan_NAME"
+                f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}, scan_NAME, "
+                "contact_NAME"
             )
         given[key] = name
-    return Topics.named(**given, further=further)
+    return Topics.named(**given, further=several["scan_"], contacts=several["contact_"])

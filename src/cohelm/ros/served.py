@@ -7,6 +7,7 @@ For trying and testing without ROS: a simulated robot becomes one that `cohelm f
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import threading
 import time
@@ -14,6 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as TimeMessage,
     geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
@@ -25,9 +27,11 @@ from rosbags.typesys.stores.ros2_jazzy import (
     geometry_msgs__msg__Vector3 as Vector3,
     nav_msgs__msg__Odometry as OdometryMessage,
     rosgraph_msgs__msg__Clock as ClockMessage,
+    sensor_msgs__msg__CompressedImage as CompressedImage,
     sensor_msgs__msg__LaserScan as LaserScan,
     sensor_msgs__msg__PointCloud2 as PointCloud2,
     sensor_msgs__msg__PointField as PointField,
+    sensor_msgs__msg__Range as Range,
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
@@ -35,9 +39,11 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
 from cohelm.record.markers import header, pose
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Robot, Scan
+from cohelm.robot.port import Frame, Odometry, Robot, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, rendered
+from cohelm.ros.camera import COMPRESSED
+from cohelm.ros.contact import contact_topics, said
 from cohelm.ros.depth import info_topic
 from cohelm.ros.localized import transform
 from cohelm.ros.look import Topics, kind_of
@@ -50,6 +56,8 @@ _LOOKS = 0.004
 """The robot is looked at so often [s]."""
 _TICK = 0.01
 """It tells its time so often, where that is not the wall's [s]."""
+_TOUCHES = 0.02
+"""Its bumpers and cliff sensors speak so often [s]."""
 _BODY, _LASER, _ODOM = "base_link", "laser", "odom"
 _HEIGHT = 0.2
 """Of a LiDAR above the body's origin, whose description does not say it [m]."""
@@ -69,9 +77,11 @@ class ServedRobot:
         its stamps are of its own time, which it tells on /clock, and not of the wall's."""
         self._simulated, self._ticked = simulated, -math.inf
         self._robot, self._topics, self.tamper = robot, topics, tamper
+        self._transport = transport
         self._arrived = threading.Condition()
         self._command: Twist | None = None
         self._odometry: Odometry | None = None
+        self._frame: Frame | None = None
         self._scans: dict[str, Scan] = {}
         """The newest of each LiDAR, by its topic."""
         self._publishers = {
@@ -87,6 +97,11 @@ class ServedRobot:
             if kind_of(lidar) == IMAGE:
                 info = info_topic(topic)
                 self._publishers[info] = transport.publish(info, CAMERA_INFO, SENSOR)
+        self._contacts = contact_topics(robot.model, topics.of_contacts(robot.model))
+        self._touched = -math.inf
+        for one in self._contacts:
+            if one.topic not in self._publishers:
+                self._publishers[one.topic] = transport.publish(one.topic, one.kind, SENSOR)
         self._tf = resolved("tf", topics.namespace)
         self._publishers[self._tf] = transport.publish(self._tf, TF, Qos(True, False, 10))
         tf = resolved("tf_static", topics.namespace)
@@ -117,6 +132,12 @@ class ServedRobot:
             self._odometry = readings.odometry
             self._send(topics.odom, odometry(readings.odometry, ahead))
             self._send(self._tf, odometry_transform(readings.odometry, ahead))
+        if self._contacts and now - self._touched >= _TOUCHES:
+            self._touched = now
+            on = {one.sensor for one in readings.contacts if one.on}
+            stamped = header(_nanoseconds(now + ahead), _BODY)
+            for topic, message in said(self._contacts, on, stamped):
+                self._send(topic, message)
         for one in (readings.scan, *readings.further):
             if one is not None and one is not self._scans.get(one.sensor):
                 self._scans[one.sensor] = one
@@ -125,6 +146,17 @@ class ServedRobot:
                 if (info := info_topic(topic)) in self._publishers:
                     lidar, _ = _frames(robot.model)[one.sensor]
                     self._send(info, rendered.info(rendered.camera_of(lidar), message.header))
+
+        if readings.frame is not None and readings.frame is not self._frame:
+            self._frame = readings.frame
+            self._send(self._pictures(), picture(readings.frame, ahead))
+
+    def _pictures(self) -> str:
+        """The camera's topic, which is there once there is a picture."""
+        topic = resolved("camera/image_raw/compressed", self._topics.namespace)
+        if topic not in self._publishers:
+            self._publishers[topic] = self._transport.publish(topic, COMPRESSED, SENSOR)
+        return topic
 
     def _send(self, topic: str, message: Any) -> None:
         message = self.tamper(topic, message)
@@ -161,10 +193,17 @@ def odometry_transform(reading: Odometry, ahead: float) -> Any:
 
 def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
     """A `sensor_msgs/msg/LaserScan`, or where its LiDAR has a height band a `PointCloud2` of posts
-    or an `Image` of depths. ahead: of the robot's clock is the wall's [s]."""
+    or an `Image` of depths, or of a range sensor a `Range`. ahead: of the robot's clock is the
+    wall's [s]."""
     lidar, frame = _frames(model)[reading.sensor]
     numbers, n = lidar.lidar(), len(reading.ranges)
     stamped = header(_nanoseconds(reading.stamp + ahead), frame)
+    if lidar.range_sensor:
+        view = math.radians(lidar.field_of_view_deg)
+        nearest = float(reading.ranges.min())
+        return Range(
+            stamped, Range.ULTRASOUND, view, lidar.range_min_m, lidar.range_max_m, nearest, 0.0
+        )  # fmt: skip
     if lidar.depth_image:
         return rendered.image(reading.ranges, lidar, _height(lidar), stamped)
     if lidar.height_band_m is not None:
@@ -181,6 +220,15 @@ def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
         1.0 / lidar.rate_hz, lidar.range_min_m, lidar.range_max_m,
         reading.ranges.astype(np.float32), np.empty(0, dtype=np.float32),
     )  # fmt: skip
+
+
+def picture(frame: Frame, ahead: float) -> Any:
+    """A `sensor_msgs/msg/CompressedImage`, JPEG. ahead: as above."""
+    file = io.BytesIO()
+    Image.fromarray(frame.pixels).save(file, "JPEG", quality=75)
+    stamped = header(_nanoseconds(frame.stamp + ahead), "camera")
+    data = np.frombuffer(file.getvalue(), dtype=np.uint8)
+    return CompressedImage(stamped, "rgb8; jpeg compressed bgr8", data)
 
 
 def mounts(model: RobotModel) -> Any:

@@ -8,12 +8,28 @@ from importlib import import_module
 from typing import Any
 
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cohelm.core.errors import CohelmError
 from cohelm.ros.names import dds_type
 
+HAZARD = "irobot_create_msgs/msg/HazardDetection"
+HAZARDS = "irobot_create_msgs/msg/HazardDetectionVector"
+_OTHERS = {
+    HAZARD: """
+        uint8 BACKUP_LIMIT=0
+        uint8 BUMP=1
+        uint8 CLIFF=2
+        uint8 STALL=3
+        uint8 WHEEL_DROP=4
+        uint8 OBJECT_PROXIMITY=5
+        std_msgs/Header header
+        uint8 type
+    """,
+    HAZARDS: "std_msgs/Header header\nirobot_create_msgs/HazardDetection[] detections",
+}
+"""Types beside ROS 2's own: of iRobot's Create 3, on which the TurtleBot 4 stands."""
 _KNOWN = {
     "humble": Stores.ROS2_HUMBLE, "iron": Stores.ROS2_IRON, "jazzy": Stores.ROS2_JAZZY,
     "kilted": Stores.ROS2_KILTED, "rolling": Stores.LATEST,
@@ -23,7 +39,10 @@ _KNOWN = {
 @cache
 def store() -> Typestore:
     """All message types of the ROS 2 distribution in `ROS_DISTRO`, by default Jazzy's."""
-    return get_typestore(_KNOWN.get(os.environ.get("ROS_DISTRO", ""), Stores.ROS2_JAZZY))
+    made = get_typestore(_KNOWN.get(os.environ.get("ROS_DISTRO", ""), Stores.ROS2_JAZZY))
+    for name, text in _OTHERS.items():
+        made.register(get_types_from_msg(text, name))
+    return made
 
 
 def known(kind: str) -> str:

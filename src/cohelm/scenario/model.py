@@ -18,7 +18,9 @@ from cohelm.core.schema import Schema, refuse
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.reference import Reference, through
+from cohelm.link.messages import MOST_DOCKS
 from cohelm.robot.model import RobotModel
+from cohelm.scenario.docks import DockModel
 from cohelm.scenario.hand import Stick, StickNone, StickOperator
 from cohelm.scenario.law import Law
 from cohelm.scenario.world import Read, WorldFile, has_course, read
@@ -193,6 +195,8 @@ class Scenario(Schema):
     """Wall segments [x1, y1, x2, y2]; the paper's law ignores them."""
     zones: ZonesModel | None = None
     """Where the robot keeps out, and where it goes slowly, with the guard."""
+    docks: list[DockModel] = Field(default=[], max_length=MOST_DOCKS)
+    """Places to dock at, with the guard; see docs/docking.md."""
     stick: Stick = StickNone()
     """Whose hand is on the stick."""
     simulation: Simulation = Simulation()
@@ -222,6 +226,15 @@ class Scenario(Schema):
         if self.senses == "lidar" and self.law.filter != "guard":
             said = "the paper's law knows no LiDAR; set law.filter to guard, or senses to truth"
             problems.append(("senses", said))
+        names: dict[str, int] = {}
+        for i, dock in enumerate(self.docks):
+            first = names.setdefault(dock.name, i)
+            if first != i:
+                said = f"dock {first + 1} is called {dock.name!r} too; names must differ"
+                problems.append((f"docks.{i}.name", said))
+        if self.docks and self.law.filter != "guard":
+            said = "the paper's law knows no docks; set law.filter to guard, or remove them"
+            problems.append(("docks", said))
         if self.zones is not None and self.law.filter != "guard":
             said = "the paper's law knows no zones; set law.filter to guard, or remove them"
             problems.append(("zones", said))

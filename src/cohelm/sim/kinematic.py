@@ -15,7 +15,7 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
-from cohelm.robot.port import Health, Readings, Scan
+from cohelm.robot.port import Health, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
 from cohelm.sim.lidar import noise_seed, scan
@@ -127,6 +127,7 @@ class Kinematic(Paced):
         return Readings(
             self._odometry, scans[0] if scans else None, None, Health(self.now(), math.nan, ()),
             tuple(scan for scan in scans[1:] if scan is not None),
+            untouched(self._model, self.now()),
         )  # fmt: skip
 
     def send(self, twist: Twist) -> Twist:
@@ -214,6 +215,8 @@ class Kinematic(Paced):
             self._motion.pose, lidar, self._discs, self._seen_walls, self._grid, scanner.seed,
             number, ranges,
         )  # fmt: skip
+        if scanner.model.range_sensor:
+            ranges[:] = ranges.min()
         ranges.flags.writeable = False
         scanner.newest = Scan(tick * self._step, number, ranges, 0.0, scanner.model.name)
         scanner.number += 1

@@ -28,7 +28,7 @@ ModeName = Literal["hold", "shared", "automatic", "manual"]
 DeviceName = Literal["none", "keyboard", "gamepad", "touch"]
 Request = Literal[
     "stop", "reset", "take", "give", "refuse", "acknowledge", "record", "record_stop",
-    "hold", "shared", "automatic", "manual",
+    "hold", "shared", "automatic", "manual", "dock", "undock",
 ]  # fmt: skip
 
 
@@ -59,7 +59,8 @@ class Do(Schema):
     type: Literal["do"] = "do"
     what: Request
     value: Annotated[int, Field(ge=0, le=65535)] = 0
-    """Which alarm is acknowledged (0: all); which client is given the robot (0: nobody)."""
+    """Which alarm is acknowledged (0: all); which client is given the robot (0: nobody); at which
+    dock, from 1 (0: where the robot is)."""
     heard_ms: Annotated[float, Field(ge=0.0, le=1e15)] | None = None
     """`at_ms` of the newest beat heard when the person pressed: what was pressed before a stop is
     not done after it, however long it was under way. Null: just now."""
@@ -197,6 +198,9 @@ class State(Schema):
     speed_cap_mps: float | None
     cap_reason: str
     recording: bool
+    docking: Literal["away", "staged", "docking", "docked", "undocking", "between"]
+    dock: int
+    """At which of the docks, from 1; 0: at none."""
 
 
 class Who(Schema):
@@ -245,6 +249,23 @@ class Line(Schema):
     type: Literal["line"] = "line"
     what: Literal["reference", "detour", "waypoints"]
     points: list[Point]
+
+
+class Dock(Schema):
+    """A place to dock at."""
+
+    name: str
+    pose: Where
+    """Of the docked robot."""
+    approach_m: float
+    """Length of the straight way that ends there."""
+
+
+class Docks(Schema):
+    """Where the robot can dock; replaces the earlier ones."""
+
+    type: Literal["docks"] = "docks"
+    docks: list[Dock]
 
 
 class Link(Schema):
@@ -314,7 +335,7 @@ class Refused(Schema):
 
 
 ToPage = (
-    Beat | Welcome | Robot | State | Who | Alarms | Discs | Line | Link | Records | Playing
+    Beat | Welcome | Robot | State | Who | Alarms | Discs | Line | Docks | Link | Records | Playing
     | Checked | Refused
 )  # fmt: skip
 """Everything the server says in text."""

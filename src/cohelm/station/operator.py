@@ -104,6 +104,8 @@ class Operator:
                 self._keep(slot, binary.map_part(message))
             case robot.ZoneMap():
                 self._keep((robot.ZoneMap, message.what), binary.zones(message))
+            case robot.Docks():
+                self._keep("docks", view.docks(message).model_dump_json())
             case robot.Records():
                 self._keep("records", view.records(message).model_dump_json())
             case robot.Health():

@@ -21,7 +21,7 @@ _PLAIN = {float: "number", int: "number", str: "string", bool: "boolean", type(N
 def text() -> str:
     """The whole of messages.ts."""
     from_page, to_page = _members(messages.FromPage), _members(messages.ToPage)
-    inner = [messages.Camera, messages.Alarm, messages.RecordFile]
+    inner = [messages.Camera, messages.Alarm, messages.Dock, messages.RecordFile]
     blocks = [HEAD, *(_interface(model) for model in (*inner, *from_page, *to_page))]
     for name, members in (("FromPage", from_page), ("ToPage", to_page)):
         blocks.append(f"export type {name} = {' | '.join(m.__name__ for m in members)}\n")

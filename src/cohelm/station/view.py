@@ -70,6 +70,7 @@ _VERDICTS = get_args(page.State.model_fields["verdict"].annotation)
 _ARMING = get_args(page.State.model_fields["arming"].annotation)
 _MODES = get_args(page.ModeName)
 _SEVERITIES = get_args(page.Alarm.model_fields["severity"].annotation)
+_DOCKING = get_args(page.State.model_fields["docking"].annotation)
 _LINES = get_args(page.Line.model_fields["what"].annotation)
 
 
@@ -91,6 +92,7 @@ def state(s: robot.Status, stamp: float, age: float) -> page.State:
         progress=known(s.progress), ahead=_points(np.array(s.ahead, dtype=float).reshape(-1, 2)),
         ahead_step_s=_or_0(s.ahead_step), mode=_MODES[s.mode], stopped=s.stopped,
         speed_cap_mps=known(s.speed_cap), cap_reason=s.cap_reason, recording=s.recording,
+        docking=_DOCKING[s.docking], dock=s.dock,
     )  # fmt: skip
 
 
@@ -136,6 +138,19 @@ def line(message: robot.Polyline) -> page.Line:
     return page.Line(what=_LINES[message.what], points=_points(message.points))
 
 
+def docks(message: robot.Docks) -> page.Docks:
+    """Where the robot can dock."""
+    known_places = [
+        dock for dock in message.all if all(map(math.isfinite, (*dock.pose, dock.approach)))
+    ]
+    return page.Docks(
+        docks=[
+            page.Dock(name=dock.name, pose=_where(dock.pose), approach_m=_or_0(dock.approach))
+            for dock in known_places
+        ]
+    )
+
+
 def link(
     quality: Quality, timing: robot.Timing | None, age: float, health: robot.Health | None
 ) -> page.Link:
@@ -170,6 +185,8 @@ _ASKS: dict[str, tuple[robot.Ask, int | None]] = {
     "shared": (robot.Ask.MODE, robot.Mode.SHARED),
     "automatic": (robot.Ask.MODE, robot.Mode.AUTOMATIC),
     "manual": (robot.Ask.MODE, robot.Mode.MANUAL),
+    "dock": (robot.Ask.DOCK, None),
+    "undock": (robot.Ask.UNDOCK, None),
 }
 
 

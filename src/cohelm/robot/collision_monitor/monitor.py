@@ -105,18 +105,19 @@ class CollisionMonitor:
         stopping = max(known, default=0.0)
         self._runaway = Runaway(described.delay + stopping)
         farthest = (top.v + spin.omega * self._shape.reach) * (stopping + described.delay)
-        remembers = not any(all_round(sensor) for sensor in described.sensors)
+        remembers = not any(
+            all_round(sensor) and sensor.forgets == math.inf for sensor in described.sensors
+        )
         self._sources = [
             Source(sensor, i == 0, self._shape, farthest, remembers)
             for i, sensor in enumerate(described.sensors)
         ]
-        self._unknown = NOTHING
-        """Ground that no beam looks at or has looked at before, in the odometry's frame."""
         self._measured, self._commanded = PoseHistory(), PoseHistory()
         self._sent = -math.inf
         """When a twist was asked about, and so sent, last [s]."""
         self._all = NOTHING
-        """All returns, remembered ones too, and this ground."""
+        """All returns, remembered ones too, and ground that no beam looks at or has looked at,
+        in the odometry's frame."""
         self._by_command = NOTHING
         """Returns of the newest scans in the frame of the poses reckoned from what was sent."""
         self._wrong = ""
@@ -177,7 +178,6 @@ class CollisionMonitor:
         history = self._measured
         if odometry.stamp < history.stamp:
             history.clear()
-            self._unknown = self._all = NOTHING
             for source in self._sources:
                 source.forget()
         if odometry.stamp > history.stamp:
@@ -202,9 +202,8 @@ class CollisionMonitor:
                     other.heed(source)
         if any(new for new, _ in looks):
             spaces = [source.ground for source in self._sources if source.ground is not None]
-            self._unknown = unknown_to_all(spaces)
             returns = all_of([source.by_odometry for source in self._sources])
-            self._all = joined(returns, self._unknown)
+            self._all = joined(returns, unknown_to_all(spaces))
             self._by_command = all_of([source.by_command for source in self._sources])
         return next((wrong for _, wrong in looks if wrong), "")
 

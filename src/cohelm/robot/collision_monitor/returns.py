@@ -50,6 +50,9 @@ class Sensor(NamedTuple):
     height: float = math.nan
     """Of the plane in which it measures, above the body's origin [m]; NaN: nobody says so, or it
     measures in no plane."""
+    forgets: float = math.inf
+    """After so long it forgets what it does not see any more [s]. If it ever does, it is a range
+    sensor: its beams are one measurement, which vouches for no ground."""
 
 
 class Returns(NamedTuple):
@@ -71,6 +74,8 @@ def returns(ranges: Floats, sensor: Sensor, within: float) -> Returns:
     close = np.flatnonzero(ranges < 0.0)
     hit = np.flatnonzero((ranges >= 0.0) & (ranges <= within) & np.isfinite(ranges))
     distances, counts = averaged(ranges, hit, sensor)
+    if sensor.forgets < math.inf:
+        counts = np.ones(len(hit))
     which = np.concatenate((hit, close, close))
     distances = np.concatenate(
         (distances, np.full(len(close), sensor.range_min), np.zeros(len(close)))

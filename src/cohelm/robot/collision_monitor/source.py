@@ -48,7 +48,8 @@ class Source:
         around = all_round(sensor)
         self._near = 2.0 * shape.reach + (farthest if around else max(farthest, BESIDE))
         """Returns farther from the sensor than this can not matter [m]."""
-        self.ground = FreeSpace(sensor, shape, farthest) if remembers else None
+        vouches = sensor.forgets == math.inf
+        self.ground = FreeSpace(sensor, shape, farthest) if remembers and vouches else None
         """What it has looked at."""
         self._scan: Scan | None = None
         self._newest: Look | None = None
@@ -83,6 +84,9 @@ class Source:
         before = out_of_sight(
             self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach
         )  # fmt: skip
+        if sensor.forgets < math.inf:
+            lately = scan.stamp - before.seen <= sensor.forgets
+            before = Surroundings(*(column[lately] for column in before))
         self._scan, self._newest = scan, Look(sensor, scan, first, last)
         found = returns(scan.ranges, sensor, self._near)
         self.by_odometry = joined(of_scan(found, scan, measured), before)

@@ -8,6 +8,7 @@ import numpy as np
 
 from cohelm.robot.collision_monitor.monitor import CollisionMonitor, Described
 from cohelm.robot.collision_monitor.returns import Sensor
+from cohelm.robot.contact_monitor import ContactMonitor
 from cohelm.robot.gate.gate import Rules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import Monitor
@@ -20,6 +21,8 @@ def monitors(model: RobotModel, rules: Rules) -> tuple[Monitor, ...]:
     found: list[Monitor] = [PlausibilityMonitor(model)]
     if model.lidar is not None:
         found.append(CollisionMonitor(described(model, rules)))
+    if model.contacts:
+        found.append(ContactMonitor(model))
     return tuple(found)
 
 
@@ -35,9 +38,10 @@ def _sensor(given: LidarModel) -> Sensor:
     lidar = given.lidar()
     bearings = lidar.first + lidar.step * np.arange(given.beams, dtype=np.float64)
     given_height = math.nan if given.mount_z_m is None else given.mount_z_m
-    height = given_height if given.height_band_m is None else math.nan
+    planar = given.height_band_m is None and not given.range_sensor
+    height = given_height if planar else math.nan
     return Sensor(
         lidar.mount, bearings, lidar.step, given.range_min_m, given.noise_m, given.rate_hz,
         given.sweep_s, given.latency_s, given.name, given.timeout_s or math.nan,
-        given.range_max_m, height,
+        given.range_max_m, height, given.forget_s if given.range_sensor else math.inf,
     )  # fmt: skip

@@ -35,7 +35,10 @@ class PlausibilityMonitor:
         self._reach = model.reach
         self._trail, self._commands = Trail(5), Trail(2)
         self._following = Following(model)
-        self._sources = [Source(lidar, i == 0) for i, lidar in enumerate(model.lidars)]
+        self._sources = [
+            Source(lidar, i == 0)
+            for i, lidar in enumerate(model.lidars) if not lidar.range_sensor
+        ]  # fmt: skip
         self._last: Odometry | None = None
         self._clock = -math.inf
         self._odd_since = self._odd_at = -math.inf

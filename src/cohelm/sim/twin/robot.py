@@ -14,7 +14,7 @@ from cohelm.core.types import Floats, Pose, Twist, is_finite
 from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import AsFast, Pace, Paced
-from cohelm.robot.port import Health, Readings, Scan
+from cohelm.robot.port import Health, Readings, Scan, untouched
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
 from cohelm.sim.lidar import measure, noise_seed
@@ -179,6 +179,7 @@ class Twin(Paced):
             self._odometry, scans[0] if scans else None,
             None if self._eye is None else self._eye.newest(), self._health(),
             tuple(scan for scan in scans[1:] if scan is not None),
+            untouched(self._model, self.now()),
         )  # fmt: skip
 
     def send(self, twist: Twist) -> Twist:
@@ -329,6 +330,8 @@ class Twin(Paced):
             self._seen_walls, self._grid, ranges,
         )  # fmt: skip
         measure(lidar, scanner.seed, number, ranges)
+        if model.range_sensor:
+            ranges[:] = ranges.min()
         ranges.flags.writeable = False
         stamp, length = began * self._step, scanner.sweep * self._step
         made = Scan(stamp, number, ranges, length, model.name)

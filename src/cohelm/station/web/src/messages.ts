@@ -19,6 +19,15 @@ export interface Alarm {
   acknowledged: boolean
 }
 
+/** A place to dock at. */
+export interface Dock {
+  name: string
+  /** Of the docked robot. */
+  pose: [number, number, number]
+  /** Length of the straight way that ends there. */
+  approach_m: number
+}
+
 /** A record on the robot, to be fetched below /records/. */
 export interface RecordFile {
   name: string
@@ -48,8 +57,8 @@ export interface Stick {
 /** Something to be done once. */
 export interface Do {
   type: 'do'
-  what: 'stop' | 'reset' | 'take' | 'give' | 'refuse' | 'acknowledge' | 'record' | 'record_stop' | 'hold' | 'shared' | 'automatic' | 'manual'
-  /** Which alarm is acknowledged (0: all); which client is given the robot (0: nobody). */
+  what: 'stop' | 'reset' | 'take' | 'give' | 'refuse' | 'acknowledge' | 'record' | 'record_stop' | 'hold' | 'shared' | 'automatic' | 'manual' | 'dock' | 'undock'
+  /** Which alarm is acknowledged (0: all); which client is given the robot (0: nobody); at which dock, from 1 (0: where the robot is). */
   value: number
   /** `at_ms` of the newest beat heard when the person pressed: what was pressed before a stop is not done after it, however long it was under way. Null: just now. */
   heard_ms: number | null
@@ -156,6 +165,9 @@ export interface State {
   speed_cap_mps: number | null
   cap_reason: string
   recording: boolean
+  docking: 'away' | 'staged' | 'docking' | 'docked' | 'undocking' | 'between'
+  /** At which of the docks, from 1; 0: at none. */
+  dock: number
 }
 
 /** Who drives, and who would like to. */
@@ -190,6 +202,12 @@ export interface Line {
   type: 'line'
   what: 'reference' | 'detour' | 'waypoints'
   points: Array<[number, number]>
+}
+
+/** Where the robot can dock; replaces the earlier ones. */
+export interface Docks {
+  type: 'docks'
+  docks: Array<Dock>
 }
 
 /** How good the link to the robot is; four times a second. */
@@ -248,4 +266,4 @@ export interface Refused {
 
 export type FromPage = Stick | Do | Waypoints | Got | Play
 
-export type ToPage = Beat | Welcome | Robot | State | Who | Alarms | Discs | Line | Link | Records | Playing | Checked | Refused
+export type ToPage = Beat | Welcome | Robot | State | Who | Alarms | Discs | Line | Docks | Link | Records | Playing | Checked | Refused

@@ -182,6 +182,9 @@ function take(message: ToPage): void {
     case 'line':
       s.lines.value = { ...s.lines.value, [message.what]: message.points }
       break
+    case 'docks':
+      s.docks.value = message.docks
+      break
     case 'link':
       s.link.value = message
       break

@@ -32,6 +32,7 @@ function scene(now: number): Scene {
     zones: s.zones.value,
     scan: seen.points,
     discs: s.discs.value,
+    docks: s.docks.value,
     reference: s.lines.value.reference ?? [],
     detour: s.lines.value.detour ?? [],
     trail: trail.value,

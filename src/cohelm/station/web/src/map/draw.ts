@@ -1,7 +1,7 @@
 // Draws everything on the map, from the ground up.
 import { wayOut, type Grid, type Pose, type Zones } from '../binary'
 import * as colour from '../colours'
-import type { Discs, Robot, State } from '../messages'
+import type { Discs, Dock, Robot, State } from '../messages'
 import { placed, toPixel, type Point, type Size, type View } from './view'
 
 export interface Scene {
@@ -9,6 +9,7 @@ export interface Scene {
   zones: Zones[]
   scan: Float64Array
   discs: Discs['rows']
+  docks: Dock[]
   reference: Point[]
   detour: Point[]
   trail: Point[]
@@ -31,6 +32,7 @@ export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   if (scene.grid !== null) drawGrid(ctx, v, size, scene.grid)
   for (const one of scene.zones) drawZones(ctx, v, size, one)
   drawScale(ctx, v, size)
+  for (const dock of scene.docks) drawDock(ctx, v, size, dock, scene.robot)
   line(ctx, v, size, scene.trail, { stroke: colour.faint, width: 1.5 })
   line(ctx, v, size, scene.reference, { stroke: colour.path, width: 2, dash: [7, 5] })
   line(ctx, v, size, scene.detour, { stroke: colour.path, width: 2, dash: [2, 4] })
@@ -87,6 +89,37 @@ function drawZones(ctx: Ctx, v: View, size: Size, zones: Zones): void {
   onCells(ctx, v, size, zones, (_px, _py, cell) => {
     ctx.drawImage(zones.picture, 0, -zones.rows * cell, zones.columns * cell, zones.rows * cell)
   })
+}
+
+/** The robot as it would stand there, the straight way to it, and its name beyond the bow. */
+function drawDock(ctx: Ctx, v: View, size: Size, dock: Dock, robot: Robot | null): void {
+  const pose: Pose = dock.pose
+  line(ctx, v, size, [placed(pose, [-dock.approach_m, 0]), [pose[0], pose[1]]], {
+    stroke: colour.faint, width: 1.5, dash: [2, 3],
+  })
+  const [bx, by] = toPixel(v, size, placed(pose, [-dock.approach_m, 0]))
+  circle(ctx, bx, by, 4)
+  ctx.stroke()
+  if (robot === null) return
+  outline(ctx, v, size, pose, robot.outline)
+  ctx.strokeStyle = colour.faint
+  ctx.lineWidth = 1.5
+  ctx.setLineDash([2, 3])
+  ctx.stroke()
+  ctx.setLineDash([])
+  const front = Math.max(...robot.outline.map((c) => c[0]))
+  const [x, y] = toPixel(v, size, placed(pose, [front, 0]))
+  ctx.font = 'bold 12px system-ui, sans-serif'
+  ctx.textAlign = 'center'
+  const text = `dock ${dock.name}`
+  const beyond = ctx.measureText(text).width / 2 + 0.2 * v.scale
+  const at: Point = [x + beyond * Math.cos(pose[2]), y + 4 - (12 + 0.2 * v.scale) * Math.sin(pose[2])]
+  ctx.lineWidth = 3
+  ctx.strokeStyle = '#fff'
+  ctx.strokeText(text, ...at)
+  ctx.fillStyle = colour.ink
+  ctx.fillText(text, ...at)
+  ctx.textAlign = 'start'
 }
 
 function drawSpeeds(ctx: Ctx, v: View, size: Size, zones: Zones): void {

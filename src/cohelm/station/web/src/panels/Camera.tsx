@@ -16,10 +16,10 @@ export function Camera() {
     if (frame !== null && ref.current !== null) void show(ref.current)
   }), [])
   void s.clock.value
-  if (s.robot.value?.camera == null) {
+  const frame = s.frame.value
+  if (s.robot.value?.camera == null && frame === null) {
     return <section class="camera none" aria-label="Camera"><p>This robot has no camera.</p></section>
   }
-  const frame = s.frame.value
   const age = frame === null ? null : frame.ageMs + performance.now() - frame.at
   const old = age === null || age > OLD_MS
   return (

@@ -23,6 +23,7 @@ export function Modes() {
           </button>
         ))}
       </div>
+      <Docks />
       <div class="speed">
         <label class="speed">
           speed {percent(speedScale.value)}
@@ -34,6 +35,28 @@ export function Modes() {
       </div>
       {open.value && <StickSettings />}
     </section>
+  )
+}
+
+/** Where the robot is at a dock: what it does there, and what it could do. */
+function Docks() {
+  const now = s.state.value
+  const name = s.docks.value[(now?.dock ?? 0) - 1]?.name
+  if (now === null || name === undefined) return null
+  const at = now.docking
+  const ask = (what: 'dock' | 'undock') => send({ type: 'do', what, value: now.dock })
+  return (
+    <div class="row docks" role="group" aria-label="Dock">
+      {at === 'docking' && <span role="status">docking at {name} …</span>}
+      {at === 'undocking' && <span role="status">undocking from {name} …</span>}
+      {at === 'docked' && <span role="status">docked at {name}</span>}
+      {(at === 'staged' || at === 'between') && (
+        <button type="button" disabled={!s.youDrive.value} onClick={() => ask('dock')}>Dock at {name}</button>
+      )}
+      {(at === 'docked' || at === 'between') && (
+        <button type="button" disabled={!s.youDrive.value} onClick={() => ask('undock')}>Undock</button>
+      )}
+    </div>
   )
 }
 

@@ -1,0 +1,54 @@
+"""Which robot is driven and where: the options that `robot` and `drive` share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+RobotOrScenario = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT.yaml|SCENARIO",
+        help="A scenario, by file or name, or a robot's YAML file, driven in --scenario.",
+    ),
+]
+Site = Annotated[
+    str, typer.Option("--scenario", metavar="SCENARIO", help="Where a robot's YAML file is driven.")
+]
+OwnDriver = Annotated[
+    str | None,
+    typer.Option(
+        "--driver",
+        metavar="PACKAGE:CLASS",
+        help="Your own robot: a subclass of cohelm.Robot, or an entry point of cohelm.robots. "
+        "The scenario gives map, route and law.",
+    ),
+]
+Ros2 = Annotated[bool, typer.Option("--ros2", help="The robot is a ROS 2 robot on this network.")]
+Chart = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        metavar="FILE",
+        help="Localise on this map: of map_server, in the scenario's frame, or made by "
+        "`cohelm map` from the same start; else on the scenario's walls.",
+    ),
+]
+KeepOut = Annotated[
+    Path | None,
+    typer.Option("--keep-out", metavar="FILE", help="Where it must not go: a mask of map_server."),
+]
+SpeedZones = Annotated[
+    Path | None,
+    typer.Option(
+        "--speed-zones", metavar="FILE", help="Where it goes slowly: a mask of Nav2's speed filter."
+    ),
+]
+CarryOn = Annotated[
+    bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
+]
+Changes = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As in `cohelm run`.")
+]

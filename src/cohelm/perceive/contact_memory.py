@@ -1,0 +1,56 @@
+"""What bumpers and cliff sensors have met, as standing points: where one was on, something is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cohelm.core.frames import placed
+from cohelm.core.types import Floats, Pose
+from cohelm.robot.contacts import ContactModel
+from cohelm.robot.port import Contact
+
+KEPT = 30.0
+"""For so long after a sensor was on there it is driven around [s]: nothing else may see it."""
+_APART = 0.05  # from one point across a bumper to the next [m]
+_SAME = 0.02  # where the robot has moved no more, it is the same place [m]
+
+
+class ContactMemory:
+    """Of one robot."""
+
+    def __init__(self, models: Sequence[ContactModel]) -> None:
+        self._places: dict[str, Floats] = {}
+        for one in models:
+            left, right = (np.array(end) for end in one.ends())
+            steps = math.ceil(one.width_m / _APART)
+            share = np.arange(steps + 1)[:, None] / max(steps, 1)
+            self._places[one.name] = left + share * (right - left)
+        self._met: list[tuple[float, str, Floats]] = []
+
+    def take(self, now: float, contacts: Sequence[Contact], pose: Pose) -> bool:
+        """What they say now, and the `odom` pose; whether `points` are others than before."""
+        before = len(self._met)
+        self._met = [one for one in self._met if now - one[0] <= KEPT]
+        changed = len(self._met) != before
+        for one in contacts:
+            if not one.on or one.sensor not in self._places:
+                continue
+            there = placed(self._places[one.sensor], pose)
+            again = [i for i, (_, name, old) in enumerate(self._met)
+                     if name == one.sensor and np.abs(old - there).max() <= _SAME]  # fmt: skip
+            for i in again:
+                self._met[i] = (now, one.sensor, self._met[i][2])
+            if not again:
+                self._met.append((now, one.sensor, there))
+                changed = True
+        return changed
+
+    @property
+    def points(self) -> Floats:
+        """(p, 2), in `odom` [m]."""
+        if not self._met:
+            return np.empty((0, 2))
+        return np.vstack([there for _, _, there in self._met])

@@ -1,0 +1,124 @@
+"""Bumpers and cliff sensors over ROS 2: what their messages say, and what is newest of each."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+from rosbags.typesys.stores.ros2_jazzy import (
+    sensor_msgs__msg__Range as Range,
+    std_msgs__msg__Bool as Bool,
+)
+
+from cohelm.robot.contacts import CliffModel, ContactModel
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Contact
+from cohelm.ros.cone import told
+from cohelm.ros.mismatch import BOOL, RANGE
+from cohelm.ros.port import SENSOR, Received, Transport
+from cohelm.ros.types import HAZARD, HAZARDS, store
+
+
+class ContactTopic(NamedTuple):
+    """Where the messages of one sensor come."""
+
+    model: ContactModel
+    topic: str
+    kind: str
+
+
+def kind_of_contact(model: ContactModel) -> str:
+    """The type of its messages."""
+    if model.hazard is not None:
+        return HAZARDS
+    ranges = isinstance(model, CliffModel) and model.floor_m is not None
+    return RANGE if ranges else BOOL
+
+
+def usual_topic(model: ContactModel) -> str:
+    """Where its messages are by default."""
+    if model.hazard is not None:
+        return "hazard_detection"
+    return f"{'cliff' if isinstance(model, CliffModel) else 'bumper'}_{model.name}"
+
+
+def is_on(model: ContactModel, message: Any) -> bool | None:
+    """What a message says of a sensor; None: nothing, as a range that was not measured."""
+    if model.hazard is not None:
+        frames = (one.header.frame_id.lstrip("/") for one in message.detections)
+        return model.hazard in frames
+    if not isinstance(model, CliffModel) or model.floor_m is None:
+        return bool(message.data)
+    low, high = float(message.min_range), float(message.max_range)
+    measured = told(float(message.range), low, high)
+    return None if math.isnan(measured) else measured > model.floor_m + model.drop_m
+
+
+class Contacts:
+    """Hears all of a robot. Each message counts as of when it came."""
+
+    def __init__(
+        self, transport: Transport, topics: tuple[ContactTopic, ...], now: Callable[[], float]
+    ) -> None:
+        """now: the robot's clock [s]."""
+        self._now, self._lock = now, threading.Lock()
+        self._newest: dict[str, Contact] = {}
+        self._unread: set[str] = set()
+        """Those that were on since they were read last, if only for a moment."""
+        self.damaged = 0
+        """Messages that could not be read, so far."""
+        for one in topics:
+            transport.subscribe(one.topic, one.kind, SENSOR, partial(self._hear, one.model))
+
+    def read(self) -> tuple[Contact, ...]:
+        """The newest of each that has been heard."""
+        with self._lock:
+            unread, self._unread = self._unread, set()
+            newest = tuple(self._newest.values())
+        return tuple(one._replace(on=one.on or one.sensor in unread) for one in newest)
+
+    def _hear(self, model: ContactModel, received: Received) -> None:
+        on = None if received.message is None else is_on(model, received.message)
+        now = self._now()
+        with self._lock:
+            if received.message is None:
+                self.damaged += 1
+            if on is None:
+                return
+            self._newest[model.name] = Contact(now, model.name, on)
+            if on:
+                self._unread.add(model.name)
+
+
+def contact_topics(model: RobotModel, topics: tuple[str, ...]) -> tuple[ContactTopic, ...]:
+    """Of all its sensors, in the order of their models."""
+    return tuple(
+        ContactTopic(one, topic, kind_of_contact(one))
+        for one, topic in zip(model.contacts, topics, strict=True)
+    )
+
+
+def said(topics: Sequence[ContactTopic], on: Collection[str], header: Any) -> list[tuple[str, Any]]:
+    """What a robot's own driver would say of them, a message for each topic. on: the names of those
+    that are."""
+    made: dict[str, Any] = {}
+    detection, vector = (store().types[name] for name in (HAZARD, HAZARDS))
+    for model, topic, kind in topics:
+        if kind == HAZARDS:
+            made.setdefault(topic, vector(header, []))
+            if model.name in on:
+                made[topic].detections.append(detection(_framed(header, model.hazard), 1))
+        elif kind == RANGE and isinstance(model, CliffModel):
+            far = 0.0 if model.floor_m is None else model.floor_m
+            there = math.inf if model.name in on else far
+            made[topic] = Range(header, Range.INFRARED, 0.1, 0.001, 2.0 * far + 1.0, there, 0.0)
+        else:
+            made[topic] = Bool(model.name in on)
+    return list(made.items())
+
+
+def _framed(header: Any, frame: str | None) -> Any:
+    return type(header)(header.stamp, frame)

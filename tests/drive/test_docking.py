@@ -1,0 +1,310 @@
+"""Docking: straight, slowly, with the dock's margin; whatever ends it, it ends in hold."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose, Stick
+from cohelm.drive.session import Session, SessionConfig
+from cohelm.drive.simulated import simulated
+from cohelm.drive.until_ended import dock_of
+from cohelm.link.messages import Ask, DockPhase, Mode
+from cohelm.loop.docking import Docking
+from cohelm.plan.docks import Dock
+from cohelm.robot.gate.modes import Mode as GateMode
+from tests.drive.resuming import Drive
+from tests.drive.simulated_link import CENTRED, checked
+
+SHORT = (
+    "docks=[{name: short, x_m: 0.45, y_m: 0, heading_rad: 0, approach_m: 0.45, margin_m: 0.075, "
+    "speed_mps: 0.3, within_s: 10}, {name: far, x_m: 9, y_m: 0, heading_rad: 0, margin_m: 0.08}]"
+)
+
+
+def waits(periods: int):
+    yield from range(periods)
+
+
+def until(drive: Drive, done, most: int = 400):
+    for _ in range(most):
+        if done():
+            return
+        yield
+    raise AssertionError("it takes too long")
+
+
+def events(drive: Drive) -> list[str]:
+    """What the loop tells from now on."""
+    told: list[str] = []
+    event = drive.loop.log.event
+    drive.loop.log.event = lambda text, serious=False: (told.append(text), event(text, serious))
+    return told
+
+
+@pytest.fixture
+def drive(tmp_path):
+    with Drive(tmp_path, changes=[SHORT]) as made:
+        yield made
+
+
+def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
+    loop, docking, told = drive.loop, drive.loop.docking, events(drive)
+    fastest, clear = [0.0], [math.inf]
+
+    def here() -> tuple[DockPhase, int]:
+        return docking.phase(loop.seen)
+
+    def goes(on: bool) -> bool:
+        fastest[0] = max(fastest[0], abs(drive.keeper.truth().twist.v))
+        clear[0] = min(clear[0], loop.seen.pose.x)
+        return docking.on is on
+
+    def script():
+        anna, bert = drive.station("anna"), drive.station("bert")
+        yield from waits(10)
+        anna.ask(Ask.TAKE)
+        wrong = bert.ask(Ask.DOCK, 1)
+        yield from waits(10)
+        assert bert.answers[wrong] == (False, "you do not drive")
+        assert here() == (DockPhase.STAGED, 1)
+        asked = [anna.ask(Ask.UNDOCK), anna.ask(Ask.DOCK, 2), anna.ask(Ask.DOCK, 3)]
+        yield from waits(5)
+        anna.stick = Stick(0.5, 0.0)
+        yield from waits(10)
+        asked.append(anna.ask(Ask.DOCK))
+        yield from waits(5)
+        anna.stick = CENTRED
+        yield from waits(20)
+        assert [anna.answers[number][1] for number in asked] == [
+            "it is at the start of short's approach",
+            "far: its approach is 8.0 m away",
+            "there is no dock 3, only 2",
+            "let go of the stick first",
+        ]  # fmt: skip
+        assert drive.moved == 0
+        anna.ask(Ask.DOCK)
+        yield from until(drive, lambda: goes(True))
+        assert loop.mode == Mode.AUTOMATIC
+        assert drive.keeper.gate.mode == GateMode.AUTOMATIC
+        assert here() == (DockPhase.DOCKING, 1)
+        anna.propose([(4.0, 0.3), (6.0, 0.0)])
+        yield from waits(10)
+        (said,) = checked(anna)
+        assert said.answer.reason == "it is docking at short: hold it first"
+        yield from until(drive, lambda: goes(False))
+        assert here() == (DockPhase.DOCKED, 1)
+        assert loop.mode == Mode.HOLD
+        yield from waits(60)
+        at = drive.keeper.truth().pose
+        assert at == pytest.approx((0.45, 0.0, 0.0), abs=0.03)
+        again = anna.ask(Ask.DOCK)
+        yield from waits(50)
+        assert anna.answers[again] == (False, "it is docked at short already")
+        assert drive.keeper.truth().pose == at
+        anna.ask(Ask.UNDOCK)
+        yield from until(drive, lambda: goes(True))
+        assert here() == (DockPhase.UNDOCKING, 1)
+        yield from until(drive, lambda: goes(False))
+        yield from waits(40)
+        assert here() == (DockPhase.STAGED, 1)
+        assert drive.keeper.truth().pose == pytest.approx((0.0, 0.0, 0.0), abs=0.07)
+        assert loop.mode == Mode.HOLD
+        assert fastest[0] == pytest.approx(0.3, abs=0.02)
+
+    drive.run(script())
+    assert "docking at short" in told
+    assert any(text.startswith("docking at short ended: docked at short, ") for text in told)
+    assert "undocking from short ended: short is left" in told
+    assert not [alarm.text for alarm in loop.alarms.worst()]
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ("hold", "mode HOLD"),
+        ("automatic", "mode AUTOMATIC"),
+        ("stop", "stop by bert (2)"),
+        ("release", "mode HOLD"),
+        ("bump", "the robot says: the bumper is pressed"),
+        ("stick", "the stick was deflected"),
+    ],
+)
+def test_whatever_ends_docking_ends_it_for_good(drive, ends, said):
+    loop, told = drive.loop, events(drive)
+
+    def script():
+        anna, bert = drive.station("anna"), drive.station("bert")
+        yield from waits(10)
+        anna.ask(Ask.TAKE)
+        yield from waits(10)
+        anna.ask(Ask.DOCK)
+        yield from waits(40)
+        assert loop.docking.on
+        match ends:
+            case "hold" | "automatic":
+                anna.ask(Ask.MODE, Mode[ends.upper()])
+            case "stop":
+                bert.ask(Ask.STOP)
+            case "release":
+                anna.ask(Ask.GIVE, bert.number)
+            case "bump":
+                drive.wheels.bumped = True
+            case "stick":
+                anna.stick = Stick(0.0, 0.3)
+        yield from waits(10)
+        assert not loop.docking.on
+        assert loop.mode == (Mode.AUTOMATIC if ends == "automatic" else Mode.HOLD)
+        anna.stick, drive.wheels.bumped = CENTRED, False
+        yield from waits(60)
+        assert (drive.keeper.truth().twist.v == 0.0) is (ends != "automatic")
+
+    drive.run(script())
+    assert f"docking at short ended: {said}" in told
+    alarms = [alarm.text for alarm in loop.alarms.worst()]
+    assert ("docking at short: the stick was deflected" in alarms) is (ends == "stick")
+
+
+# ---- what ends it by itself, without a robot --------------------------------------------------
+
+DOCK = Dock("charger", Pose(2.0, 0.0, 0.0), 1.0, 0.08, 0.15, 40.0)
+
+
+@pytest.fixture(scope="module")
+def settings():
+    made = simulated("minimal", real_time=False)
+    scenario, model = made.scenario, made.model
+    return scenario.law.settings(model.outline, model.bounds(), 0.5, 0.02)
+
+
+class Seen:
+    """As much of it as docking looks at."""
+
+    def __init__(self, x: float, y: float = 0.0, psi: float = 0.0, lost: bool = False) -> None:
+        self.pose, self.lost, self.map_odom = Pose(x, y, psi), lost, Pose(0.0, 0.0, 0.0)
+        self.discs = np.empty((0, 6))
+
+    def with_somebody(self, x: float, y: float) -> Seen:
+        self.discs = np.array([(x, y, 0.0, 0.5, 0.2, 0.2)])
+        return self
+
+
+def over(docking: Docking, now: float, seen: Seen, v: float = 0.15, stick: Stick = CENTRED) -> str:
+    from cohelm.core.types import Twist
+
+    ended = docking.ended(now, seen, Twist(v, 0.0), stick, False)  # pyright: ignore
+    return "" if ended is None else ended.why
+
+
+@pytest.fixture
+def docking(settings):
+    made = Docking([DOCK], settings, 0.05)
+    made.begin(10.0, 1, Seen(1.0), False)  # pyright: ignore
+    return made
+
+
+def test_it_goes_on_as_long_as_nothing_is_wrong(docking):
+    assert over(docking, 20.0, Seen(1.5, 0.1, 0.1)) == ""
+    assert docking.cap == (0.15, "docking at charger")
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [
+        (Seen(1.5, lost=True), "lost on the map"),
+        (Seen(1.5, 0.35), "off its approach by 0.35 m, 0°"),
+        (Seen(1.5, 0.0, 0.8), "off its approach by 0.00 m, 46°"),
+        (Seen(math.nan), "off its approach by nan m, 0°"),
+        (Seen(2.0, 0.01, -0.02), "docked at charger, +0.0, +1.0 cm, -1.1° off"),
+    ],
+)
+def test_it_ends_by_itself(docking, seen, said):
+    assert over(docking, 20.0, seen) == said
+
+
+def test_it_ends_when_its_time_is_over_or_it_comes_no_farther(docking):
+    assert over(docking, 49.9, Seen(1.5)) == ""
+    assert over(docking, 50.1, Seen(1.5)) == "not done within 40 s"
+    assert over(docking, 51.0, Seen(1.5), v=0.0) == "not done within 40 s"
+    docking.begin(60.0, 1, Seen(1.5), False)
+    assert over(docking, 61.9, Seen(1.5), v=0.0) == ""
+    assert over(docking, 62.1, Seen(1.5), v=0.0) == "held back at -50, +0 cm from it"
+    docking.begin(70.0, 1, Seen(1.98), False)
+    assert over(docking, 71.0, Seen(1.98), v=0.0) == ""
+    assert over(docking, 72.1, Seen(1.98), v=0.0).startswith("docked at charger, -2.0")
+
+
+def test_it_ends_for_who_steps_into_the_corridor_but_not_for_one_scan_of_noise(docking):
+    somebody = Seen(1.2).with_somebody(2.0, 0.3)
+    assert over(docking, 20.0, Seen(1.2)) == ""
+    assert over(docking, 20.1, somebody) == ""
+    assert over(docking, 20.14, Seen(1.2)) == ""
+    assert over(docking, 20.2, somebody) == ""
+    assert over(docking, 20.4, somebody) == "somebody is in its corridor"
+    docking.begin(30.0, 1, Seen(1.2), True)  # backwards he is in nobody's way
+    assert over(docking, 30.4, somebody) == ""
+    assert over(docking, 30.5, Seen(1.2).with_somebody(0.7, 0.0)) == ""
+    assert over(docking, 30.6, Seen(1.2).with_somebody(0.7, 0.0)) == "somebody is in its corridor"
+
+
+@pytest.mark.parametrize("stick", [Stick(0.2, 0.0), Stick(0.0, -0.2), Stick(math.nan, 0.0)])
+def test_it_ends_for_a_hand_on_the_stick(docking, stick):
+    assert over(docking, 20.0, Seen(1.5), stick=stick) == "the stick was deflected"
+
+
+def test_a_site_without_docks_says_so(settings):
+    none = Docking([], settings, 0.05)
+    assert none.refusal(0, Seen(1.0), CENTRED, False) == "this site has no dock"  # pyright: ignore
+    assert none.phase(Seen(1.0)) == (DockPhase.AWAY, 0)  # pyright: ignore
+
+
+def test_nobody_docks_who_is_lost_or_askew(docking):
+    docking.over(docking.last)
+    refusal = docking.refusal
+    said = refusal(1, Seen(1.0, lost=True), CENTRED, False)
+    assert said == "the robot does not know where it is on the map"
+    said = refusal(1, Seen(1.0, 0.25), CENTRED, False)
+    assert said == "charger: drive onto its approach line first"
+    said = refusal(0, Seen(1.0, 0.25), CENTRED, False)
+    assert said == "the robot is at no dock's approach: drive it there first"
+    assert refusal(0, Seen(-9.0), CENTRED, True) == "the robot is at no dock"
+    assert refusal(0, Seen(1.0), CENTRED, False) == ""
+    longest = Dock("a" * 24, *DOCK[1:])  # a status has no more room than for that
+    docking.docks = (longest,)
+    for seen in (Seen(1.0, 0.25), Seen(-9.0), Seen(2.0), Seen(1.0)):
+        for number in (0, 1):
+            for backwards in (False, True):
+                assert len(refusal(number, seen, CENTRED, backwards).encode()) <= 64
+
+
+def test_a_dock_is_called_by_its_name_or_refused_with_those_there_are():
+    plan = SessionConfig(simulated("dock", real_time=False))
+    assert dock_of(plan, "charger") == 1
+    assert dock_of(plan, "") == 0
+    with pytest.raises(CohelmError, match="--dock: no dock is called 'x'; there are: charger"):
+        dock_of(plan, "x")
+    none = SessionConfig(simulated("minimal", real_time=False))
+    with pytest.raises(CohelmError, match="no dock is called 'x', and this scenario has none"):
+        dock_of(none, "x")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["kinematic", "twin"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
+    made = simulated("dock", kind, real_time=False, seed=seed)
+    with Session(SessionConfig(made)) as session:
+        loop = session.loop
+        session.run(lambda _: bool(loop.docking.last.why), dock=1)
+        assert session.summary()["docked"] is True
+        truth = loop.keeper.truth()
+        assert truth.least_moving > 0.0355  # half of the hard margin is the promise
+        assert loop.docking.docks[0].off(truth.pose) == pytest.approx((0.0, 0.0, 0.0), abs=0.04)
+        loop.docking.last = loop.docking.last._replace(why="")
+        assert loop.dock(backwards=True) == ""
+        session.run(lambda _: bool(loop.docking.last.why))
+        assert loop.docking.last == ("charger is left", True)
+        assert loop.keeper.truth().least_moving > 0.0355
