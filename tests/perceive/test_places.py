@@ -8,14 +8,18 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.types import Pose, Twist
+from cohelm.core.types import RADIUS, Pose, Twist
 from cohelm.perceive.localize.localization_map import judge, known
 from cohelm.perceive.localize.localizer import Locator, _Hypothesis
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
+from cohelm.robot.kinematics import arc
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
 from cohelm.sim.lidar import scan as cast
+from cohelm.sim.world import place
+from cohelm.study.campaign import movers
 from tests import few
 from tests.perceive.buildings import NO_DISCS, Artefacts, building, tour
 from tests.perceive.drives import DT, LIDAR, along, drive
@@ -387,3 +391,31 @@ def test_a_pose_is_given_up_for_the_same_place_found_twice_not_for_two():
 
     assert held(Pose(10.0, 0.0, 0.0), Pose(17.0, 0.0, 0.0), Pose(10.0, 0.0, 0.0)) == [True] * 3
     assert held(Pose(10.0, 0.0, 0.0), Pose(10.1, 0.0, 0.0)) == [True, False]
+
+
+@pytest.mark.parametrize("field", few.first([9, 3, 6, 12], 1))
+def test_people_who_walk_about_in_a_hall_that_looks_alike_turned_round_make_nobody_lost(field):
+    """In the middle of a hall of four walls, the place turned by half a turn fits as well. That
+    scans contradict each other while people cross the view is no proof of having been moved."""
+    around = movers.case(5500, field).setup.around
+    twists = [Twist(0.9, 0.0)] * 350
+    twists += [Twist(0.1 * math.sin(0.022 * k), math.sin(0.018 * k + 1.0)) for k in range(350, 900)]
+    poses = [Pose(1.2, 6.3, 0.0)]
+    for twist in twists:
+        poses.append(arc(poses[-1], twist, DT))
+
+    def people(t):
+        discs = np.empty((len(around.discs), 6))
+        place(discs, around, t + 2.0)
+        robot = poses[min(max(int(t / DT), 0), len(poses) - 1)]
+        away = discs[:, :2] - (robot.x, robot.y)
+        far = np.hypot(*away.T)
+        out = np.maximum((discs[:, RADIUS] + 0.8) / far, 1.0)  # nobody walks through it
+        discs[:, :2] = (robot.x, robot.y) + out[:, None] * away
+        return discs
+
+    hall = map_from_geometry(around.walls, poses[0], np.empty((0, 3)))
+    perception = Perception(SALLY, hall, poses[0])
+    for moment in drive(poses, twists, field, around=people, walls=around.walls):
+        seen = perception.take(moment.now, moment.readings)
+        assert moment.now < 1.0 or not seen.lost, (moment.now, seen.reason)

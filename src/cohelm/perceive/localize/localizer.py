@@ -774,6 +774,10 @@ class Locator:
             lead = best.latest + gained - self._likely
             better = lead > c.margin
             clearly = max(c.drop, self._trust)
+            own = next((h for h in self._hypotheses if _same(h.pose, self.located.pose)), None)
+            turned = abs(wrap(best.pose.psi - self.located.pose.psi)) > 2.0 * c.turned
+            if turned and own is not None and own.judged.log > self._usual - c.alike:
+                clearly = max(clearly, 0.5 * c.margin)  # it fits: it may be who walks about
             as_before = lead > clearly and best.judged.log > self._usual - c.alike
             if self._shaken and lead > 0.5 * c.margin:
                 as_before = self._plausible(best.judged)
