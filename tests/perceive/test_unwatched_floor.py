@@ -98,3 +98,22 @@ def test_what_is_too_near_to_be_measured_fills_no_memory():
     for _ in range(20):
         points = renew(points, Pose(0.0, 0.0, 0.0), LIDAR, close, CARE)
     assert 10 < len(points) <= len(LIDAR.beams)
+
+
+@pytest.mark.parametrize("edges", [False, True])
+def test_where_floor_ends_nothing_sets_off_whatever_noise_makes_of_it(edges):
+    """An edge that seems to come nearer was taken for somebody, and the robot fled from it."""
+    eyes, seen = Perception(ROUND), None
+    beams = ROUND.further_lidars[0].beams
+    middle = slice(beams // 2 - 12, beams // 2 + 12)
+    for k in range(12):
+        t, far = 0.1 * k, np.full(beams, math.inf)
+        far[middle] = 2.0 - 0.08 * k
+        first = Scan(t, k, np.full(720, math.inf), 0.0, "planar")
+        floor = Scan(t, k, far, 0.0, "deep", np.isfinite(far) if edges else None)
+        odometry = Odometry(t, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
+        seen = eyes.take(t, Readings(odometry, first, None, None, (floor,)))
+    assert seen is not None
+    assert (len(seen.mobile) == 0) == edges
+    if edges:
+        assert (np.hypot(*seen.points.T) < 1.5).any()  # it stands

@@ -182,3 +182,7 @@ def test_where_nothing_leads_out_none_is_found():
     sally = load_robot("sally").outline
     cage = room(-0.375, -0.305, 0.375, 0.305)
     assert wriggle(Pose(0.0, 0.0, 0.0), cage, sally) is None
+
+
+def test_where_no_kind_of_move_may_begin_none_is_found():
+    assert wriggle(AT, room(-0.6, -0.6, 0.6, 0.6), load_robot("sally").outline, refused=15) is None

@@ -116,6 +116,17 @@ def test_a_low_thing_before_a_drop_does_not_hide_it():
     assert (ranges < 0.9 / math.cos(math.radians(31.0))).all()
 
 
+def test_a_column_of_lost_pixels_brings_no_edge_near():
+    """It was told 0.4 m before the lens, and stayed in the memory of what stands there."""
+    depth = room(BODY, [slab(1.2)], CAM, floor=-1.0)
+    depth[:, 71] = math.nan
+    model, _, ranges = of_camera(depth)
+    ends = ranges * np.cos(bearings(model))
+    ahead = np.abs(bearings(model)) < math.radians(20.0)
+    assert ends[ahead].max() <= 1.2 + 1e-6
+    assert ends[ahead].min() >= 1.2 - 3.0 * CELL - 0.02
+
+
 def test_a_hole_is_seen_in_its_direction_only():
     """30 cm wide, ahead to the left."""
     u, v = np.meshgrid(np.arange(CAM.width), np.arange(CAM.height))

@@ -59,11 +59,19 @@ class ObservationSource:
         self.stamp = scan.stamp + scan.duration
         pose = pose_at(trail, self.stamp)
         if self.stamp - self.movers.stamp > _APART:
+            may_move = np.ones(len(seen.points), dtype=np.bool_)
+            things = seen
+            if scan.edges is not None:  # no edge of a floor moves, whatever noise makes of it
+                may_move = ~scan.edges[seen.beams]
+                ranges = np.where(scan.edges, math.nan, seen.ranges)
+                things = DeskewedScan(seen.points[may_move], seen.beams[may_move], ranges)
             self.movers = follow(
-                self.movers, self.lidar, seen, pose, self.stamp, self._watching, on_map(seen, pose)
-            )
+                self.movers, self.lidar, things, pose, self.stamp, self._watching,
+                on_map(things, pose),
+            )  # fmt: skip
             if self.movers.mine.any():
-                seen = self._without(seen, self.movers.mine)
+                may_move[may_move] = self.movers.mine
+                seen = self._without(seen, may_move)
         calm = steadied(seen.ranges, self.lidar.noise)
         points = renew(self.points, pose, self.lidar, calm, self._care)
         self.points = self._outside(points)

@@ -138,6 +138,8 @@ def wriggle(
     steps = [Escape(s * _STEP, k, 0.0) for s in (-1.0, 1.0) for k in choices.curvatures]
     steps += [Escape(0.0, 0.0, s * _TURN) for s in (-1.0, 1.0)]
     begin = [step for step in steps if not kind(step) & refused]
+    if not begin:
+        return None
     queue: list[tuple[float, int, Pose, Escape | None, bool]] = [(0.0, 0, pose, None, True)]
     seen, number, looked = set[tuple[int, int, int]](), 0, 0
     while queue and looked < _PLACES:

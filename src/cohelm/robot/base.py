@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist
@@ -84,16 +84,17 @@ class Robot(ABC):
         )  # fmt: skip
 
     def scan(
-        self, ranges: ArrayLike, age: float = 0.0, duration: float = 0.0, sensor: str | None = None
-    ) -> Scan:
+        self, ranges: ArrayLike, age: float = 0.0, duration: float = 0.0, sensor: str | None = None,
+        edges: NDArray[np.bool_] | None = None,
+    ) -> Scan:  # fmt: skip
         """One new turn of the LiDAR, counter-clockwise as the model describes it; call it once for
         each.
 
         ranges: (beams,) [m]; what is nearer than the LiDAR's least range becomes -inf, what is
         farther than its largest, inf (REP-117). age: of its last beam [s]. duration: from its first
         beam to its last [s]. sensor: name of one of several LiDARs, by default the first; those of
-        the others go into `Readings.further`. Raises CohelmError for another number of beams, or a
-        LiDAR that there is not.
+        the others go into `Readings.further`. edges: (beams,), as in `Scan`.
+        Raises CohelmError for another number of beams, or a LiDAR that there is not.
         """
         known = {lidar.name: lidar for lidar in self.model.lidars}
         if not known:
@@ -116,7 +117,7 @@ class Robot(ABC):
         made.flags.writeable = False
         number = self._scans.get(name, 0)
         self._scans[name] = number + 1
-        return Scan(self.now() - age - duration, number, made, duration, name)
+        return Scan(self.now() - age - duration, number, made, duration, name, edges)
 
     def contact(self, sensor: str, on: bool, age: float = 0.0) -> Contact:
         """What a bumper or cliff sensor says, for `Readings.contacts`: give it again and again, as

@@ -39,6 +39,9 @@ class Scan(NamedTuple):
     """From the first beam to the last [s]; 0 for all at one instant."""
     sensor: str = ""
     """Name of the LiDAR that it is of, as the robot's model has it."""
+    edges: NDArray[np.bool_] | None = None
+    """(n,), which beams end where floor that should be seen is not: nothing that could move. None:
+    no beam does."""
 
 
 class Contact(NamedTuple):

@@ -6,6 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Ints, wrap
@@ -180,6 +181,11 @@ class DepthRanges:
         """Of the cells of floor that ought to be seen, the share that was, in the last image; NaN
         where none is asked about."""
         return math.nan if self._floor is None else self._floor.seen
+
+    @property
+    def edges(self) -> NDArray[np.bool_] | None:
+        """Which beams ended where floor does, in the last one; None where none is asked about."""
+        return None if self._floor is None else self._floor.edges
 
     def of(self, image: Any) -> Floats:
         """(beams,) [m]: of the points within the band, the distance on the floor of the nearest

@@ -41,6 +41,8 @@ class Floor:
         """Which cells ought to be seen."""
         self._ended: NDArray[np.bool_] = np.zeros(self._shape[0], dtype=np.bool_)
         """Where the floor ended in the scan before."""
+        self.edges: NDArray[np.bool_] = np.zeros(model.beams, dtype=np.bool_)
+        """Along which beams floor ended, by the last points."""
         self.seen = 1.0
         """Share of those that were, by the last points."""
 
@@ -66,12 +68,14 @@ class Floor:
             there = (heights < self._low) & ~deep
         shown, below = self._counted(beams, far, there), self._counted(beams, far, deep)
         needed = np.where(self._ended[:, None], _AGAIN / _ENOUGH, 1.0) * self._needed
-        seen = (shown >= needed) & (below <= _BELOW * shown)
+        seen = self._ought & (shown >= needed) & (below <= _BELOW * shown)
         self.seen = float(seen[self._ought].mean()) if self._ought.any() else 0.0
         missing = self._ought & ~seen
         self._ended = np.asarray(missing.any(axis=1), dtype=np.bool_)
         cell = missing.argmax(axis=1)
-        first = (cell <= self._ought.argmax(axis=1))[self._beams]
+        begins = self._ought.argmax(axis=1)[:, None]
+        first = (cell[:, None] <= begins)[self._beams, 0]
+        stops = (~seen & (np.arange(self._shape[1]) >= begins)).argmax(axis=1)
         far_ends: Floats = np.where(
             self._ended, floor.from_m + self._long * (cell + 1.0), -math.inf
         )
@@ -79,10 +83,16 @@ class Floor:
         """Far ends of the first cells that are not seen: what stands before that hides it."""
         with np.errstate(invalid="ignore"):
             last = np.flatnonzero(there & (far >= floor.from_m) & (far < hides[beams]))
-        ends: Floats = np.full(len(ranges), floor.from_m)
+        # Pixels are spread unevenly over beams, and some are lost: one may show nothing by itself.
+        # So those beside it count too; and in the last cell that its sector shows, the floor may
+        # end where that cell begins.
+        ends: Floats = (floor.from_m + self._long * np.maximum(stops - 1, 0))[self._beams]
         np.maximum.at(ends, beams[last], far[last])
+        beside = np.maximum(ends[2:], ends[:-2])
+        ends[1:-1] = np.maximum(ends[1:-1], np.minimum(beside, hides[1:-1]))
         ends = np.where(first, -math.inf, ends - self._long)
-        made: Floats = np.where(~(ranges < hides) & np.isfinite(hides), ends, ranges)
+        self.edges = ~(ranges < hides) & np.isfinite(hides)
+        made: Floats = np.where(self.edges, ends, ranges)
         return made
 
     def _counted(self, beams: Ints, far: Floats, which: NDArray[np.bool_]) -> Floats:

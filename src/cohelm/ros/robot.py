@@ -150,7 +150,8 @@ class Ros2Robot(Robot):
         if not lidar.stamped_at_end:
             stamp += duration
         age = _near(self._aged(lidar.clock, stamp))
-        return self.scan(ranges, age, duration, name)
+        edges = converts.edges if isinstance(converts, CloudRanges | DepthRanges) else None
+        return self.scan(ranges, age, duration, name, edges)
 
     def _aged(self, clock: Clock, stamp: float) -> float:
         """By the simulator's time, if there is one, else by a clock."""

@@ -83,7 +83,7 @@ class UnevenTwin(Twin):
             raise CohelmError(damage)
         ranges = made.of(message)
         ranges.flags.writeable = False
-        scan = Scan(stamp, scanner.number, ranges, 0.0, model.name)
+        scan = Scan(stamp, scanner.number, ranges, 0.0, model.name, made.edges)
         scanner.coming.append((step + self._steps(model.latency_s), scan))
         scanner.number += 1
         scanner.next = self._after(step, model.rate_hz)
