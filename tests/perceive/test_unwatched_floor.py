@@ -22,11 +22,13 @@ LIDAR = DEEP.further_lidars[0].lidar()
 CARE = ScanMemoryParams()
 
 
-def told(poses, deep=math.inf, model=ROUND):
+def told(poses, deep=math.inf, model=ROUND, outlines=()):
     """Points in the body frame after a scan from each pose; all see nothing that stands, and the
-    camera what is given."""
+    camera what is given. outlines: what the robot has become before each of the last scans."""
     eyes, seen = Perception(model), None
     for k, pose in enumerate(poses):
+        if (new := k - len(poses) + len(outlines)) >= 0:
+            eyes.reshape(outlines[new])
         t = 0.1 * k
         scan = Scan(t, k, np.full(720, math.inf), 0.0, "planar")
         floor = Scan(t, k, np.full(model.further_lidars[0].beams, deep), 0.0, "deep")
@@ -59,6 +61,19 @@ def test_floor_behind_and_beside_that_was_never_seen_stands(model):
 
 def test_floor_that_was_seen_once_is_free_to_back_onto():
     assert not len(told(turned(*range(0, 361, 5))))
+
+
+def test_floor_beneath_a_load_is_not_told_and_is_as_unknown_as_before_without_it():
+    backed = [Pose(-x, 0.0, 0.0) for x in np.arange(0.0, 0.65, 0.04)]
+    load = np.array([(0.36, 0.29), (-0.9, 0.29), (-0.9, -0.29), (0.36, -0.29)])
+
+    def beneath(points):
+        return int(((np.abs(points[:, 1]) < 0.29) & (points[:, 0] > -0.9)).sum())
+
+    assert beneath(told(backed)) > 0
+    assert beneath(told(backed, outlines=[load])) == 0
+    assert len(told(backed, outlines=[load])) > 0
+    assert np.array_equal(told(backed, outlines=[load, ROUND.outline]), told(backed))
 
 
 def test_a_camera_that_sees_nothing_vouches_for_no_floor():

@@ -133,6 +133,13 @@ class Perception:
         if self._locator is not None:
             self._locator.place(pose, sigma)
 
+    def reshape(self, outline: Floats) -> None:
+        """The robot has another outline, (k, 2) [m], from the next scan on: no ground is doubtful
+        where it is itself."""
+        for one in (self._blind, self._floor):
+            if one is not None:
+                one.reshape(outline)
+
     def take(self, now: float, readings: Readings) -> Seen:
         """What is known at `now` [s], with these newest readings; may be called at any rate.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.obstacles import Obstacles
-from cohelm.core.types import RADIUS, VX, VY, Pose, Twist, X, Y
+from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.verdict import Verdict
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
 from cohelm.perceive.pipeline import Perception, Seen, rehearse
@@ -84,7 +84,7 @@ class FilterNode:
         ticks = found.odom_clock if clock is None else clock
         self._commands = Commands(transport, found.topics.command, params.timeout, ticks)
         self._report = Report(transport, found, say, clock)
-        self._shape = Shape(model.outline, self._filter.reshape)
+        self._shape = Shape(model.outline, self._reshape)
         self._reset_asked = False
         transport.subscribe(
             self._report.topic("reset"), "std_msgs/msg/Empty", _ONCE, self._asked_to_reset
@@ -158,6 +158,10 @@ class FilterNode:
         )  # fmt: skip
         self._report.take(row)
         return row
+
+    def _reshape(self, outline: Floats) -> None:
+        self._filter.reshape(outline)
+        self._perception.reshape(outline)
 
     def _look(self) -> None:
         """Take in what the sensors have seen since: between two commands, so that none waits."""

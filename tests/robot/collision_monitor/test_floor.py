@@ -14,6 +14,10 @@ from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.scenario.load import robot
 
 DEEP = robot("sally-depth")
+assert DEEP.lidar is not None
+ALL_ROUND = DEEP.model_copy(
+    update={"lidar": DEEP.lidar.model_copy(update={"field_of_view_deg": 360.0})}
+)
 STILL, BACK, ON = Twist(0.0, 0.0), Twist(-0.5, 0.0), Twist(0.3, 0.0)
 BEAMS = DEEP.further_lidars[0].beams
 
@@ -28,12 +32,13 @@ def after(poses, deeps=None, model=DEEP):
     return it, t
 
 
-def readings(t, k, pose, deep, model):
+def readings(t, k, pose, deep, model, outline=None):
     assert model.lidar is not None
     first = Scan(t, k, np.full(model.lidar.beams, math.inf), 0.0, "planar")
     given = np.full(BEAMS, math.inf) if deep is None else deep
     return Readings(
-        Odometry(t, pose, STILL), first, None, None, (Scan(t, k, given, 0.0, "deep"),)
+        Odometry(t, pose, STILL), first, None, None, (Scan(t, k, given, 0.0, "deep"),),
+        outline=outline,
     )  # fmt: skip
 
 
@@ -47,16 +52,12 @@ def backed(by):
 
 
 def test_it_backs_no_farther_than_floor_was_seen_though_a_lidar_looks_there():
-    assert DEEP.lidar is not None
-    all_round = DEEP.model_copy(
-        update={"lidar": DEEP.lidar.model_copy(update={"field_of_view_deg": 360.0})}
-    )
-    it, t = after(backed(0.64), model=all_round)
+    it, t = after(backed(0.64), model=ALL_ROUND)
     found = it.restrict(t, BACK)
     assert found.share == 0.0
     assert "floor that nothing has seen" in found.reason
     assert "behind" in found.reason
-    it, t = after(backed(0.2), model=all_round)
+    it, t = after(backed(0.2), model=ALL_ROUND)
     assert it.restrict(t, Twist(-0.1, 0.0)) == UNRESTRICTED
 
 
@@ -85,3 +86,25 @@ def test_an_edge_that_left_the_view_beneath_the_camera_stops_it_still():
     assert found.share < 0.9
     assert "something 0.2" in found.reason
     assert it.restrict(t, Twist(-0.3, 0.0)) == UNRESTRICTED
+
+
+def test_a_load_that_sticks_out_over_floor_that_nothing_has_seen_keeps_it_from_nothing_else():
+    """What is under the robot is not driven onto: a stern that is 0.3 m longer all at once."""
+    poses = backed(0.64)
+    it, t = after(poses, model=ALL_ROUND)
+    assert it.restrict(t, Twist(-0.3, 0.0)).share == 0.0
+    stern = float(DEEP.outline[:, 0].min())
+    load = np.array([(0.2, 0.2), (stern - 0.3, 0.2), (stern - 0.3, -0.2), (0.2, -0.2)])
+    for k in range(3):
+        t += 0.02
+        it.observe(t, readings(t, len(poses) + k, poses[-1], None, ALL_ROUND, load), STILL)
+    assert it.restrict(t, Twist(0.3, 0.0)) == UNRESTRICTED
+    found = it.restrict(t, Twist(-0.3, 0.0))
+    assert found.share < 0.6  # it begins behind the load
+    assert "floor that nothing has seen" in found.reason
+    for k in range(3, 6):  # the load is put down: what was beneath it is as unknown as before
+        t += 0.02
+        it.observe(t, readings(t, len(poses) + k, poses[-1], None, ALL_ROUND, DEEP.outline), STILL)
+    found = it.restrict(t, Twist(-0.3, 0.0))
+    assert found.share == 0.0
+    assert "floor that nothing has seen" in found.reason

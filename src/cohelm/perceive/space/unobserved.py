@@ -205,9 +205,13 @@ class Blind:
 
     def __init__(self, outline: Floats) -> None:
         """outline: (k, 2) of what the LiDARs are on [m]."""
+        self.reshape(outline)
+        self._viewed: Viewed | None = None
+
+    def reshape(self, outline: Floats) -> None:
+        """It has another outline from the next sweep on."""
         self._outline = outline
         self._reach = float(np.hypot(*outline.T).max())
-        self._viewed: Viewed | None = None
 
     def points(
         self, lidar: Lidar, look: Look, looking: list[tuple[Lidar, Look]], pose: Pose,
@@ -235,11 +239,16 @@ class UnwatchedFloor:
 
     def __init__(self, outline: Floats, watching: list[Lidar]) -> None:
         """outline: (k, 2) of the robot [m]. watching: those that see the floor."""
-        self._outline = outline
-        self._reach = float(np.hypot(*outline.T).max())
+        self.reshape(outline)
         least = self._reach + VOUCHED
         self._vouched = max(vouched_floor(one, outline, least) for one in watching)
         self._viewed: Viewed | None = None
+
+    def reshape(self, outline: Floats) -> None:
+        """The robot has another outline from the next sweep on. What is beneath it is not told, and
+        not seen either: a load may hang over anything."""
+        self._outline = outline
+        self._reach = float(np.hypot(*outline.T).max())
 
     def points(self, lidar: Lidar, look: Look, pose: Pose) -> Floats:
         """After a sweep of one of these from an `odom` pose, where floor that nobody has seen

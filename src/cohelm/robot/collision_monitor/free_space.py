@@ -48,12 +48,12 @@ class FreeSpace:
         """within: ground farther than this beyond the turning circle can not matter yet [m].
         floor: only the floor that it sees counts, from where to where it looks for that, and what
         is unknown is not for crawling: there may be none."""
-        self._sensor, self._floor = sensor, floor
+        self._sensor, self._own, self._floor = sensor, shape, floor
         self._error = UNWATCHED if floor else -math.inf
+        self._at: Pose | None = None
         self.reshape(shape, within)
         self._known: NDArray[np.bool_] = np.zeros(_FAR.shape, dtype=np.bool_)
         self._cell = (0, 0)
-        self._at: Pose | None = None
         self._vouched = False
         self.unknown = NOTHING
         """What it has not looked at within reach, by the newest look."""
@@ -63,6 +63,7 @@ class FreeSpace:
 
     def reshape(self, shape: Outline, within: float) -> None:
         """The robot has another outline from now on. within: as above."""
+        self._at = None  # what is unknown is another ground from now on
         mount = self._sensor.mount
         self._shape = shape
         self._vouches = shape.reach + VOUCHED
@@ -113,9 +114,12 @@ class FreeSpace:
         cells = np.argwhere(~(self._known | looks) & self._near)
         cells = cells - HALF + np.array(self._cell)
         points: Floats = CELL * cells.astype(np.float64)
-        outside = edge_distances(seen_from(points, pose), self._shape).max(axis=1)
-        under = outside <= -CORNER  # the robot itself is there
-        self._known[tuple((cells[under] + HALF - np.array(self._cell)).T)] = True
+        at = seen_from(points, pose)
+        outside, own = (edge_distances(at, one).max(axis=1) for one in (self._shape, self._own))
+        # The robot itself is there, and stands on it; a load that it was given hangs over anything.
+        stood_on = np.maximum(outside, own) <= -CORNER
+        under = (outside <= -CORNER) | ((outside <= CORNER) & (own > CORNER))
+        self._known[tuple((cells[stood_on] + HALF - np.array(self._cell)).T)] = True
         unknown: Floats = points[~under]
         n = len(unknown)
         self.cells = cells[~under]

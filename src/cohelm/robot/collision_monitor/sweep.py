@@ -62,24 +62,26 @@ def outline(corners: Floats) -> Outline:
 
 
 def around(points: Floats) -> Floats:
-    """The smallest convex outline around points (p, 2), counter-clockwise [m]."""
-    x, y = points[int(points[:, 0].argmin())]
-    found, at = [(x, y)], points
-    while True:  # on to the point that has all others to its left
-        x, y = found[-1]
-        away = at - (x, y)
-        far = np.hypot(away[:, 0], away[:, 1])
-        others = np.flatnonzero(far > 1e-9)
-        best = others[0]
-        for i in others[1:]:
-            turn = away[best, 0] * away[i, 1] - away[best, 1] * away[i, 0]
-            if turn < -1e-12 or (turn <= 1e-12 and far[i] > far[best]):
-                best = i
-        x, y = at[best]
-        if math.hypot(x - found[0][0], y - found[0][1]) <= 1e-9 or len(found) > len(points):
-            made: Floats = np.array(found, dtype=np.float64)
-            return made
-        found.append((x, y))
+    """The smallest convex outline around points (p, 2), to a micrometre, counter-clockwise [m].
+
+    Andrew's monotone chain (1979). Raises ValueError where they lie on a line.
+    """
+    rounded: list[list[float]] = np.round(points, 6).tolist()  # none too near for an edge
+    given = sorted({(x, y) for x, y in rounded})
+    half: list[list[tuple[float, float]]] = []
+    for row in (given, given[::-1]):
+        chain: list[tuple[float, float]] = []
+        for x, y in row:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
+                    break
+                chain.pop()
+            chain.append((x, y))
+        half.append(chain[:-1])
+    if min(map(len, half)) < 1 or sum(map(len, half)) < 3:
+        raise ValueError("an outline must have a width")
+    return np.array(half[0] + half[1], dtype=np.float64)
 
 
 def fastest(twist: Twist, shape: Outline) -> float:
