@@ -7,8 +7,8 @@ import pytest
 
 from cohelm.core.frames import between
 from cohelm.core.types import Pose
+from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.keyframe import agreement, usable
-from cohelm.perceive.localize.localizer import Caution
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from tests.perceive.drives import CONES, LIDAR, WALLS

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import RADIUS, Pose, Twist
+from cohelm.perceive.localize.hypotheses import Hypothesis
 from cohelm.perceive.localize.localization_map import judge, known
-from cohelm.perceive.localize.localizer import Locator, _Hypothesis
+from cohelm.perceive.localize.localizer import Locator
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
 from cohelm.robot.kinematics import arc
@@ -380,13 +381,12 @@ def test_a_pose_is_given_up_for_the_same_place_found_twice_not_for_two():
 
     def held(*places):
         locator = Locator(known(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
-        poor = locator._judge(locator.located.pose, np.full(LIDAR.beams, 1.0))
-        locator._checked = -20.0
-        kept = []
+        here, check, kept = locator.located.pose, locator._check, []
+        poor = locator._judge.judge(here, np.full(LIDAR.beams, 1.0))
+        check.begin(False, -20.0)
         for pose in places:
-            found = _Hypothesis(pose, np.eye(3), 0.0, -5.0, poor)
-            locator._hypotheses = [found]
-            kept.append(locator._holds_on_the_map())
+            locator._hypotheses.all = [Hypothesis(pose, np.eye(3), 0.0, -5.0, poor)]
+            kept.append(not check.given_up_on_the_map(here))
         return kept
 
     assert held(Pose(10.0, 0.0, 0.0), Pose(17.0, 0.0, 0.0), Pose(10.0, 0.0, 0.0)) == [True] * 3

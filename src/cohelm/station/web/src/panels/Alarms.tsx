@@ -30,7 +30,7 @@ function ours(): Shown[] {
   const idly = useless.value || (s.youDrive.value ? idle.value : '')
   if (idly !== '') say('warning', `Your stick does not steer: ${idly}.`)
   const where = s.state.value?.localised
-  if (where === 'lost') say('alarm', 'The robot does not know where it is.')
+  if (where === 'lost') say('alarm', 'The robot does not know where it is. Drive it on a little by hand: it crawls, and what it then sees may tell.')
   else if (where === 'poor') say('warning', 'The robot is not sure where it is.')
   return out
 }
