@@ -21,6 +21,22 @@ def test_no_number_is_too_large_for_the_link_after_a_hundred_thousand_alarms():
     assert max(numbers) == 65_535
 
 
+def test_what_is_said_of_a_cause_changes_and_it_stays_the_same_alarm():
+    alarms = Alarms()
+    alarms.reword("lost", "nobody is")
+    assert alarms.worst() == ()
+    assert alarms.on("lost", "lost: looking for the robot on the map")
+    alarms.acknowledge(0)
+    before = alarms.worst()[0]
+    alarms.reword("lost", "lost: two places look alike: drive on a little")
+    assert alarms.worst() == (
+        before._replace(text="lost: two places look alike: drive on a little"),
+    )
+    alarms.off("lost")
+    alarms.reword("lost", "it is over")
+    assert alarms.worst() == ()
+
+
 @pytest.mark.parametrize("text", [loop._NO_PLANNER, loop._LATE_PLANNER, loop._MUTE_RECORDER])
 def test_what_the_loop_says_of_its_helpers_is_shown_whole(text):
     alarm = m.Alarm(1, m.Severity.ALARM, True, False, text)

@@ -23,6 +23,12 @@ class Alarms:
         self._all[name] = Alarm(self._number, severity, True, False, text)
         return True
 
+    def reword(self, name: str, text: str) -> None:
+        """What is said of its cause, if that is there; it stays the same alarm."""
+        old = self._all.get(name)
+        if old is not None and old.active and old.text != text:
+            self._all[name] = old._replace(text=text)
+
     def off(self, name: str) -> None:
         """Its cause has gone."""
         old = self._all.get(name)

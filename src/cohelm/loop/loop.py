@@ -275,7 +275,8 @@ class Loop:
             self._lost = seen.lost
             self._event(f"lost: {seen.reason}" if seen.lost else "found on the map", seen.lost)
         if seen.lost and self.has_map:
-            self.alarms.on("lost", f"lost: {seen.reason}")
+            if not self.alarms.on("lost", why := f"lost: {seen.reason}"):
+                self.alarms.reword("lost", why)  # what helps now may be something else
         else:
             self.alarms.off("lost")
         self.seen = seen
