@@ -13,16 +13,11 @@ from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import EVADING, LED
 from cohelm.plan.course import course
-from cohelm.plan.evasion import (
-    EvasionParams,
-    _case,
-    _leg,
-    _movers,
-    _risk,
-    _watched,
-    _Way,
-    nobody_watched,
-)
+from cohelm.plan.evasion.case import case_at
+from cohelm.plan.evasion.foretold import Foretold, leg
+from cohelm.plan.evasion.movers import foreseen, nobody_watched, noted
+from cohelm.plan.evasion.params import EvasionParams
+from cohelm.plan.evasion.risk import risk_at
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.sim.run import run
@@ -193,8 +188,8 @@ def _foretold_and_driven(rng):
     movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay, 0.8, 2.0, 1.5]])
     around, reach = surroundings(np.empty((0, 6))), farthest(ON.outline)
     e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
-    case = _case(movers, around, start, way, Clock(), ON.outline, reach, e)
-    leg = _leg(case, _Way(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9)
+    case = case_at(movers, around, start, way, Clock(), ON.outline, reach, e)
+    went = leg(case, Foretold(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9)
     pose, twist = start, before
     for k in range(40):
         t = k * DT
@@ -205,7 +200,7 @@ def _foretold_and_driven(rng):
         )
         twist = Twist(passed.v, passed.omega)
         pose = arc(pose, twist, DT)
-    return math.hypot(leg.pose.x - pose.x, leg.pose.y - pose.y)
+    return math.hypot(went.pose.x - pose.x, went.pose.y - pose.y)
 
 
 def test_what_the_filter_will_do_is_foretold_as_it_does_it():
@@ -223,10 +218,10 @@ def test_who_rests_for_a_moment_is_still_made_way_for():
     for k in range(30):
         v = max(0.5 - 0.1 * max(k - 5, 0), 0.01)  # then it rests, and sways a little
         around = surroundings([disc(1.5, 0.0, 0.3, 0.8, v, 0.0)], [1.0])
-        seen = _watched(watched, around, 0.1)
+        seen = noted(watched, around, 0.1)
         watched[: len(seen)] = seen
         minded.append(
-            _movers(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[1]
+            foreseen(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[1]
         )
     assert set(minded[:15]) == {1}
     assert set(minded[20:]) == {0}
@@ -237,10 +232,10 @@ def test_who_seems_to_walk_for_a_moment_is_soon_forgotten():
     watched, minded = nobody_watched(), []
     for k in range(10):
         around = surroundings([disc(1.5, 0.0, 0.3, 0.8, 0.5 if 3 <= k < 6 else 0.01, 0.0)], [1.0])
-        seen = _watched(watched, around, 0.1)
+        seen = noted(watched, around, 0.1)
         watched[: len(seen)] = seen
         minded.append(
-            _movers(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[1]
+            foreseen(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[1]
         )
     assert minded == [0] * 3 + [1] * 3 + [0] * 4
 
@@ -266,6 +261,6 @@ def test_an_overlap_has_a_risk_like_any_other(v):
     movers = np.array([[0.3, 0.0, v, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 2.0 * v, 1.5]])
     here, course_ = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace)
     around, reach, e = surroundings(np.empty((0, 6))), farthest(ON.outline), EvasionParams()
-    case = _case(movers, around, here, course_, Clock(), ON.outline, reach, e)
-    risk, gap = _risk(case, here, 0.0, e)
+    case = case_at(movers, around, here, course_, Clock(), ON.outline, reach, e)
+    risk, gap = risk_at(case, here, 0.0, e)
     assert gap < 0.0 < risk < math.inf

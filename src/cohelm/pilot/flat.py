@@ -16,7 +16,7 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference
 from cohelm.pilot.step import Decision, Settings, State, pilot_step
 from cohelm.plan.course import Course
-from cohelm.plan.evasion import Evasion, EvasionParams
+from cohelm.plan.evasion.params import Evasion, EvasionParams
 from cohelm.plan.recovery import Escape
 from cohelm.robot.limits import Limits
 

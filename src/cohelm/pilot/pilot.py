@@ -16,7 +16,7 @@ from cohelm.pilot.flat import Flat, step_of
 from cohelm.pilot.replanning import Plan, ReplanParams, Task, entered, plan
 from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE, START, Decision, Settings, State
 from cohelm.plan.course import Course, Route, course, route
-from cohelm.plan.evasion import nobody_watched
+from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams
 
 _CENTRED = Stick(0.0, 0.0)

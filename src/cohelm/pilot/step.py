@@ -18,7 +18,8 @@ from cohelm.law.step import avoidance, decided, hand_of
 from cohelm.law.track import track
 from cohelm.pilot.delay_compensation import foreseen, moved_on, stopping
 from cohelm.plan.course import Course, nearest_row
-from cohelm.plan.evasion import NO_EVASION, Evasion, EvasionParams, evade
+from cohelm.plan.evasion.evade import evade
+from cohelm.plan.evasion.params import NO_EVASION, Evasion, EvasionParams
 from cohelm.plan.recovery import Escape, kind, rest, wish
 from cohelm.robot.limits import Limits
 

@@ -13,7 +13,7 @@ from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
 from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
-from cohelm.plan.evasion import HURRY, EvasionParams
+from cohelm.plan.evasion.params import HURRY, EvasionParams
 from cohelm.plan.path_planner import PathParams
 from cohelm.robot.limits import Limits
 

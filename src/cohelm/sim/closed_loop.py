@@ -24,7 +24,7 @@ from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
 from cohelm.pilot.replanning import ReplanParams, Task
 from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_step
 from cohelm.plan.course import Course, course
-from cohelm.plan.evasion import nobody_watched
+from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.zones import Zoned, Zones
 from cohelm.robot.port import Odometry, Readings, Scan

@@ -14,7 +14,7 @@ from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference
 from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.step import Settings
-from cohelm.plan.evasion import HURRY, EvasionParams
+from cohelm.plan.evasion.params import HURRY, EvasionParams
 from cohelm.robot.limits import Limits
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.closed_loop import Piloted

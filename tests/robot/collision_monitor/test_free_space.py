@@ -251,7 +251,7 @@ def test_what_was_seen_at_the_edge_of_the_window_is_known_when_the_robot_comes_t
     """Backwards, without a beam that looks."""
     it = FreeSpace(sensor(mount=HERE), SHAPE, WITHIN)
     it.look(empty(), HERE, 0.0, 0.0)
-    for k in range(1, 13):
+    for k in range(1, 20):
         back = it.look(np.full(BEAMS, math.nan), Pose(0.1 * k, 0.0, math.pi), 0.0, 0.0)
     edge = CELL * HALF
     assert not unknown_at(np.array([[edge, 0.0], [edge - CELL, 0.0]]), back.points).any()
@@ -271,13 +271,23 @@ def test_ground_the_robot_stood_on_is_known():
 def test_farther_than_the_window_ground_is_unknown_again():
     it = FreeSpace(sensor(), SHAPE, WITHIN)
     edge = CELL * HALF
-    assert math.sqrt(2.0) * edge + 0.3 < SHAPE.reach + BESIDE  # returns are remembered as far
+    assert edge + 3.0 * CELL <= BESIDE + 1e-9  # returns are remembered as far, from the outline on
     it.look(empty(), HERE, 0.0, 0.0)
     gone = it.look(np.full(BEAMS, math.nan), Pose(edge - 0.3, 0.0, 0.0), 0.0, 0.0)
     assert not unknown_at(np.array([[edge - 0.9, 0.0]]), gone.points).any()
     it.look(np.full(BEAMS, math.nan), Pose(3.0 * edge, 0.0, 0.0), 0.0, 0.0)
     back = it.look(np.full(BEAMS, math.nan), Pose(edge - 0.3, 0.0, 0.0), 0.0, 0.0)
     assert unknown_at(np.array([[edge - 0.9, 0.0]]), back.points).all()
+
+
+def test_ground_is_remembered_no_farther_than_returns_though_the_sensor_is_off_the_outline():
+    off = Pose(1.0, 0.0, 0.0)
+    it = FreeSpace(sensor(mount=off), SHAPE, 2.0)
+    it.look(empty(), HERE, 0.0, 0.0)
+    gone = it.look(np.full(BEAMS, math.nan), Pose(4.3, 0.0, 0.0), 0.0, 0.0)
+    far = SHAPE.reach + BESIDE  # from the robot, returns are forgotten
+    assert not unknown_at(np.array([[far - 0.2, 0.0]]), gone.points).any()
+    assert unknown_at(np.array([[far + CELL, 0.0]]), gone.points).all()
 
 
 def test_switched_on_anew_it_knows_what_is_vouched_for_there():

@@ -29,8 +29,13 @@ does that has looked; and it can turn and look for itself [m]."""
 DOUBT = 10.0
 """Who left the view beside the robot may be anywhere there, for so long [s]."""
 
+KEPT = 2.7
+"""Ground is remembered until it is farther from the LiDAR than this: sooner forgotten than by the
+collision monitor (`free_space`, 2.85 m and half a step), which would let nobody have it [m]."""
+
 _EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
 _APART = 0.03  # nobody slips nearer to the outline than this [m]
+_NEVER = np.iinfo(np.int64).min  # of no cell, as `nowhere`
 _TOLD = 1.0  # such ground is told so far beyond the turning circle [m]
 
 
@@ -73,9 +78,10 @@ def vouched(viewed: Viewed, x: float, y: float, radius: float) -> Viewed:
 def looked_at(viewed: Viewed, lidar: Lidar, look: Look, floor: bool = False) -> Viewed:
     """With the ground that a sweep has in view, up to and with what stands there; or with the
     floor that it sees, which is only from where to where it looks for that, and before what ends
-    it."""
+    it. What is farther than KEPT is forgotten."""
     which, doubt = viewed.which.copy(), viewed.doubt.copy()
     sensor, n = look.sensor, len(look.ranges)
+    _forget(which, sensor)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     low_x, low_y = cell(sensor.x - NEAR), cell(sensor.y - NEAR)
     wide = math.ceil(2.0 * NEAR / CELL)
@@ -97,6 +103,16 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look, floor: bool = False) -> 
             if reach > (far if floor else far - CELL):
                 _note(which, doubt, i, j)
     return Viewed(which, doubt)
+
+
+@jit_inline
+def _forget(which: Ints, sensor: Pose) -> None:
+    for a in range(SIDE):
+        for b in range(SIDE):
+            wx = (which[a, b, 0] + 0.5) * CELL - sensor.x
+            wy = (which[a, b, 1] + 0.5) * CELL - sensor.y
+            if wx * wx + wy * wy > KEPT * KEPT:
+                which[a, b, 0] = _NEVER
 
 
 @jit_inline

@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.robot.collision_monitor.odometry import placed_at, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor
-from cohelm.robot.collision_monitor.surroundings import NOTHING, Surroundings
+from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING, Surroundings
 from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
 
 CELL = 0.05
 """Of the window [m]."""
-HALF = 44
-"""Cells from the sensor to the window's edge: 2.2 m, so that what `surroundings` forgets as too far
-away is outside, and its ground unknown again."""
+HALF = round(BESIDE / CELL) - 3
+"""Cells from the sensor to where ground is forgotten, all round: 2.85 m, so that what
+`surroundings` forgets as too far away is farther, wherever in the outline the sensor is. The three
+are for how far it moves in a scan and before the next look, and for half a cell. The filter forgets
+sooner (`tests/pilot/test_ground_memories.py`), so it asks for no ground that is refused."""
 VOUCHED = 0.2
 """So far beyond its turning circle, ground is taken to be free where the robot is switched on: who
 does that has looked; and from there it can turn and look for itself [m]."""
@@ -39,6 +41,7 @@ _FAR = CELL * np.hypot(_X, _Y)
 _BEARING = np.arctan2(_Y, _X).astype(np.float64)
 _WIDE = np.arcsin(np.minimum(2.0 * CORNER / np.maximum(_FAR, CELL), 1.0))
 """Half the angle under which a cell may be seen, wherever in the middle one the sensor is."""
+_INDEX = np.column_stack((_X.ravel(), _Y.ravel())).astype(np.int64)
 
 
 class FreeSpace:
@@ -69,7 +72,10 @@ class FreeSpace:
         self._vouches = shape.reach + VOUCHED
         if self._floor:
             self._vouches = max(self._vouches, self._sensor.vouched)
-        self._near = math.hypot(mount.x, mount.y) + shape.reach + within > _FAR
+        away = math.hypot(mount.x, mount.y)
+        self._near = (away + shape.reach + within > _FAR).ravel()
+        self._kept = _FAR <= CELL * HALF + min(shape.reach - away, 0.0)
+        self._matters = self._kept.ravel() | self._near
 
     def forget(self) -> None:
         """All of it: as if it were switched on anew."""
@@ -96,23 +102,26 @@ class FreeSpace:
         self._move(round(x / CELL), round(y / CELL))
         first = math.remainder(psi + sensor.bearings[0], 2.0 * math.pi)
         span = float(sensor.bearings[-1] - sensor.bearings[0])
-        along = _BEARING - first  # from the first beam
+        new = np.flatnonzero(self._matters & ~self._known.ravel())  # what is known stays known
+        far = _FAR.ravel()[new]
+        along = _BEARING.ravel()[new] - first  # from the first beam
         along[along < 0.0] += 2.0 * math.pi
-        wide = 0.5 * abs(turned) + (0.0 if self._floor else _WIDE)
+        wide = 0.5 * abs(turned) + (0.0 if self._floor else _WIDE.ravel()[new])
         looks = (along >= wide) & (along <= span - wide)
         beams = np.minimum((along / sensor.step + 0.5).astype(np.intp), len(ranges) - 1)
         if self._floor:
-            watched = (_FAR >= sensor.floor_from) & (_FAR <= sensor.floor_to)
+            watched = (far >= sensor.floor_from) & (far <= sensor.floor_to)
             beside = np.minimum(np.roll(ranges, 1), np.roll(ranges, -1))
             reach = np.where(np.isnan(ranges), beside, ranges)  # floor is seen by several beams
-            looks &= watched & (reach[beams] > _FAR)  # not for NaN
-            self._known |= looks
+            looks &= watched & (reach[beams] > far)  # not for NaN
+            seen_free = looks
         else:
-            self._known |= looks & (ranges[beams] > _FAR - CELL)
+            seen_free = looks & (ranges[beams] > far - CELL)
+        known = self._known.ravel()
+        known[new[seen_free & self._kept.ravel()[new]]] = True
         if not self._vouched:
             self._vouch(pose)
-        cells = np.argwhere(~(self._known | looks) & self._near)
-        cells = cells - HALF + np.array(self._cell)
+        cells = _INDEX[new[~(looks | known[new]) & self._near[new]]] + np.array(self._cell)
         points: Floats = CELL * cells.astype(np.float64)
         at = seen_from(points, pose)
         outside, own = (edge_distances(at, one).max(axis=1) for one in (self._shape, self._own))
@@ -144,7 +153,7 @@ class FreeSpace:
             to_i, from_i = _overlap(di, side)
             to_j, from_j = _overlap(dj, side)
             known[to_i, to_j] = self._known[from_i, from_j]
-        self._known = known
+        self._known = known & self._kept
 
 
 def unknown_to_all(spaces: Sequence[FreeSpace]) -> Surroundings:

@@ -1,0 +1,122 @@
+"""Distances to what stands, on a grid around the robot, and the outline held against it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.jit import jit
+from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
+from cohelm.law.guard.surroundings import Surroundings
+
+CELL = 0.06  # of the grid of what stands [m]
+_EDGE = 0.08  # between two points of the outline that are held against it [m]
+
+
+class Field(NamedTuple):
+    """Distance to what stands, on a grid around the robot."""
+
+    distance: Floats
+    """(n, n), row along y [m]."""
+    x: float
+    y: float
+    """Corner of cell (0, 0) [m]."""
+
+
+@jit
+def field_about(around: Surroundings, pose: Pose, half: float) -> Field:
+    """Distances to what stands, by two sweeps over the grid (Borgefors 1986)."""
+    n = int(2.0 * half / CELL) + 1
+    x0, y0 = pose.x - half, pose.y - half
+    d = np.full((n, n), 1e3)
+    for i in range(len(around.points)):
+        _mark(d, around.points[i, 0] - x0, around.points[i, 1] - y0)
+    for i in range(len(around.segments)):
+        ax, ay = around.segments[i, 0], around.segments[i, 1]
+        bx, by = around.segments[i, 2], around.segments[i, 3]
+        length = math.hypot(bx - ax, by - ay)
+        if not length < 1e6:
+            continue
+        along = ((pose.x - ax) * (bx - ax) + (pose.y - ay) * (by - ay)) / max(length, 1e-9)
+        low, high = max(along - 1.5 * half, 0.0), min(along + 1.5 * half, length)
+        for j in range(int(max(high - low, 0.0) / (0.7 * CELL)) + 1):
+            s = min(low + 0.7 * CELL * j, length) / max(length, 1e-9)
+            _mark(d, ax + s * (bx - ax) - x0, ay + s * (by - ay) - y0)
+    for i in range(len(around.discs)):
+        disc, r = around.discs[i], around.discs[i, RADIUS]
+        rests = disc[VX] == 0.0 and disc[VY] == 0.0 and around.agility[i] == 0.0
+        if rests and math.hypot(disc[X] - pose.x, disc[Y] - pose.y) < 1.5 * half + r:
+            m = int(2.0 * math.pi * r / (0.7 * CELL)) + 3
+            for j in range(m):
+                a = 2.0 * math.pi * j / m
+                _mark(d, disc[X] + r * math.cos(a) - x0, disc[Y] + r * math.sin(a) - y0)
+    side, across = 0.95 * CELL, 0.95 * CELL * math.sqrt(2.0)  # at most 5 % too far, so
+    for i in range(n):
+        for j in range(n):
+            b = d[i, j]
+            if i > 0:
+                b = min(b, d[i - 1, j] + side)
+                if j > 0:
+                    b = min(b, d[i - 1, j - 1] + across)
+                if j + 1 < n:
+                    b = min(b, d[i - 1, j + 1] + across)
+            if j > 0:
+                b = min(b, d[i, j - 1] + side)
+            d[i, j] = b
+    for i in range(n - 1, -1, -1):
+        for j in range(n - 1, -1, -1):
+            b = d[i, j]
+            if i + 1 < n:
+                b = min(b, d[i + 1, j] + side)
+                if j > 0:
+                    b = min(b, d[i + 1, j - 1] + across)
+                if j + 1 < n:
+                    b = min(b, d[i + 1, j + 1] + across)
+            if j + 1 < n:
+                b = min(b, d[i, j + 1] + side)
+            d[i, j] = b
+    return Field(d, x0, y0)
+
+
+@jit
+def _mark(d: Floats, x: float, y: float) -> None:
+    if x >= 0.0 and y >= 0.0:  # never for NaN
+        i, j = int(min(y / CELL, 1e6)), int(min(x / CELL, 1e6))
+        if i < len(d) and j < len(d):
+            d[i, j] = 0.0
+
+
+@jit
+def distance_at(f: Field, x: float, y: float) -> float:
+    """Of a point from what stands, by the cell that it is in, or the nearest one [m]."""
+    n = len(f.distance)
+    i, j = int((y - f.y) / CELL), int((x - f.x) / CELL)
+    return f.distance[min(max(i, 0), n - 1), min(max(j, 0), n - 1)]
+
+
+@jit
+def outline_points(outline: Floats) -> Floats:
+    """(e, 2), points all along an outline."""
+    k = len(outline)
+    n = 0
+    for i in range(k):
+        j = (i + 1) % k
+        n += (
+            int(math.hypot(outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]) / _EDGE)
+            + 1
+        )
+    points = np.empty((n, 2))
+    n = 0
+    for i in range(k):
+        j = (i + 1) % k
+        dx, dy = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
+        parts = int(math.hypot(dx, dy) / _EDGE) + 1
+        for p in range(parts):
+            points[n, 0], points[n, 1] = (
+                outline[i, 0] + dx * p / parts,
+                outline[i, 1] + dy * p / parts,
+            )
+            n += 1
+    return points

@@ -1,0 +1,71 @@
+"""Filter and collision monitor share no code, and remember the same ground."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.perceive.scan.clusters import Look
+from cohelm.perceive.space.cell_window import cell
+from cohelm.perceive.space.unobserved import KEPT, VOUCHED, _known, looked_at, nothing, vouched
+from cohelm.robot.collision_monitor.free_space import CELL, CORNER, HALF, STEADY, FreeSpace
+from cohelm.robot.collision_monitor.returns import Sensor
+from cohelm.robot.collision_monitor.sweep import outline
+from cohelm.scenario.load import robot
+
+SALLY = robot("sally")
+SHAPE = outline(SALLY.outline)
+LIDAR = SALLY.lidar.lidar()
+WITHIN = 1.0  # so far beyond its turning circle the filter is told of such ground [m]
+APART = range(-3, 4)
+"""Cells: to the monitor the edge of a view is unknown, as wide as a cell; so it knows later what is
+in view, while the robot turns."""
+
+
+def along(*to):
+    """Poses from each pose straight to the next, every 7 cm or 0.1 rad: it looks at each."""
+    found = [Pose(0.0, 0.0, 0.0)]
+    for pose in to:
+        here, goal = np.array(found[-1]), np.array(pose)
+        way = np.hypot(*(goal - here)[:2])
+        n = math.ceil(max(way / 0.07, abs(goal[2] - here[2]) / 0.1, 1.0))
+        found += [Pose(*(here + (goal - here) * k / n)) for k in range(1, n + 1)]
+    return found
+
+
+DRIVES = {
+    "ahead, and back": along((4.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    "back from where it could just see": along((2.0, 0.0, 0.0), (-1.5, 0.0, 0.0)),
+    "round a corner, and back": along((2.5, 0.0, 0.0), (2.5, 0.0, 1.57), (2.5, 2.5, 1.57),
+                                      (2.5, -1.0, 1.57)),
+    "with its back to what it saw": along((0.0, 0.0, 3.14), (-2.5, 0.0, 3.14), (1.0, 0.0, 3.14)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_what_the_filter_takes_for_known_ground_the_monitor_lets_the_robot_have(drive):
+    sensor = Sensor(
+        LIDAR.mount, LIDAR.first + LIDAR.step * np.arange(len(LIDAR.beams)), LIDAR.step, 0.06,
+        0.02, 10.0, 0.0, 0.0,
+    )  # fmt: skip
+    monitors, ranges = FreeSpace(sensor, SHAPE, WITHIN), np.full(len(LIDAR.beams), math.inf)
+    filters = vouched(nothing(), 0.0, 0.0, SHAPE.reach + VOUCHED)
+    wrong, psi = 0, 0.0
+    for pose in DRIVES[drive]:
+        c, s = math.cos(pose.psi), math.sin(pose.psi)
+        eye = Pose(pose.x + c * LIDAR.mount.x, pose.y + s * LIDAR.mount.x, pose.psi)
+        filters = looked_at(filters, LIDAR, Look(ranges, eye, 0.0))
+        monitors.look(ranges, pose, 0.0, 0.0)
+        turns, psi = pose.psi != psi, pose.psi
+        for x, y in () if turns else monitors.unknown.points:
+            wrong += all(
+                _known(filters, cell(x) + i, cell(y) + j, 0.0)
+                for i in APART for j in APART
+            )  # fmt: skip
+    assert wrong == 0
+
+
+def test_the_filter_forgets_ground_before_the_monitor_does():
+    """Which moves its window once the sensor has moved by STEADY, by whole cells."""
+    assert KEPT + STEADY + 2.0 * CORNER < CELL * HALF
