@@ -119,6 +119,27 @@ def test_a_stick_file_that_is_no_stick_is_refused_by_line_and_value(
     refused(cohelm("run", "minimal", "--stick", "s.csv"), *words)
 
 
+@pytest.mark.parametrize(
+    "command",
+    [("pair", "install"), ("station", "--robot", "sally", "--tls", "--tls-cert")],
+    ids=["pairing", "certificate"],
+)
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("pipe", ["is a device or a pipe", "name a file"]),
+        ("/dev/zero", ["is a device or a pipe", "name a file"]),
+        ("nowhere.pem", ["can not be read", "No such file"]),
+        (".", ["can not be read", "Is a directory"]),
+    ],
+)
+def test_what_is_no_file_of_keys_is_refused_and_not_waited_for(
+    cohelm, tmp_path, command, name, words
+):
+    os.mkfifo(tmp_path / "pipe")
+    refused(cohelm(*command, name), name, *words)
+
+
 def test_a_stick_file_that_is_not_there_is_told_with_the_nearest_that_is(cohelm, tmp_path):
     (tmp_path / "mine.csv").write_text("t,x,psi\n0,0,0\n")
     refused(cohelm("run", "minimal", "--stick", "mein.csv"), "no such", "did you mean mine.csv?")

@@ -133,7 +133,7 @@ def test_what_is_wrong_with_a_certificate_is_said_before_anything_starts(cohelm,
     refused(cohelm(*replay, "--tls-cert", certificate, "--tls-key", wrong), "password")
     refused(cohelm(*replay, "--tls-cert", certificate), "not the key of the certificate")
     refused(cohelm(*replay, "--tls-cert", key, "--tls-key", key), "holds no certificate")
-    refused(cohelm(*replay, "--tls-cert", "none.pem"), "holds no certificate")
+    refused(cohelm(*replay, "--tls-cert", "none.pem"), "No such file")
     refused(cohelm(*replay, "--tls-key", key), "--tls-cert FILE")
     refused(cohelm(*replay, "--tls", "--without-tls"), "leave one of them out")
     key.chmod(0o644)

@@ -212,7 +212,7 @@ def test_a_compressed_world_is_the_same_world_and_a_cut_archive_is_refused(tmp_p
 def test_an_archive_that_unpacks_without_end_is_refused(tmp_path):
     path = tmp_path / "a.world.gz"
     path.write_bytes(gzip.compress(bytes(65 * 2**20)))
-    with pytest.raises(CohelmError, match="larger than 64 MiB"):
+    with pytest.raises(CohelmError, match="larger than 64 MB"):
         read_gazebo(path, 0.3)
 
 

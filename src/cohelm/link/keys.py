@@ -27,10 +27,12 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import read_bytes
 from cohelm.link.owned import guarded, make_folder
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
 _PEM = re.compile(rb"-----BEGIN ([A-Z ]+)-----.+?-----END \1-----\n", re.DOTALL)
+_LARGEST = 10**6  # [bytes]
 _ALWAYS = (datetime.datetime(1970, 1, 1), datetime.datetime(9999, 12, 31, 23, 59, 59))
 
 
@@ -129,7 +131,7 @@ def let_in(station: str, to: Path) -> Keys:
 
 def install(file: Path) -> str:
     """Install what `let_in` wrote; returns the robot's name."""
-    found = list(_PEM.finditer(_read(file)))
+    found = list(_PEM.finditer(read(file)))
     if [part[1] for part in found] != [b"CERTIFICATE", b"CERTIFICATE", b"PRIVATE KEY"]:
         raise CohelmError(
             f"{file} does not hold a pairing: make one on the robot with `cohelm pair new NAME`"
@@ -137,7 +139,7 @@ def install(file: Path) -> str:
     of_robot, own, key = (part[0] for part in found)
     name = _usable(common_name(of_robot))
     folder = home() / "station" / name
-    if (folder / "robot.pem").exists() and _read(folder / "robot.pem") != of_robot:
+    if (folder / "robot.pem").exists() and read(folder / "robot.pem") != of_robot:
         raise CohelmError(
             f"another robot called {name!r} is installed in {folder}: if it was set up anew, "
             f"delete that folder and install again"
@@ -176,14 +178,14 @@ def of_station(folder: Path) -> Keys:
 def stations() -> list[tuple[str, str]]:
     """Name and fingerprint of each station the robot of this machine lets in."""
     folder = home() / "robot" / "stations"
-    return [(path.stem, fingerprint(_read(path))) for path in sorted(folder.glob("*.pem"))]
+    return [(path.stem, fingerprint(read(path))) for path in sorted(folder.glob("*.pem"))]
 
 
 def robots() -> list[tuple[str, str]]:
     """Name and fingerprint of each robot this station is paired with."""
     folder = home() / "station"
     paths = sorted(folder.glob("*/robot.pem"))
-    return [(path.parent.name, fingerprint(_read(path))) for path in paths]
+    return [(path.parent.name, fingerprint(read(path))) for path in paths]
 
 
 def shut_out(name: str) -> None:
@@ -247,9 +249,10 @@ def write(path: Path, content: bytes, fresh: bool = False) -> None:
         raise CohelmError(f"{path} can not be written: {error.strerror}") from None
 
 
-def _read(path: Path) -> bytes:
+def read(path: Path) -> bytes:
+    """A key, certificate or pairing. CohelmError where it can not be read."""
     try:
-        return path.read_bytes()
+        return read_bytes(path, _LARGEST, "a key or certificate")
     except OSError as error:
         raise CohelmError(f"{path} can not be read: {error.strerror}") from None
 
@@ -257,13 +260,13 @@ def _read(path: Path) -> bytes:
 def _mine(path: Path) -> bytes:
     """What nobody else can have written."""
     guarded(path, within=home())
-    return _read(path)
+    return read(path)
 
 
 def _secret(path: Path) -> bytes:
     """... and nobody else read."""
     guarded(path, within=home(), secret=True)
-    content = _read(path)
+    content = read(path)
     try:
         serialization.load_pem_private_key(content, None)
     except (ValueError, TypeError):

@@ -18,10 +18,8 @@ next event.
 from __future__ import annotations
 
 import csv
-import gzip
 import io
 import math
-import zlib
 from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
@@ -160,20 +158,9 @@ def _text(file: Path) -> str:
     if file.is_dir():
         raise CohelmError(f"{file}: is a folder, not a stick file")
     try:
-        packed = read_bytes(file, _LARGEST, "a stick file")
-        if packed[:2] == b"\x1f\x8b":
-            with gzip.open(io.BytesIO(packed)) as unpacked:
-                packed = unpacked.read(_LARGEST + 1)
-    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-        raise CohelmError(
-            f"{file}: the gzip archive is damaged or cut short: fetch it again"
-        ) from error
+        return read_bytes(file, _LARGEST, "a stick file", unpack=True).decode("utf-8-sig")
     except OSError as error:
         raise CohelmError(f"{file}: the stick file can not be read: {error.strerror}") from error
-    if len(packed) > _LARGEST:
-        raise CohelmError(f"{file}: larger than {_LARGEST // 10**6} MB, not a stick file")
-    try:
-        return packed.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CohelmError(f"{file}: not a text file, so not a CSV stick file") from error
 

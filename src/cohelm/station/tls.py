@@ -19,7 +19,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from cohelm.core.errors import CohelmError
-from cohelm.link.keys import fingerprint
+from cohelm.core.files import check_regular
+from cohelm.link.keys import fingerprint, read
 from cohelm.link.owned import guarded, make_folder
 
 DAYS = 397
@@ -50,11 +51,11 @@ def certificate(folder: Path, host: str) -> tuple[Path, Path, str]:
 def certified(path: Path) -> frozenset[str]:
     """The host names in a certificate file. Raises CohelmError where it is none."""
     try:
-        kept = x509.load_pem_x509_certificate(path.read_bytes())
+        kept = x509.load_pem_x509_certificate(read(path))
         there = kept.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     except x509.ExtensionNotFound:
         return frozenset()
-    except (OSError, ValueError):
+    except ValueError:
         raise CohelmError(f"{path} holds no certificate: name a file in PEM") from None
     return frozenset(name.lower() for name in there.get_values_for_type(x509.DNSName))
 
@@ -65,6 +66,7 @@ def own(path: Path, key: Path) -> tuple[Path, Path]:
     Raises CohelmError where a browser could not be served with them.
     """
     certified(path)
+    check_regular(key)
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(path, key, password="")
     except ssl.SSLError:

@@ -2,46 +2,28 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from pathlib import Path
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import check_regular
+from cohelm.core.files import read_bytes
 
-_LARGEST = 64 * 2**20
-_GZIP = b"\x1f\x8b"
+_LARGEST = 64_000_000  # bytes, unpacked
 
 
 def contents(path: Path | str, what: str) -> bytes:
-    """The bytes of a file of at most 64 MiB, after unpacking; `what` it should be, for the error.
+    """The bytes of a file of at most 64 MB, after unpacking; `what` it should be, for the error.
 
     Raises CohelmError where it can not be read, is a damaged archive, or is larger.
     """
-    check_regular(path)
     try:
-        with Path(path).open("rb") as file:
-            if file.read(2) == _GZIP:
-                file.seek(0)
-                with gzip.open(file) as unpacked:
-                    data = unpacked.read(_LARGEST + 1)
-            else:
-                file.seek(0)
-                data = file.read(_LARGEST + 1)
+        return read_bytes(path, _LARGEST, what, unpack=True)
     except FileNotFoundError as error:
         raise CohelmError(f"{path}: there is no such file; give the path of {what}") from error
-    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-        raise CohelmError(
-            f"{path}: the gzip archive is damaged or cut short ({error}); fetch it again"
-        ) from error
     except OSError as error:
         raise CohelmError(f"{path}: can not be read ({error.strerror}); give {what}") from error
-    if len(data) > _LARGEST:
-        raise CohelmError(f"{path}: larger than 64 MiB, which {what} never is; check the file")
-    return data
 
 
 def faults(path: Path | str, error: ValidationError) -> CohelmError:
