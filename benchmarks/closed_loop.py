@@ -96,7 +96,7 @@ def fitting(made: OccupancyMap, way: list[tuple[float, float]]) -> str:
     stands = placed((cells + 0.5) * made.resolution, made.origin)
     line = tangents(np.vstack([np.linspace(a, b, 7, endpoint=False) for a, b in pairwise(way)]))
     for name in ROBOTS[:-1]:
-        if swept(stands, np.array(robot(name).footprint_m), line).min() >= PathParams().gap:
+        if swept(stands, np.array(robot(name).footprint_m), line).min() >= PathParams().clearance:
             return name
     return ROBOTS[-1]
 

@@ -30,7 +30,7 @@ from cohelm.law.guard.surroundings import surroundings
 from cohelm.robot.kinematics import arc
 from cohelm.sim.run import run
 from cohelm.sim.setup import Setup, with_pilot
-from cohelm.sim.world import Body, clearance, world
+from cohelm.sim.world import Body, outline_clearance, world
 from cohelm.study.campaign import rooms
 from cohelm.study.campaign.episode import lively, sequence
 from cohelm.study.metrics import BACK_ON_PATH
@@ -89,7 +89,7 @@ def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
             twist = Twist(passed.v, passed.omega)
             pose = arc(pose, twist, dt)
             if t > _AT_LEAST and abs(twist.v) + abs(twist.omega) < 1e-3:
-                gap = clearance(
+                gap = outline_clearance(
                     pose, setup.outline, reach, setup.around.discs, setup.around.walls, 1.0
                 )
                 if gap < TIGHT:

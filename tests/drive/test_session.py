@@ -22,9 +22,15 @@ def test_the_guard_has_room_for_the_lidars_noise_and_foresees_the_whole_lag(kind
     rules = driver.pilot.settings.rules
     assert rules.hard_margin == pytest.approx(law.guard.hard_margin_m + room)
     assert rules.soft_margin == pytest.approx(law.guard.soft_margin_m + room)
-    assert driver.pilot.planner.manners.gap == pytest.approx(law.manners().gap + room)
-    assert driver.pilot.planner.care.accept == pytest.approx(law.care().accept + room)
-    assert driver.pilot.planner.care.slack == pytest.approx(law.care().slack + 0.04)
+    assert driver.pilot.planner.path_params.clearance == pytest.approx(
+        law.path_params().clearance + room
+    )
+    assert driver.pilot.planner.replan_params.accept == pytest.approx(
+        law.replan_params().accept + room
+    )
+    assert driver.pilot.planner.replan_params.slack == pytest.approx(
+        law.replan_params().slack + 0.04
+    )
     assert len(driver.pilot.sent) == steps
 
 

@@ -57,7 +57,11 @@ def looped(model, setup, steps: int) -> np.ndarray:
     settings, pilot = setup.pilot.settings, setup.pilot
     plant = Kinematic(model, setup.start, setup.around, seed=setup.seed, step=DT)
     driver_pilot = Pilot(
-        setup.reference, settings, delay=setup.delay, manners=pilot.manners, care=pilot.care
+        setup.reference,
+        settings,
+        delay=setup.delay,
+        path_params=pilot.path_params,
+        replan_params=pilot.replan_params,
     )
     planning = InProcessPlanner(driver_pilot.planner, pilot.thinking)
     driver = Driver(driver_pilot, settings, setup.delay, planning)

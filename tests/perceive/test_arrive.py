@@ -14,7 +14,7 @@ from cohelm.law.reference import through
 from cohelm.law.track import track
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
 from cohelm.plan.path_planner import way
-from cohelm.plan.recovery import Choices, Escape, escape, rest, wish
+from cohelm.plan.recovery import Choices, RecoveryMove, recovery_move, rest, wish
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.sensors import LidarModel
@@ -29,7 +29,7 @@ LIDAR = LidarModel(noise_m=0.01, mount_x_m=0.12).lidar()
 PACE = PaceParams()
 GAINS = Gains(k_x=1.0, k_psi=4.0)
 CRUISE = 1.0
-NO_MOVE = Escape(0.0, 0.0, 0.0)
+NO_MOVE = RecoveryMove(0.0, 0.0, 0.0)
 
 
 def fence(ax, ay, bx, by):
@@ -64,7 +64,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
                 x, y = found.points[2] - pose[:2]
                 heading = math.atan2(y, x)
                 if abs(math.remainder(heading - pose.psi, 2.0 * math.pi)) > 1.2:
-                    left = escape(pose, heading, points, outline, Choices()) or left
+                    left = recovery_move(pose, heading, points, outline, Choices()) or left
         if left != NO_MOVE:
             wanted = wish(left, 0.4, 1.5, DT)
         elif reference is None:

@@ -17,7 +17,7 @@ from cohelm.pilot.step import Settings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.scenario.load import robot
-from cohelm.sim.world import clearance
+from cohelm.sim.world import outline_clearance
 
 SALLY = robot("sally")
 DT = 0.02
@@ -31,7 +31,7 @@ class Drive(NamedTuple):
     poses: np.ndarray
     decisions: list
     twists: np.ndarray
-    gaps: np.ndarray
+    clearances: np.ndarray
     arrived: bool
 
 
@@ -47,16 +47,16 @@ def drive(
     speed=0.5,
     settings=SETTINGS,
     agility=0.5,
-    care: ReplanParams | None = None,
+    replan_params: ReplanParams | None = None,
 ) -> Drive:
     """Until arrival or for `seconds`. discs: rows of `disc`, those with a velocity drift."""
-    pilot = Pilot(through(waypoints, speed), settings, delay=delay, care=care)
+    pilot = Pilot(through(waypoints, speed), settings, delay=delay, replan_params=replan_params)
     rows = np.array([disc(*d) for d in discs]).reshape(-1, 6)
     walls = np.array(walls, dtype=float).reshape(-1, 4)
     moving = np.hypot(rows[:, 2], rows[:, 3]) > 0.0
     pose, twist = Pose(*(start or (*waypoints[0], 0.0))), Twist(0.0, 0.0)
     under_way = [Twist(0.0, 0.0)] * round(delay / DT)
-    poses, decisions, twists, gaps = [], [], [], []
+    poses, decisions, twists, clearances = [], [], [], []
     for k in range(round(seconds / DT)):
         now = rows.copy()
         now[:, :2] += k * DT * rows[:, 2:4]
@@ -70,8 +70,8 @@ def drive(
         poses.append(pose)
         decisions.append(decision)
         twists.append(twist)
-        gaps.append(clearance(pose, settings.outline, 0.5, now, walls, 1e9))
+        clearances.append(outline_clearance(pose, settings.outline, 0.5, now, walls, 1e9))
         pose = arc(pose, twist, DT)
         if pilot.arrived:
             break
-    return Drive(np.array(poses), decisions, np.array(twists), np.array(gaps), pilot.arrived)
+    return Drive(np.array(poses), decisions, np.array(twists), np.array(clearances), pilot.arrived)

@@ -11,7 +11,7 @@ from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
-from cohelm.sim.world import clearance
+from cohelm.sim.world import outline_clearance
 from tests.pilot.drives import DT, SALLY, SETTINGS
 
 NOWHERE = np.empty((0, 4))
@@ -35,13 +35,13 @@ def test_whoever_is_in_the_footprint_holds_the_robot_whatever_is_asked(
         at = far - speed * k * DT
         who = disc(c * at - s * aside, s * at + c * aside, radius, radius, -c * speed, -s * speed)
         seen = surroundings([who], [1.0])
-        gap = clearance(pose, SALLY.outline, 0.5, seen.discs, NOWHERE, 9.0)
+        clearance = outline_clearance(pose, SALLY.outline, 0.5, seen.discs, NOWHERE, 9.0)
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         stick = Stick(x, y) if leads else None
         d = pilot.step(k * DT, pose, twist, stick, seen)
         twist = achievable(Twist(d.safe_v, d.safe_omega), twist, SETTINGS.limits, DT)
-        if gap < 0.0:
+        if clearance < 0.0:
             assert twist == Twist(0.0, 0.0)
             held += 1
         pose = arc(pose, twist, DT)

@@ -30,7 +30,7 @@ def test_it_arrives_at_the_end_and_stands_there():
 def test_it_goes_round_what_stands_on_the_route_and_comes_back_onto_it(delay):
     d = drive(STRAIGHT, [(3.0, 0.0, 0.1)], delay=delay)
     assert d.arrived
-    assert d.gaps.min() > 0.0075
+    assert d.clearances.min() > 0.0075
     beside = np.abs(d.poses[:, 1])
     assert beside.max() > 0.35
     assert beside[d.poses[:, 0] > 5.5].max() < 0.1
@@ -39,7 +39,7 @@ def test_it_goes_round_what_stands_on_the_route_and_comes_back_onto_it(delay):
 def test_a_closed_road_is_not_forced():
     d = drive(STRAIGHT, walls=[(3.0, -20.0, 3.0, 20.0)], seconds=15.0)
     assert not d.arrived
-    assert d.gaps.min() > 0.0075
+    assert d.clearances.min() > 0.0075
     assert d.poses[-1][0] < 2.7
     assert abs(d.twists[-1]).max() < 0.5
 
@@ -112,9 +112,11 @@ def test_who_comes_head_on_is_passed_on_the_right_where_that_is_asked_for():
         law = Law(plan=PlanModel(pass_right_m=right))
         settings = law.settings(SETTINGS.outline, SETTINGS.limits, 0.5, DT)
         settings = settings._replace(gains=SETTINGS.gains)
-        d = drive(STRAIGHT, [walker], settings=settings, care=law.care(), seconds=20.0)
+        d = drive(
+            STRAIGHT, [walker], settings=settings, replan_params=law.replan_params(), seconds=20.0
+        )
         assert d.arrived
-        assert d.gaps.min() > 0.1
+        assert d.clearances.min() > 0.1
         met = np.abs(6.0 - 0.4 * DT * np.arange(len(d.poses)) - d.poses[:, 0]).argmin()
         return d.poses[met, 1]
 
@@ -129,4 +131,4 @@ def test_flush_along_a_wall_and_nose_first_in_a_corner_it_gets_away():
     way = [(-0.68, -3.35), (0.5, -2.6), (3.0, -2.0)]
     done = drive(way, walls=walls, start=(-0.68, -3.35, -math.pi / 2), seconds=40.0)
     assert done.arrived
-    assert done.gaps.min() > 0.0075
+    assert done.clearances.min() > 0.0075

@@ -53,4 +53,4 @@ def test_a_door_behind_something_in_the_way_is_driven_through_in_the_middle():
     for away in (1.4, 1.6, 1.8):
         d = drive([[0, 0], [1.5, 0], [3, 0], [4.5, 0], [6, 0]], [(3.0 - away, 0.02, 0.1)], posts)
         assert d.arrived
-        assert d.gaps.min() > 0.06
+        assert d.clearances.min() > 0.06

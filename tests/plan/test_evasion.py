@@ -22,7 +22,7 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.sim.run import run
 from cohelm.sim.setup import with_pilot
-from cohelm.sim.world import Body, clearance
+from cohelm.sim.world import Body, outline_clearance
 from tests.pilot.drives import DT, SALLY, SETTINGS, drive
 from tests.sim.test_closed_loop_lidar import crossing
 
@@ -104,7 +104,9 @@ def _least_gap(pilot, seen, steps):
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, around), pose, twist)
         d = pilot.step(k * DT, pose, twist, None, around)
-        gaps.append(clearance(pose, SALLY.outline, 0.5, around.discs, np.empty((0, 4)), 9.0))
+        gaps.append(
+            outline_clearance(pose, SALLY.outline, 0.5, around.discs, np.empty((0, 4)), 9.0)
+        )
         twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
         pose = arc(pose, twist, DT)
     return min(gaps)

@@ -12,25 +12,25 @@ from cohelm.plan.elastic_band import distances, spread, tangents
 from cohelm.plan.path_planner import PathParams, first_blocked, way
 from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, line, room, wall
 
-MANNERS = PathParams()
+PATH_PARAMS = PathParams()
 AT = Pose(0.0, 0.0, 0.0)
 LINE = line(0, 0, 8, 0)
 
 
-def least_gap(points, outline, poses):
+def least_clearance(points, outline, poses):
     """By shapely, of the outline at poses along a way."""
     seen = MultiPoint(points)
-    gaps = []
+    clearances = []
     for x, y, psi in poses:
         body = rotate(Polygon(outline), psi, origin=(0, 0), use_radians=True)
-        gaps.append(translate(body, x, y).distance(seen))
-    return min(gaps)
+        clearances.append(translate(body, x, y).distance(seen))
+    return min(clearances)
 
 
 def test_where_nothing_is_in_the_way_it_is_straight():
     found = way(AT, NOTHING, LINE, JACKAL)
     assert found.rejoined == len(LINE) - 1
-    assert found.gap == math.inf
+    assert found.clearance == math.inf
     assert np.abs(found.points[:, 1]).max() < 1e-6
     assert found.points[0].tolist() == [0, 0]
     assert found.points[-1].tolist() == [8, 0]
@@ -38,11 +38,11 @@ def test_where_nothing_is_in_the_way_it_is_straight():
 
 def test_it_goes_around_what_blocks_the_line():
     points = circle(4.0, 0.0, 0.6)
-    assert 0 < first_blocked(LINE, points, JACKAL, MANNERS.gap) < len(LINE)
+    assert 0 < first_blocked(LINE, points, JACKAL, PATH_PARAMS.clearance) < len(LINE)
     found = way(AT, points, LINE, JACKAL)
     assert np.abs(found.points[:, 1]).max() > 0.7
     assert distances(found.points)[-1] < 8.8
-    assert least_gap(points, JACKAL, tangents(found.points)[1:]) >= MANNERS.gap
+    assert least_clearance(points, JACKAL, tangents(found.points)[1:]) >= PATH_PARAMS.clearance
     assert found.points[-1].tolist() == [8, 0]
 
 
@@ -54,7 +54,7 @@ def test_it_stays_clear_after_it_is_made_a_spline():
     for t in np.linspace(0.0, spline.duration, 300):
         m = evaluate(spline.knots, spline.coeffs, t)
         poses.append((m.x, m.y, math.atan2(m.vy, m.vx)))
-    assert least_gap(points, JACKAL, poses) >= 0.5 * MANNERS.gap
+    assert least_clearance(points, JACKAL, poses) >= 0.5 * PATH_PARAMS.clearance
 
 
 def test_it_is_refused_where_there_is_none():
@@ -92,21 +92,21 @@ def test_it_prefers_room_to_a_shorter_way_through_a_tight_gap():
 
 
 def test_it_rejoins_the_line_at_the_horizon():
-    found = way(Pose(1.0, 0.3, 0.0), NOTHING, LINE, JACKAL, MANNERS, 0, 3.0)
+    found = way(Pose(1.0, 0.3, 0.0), NOTHING, LINE, JACKAL, PATH_PARAMS, 0, 3.0)
     assert LINE[found.rejoined].tolist() == pytest.approx([4.0, 0.0])
     assert found.points[-1].tolist() == pytest.approx([4.0, 0.0])
 
 
 def test_it_rejoins_farther_on_where_the_horizon_is_taken():
-    found = way(AT, circle(3.0, 0.0, 0.5), LINE, JACKAL, MANNERS, 0, 3.0)
+    found = way(AT, circle(3.0, 0.0, 0.5), LINE, JACKAL, PATH_PARAMS, 0, 3.0)
     assert LINE[found.rejoined, 0] > 3.5
     assert found.points[-1].tolist() == LINE[found.rejoined].tolist()
 
 
 def test_it_does_not_go_back_behind_what_is_done():
     loop = np.vstack((line(0, 0, 4, 0), line(4, 0.1, 4, 2), line(3.9, 2, 0, 2)))
-    early = way(AT, NOTHING, loop, JACKAL, MANNERS, 0, 1.0)
-    late = way(AT, NOTHING, loop, JACKAL, MANNERS, 70, 1.0)
+    early = way(AT, NOTHING, loop, JACKAL, PATH_PARAMS, 0, 1.0)
+    late = way(AT, NOTHING, loop, JACKAL, PATH_PARAMS, 70, 1.0)
     assert early.rejoined < 15
     assert late.rejoined > 70
 
@@ -119,9 +119,9 @@ def test_it_begins_in_the_robots_direction_if_that_is_roughly_its_own():
 
 def test_it_can_be_left_from_a_place_that_is_tighter_than_wished():
     points = np.vstack((wall(-0.5, 0.19, 0.3, 0.19), wall(-0.5, -0.19, 0.3, -0.19)))
-    found = way(AT, points, LINE, JACKAL, PathParams(gap=0.04))
-    assert found is None or found.gap >= 0.04
-    free = way(AT, points, LINE, JACKAL, PathParams(gap=0.02))
+    found = way(AT, points, LINE, JACKAL, PathParams(clearance=0.04))
+    assert found is None or found.clearance >= 0.04
+    free = way(AT, points, LINE, JACKAL, PathParams(clearance=0.02))
     assert free is not None
 
 
@@ -133,7 +133,7 @@ def test_a_robot_at_the_end_has_arrived():
 def test_a_goal_that_is_taken_is_approached_to_where_the_robot_can_turn():
     points = circle(8.0, 0.0, 0.03)
     found = way(AT, points, LINE, JACKAL)
-    assert 0.33 < math.hypot(*(found.points[-1] - LINE[-1])) <= MANNERS.beside
+    assert 0.33 < math.hypot(*(found.points[-1] - LINE[-1])) <= PATH_PARAMS.beside
 
 
 @settings(max_examples=40, deadline=None)
@@ -144,7 +144,9 @@ def test_a_way_never_touches_what_was_seen(things):
     found = way(AT, points, LINE, JACKAL)
     if found is None or len(points) == 0:
         return
-    assert least_gap(points, JACKAL, tangents(found.points)[1:]) >= MANNERS.gap - 1e-9
+    assert (
+        least_clearance(points, JACKAL, tangents(found.points)[1:]) >= PATH_PARAMS.clearance - 1e-9
+    )
     centre = LineString(found.points)
     assert centre.distance(MultiPoint(points)) > 0.165
 

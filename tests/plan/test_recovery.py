@@ -15,9 +15,9 @@ from cohelm.plan.recovery import (
     LEFT,
     RIGHT,
     Choices,
-    Escape,
-    escape,
+    RecoveryMove,
     kind,
+    recovery_move,
     rest,
     wish,
     wriggle,
@@ -50,7 +50,7 @@ def drive(pose, move, outline, points):
 
 @given(st.floats(-7.0, 7.0), st.floats(-3.0, 3.0))
 def test_in_the_open_it_turns_on_the_spot_the_short_way(psi, heading):
-    move = escape(Pose(0.0, 0.0, psi), heading, NOTHING, JACKAL)
+    move = recovery_move(Pose(0.0, 0.0, psi), heading, NOTHING, JACKAL)
     assert move.distance == 0.0
     assert abs(move.turn) <= math.pi + 1e-9
     assert wrap(psi + move.turn - heading) == pytest.approx(0.0, abs=1e-9)
@@ -58,14 +58,14 @@ def test_in_the_open_it_turns_on_the_spot_the_short_way(psi, heading):
 
 def test_it_turns_the_long_way_where_something_stands_in_the_short_one():
     points = circle(0.0, 0.27, 0.02)
-    move = escape(AT, math.radians(100.0), points, JACKAL)
-    short = escape(AT, math.radians(-100.0), points, JACKAL)
+    move = recovery_move(AT, math.radians(100.0), points, JACKAL)
+    short = recovery_move(AT, math.radians(-100.0), points, JACKAL)
     assert move is None or move.turn == pytest.approx(math.radians(-260.0)) or move.distance
     assert short is not None
 
 
 def test_from_a_pocket_ahead_it_backs_out_and_turns():
-    move = escape(AT, math.pi, POCKET, JACKAL)
+    move = recovery_move(AT, math.pi, POCKET, JACKAL)
     assert move.distance < -0.2
     assert abs(move.turn) == pytest.approx(math.pi, abs=0.8)
     pose, least = drive(AT, move, JACKAL, POCKET)
@@ -75,7 +75,7 @@ def test_from_a_pocket_ahead_it_backs_out_and_turns():
 
 def test_from_a_pocket_behind_it_drives_out_and_turns():
     behind = Pose(0.0, 0.0, math.pi)
-    move = escape(behind, 0.0, POCKET, JACKAL, Choices(forward=1.0))
+    move = recovery_move(behind, 0.0, POCKET, JACKAL, Choices(forward=1.0))
     assert move.distance > 0.2
     pose, least = drive(behind, move, JACKAL, POCKET)
     assert least >= 0.025
@@ -83,18 +83,18 @@ def test_from_a_pocket_behind_it_drives_out_and_turns():
 
 
 def test_it_backs_no_farther_than_allowed():
-    assert escape(AT, math.pi, POCKET, JACKAL, Choices(back=0.1, forward=0.1)) is None
+    assert recovery_move(AT, math.pi, POCKET, JACKAL, Choices(back=0.1, forward=0.1)) is None
 
 
 @pytest.mark.parametrize("outline", [JACKAL, LONG])
 def test_a_box_that_is_too_small_to_turn_in_has_no_escape(outline):
     x, y = outline.max(axis=0) + 0.05
-    assert escape(AT, 1.5, room(-x, -y, x, y), outline) is None
+    assert recovery_move(AT, 1.5, room(-x, -y, x, y), outline) is None
 
 
 def test_a_robot_nearer_than_the_gap_already_may_still_leave():
     points = wall(-0.3, 0.175, 0.3, 0.175)  # 1 cm beside it
-    move = escape(AT, -0.1, points, JACKAL)
+    move = recovery_move(AT, -0.1, points, JACKAL)
     assert move is not None
     _, least = drive(AT, move, JACKAL, points)
     assert least > 0.0
@@ -108,7 +108,7 @@ def test_flush_along_a_wall_a_gentle_arc_leads_off(outline):
                         wall(front + 0.2, -side - 0.03, front + 0.2, 2.0)))  # fmt: skip
     pose = AT
     for _ in range(4):  # a little back, a little aside, and again
-        move = escape(pose, 2.0, points, outline)
+        move = recovery_move(pose, 2.0, points, outline)
         assert move is not None
         pose, least = drive(pose, move, outline, points)
         assert least > 0.015
@@ -125,7 +125,7 @@ def test_flush_along_a_wall_a_gentle_arc_leads_off(outline):
 def test_no_escape_touches_anything_that_was_seen(things, heading):
     free = [thing for thing in things if math.hypot(*thing[:2]) - thing[2] > 0.32]
     points = np.vstack([NOTHING, *(circle(*thing) for thing in free)])
-    move = escape(AT, heading, points, JACKAL)
+    move = recovery_move(AT, heading, points, JACKAL)
     if move is not None:
         pose, least = drive(AT, move, JACKAL, points)
         assert least > 0.015
@@ -134,30 +134,30 @@ def test_no_escape_touches_anything_that_was_seen(things, heading):
 
 @given(st.floats(-1, 1), st.floats(-2, 2), st.floats(-6, 6))
 def test_a_move_ends_where_it_was_meant_to(distance, curvature, turn):
-    pose, _ = drive(AT, Escape(distance, curvature, turn), JACKAL, NOTHING)
+    pose, _ = drive(AT, RecoveryMove(distance, curvature, turn), JACKAL, NOTHING)
     corner = arc(AT, Twist(distance, distance * curvature), 1.0)
     assert math.hypot(pose.x - corner.x, pose.y - corner.y) < 0.011
     assert pose.psi == pytest.approx(corner.psi + turn, abs=0.01 + 0.01 * (1 + abs(curvature)))
 
 
 def test_a_move_that_is_held_up_goes_on_where_it_was():
-    left = Escape(-0.5, 0.0, 1.0)
+    left = RecoveryMove(-0.5, 0.0, 1.0)
     assert rest(left, Twist(0.0, 0.0), DT) == left
     assert rest(left, Twist(-0.4, 0.0), DT).distance == pytest.approx(-0.492)
 
 
 @pytest.mark.parametrize("heading", [1.5, -1.5])
 def test_a_kind_of_move_that_led_nowhere_is_not_begun_with_again(heading):
-    first = escape(AT, heading, NOTHING, JACKAL)
+    first = recovery_move(AT, heading, NOTHING, JACKAL)
     assert first is not None
-    other = escape(AT, heading, NOTHING, JACKAL, refused=kind(first))
+    other = recovery_move(AT, heading, NOTHING, JACKAL, refused=kind(first))
     assert other is not None
     assert other.distance == 0.0
     assert other.turn == pytest.approx(first.turn - math.copysign(2 * math.pi, first.turn))
-    away = escape(AT, heading, NOTHING, JACKAL, refused=LEFT | RIGHT | FORWARDS)
+    away = recovery_move(AT, heading, NOTHING, JACKAL, refused=LEFT | RIGHT | FORWARDS)
     assert away is not None
     assert away.distance < 0.0
-    assert escape(AT, heading, NOTHING, JACKAL, refused=15) is None
+    assert recovery_move(AT, heading, NOTHING, JACKAL, refused=15) is None
 
 
 def test_a_few_small_moves_lead_out_of_a_corner():
@@ -165,17 +165,17 @@ def test_a_few_small_moves_lead_out_of_a_corner():
     sally = load_robot("sally").outline
     corner = np.vstack((wall(0.0, 0.0, 4.0, 0.0), wall(0.0, 0.0, 0.0, 4.0)))
     pose, left = Pose(0.49005, 0.46987, 2.56157), 12
-    gaps = [float(swept(corner, sally, np.array([pose]))[0])]
-    while gaps[-1] < 0.08:
+    clearances = [float(swept(corner, sally, np.array([pose]))[0])]
+    while clearances[-1] < 0.08:
         move = wriggle(pose, corner, sally)
         assert move is not None
         for share in np.linspace(0.05, 1.0, 20):
             on = Twist(share * move.distance, share * (move.distance * move.curvature + move.turn))
             there = arc(pose, on, 1.0)
-            gaps.append(float(swept(corner, sally, np.array([there]))[0]))
+            clearances.append(float(swept(corner, sally, np.array([there]))[0]))
         pose, left = there, left - 1
         assert left > 0
-    assert min(gaps) > 0.017
+    assert min(clearances) > 0.017
 
 
 def test_where_nothing_leads_out_none_is_found():

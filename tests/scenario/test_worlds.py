@@ -282,8 +282,8 @@ def test_every_world_has_the_optimal_time_its_makers_state_and_a_route_to_drive(
         assert barn.optimal_time == pytest.approx(stated[number], abs=1e-4)
         route = through(barn.route, 1.0)
         assert route.duration == pytest.approx(2.0 * stated[number], abs=1e-3)
-        gaps = np.hypot(*(barn.route[:, None] - barn.discs[:, :2]).transpose(2, 0, 1))
-        assert gaps.min() > 0.075, "the reference path keeps off the cylinders"
+        clearances = np.hypot(*(barn.route[:, None] - barn.discs[:, :2]).transpose(2, 0, 1))
+        assert clearances.min() > 0.075, "the reference path keeps off the cylinders"
 
 
 def test_a_collection_is_read_and_defaults_to_the_challenges_limits(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from cohelm.law.guard.step import Rules
 from cohelm.study.campaign import adversary
-from cohelm.study.campaign.episode import fought, least_gap
+from cohelm.study.campaign.episode import fought, least_clearance
 from cohelm.study.campaign.scoring import run_episode
 
 SEED = 5
@@ -30,7 +30,9 @@ def test_with_and_without_a_trace_it_is_the_same_drive(law):
     case = adversary.case(SEED, 3)
     assert case.duel is not None
     seen = run_episode(case, law)
-    assert least_gap(case, law, case.duel) == pytest.approx(seen.min_clearance_moving_m, abs=1e-12)
+    assert least_clearance(case, law, case.duel) == pytest.approx(
+        seen.min_clearance_moving_m, abs=1e-12
+    )
 
 
 def test_walkers_keep_to_their_speed_and_acceleration_to_the_last_digit():
@@ -54,9 +56,9 @@ def test_a_search_finds_the_same_every_time_and_worse_than_chance():
     assert case.kind.startswith("search")
     assert first.evaluations == 60
     again = adversary.searched(case, "guard", 60)
-    assert (first.gap, first.case.duel.attack.script.tolist()) == (  # type: ignore[union-attr]
-        again.gap, again.case.duel.attack.script.tolist())  # type: ignore[union-attr]  # fmt: skip
+    assert (first.clearance, first.case.duel.attack.script.tolist()) == (  # type: ignore[union-attr]
+        again.clearance, again.case.duel.attack.script.tolist())  # type: ignore[union-attr]  # fmt: skip
     still = adversary.scripted(case, [0.0] * 40)
     assert still.duel is not None
-    assert first.gap < least_gap(still, "guard", still.duel)
-    assert first.gap >= Rules().hard_margin / 2
+    assert first.clearance < least_clearance(still, "guard", still.duel)
+    assert first.clearance >= Rules().hard_margin / 2

@@ -32,14 +32,14 @@ def run(speeds, disc_x, *, limits=FREE, walls=NO_WALLS, omegas=None):
 def test_driving_into_something_is_a_moving_contact():
     seen = run(np.full(100, 1.0), 1.0)
     assert (seen.moving, seen.standing) == (1, 0)
-    assert seen.gap == seen.gap_moving < 0.0
+    assert seen.clearance == seen.clearance_moving < 0.0
 
 
 def test_being_walked_into_while_standing_is_a_standing_contact():
     seen = run(np.zeros(100), np.linspace(2.0, 0.2, 100))
     assert (seen.moving, seen.standing) == (0, 1)
-    assert seen.gap < 0.0
-    assert seen.gap_moving == FAR
+    assert seen.clearance < 0.0
+    assert seen.clearance_moving == FAR
 
 
 @pytest.mark.parametrize(("speed", "departing"), [(-0.1, 0), (0.1, 1)])
@@ -49,7 +49,7 @@ def test_a_contact_that_began_while_it_stood_is_standing_also_if_it_then_moves(s
     speeds[95:98] = speed
     seen = run(speeds, np.minimum(np.linspace(2.0, 0.2, 100), 2.0))
     assert (seen.moving, seen.standing, seen.departing) == (0, 1, departing)
-    assert seen.gap_moving > 0.0
+    assert seen.clearance_moving > 0.0
     assert 0 < seen.touched < seen.steps == 99
 
 

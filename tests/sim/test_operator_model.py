@@ -74,8 +74,8 @@ def test_the_person_takes_the_stick_for_an_obstacle_and_lets_go_afterwards(dodgi
     assert len(takes) == len(lets_go)  # every time
     for k in takes:  # something is near when the hand closes
         row, discs = dodging.rows[k], dodging.discs[k]
-        gaps = np.hypot(discs[:, 0] - row["x"], discs[:, 1] - row["y"]) - discs[:, 4]
-        assert gaps.min() < PERSON.look_ahead + 0.6
+        clearances = np.hypot(discs[:, 0] - row["x"], discs[:, 1] - row["y"]) - discs[:, 4]
+        assert clearances.min() < PERSON.look_ahead + 0.6
     free = on[-300:]
     assert not free.any()
     assert dodging.rows["e_p"][-1] < 0.03

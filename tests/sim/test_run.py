@@ -76,10 +76,10 @@ def test_each_pose_is_the_last_one_moved_by_what_the_wheels_did(busy):
 
 def test_h_is_counted_from_the_robots_centre_for_every_disc(busy):
     rows = busy.rows
-    gap = np.hypot(
+    clearance = np.hypot(
         busy.discs[:, :, 0] - rows["x"][:, None], busy.discs[:, :, 1] - rows["y"][:, None]
     )
-    assert busy.h == pytest.approx(gap**2 - busy.discs[:, :, 5] ** 2, abs=1e-9)
+    assert busy.h == pytest.approx(clearance**2 - busy.discs[:, :, 5] ** 2, abs=1e-9)
     assert rows["h"] == pytest.approx(busy.h.min(axis=1), abs=1e-9)
 
 
@@ -89,9 +89,9 @@ def test_clearance_is_that_of_the_real_outline_to_the_nearest_disc_or_wall(busy)
     for k in range(0, len(busy), 40):
         row = busy.rows[k]
         shape = polygon(lab.SALLY, Pose(row["x"], row["y"], row["psi"]))
-        gaps = [signed(shape, d[:2]) - d[4] for d in busy.discs[k]]
-        gaps += [shape.distance(wall) for wall in walls]
-        assert row["clearance"] == pytest.approx(min(gaps), abs=1e-9)
+        clearances = [signed(shape, d[:2]) - d[4] for d in busy.discs[k]]
+        clearances += [shape.distance(wall) for wall in walls]
+        assert row["clearance"] == pytest.approx(min(clearances), abs=1e-9)
 
 
 def test_in_an_empty_world_there_is_nothing_to_be_near_to():

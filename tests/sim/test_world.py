@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 from cohelm.core.types import Pose, disc
 from cohelm.law.reference import evaluate, through
 from cohelm.robot.footprint import disc_clearance, segment_clearance
-from cohelm.sim.world import Body, clearance, moves, place, world
+from cohelm.sim.world import Body, moves, outline_clearance, place, world
 from tests.oracle import lab, paper
 from tests.sim.runs import MOVER, NO_WALLS, lab_world
 
@@ -75,10 +75,10 @@ def test_skipping_what_is_far_never_changes_the_clearance(pose, round_things, wa
     reach = float(np.hypot(*lab.SALLY.T).max())
     told = [disc_clearance(pose, lab.SALLY, *d) for d in round_things]
     told += [segment_clearance(pose, lab.SALLY, *w) for w in walls]
-    got = clearance(pose, lab.SALLY, reach, scene, np.array(walls).reshape(-1, 4), math.inf)
+    got = outline_clearance(pose, lab.SALLY, reach, scene, np.array(walls).reshape(-1, 4), math.inf)
     assert got == pytest.approx(min(told, default=math.inf), abs=1e-12)
 
 
 def test_the_least_clearance_so_far_is_kept():
     nothing = np.empty((0, 6))
-    assert clearance(Pose(0.0, 0.0, 0.0), lab.SALLY, 0.5, nothing, NO_WALLS, 0.07) == 0.07
+    assert outline_clearance(Pose(0.0, 0.0, 0.0), lab.SALLY, 0.5, nothing, NO_WALLS, 0.07) == 0.07

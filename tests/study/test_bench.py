@@ -95,8 +95,8 @@ def test_timed_poses_are_safe_and_some_of_them_need_the_filter(n):
     scene = field(n)
     assert scene.discs.shape == (n, 6)
     for pose in scene.poses:
-        gap = np.hypot(scene.discs[:, X] - pose.x, scene.discs[:, Y] - pose.y)
-        assert (gap > scene.discs[:, SAFE]).all()
+        clearance = np.hypot(scene.discs[:, X] - pose.x, scene.discs[:, Y] - pose.y)
+        assert (clearance > scene.discs[:, SAFE]).all()
     assert 0.1 < scene.shaped < 0.9
 
 

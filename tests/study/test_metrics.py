@@ -95,13 +95,13 @@ def test_the_side_follows_the_heading_and_not_the_map():
     assert measure(trace(rows, at(3.0, 0.5))).discs["disc_0"].side == "left"
 
 
-@pytest.mark.parametrize(("gap", "touched"), [(0.01, False), (0.0, True), (-0.2, True)])
-def test_contact_is_a_footprint_gap_that_closes(gap, touched):
+@pytest.mark.parametrize(("least", "touched"), [(0.01, False), (0.0, True), (-0.2, True)])
+def test_contact_is_a_footprint_gap_that_closes(least, touched):
     clearance = np.full(101, 0.5)
-    clearance[40] = gap
+    clearance[40] = least
     m = measure(trace(straight(clearance=clearance)))
     assert m.contact is touched
-    assert m.min_clearance_m == gap
+    assert m.min_clearance_m == least
     assert m.min_clearance_at_s == pytest.approx(4.0)
 
 

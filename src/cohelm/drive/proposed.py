@@ -128,12 +128,12 @@ def planned(
     everywhere = float(np.ptp(bounds, axis=0).max()) if len(bounds) else 0.0
     said = Judged(None, f"no way to {at} is known", 0)
     for border in (PathParams().border, everywhere):
-        manners = PathParams(gap=ROOM + _SPARE, stray=0.0, beside=0.0, border=border)
-        found = way(robot, fenced, line, outline, manners, farther=False)
+        path_params = PathParams(clearance=ROOM + _SPARE, stray=0.0, beside=0.0, border=border)
+        found = way(robot, fenced, line, outline, path_params, farther=False)
         if found is None:
             continue
         for spacing in (_SPARSE, _DENSE):
-            every = max(round(spacing / manners.spacing), math.ceil(len(found.points) / _MOST))
+            every = max(round(spacing / path_params.spacing), math.ceil(len(found.points) / _MOST))
             kept = np.vstack((found.points[every:-1:every], point))
             said = judged(kept, robot, speed, outline, known, bounds)
             if said.reference is not None:

@@ -370,7 +370,11 @@ def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None 
         model.outline, model.bounds(), scenario.reference.speed_mps, plan.period
     )._replace(guarded=True)  # a robot that lives by its sensors keeps clear by what they see
     off, delay = SLOP + noise(model), plan.robot.delay(plan.period)
-    settings, manners, care = inflated(settings, law.manners(), law.care(), off, noise(model))
-    pilot = Pilot(reference, settings, delay=delay, manners=manners, care=care)
+    settings, path_params, replan_params = inflated(
+        settings, law.path_params(), law.replan_params(), off, noise(model)
+    )
+    pilot = Pilot(
+        reference, settings, delay=delay, path_params=path_params, replan_params=replan_params
+    )
     planning = RemotePlanner(pilot.planner) if real_time else InProcessPlanner(pilot.planner)
     return Driver(pilot, settings, delay, planning, plan.zones)

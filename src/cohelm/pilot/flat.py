@@ -17,7 +17,7 @@ from cohelm.law.reference import Reference
 from cohelm.pilot.step import Decision, Settings, State, pilot_step
 from cohelm.plan.course import Course
 from cohelm.plan.evasion.params import Evasion, EvasionParams
-from cohelm.plan.recovery import Escape
+from cohelm.plan.recovery import RecoveryMove
 from cohelm.robot.limits import Limits
 
 Flat = Callable[
@@ -34,7 +34,7 @@ def step_of(settings: Settings, line: Floats) -> Flat:
     s = settings
     row = np.array(
         [*s.limits, *s.gains, *s.rules, *s.pace, s.guarded, s.spline_speed, s.led_below,
-         s.escape_speed, s.escape_yaw_rate, *s.evasion, s.rest], dtype=np.float64,
+         s.recovery_speed, s.recovery_yaw_rate, *s.evasion, s.rest], dtype=np.float64,
     )  # fmt: skip
     outline = np.ascontiguousarray(s.outline, dtype=np.float64)
     line = np.ascontiguousarray(line, dtype=np.float64)
@@ -55,7 +55,7 @@ def step_of(settings: Settings, line: Floats) -> Flat:
             watched, float(fastest),
         )  # fmt: skip
         after = State(
-            n[0], n[1], Clock(n[2], n[3], n[4]), Escape(n[5], n[6], n[7]), n[8], n[9], n[10],
+            n[0], n[1], Clock(n[2], n[3], n[4]), RecoveryMove(n[5], n[6], n[7]), n[8], n[9], n[10],
             Evasion(n[11], n[12], n[13], n[14], n[15], n[16], n[17]),
         )  # fmt: skip
         return after, Decision._make(n[_STATE:])
@@ -96,7 +96,7 @@ def _flat(
         k,
         time,
         Clock(tau, rate, waited),
-        Escape(distance, curvature, turn),
+        RecoveryMove(distance, curvature, turn),
         at,
         held,
         refused,

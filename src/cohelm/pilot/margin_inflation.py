@@ -1,7 +1,7 @@
 """Inflates the filter's margins for a robot that lives by its sensors, by what these may be wrong.
 
 The guard takes places to be as accurate as half of `clear` (docs/guard.md, assumptions 2 and 6).
-What they are worse by has to be added to it, and to all gaps that plans count on.
+What they are worse by has to be added to it, and to all clearances that plans count on.
 """
 
 from __future__ import annotations
@@ -33,7 +33,11 @@ def inflated_rules(rules: Rules, off: float) -> Rules:
 
 
 def inflated(
-    settings: Settings, manners: PathParams, care: ReplanParams, off: float, noise: float
+    settings: Settings,
+    path_params: PathParams,
+    replan_params: ReplanParams,
+    off: float,
+    noise: float,
 ) -> tuple[Settings, PathParams, ReplanParams]:
     """All that a pilot goes by, with that room; ways are as much wider as the guard keeps.
 
@@ -42,6 +46,8 @@ def inflated(
     more = 2.0 * off
     return (
         settings._replace(rules=inflated_rules(settings.rules, off)),
-        manners._replace(gap=manners.gap + more),
-        care._replace(accept=care.accept + more, slack=care.slack + 2.0 * noise),
+        path_params._replace(clearance=path_params.clearance + more),
+        replan_params._replace(
+            accept=replan_params.accept + more, slack=replan_params.slack + 2.0 * noise
+        ),
     )

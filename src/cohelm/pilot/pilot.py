@@ -29,12 +29,12 @@ class Planner(NamedTuple):
 
     route: Route
     settings: Settings
-    manners: PathParams = PathParams()
-    care: ReplanParams = ReplanParams()
+    path_params: PathParams = PathParams()
+    replan_params: ReplanParams = ReplanParams()
 
     def __call__(self, task: Task) -> Plan:
         """The plan for a snapshot; takes milliseconds, and changes nothing."""
-        return plan(task, self.route, self.settings, self.manners, self.care)
+        return plan(task, self.route, self.settings, self.path_params, self.replan_params)
 
 
 class Pilot:
@@ -49,7 +49,7 @@ class Pilot:
 
     def __init__(
         self, reference: Reference, settings: Settings, *, delay: float = 0.0,
-        manners: PathParams | None = None, care: ReplanParams | None = None,
+        path_params: PathParams | None = None, replan_params: ReplanParams | None = None,
     ) -> None:  # fmt: skip
         """settings.rules.dt: the control period. delay: from command to wheels [s]."""
         dt = settings.rules.dt
@@ -58,7 +58,7 @@ class Pilot:
         whole, rest = periods(delay, dt)
         settings = settings._replace(rest=rest)
         self.planner = Planner(
-            route(reference), settings, manners or PathParams(), care or ReplanParams()
+            route(reference), settings, path_params or PathParams(), replan_params or ReplanParams()
         )
         self.settings = settings
         self.state: State = START

@@ -19,7 +19,7 @@ from cohelm.plan.distance_field import swept
 from cohelm.plan.elastic_band import distances
 from cohelm.plan.path_planner import PathParams, way
 from cohelm.plan.prediction import Foresight, met
-from cohelm.plan.recovery import Choices, Escape, escape, kind, wriggle
+from cohelm.plan.recovery import Choices, RecoveryMove, kind, recovery_move, wriggle
 
 _ROUND = 24  # points around a disc, at least
 _FINE = 0.03  # between points around a disc that is near [m]
@@ -39,12 +39,12 @@ class ReplanParams(NamedTuple):
     known: float = 6.0
     """What is farther from the robot is left out of plans [m]."""
     accept: float = 0.06
-    """Least gap of the outline with which the given route is followed as it is [m]."""
-    roomy: float = 0.2
-    """Least gap with which a way round is not reconsidered [m]."""
-    astray: float = 0.6
+    """Least clearance of the outline with which the given route is followed as it is [m]."""
+    ample_clearance: float = 0.2
+    """Least clearance with which a way round is not reconsidered [m]."""
+    max_cross_track_error: float = 0.6
     """Distance from the course at which a way back is looked for [m]."""
-    rejoin: float = 0.3
+    reentry_distance: float = 0.3
     """Distance from the route up to which the robot changes back onto it [m]."""
     slack: float = 0.02
     """A way round is kept while it is no more than this tighter than a new one has to be: sensors
@@ -81,16 +81,20 @@ class Plan(NamedTuple):
     course: Course
     new: bool
     """Whether it is another course, not the old one at new speeds."""
-    move: Escape | None
+    move: RecoveryMove | None
     """A move out of a tight spot to begin with."""
     failed: bool
     """Whether a way was looked for, and none found."""
-    gap: float
-    """Least gap of the outline on the stretch ahead [m]."""
+    clearance: float
+    """Least clearance of the outline on the stretch ahead [m]."""
 
 
 def plan(
-    task: Task, route: Route, settings: Settings, manners: PathParams, care: ReplanParams
+    task: Task,
+    route: Route,
+    settings: Settings,
+    path_params: PathParams,
+    replan_params: ReplanParams,
 ) -> Plan:
     """The plan for a snapshot: the course at the speeds that what is known allows, or another one.
 
@@ -101,49 +105,57 @@ def plan(
     around, state, now = task.around, task.state, task.course
     if state.evasion.on and not _once_a_second(task):  # it does not follow the course meanwhile
         return Plan(now, False, None, False, math.inf)
-    there = known(around, task.pose, care.known)
-    coming = met(around.discs, task.pose, route.reference.speed, care.known, care.foresight)
+    there = known(around, task.pose, replan_params.known)
+    coming = met(
+        around.discs, task.pose, route.reference.speed, replan_params.known, replan_params.foresight
+    )
     points = np.concatenate((there, coming)) if len(coming) else there
-    refreshed, gap = paced(now, state.clock.tau, care.look, points, settings.outline, settings.pace)
-    kept = Plan(refreshed, False, None, False, gap)
+    refreshed, clearance = paced(
+        now, state.clock.tau, replan_params.look, points, settings.outline, settings.pace
+    )
+    kept = Plan(refreshed, False, None, False, clearance)
     if task.led or state.left != NO_MOVE:
         return kept
     far = not len(coming) and _once_a_second(task)
-    made = _course(task, points, kept, route, settings, manners, care, far)
+    made = _course(task, points, kept, route, settings, path_params, replan_params, far)
     if made.failed and len(coming):
         far = _once_a_second(task)
-        made = _course(task, there, kept, route, settings, manners, care, far)
-    return made._replace(move=_way_out(task, made, there, route, settings, manners, care))
+        made = _course(task, there, kept, route, settings, path_params, replan_params, far)
+    return made._replace(
+        move=_way_out(task, made, there, route, settings, path_params, replan_params)
+    )
 
 
 def _course(
-    task: Task, points: Floats, kept: Plan, route: Route, settings: Settings, manners: PathParams,
-    care: ReplanParams, far: bool,
+    task: Task, points: Floats, kept: Plan, route: Route, settings: Settings,
+    path_params: PathParams, replan_params: ReplanParams, far: bool,
 ) -> Plan:  # fmt: skip
     """The course to follow, without regard to where the robot looks."""
     state, pose, now = task.state, task.pose, task.course
     on_route = now.row == 0
     at = governed(now.reference, state.clock, pose, settings.pace)
-    astray = math.hypot(at.x - pose.x, at.y - pose.y) > care.astray
-    held = state.clock.waited > care.waits
-    if on_route and kept.gap >= care.accept and not astray and not held:
+    astray = math.hypot(at.x - pose.x, at.y - pose.y) > replan_params.max_cross_track_error
+    held = state.clock.waited > replan_params.waits
+    if on_route and kept.clearance >= replan_params.accept and not astray and not held:
         return kept
     if not on_route and not held:
-        back = _rejoined(task, points, route, settings, care)
+        back = _rejoined(task, points, route, settings, replan_params)
         if back is not None:
             return back
-    short = not now.last and _remaining(now, state.clock.tau) < 0.75 * care.look
+    short = not now.last and _remaining(now, state.clock.tau) < 0.75 * replan_params.look
     off = now.poses[-1, :2] - route.line[-1]
     # What stood or walked where the route ends may be gone.
-    beside = now.last and not on_route and math.hypot(off[0], off[1]) > care.beside
+    beside = now.last and not on_route and math.hypot(off[0], off[1]) > replan_params.beside
     ended = beside and _remaining(now, state.clock.tau) < 0.1
-    fine = kept.gap >= manners.gap - care.slack and not (
+    fine = kept.clearance >= path_params.clearance - replan_params.slack and not (
         astray or held or short or on_route or ended
     )
-    if fine and (kept.gap >= care.roomy or task.since < care.patience):
+    if fine and (
+        kept.clearance >= replan_params.ample_clearance or task.since < replan_params.patience
+    ):
         return kept
-    found = _round(task, points, route, settings, manners, care, far)
-    back = found is None or abs(_taken_up(found, task, route, settings)[2]) > care.turned
+    found = _round(task, points, route, settings, path_params, replan_params, far)
+    back = found is None or abs(_taken_up(found, task, route, settings)[2]) > replan_params.turned
     if fine and not beside and back:  # no way that begins with turning round is better
         return kept
     if found is not None and ended:
@@ -165,31 +177,31 @@ def _taken_up(
 
 
 def _rejoined(
-    task: Task, points: Floats, route: Route, settings: Settings, care: ReplanParams
+    task: Task, points: Floats, route: Route, settings: Settings, replan_params: ReplanParams
 ) -> Plan | None:
     """Back onto the route itself, where the robot is on it and it is clear ahead."""
     row, pose = task.state.row, task.pose
     x, y = route.line[row]
     following = route.line[min(row + 1, len(route.line) - 1)] - route.line[max(row - 1, 0)]
     off = math.remainder(math.atan2(following[1], following[0]) - pose.psi, 2.0 * math.pi)
-    if math.hypot(x - pose.x, y - pose.y) > care.rejoin or abs(off) > 0.5:
+    if math.hypot(x - pose.x, y - pose.y) > replan_params.reentry_distance or abs(off) > 0.5:
         return None
     own = course(route.reference, 0, True, settings.pace)
-    made, gap = paced(
-        own, float(route.times[row]), care.look, points, settings.outline, settings.pace
+    made, clearance = paced(
+        own, float(route.times[row]), replan_params.look, points, settings.outline, settings.pace
     )
-    if gap < 1.25 * care.accept:
+    if clearance < 1.25 * replan_params.accept:
         return None
     clock = entered(made, route, row, pose, task.twist)
-    drive = ahead(made, clock, pose, task.twist, care.look, settings)
-    if len(drive) and swept(points, settings.outline, drive).min() < care.accept:
+    drive = ahead(made, clock, pose, task.twist, replan_params.look, settings)
+    if len(drive) and swept(points, settings.outline, drive).min() < replan_params.accept:
         return None
-    return Plan(made, True, None, False, gap)
+    return Plan(made, True, None, False, clearance)
 
 
 def _round(
-    task: Task, points: Floats, route: Route, settings: Settings, manners: PathParams,
-    care: ReplanParams, far: bool,
+    task: Task, points: Floats, route: Route, settings: Settings, path_params: PathParams,
+    replan_params: ReplanParams, far: bool,
 ) -> Plan | None:  # fmt: skip
     """A way from the robot back onto the route, and on along it.
 
@@ -199,12 +211,20 @@ def _round(
     row = nearest_row(line, pose, task.state.row, max(task.state.row + 20, task.course.row))
     now, clock = task.course, task.state.clock
     chosen = _NO_WAY
-    if now.row > 0 and clock.waited <= care.waits:
-        chosen = now.poses[slice(*window(now, clock.tau, care.known)), :2]
+    if now.row > 0 and clock.waited <= replan_params.waits:
+        chosen = now.poses[slice(*window(now, clock.tau, replan_params.known)), :2]
     for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
-        end = min(len(line), row + int(reach * care.look / 0.1))
+        end = min(len(line), row + int(reach * replan_params.look / 0.1))
         found = way(
-            pose, points, line[:end], settings.outline, manners, row, care.look, farther, chosen
+            pose,
+            points,
+            line[:end],
+            settings.outline,
+            path_params,
+            row,
+            replan_params.look,
+            farther,
+            chosen,
         )
         if found is not None:
             break
@@ -224,36 +244,39 @@ def _round(
     made = course(
         through(corners[keep], route.reference.speed), max(found.rejoined, 1), last, settings.pace
     )
-    made, gap = paced(made, 0.0, care.look, points, settings.outline, settings.pace)
-    return Plan(made, True, None, False, gap)
+    made, clearance = paced(made, 0.0, replan_params.look, points, settings.outline, settings.pace)
+    return Plan(made, True, None, False, clearance)
 
 
 def _way_out(
-    task: Task, made: Plan, points: Floats, route: Route, settings: Settings, manners: PathParams,
-    care: ReplanParams,
-) -> Escape | None:  # fmt: skip
+    task: Task, made: Plan, points: Floats, route: Route, settings: Settings,
+    path_params: PathParams, replan_params: ReplanParams,
+) -> RecoveryMove | None:  # fmt: skip
     """A move out of a tight spot, if one is needed and there is one."""
     pose = task.pose
     clock, to, off = _taken_up(made, task, route, settings)
-    held = task.state.clock.waited > care.waits
+    held = task.state.clock.waited > replan_params.waits
     over = clock.tau >= made.course.reference.knots[-1]
-    if over or (abs(off) <= care.turned and not held):
+    if over or (abs(off) <= replan_params.turned and not held):
         return None
     refused = task.state.refused
     choices = _CHOICES._replace(
-        gaps=(*(g for g in _CHOICES.gaps if g > manners.gap), manners.gap),
+        clearances=(
+            *(g for g in _CHOICES.clearances if g > path_params.clearance),
+            path_params.clearance,
+        ),
         least=min(1.2 * settings.rules.hard_margin, settings.rules.soft_margin),
     )
-    move = escape(pose, to.psi, points, settings.outline, choices, refused)
+    move = recovery_move(pose, to.psi, points, settings.outline, choices, refused)
     if move is None and refused:
-        move = escape(pose, to.psi, points, settings.outline, choices)
+        move = recovery_move(pose, to.psi, points, settings.outline, choices)
     if move is None and held:
         dense = known(task.around, pose, _DENSE_WITHIN, _DENSE)
-        move = escape(pose, to.psi, dense, settings.outline, choices, refused)
+        move = recovery_move(pose, to.psi, dense, settings.outline, choices, refused)
         move = move or wriggle(pose, dense, settings.outline, choices, refused)
     if move is not None and abs(off) < 0.3 and move.distance == 0.0:
-        back = Escape(-0.2, 0.0, 0.0)  # looks where it should, but does not get on
-        return Escape(0.1, 0.0, 0.0) if kind(back) & refused else back
+        back = RecoveryMove(-0.2, 0.0, 0.0)  # looks where it should, but does not get on
+        return RecoveryMove(0.1, 0.0, 0.0) if kind(back) & refused else back
     return move
 
 

@@ -135,7 +135,7 @@ class SafetyFilter:
             now_v, now_omega = twist
             want_v, want_omega = nominal
             lasted = self.period if after is None else float(after)
-            v, omega, verdict, change, gap, row = _filtered(
+            v, omega, verdict, change, clearance, row = _filtered(
                 float(x), float(y), float(psi), float(now_v), float(now_omega),
                 float(want_v), float(want_omega), seen.discs, seen.max_acceleration, seen.segments,
                 seen.points, self._outline, self._settings, lasted, self._sent, self._count,
@@ -144,7 +144,7 @@ class SafetyFilter:
         except (TypeError, ValueError, AttributeError) as error:
             raise CohelmError(_meant(pose, twist, nominal, seen)) from error
         limiting = None if row == NOTHING else _limiting(row, seen)
-        return FilterResult(Twist(v, omega), _VERDICTS[verdict], limiting, gap, change)
+        return FilterResult(Twist(v, omega), _VERDICTS[verdict], limiting, clearance, change)
 
     def sent(self, twist: Twist) -> None:
         """Another twist than the last result's was sent: a gate or a brake had the last word."""
@@ -217,7 +217,7 @@ def _filtered(
     g = guard(pose, before, nominal, around, outline, limits, rules)
     sent[k % d, 0], sent[k % d, 1] = g.v, g.omega
     count[0] = k + 1
-    return g.v, g.omega, g.verdict, g.change, g.gap, g.limiting
+    return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting
 
 
 _NONE = Obstacles()

@@ -20,14 +20,14 @@ from cohelm.pilot.delay_compensation import foreseen, moved_on, stopping
 from cohelm.plan.course import Course, nearest_row
 from cohelm.plan.evasion.evade import evade
 from cohelm.plan.evasion.params import NO_EVASION, Evasion, EvasionParams
-from cohelm.plan.recovery import Escape, kind, rest, wish
+from cohelm.plan.recovery import RecoveryMove, kind, rest, wish
 from cohelm.robot.limits import Limits
 
 FOLLOWING, LED, ESCAPING, EVADING = range(4)
 """What the robot is doing: following its course, led by the person, getting out of a tight spot,
 getting out of somebody's way."""
 
-NO_MOVE = Escape(0.0, 0.0, 0.0)
+NO_MOVE = RecoveryMove(0.0, 0.0, 0.0)
 
 
 class Settings(NamedTuple):
@@ -46,9 +46,9 @@ class Settings(NamedTuple):
     """Feed-forward without the guard (E10): the spline's own speed instead of u_d."""
     led_below: float = 0.5
     """The person leads while the automatic share of some axis is below this."""
-    escape_speed: float = 0.4
+    recovery_speed: float = 0.4
     """Of moves out of tight spots [m/s]."""
-    escape_yaw_rate: float = 1.0
+    recovery_yaw_rate: float = 1.0
     """[rad/s]"""
     fastest: float = math.inf
     """What is asked for is slowed down to this, on the same arc [m/s]."""
@@ -67,7 +67,7 @@ class State(NamedTuple):
     """Since the first step [s]."""
     clock: Clock
     """Of the course."""
-    left: Escape
+    left: RecoveryMove
     """What is left of a move out of a tight spot."""
     row: int
     """Row of the route that is behind for good."""
@@ -116,7 +116,7 @@ class Decision(NamedTuple):
     """What held the wish back: discs, then segments, then points of the surroundings; -1 for
     nothing (or the barrier's heading term, E6)."""
     clearance_seen: float
-    """Smallest gap of the outline that the guard saw; infinite with nothing near [m]."""
+    """Smallest clearance of the outline that the guard saw; infinite with nothing near [m]."""
     change: float
     """Distance of the command from the blend in the guard's metric [m/s]."""
     behavior: int
@@ -154,7 +154,7 @@ def pilot_step(
     hand = hand_of(stick, s.gains)
     led = min(hand.share.x, hand.share.psi) < s.led_below
     left = NO_MOVE if led else state.left
-    escaping = left.distance != 0.0 or left.turn != 0.0
+    recovering = left.distance != 0.0 or left.turn != 0.0
 
     evasion = NO_EVASION
     if s.guarded and s.evasion.horizon > 0.0 and not led:
@@ -162,20 +162,20 @@ def pilot_step(
             state.evasion, then, before, things, course, state.clock, s.outline, s.limits, s.gains,
             s.rules, s.pace, _capped(s.evasion, s.fastest), watched,
         )  # fmt: skip
-    clock, target = _reference(state, then, course, led or evasion.on, escaping, s, dt)
+    clock, target = _reference(state, then, course, led or evasion.on, recovering, s, dt)
     if evasion.on:
-        tau_c, left, escaping = Twist(evasion.v, evasion.omega), NO_MOVE, False
-    elif escaping:
-        tau_c = wish(left, s.escape_speed, s.escape_yaw_rate, s.rules.dt)
+        tau_c, left, recovering = Twist(evasion.v, evasion.omega), NO_MOVE, False
+    elif recovering:
+        tau_c = wish(left, s.recovery_speed, s.recovery_yaw_rate, s.rules.dt)
     else:
         tau_c = track(then, target, s.gains)
     tau = _slowed(blend(tau_c, hand.wish, hand.share), s.fastest)
-    gap, change = math.inf, 0.0
+    clearance, change = math.inf, 0.0
     if s.guarded:
         asked = tau if hand.sound else Twist(math.nan, math.nan)  # not a centred stick: brake
-        rules = _nearer(s.rules) if escaping else s.rules
+        rules = _nearer(s.rules) if recovering else s.rules
         passed = guard(then, before, asked, things, s.outline, s.limits, rules)
-        gap, change = passed.gap, passed.change
+        clearance, change = passed.clearance, passed.change
         u = Twist(passed.v - tau.v, passed.omega - tau.omega)
         step = decided(
             tau_c, hand, tau,
@@ -188,16 +188,16 @@ def pilot_step(
     d = len(sent)
     if d > 0:
         sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
-    if escaping:
+    if recovering:
         left = rest(left, Twist(v, omega), s.rules.dt)
     left, held, refused = _given_up(state, left, Twist(v, omega), clock.rate, dt)
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
-    behavior = LED if led else (EVADING if evasion.on else (ESCAPING if escaping else FOLLOWING))
+    behavior = LED if led else (EVADING if evasion.on else (ESCAPING if recovering else FOLLOWING))
     return State(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion), Decision(
         v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
         step.nominal_v, step.nominal_omega, step.avoid_v, step.avoid_omega,
         step.authority_x, step.authority_psi, step.intent_x, step.intent_psi,
-        step.I, step.J, step.h, step.verdict, step.limiting, gap, change, behavior,
+        step.I, step.J, step.h, step.verdict, step.limiting, clearance, change, behavior,
         clock.tau, clock.rate, clock.waited,
         target.x, target.y, target.psi, target.u, target.r,
     )  # fmt: skip
@@ -241,8 +241,8 @@ _AHEAD = 20  # rows of the route within which the nearest is looked for
 
 @jit
 def _given_up(
-    state: State, left: Escape, command: Twist, rate: float, dt: float
-) -> tuple[Escape, float, int]:
+    state: State, left: RecoveryMove, command: Twist, rate: float, dt: float
+) -> tuple[RecoveryMove, float, int]:
     """What is left of a move, how long it has been held up, and the kinds that led nowhere."""
     if left.distance == 0.0 and left.turn == 0.0:
         return NO_MOVE, 0.0, 0 if rate > _GETS_ON else state.refused
@@ -255,13 +255,13 @@ def _given_up(
 
 @jit
 def _reference(
-    state: State, pose: Pose, course: Course, led: bool, escaping: bool, s: Settings, dt: float
+    state: State, pose: Pose, course: Course, led: bool, recovering: bool, s: Settings, dt: float
 ) -> tuple[Clock, Desired]:
     """The clock one step on, and what is desired then."""
     if not s.guarded:
         time = state.time
         return Clock(time, 1.0, 0.0), desired(course.reference, time, s.spline_speed)
     clock = state.clock
-    if not escaping:
+    if not recovering:
         clock = govern(clock, pose, course.reference, course.paced, led, s.pace, dt)
     return clock, governed(course.reference, clock, pose, s.pace)

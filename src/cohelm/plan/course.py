@@ -95,19 +95,19 @@ def _poses(reference: Reference, n: int) -> Floats:
 def paced(
     course: Course, tau: float, far: float, points: Floats, outline: Floats, pace: PaceParams
 ) -> tuple[Course, float]:
-    """The course with its speeds by what is known now, and the least gap of the outline [m].
+    """The course with its speeds by what is known now, and the least clearance of the outline [m].
 
     Looked at from the time `tau` on to `far` metres ahead; beyond that it counts as free.
     points: (p, 2), what is known [m].
     """
     n = len(course.poses)
-    gaps = np.full(n, math.inf)
+    clearances = np.full(n, math.inf)
     first, end = window(course, tau, far)
-    gaps[first:end] = swept(points, outline, course.poses[first:end])
+    clearances[first:end] = swept(points, outline, course.poses[first:end])
     least = math.inf
     for i in range(first + 1, end):  # the robot is at the first already
-        least = min(least, gaps[i])
-    made = profile(course.reference, gaps, pace)
+        least = min(least, clearances[i])
+    made = profile(course.reference, clearances, pace)
     return Course(course.reference, course.poses, made, course.row, course.last), least
 
 

@@ -100,23 +100,23 @@ def inscribed(outline: Floats) -> float:
 
 @jit
 def swept(points: Floats, outline: Floats, poses: Floats) -> Floats:
-    """The gap of a convex outline (k, 2) to the nearest point, at each of the poses (n, 3) [m].
+    """The clearance of a convex outline (k, 2) to the nearest point, at each of (n, 3) poses [m].
 
     0 where a point is inside or touched, inf without points.
     """
     reach = 0.0
     for k in range(len(outline)):
         reach = max(reach, math.hypot(outline[k, 0], outline[k, 1]))
-    gaps = np.full(len(poses), math.inf)
+    clearances = np.full(len(poses), math.inf)
     for i in range(len(poses)):
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         for p in range(len(points)):
             dx, dy = points[p, 0] - poses[i, 0], points[p, 1] - poses[i, 1]
-            far = gaps[i] + reach
+            far = clearances[i] + reach
             if dx * dx + dy * dy < far * far:
-                gap = _outside(outline, c * dx + s * dy, -s * dx + c * dy)
-                gaps[i] = min(gaps[i], gap)
-    return gaps
+                clearance = _outside(outline, c * dx + s * dy, -s * dx + c * dy)
+                clearances[i] = min(clearances[i], clearance)
+    return clearances
 
 
 @jit

@@ -22,10 +22,10 @@ _TRIES = 3  # ways whose swept outline touches something before giving up
 class PathParams(NamedTuple):
     """What makes a way good."""
 
-    gap: float = 0.04
-    """Least gap of the swept outline [m]."""
+    clearance: float = 0.04
+    """Least clearance of the swept outline [m]."""
     room: float = 0.3
-    """Gap beside the robot from which more is not better [m]."""
+    """Clearance beside the robot from which more is not better [m]."""
     shy: float = 3.0
     """How many times dearer a metre is where it is tightest."""
     beside: float = 0.5
@@ -46,7 +46,7 @@ class PathParams(NamedTuple):
     """Of pulling the band straight."""
 
 
-_MANNERS = PathParams()
+_PATH_PARAMS = PathParams()
 _NONE: Floats = np.empty((0, 2))
 
 
@@ -65,22 +65,23 @@ class Way(NamedTuple):
     where the robot is there already."""
     rejoined: int
     """Row of the given line at which the way ends."""
-    gap: float
-    """Least gap of the outline along it, with the heading of the way [m]."""
+    clearance: float
+    """Least clearance of the outline along it, with the heading of the way [m]."""
 
 
-def first_blocked(line: Floats, points: Floats, outline: Floats, gap: float) -> int:
-    """First row of a line, (k, 2) with k >= 2, at which the outline comes nearer than `gap`.
+def first_blocked(line: Floats, points: Floats, outline: Floats, clearance: float) -> int:
+    """First row of a line, (k, 2) with k >= 2, at which the outline comes nearer than `clearance`.
 
     len(line) if all of it is clear.
     """
-    tight = swept(points, outline, tangents(line)) < gap
+    tight = swept(points, outline, tangents(line)) < clearance
     return int(np.argmax(tight)) if tight.any() else len(line)
 
 
 def way(
-    pose: Pose, points: Floats, line: Floats, outline: Floats, manners: PathParams = _MANNERS,
-    begin: int = 0, horizon: float = math.inf, farther: bool = True, chosen: Floats = _NONE,
+    pose: Pose, points: Floats, line: Floats, outline: Floats,
+    path_params: PathParams = _PATH_PARAMS, begin: int = 0, horizon: float = math.inf,
+    farther: bool = True, chosen: Floats = _NONE,
 ) -> Way | None:  # fmt: skip
     """A way from the robot back onto a line, around all points seen; None if none is known.
 
@@ -96,45 +97,52 @@ def way(
     here = begin + int(np.argmin(np.hypot(off[:, 0], off[:, 1])))
     along = distances(line[here:])
     aim = here + min(int(np.searchsorted(along, horizon)), len(along) - 1)
-    narrow = inscribed(outline) + manners.gap
-    wide = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + manners.gap
-    for border in (manners.border, 3.0 * manners.border)[: 2 if farther else 1]:
+    narrow = inscribed(outline) + path_params.clearance
+    wide = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + path_params.clearance
+    for border in (path_params.border, 3.0 * path_params.border)[: 2 if farther else 1]:
         span = np.vstack((line[here:], [pose[:2]]))
         low, high = span.min(axis=0) - border, span.max(axis=0) + border
-        known = chart(points, (low[0], low[1]), (high[0], high[1]), manners.resolution)
+        known = chart(points, (low[0], low[1]), (high[0], high[1]), path_params.resolution)
         cells = _cells(known, line[here:])
-        dear = straying(known, cells, manners)
+        dear = straying(known, cells, path_params)
         if len(chosen):
-            dear *= disloyal(known, chosen, manners)
+            dear *= disloyal(known, chosen, path_params)
         for _ in range(_TRIES):
-            found = cheapest(known, dear, cells, pose, line, here, aim, narrow, wide, manners)
+            found = cheapest(known, dear, cells, pose, line, here, aim, narrow, wide, path_params)
             if found is None:
                 break
             path, rejoined = found
             if len(path) == 1:
                 return Way(path, rejoined, math.inf)
-            smooth = band(known, path, pose, narrow + manners.room, manners.spacing, manners.rounds)
+            smooth = band(
+                known,
+                path,
+                pose,
+                narrow + path_params.room,
+                path_params.spacing,
+                path_params.rounds,
+            )
             poses = tangents(smooth)
-            gaps = swept(points, outline, poses)
-            gaps[0] = math.inf  # the robot is there already, whatever its heading
-            if gaps.min() >= manners.gap:
-                return Way(smooth, rejoined, float(gaps.min()))
-            for x, y, _psi in poses[gaps < manners.gap]:
+            clearances = swept(points, outline, poses)
+            clearances[0] = math.inf  # the robot is there already, whatever its heading
+            if clearances.min() >= path_params.clearance:
+                return Way(smooth, rejoined, float(clearances.min()))
+            for x, y, _psi in poses[clearances < path_params.clearance]:
                 known.clearance[_within(known, _cell(known, (x, y)), _REFUSED)] = 0.0
     return None
 
 
-def straying(chart: Chart, cells: Ints, manners: PathParams) -> Floats:
+def straying(chart: Chart, cells: Ints, path_params: PathParams) -> Floats:
     """How many times dearer each cell of a chart is for its distance from a line's (k, 2)."""
-    if manners.stray == 0.0:
+    if path_params.stray == 0.0:
         return np.ones(chart.clearance.shape)
-    return 1.0 + manners.stray * np.minimum(_away(chart, cells), 3.0)
+    return 1.0 + path_params.stray * np.minimum(_away(chart, cells), 3.0)
 
 
-def disloyal(chart: Chart, chosen: Floats, manners: PathParams) -> Floats:
+def disloyal(chart: Chart, chosen: Floats, path_params: PathParams) -> Floats:
     """How many times dearer each cell of a chart is for its distance from a way, (m, 2) [m]."""
     away = _away(chart, _cells(chart, chosen))
-    return 1.0 + manners.loyal * np.minimum(2.0 * away, 1.0)
+    return 1.0 + path_params.loyal * np.minimum(2.0 * away, 1.0)
 
 
 def _away(chart: Chart, cells: Ints) -> Floats:
@@ -146,7 +154,7 @@ def _away(chart: Chart, cells: Ints) -> Floats:
 
 def cheapest(
     chart: Chart, dear: Floats, cells: Ints, start: Pose, line: Floats, here: int, aim: int,
-    narrow: float, wide: float, manners: PathParams,
+    narrow: float, wide: float, path_params: PathParams,
 ) -> tuple[Floats, int] | None:  # fmt: skip
     """Cell centres from the robot to a point of the line, dear where it is tight, (m, 2) [m].
 
@@ -164,8 +172,8 @@ def cheapest(
     if not free[a]:
         free |= _within(chart, a, _LEAVE) & (c >= min(c[a], narrow)) & (c > 0.0)
         free[a] = True
-    tight = np.clip((narrow + manners.room - c) / manners.room, 0.0, 1.0)
-    cost: Floats = (1.0 + manners.shy * tight * tight) * dear
+    tight = np.clip((narrow + path_params.room - c) / path_params.room, 0.0, 1.0)
+    cost: Floats = (1.0 + path_params.shy * tight * tight) * dear
     columns = c.shape[1]
     root = a[0] * columns + a[1]
     target = cells[aim - here]
@@ -178,7 +186,7 @@ def cheapest(
         b, end = (int(cells[rejoined - here, 0]), int(cells[rejoined - here, 1])), line[rejoined]
     else:
         last = (int(cells[-1, 0]), int(cells[-1, 1]))
-        near = (before != NOT_REACHED) & (c >= wide) & _within(chart, last, manners.beside)
+        near = (before != NOT_REACHED) & (c >= wide) & _within(chart, last, path_params.beside)
         i, j = np.nonzero(near)
         if len(i) == 0:
             return None

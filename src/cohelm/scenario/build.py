@@ -27,7 +27,7 @@ from cohelm.sim.grid import NO_GRID, solid_at
 from cohelm.sim.operator_model import Operator, Replay, replay
 from cohelm.sim.setup import REACHED, Setup
 from cohelm.sim.twin.settings import Twinned
-from cohelm.sim.world import NOWHERE, Body, clearance
+from cohelm.sim.world import NOWHERE, Body, outline_clearance
 
 _LARGEST_RUN = 2**30  # bytes of a recorded run
 
@@ -105,8 +105,8 @@ def pilot(scenario: Scenario) -> Pilot:
         alone.reference.spline(),
         _settings(alone, robot, limits),
         delay=alone.simulation.delay_s,
-        manners=law.manners(),
-        care=law.care(),
+        path_params=law.path_params(),
+        replan_params=law.replan_params(),
     )
 
 
@@ -148,8 +148,8 @@ def _piloted(
         rate=10.0 if lidar is None else lidar.rate_hz,
         further=() if lidar is None else robot.further_lidars,
         watching=TrackerParams(agility=law.guard.obstacle_acceleration_mps2),
-        manners=law.manners(),
-        care=law.care(),
+        path_params=law.path_params(),
+        replan_params=law.replan_params(),
         period=law.plan.period_s,
         zones=None if alone.zones is None else alone.zones.read(_start(alone, reference)),
     )
@@ -208,30 +208,32 @@ def _check_start(made: Setup, alone: Scenario) -> None:
     """The real outline stands clear of everything at t = 0."""
     for i, obstacle in enumerate(alone.obstacles):
         x, y = obstacle.start
-        gap = disc_clearance(made.start, made.outline, x, y, obstacle.radius_m)
-        _check_gap(gap, made.start, alone, f"obstacle {obstacle.name} (obstacles.{i})")
+        clearance = disc_clearance(made.start, made.outline, x, y, obstacle.radius_m)
+        _check_clearance(clearance, made.start, alone, f"obstacle {obstacle.name} (obstacles.{i})")
     for i, wall in enumerate(alone.walls_m):
-        gap = segment_clearance(made.start, made.outline, *wall)
-        _check_gap(gap, made.start, alone, f"the wall from {wall[:2]} to {wall[2:]} (walls_m.{i})")
+        clearance = segment_clearance(made.start, made.outline, *wall)
+        _check_clearance(
+            clearance, made.start, alone, f"the wall from {wall[:2]} to {wall[2:]} (walls_m.{i})"
+        )
     _check_world(made, alone)
 
 
 def _check_world(made: Setup, alone: Scenario) -> None:
     """The same for what the world's file holds; on a map the robot stands in no solid cell."""
-    gap = clearance(
+    clearance = outline_clearance(
         made.start, made.outline, float(np.hypot(*made.outline.T).max()),
         made.around.discs[len(alone.obstacles) :], made.around.walls[len(alone.walls_m) :], NOWHERE,
     )  # fmt: skip
-    _check_gap(gap, made.start, alone, "something of the world's file")
+    _check_clearance(clearance, made.start, alone, "something of the world's file")
     if solid_at(made.grid, made.start.x, made.start.y):
-        _check_gap(-1.0, made.start, alone, "a solid cell of the map")
+        _check_clearance(-1.0, made.start, alone, "a solid cell of the map")
 
 
-def _check_gap(gap: float, start: Pose, alone: Scenario, what: str) -> None:
-    if gap <= 0.0:
+def _check_clearance(clearance: float, start: Pose, alone: Scenario, what: str) -> None:
+    if clearance <= 0.0:
         raise CohelmError(
             f"{alone.name}: start: the robot at ({start.x:g}, {start.y:g}) m, heading "
-            f"{math.degrees(start.psi):.0f} deg, stands {-gap:.3f} m inside {what}; "
+            f"{math.degrees(start.psi):.0f} deg, stands {-clearance:.3f} m inside {what}; "
             "move one of them"
         )
 

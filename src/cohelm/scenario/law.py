@@ -26,7 +26,7 @@ Rate = Annotated[float, Field(gt=0.0, le=1e3)]
 Angle = Annotated[float, Field(gt=0.0, le=1.5707)]
 
 _PAPER, _RULES, _PACE = Gains(), Rules(), PaceParams()
-_CARE, _MANNERS, _EVASION = ReplanParams(), PathParams(), EvasionParams()
+_REPLAN_PARAMS, _PATH_PARAMS, _EVASION = ReplanParams(), PathParams(), EvasionParams()
 
 
 class Tracking(Schema):
@@ -74,9 +74,9 @@ class Guard(Schema):
         agility_mps2="obstacle_acceleration_mps2",
     )  # fmt: skip
     soft_margin_m: Length = _RULES.soft_margin
-    """Gap of the outline that wishes are shaped to keep."""
+    """Clearance of the outline that commands are shaped to keep."""
     hard_margin_m: Length = _RULES.hard_margin
-    """Gap that every certified stop keeps; half of it is the promise. At most soft_margin_m."""
+    """Clearance that every certified stop keeps; half of it is promised. At most soft_margin_m."""
     deceleration_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = _RULES.deceleration_fraction
     """Share of the full deceleration that shaping counts on."""
     steer_weight_m: Length = _RULES.steer_weight
@@ -170,15 +170,15 @@ class PlanModel(Schema):
         room_m="ample_clearance_m", escape_mps="recovery_speed_mps",
         escape_radps="recovery_yaw_rate_radps",
     )  # fmt: skip
-    lookahead_m: Annotated[float, Field(ge=0.5, le=100.0)] = _CARE.look
+    lookahead_m: Annotated[float, Field(ge=0.5, le=100.0)] = _REPLAN_PARAMS.look
     """How far ahead the reference has to be clear."""
     accept_clearance_m: Length | None = None
-    """Gap of the outline with which the reference is followed as it is; by default 3 cm more
+    """Clearance of the outline with which the reference is followed as it is; by default 3 cm more
     than the guard's soft_margin_m."""
     min_clearance_m: Length | None = None
-    """Least gap of a way round, not less than the guard's soft_margin_m; by default 1 cm more."""
-    ample_clearance_m: Length = _MANNERS.room
-    """Gap beside the robot from which more is not better."""
+    """Least clearance of a way round, at least the guard's soft_margin_m; by default 1 cm more."""
+    ample_clearance_m: Length = _PATH_PARAMS.room
+    """Clearance beside the robot from which more is not better."""
     pass_right_m: AtLeast0 = 0.0
     """How much wider things that move are taken to be on the robot's left, so that it rather passes
     them on the right, as the paper's k_cbf does; 0 for the shorter side."""
@@ -189,18 +189,18 @@ class PlanModel(Schema):
     recovery_yaw_rate_radps: Rate = 1.0
     """Yaw rate of them."""
 
-    def care(self, margin: float) -> ReplanParams:
+    def replan_params(self, margin: float) -> ReplanParams:
         """When plans are made, as numbers. margin: the guard's [m]."""
         accept = margin + 0.03 if self.accept_clearance_m is None else self.accept_clearance_m
-        return _CARE._replace(
+        return _REPLAN_PARAMS._replace(
             look=self.lookahead_m, known=1.5 * self.lookahead_m, accept=accept,
-            foresight=_CARE.foresight._replace(right=self.pass_right_m),
+            foresight=_REPLAN_PARAMS.foresight._replace(right=self.pass_right_m),
         )  # fmt: skip
 
-    def manners(self, margin: float) -> PathParams:
+    def path_params(self, margin: float) -> PathParams:
         """What makes a way good, as numbers."""
-        gap = margin + 0.01 if self.min_clearance_m is None else self.min_clearance_m
-        return _MANNERS._replace(gap=gap, room=self.ample_clearance_m)
+        clearance = margin + 0.01 if self.min_clearance_m is None else self.min_clearance_m
+        return _PATH_PARAMS._replace(clearance=clearance, room=self.ample_clearance_m)
 
 
 class EvasionModel(Schema):
@@ -259,13 +259,13 @@ class Law(Schema):
             )
         return self
 
-    def care(self) -> ReplanParams:
+    def replan_params(self) -> ReplanParams:
         """When plans are made."""
-        return self.plan.care(self.guard.soft_margin_m)
+        return self.plan.replan_params(self.guard.soft_margin_m)
 
-    def manners(self) -> PathParams:
+    def path_params(self) -> PathParams:
         """What makes a way good."""
-        return self.plan.manners(self.guard.soft_margin_m)
+        return self.plan.path_params(self.guard.soft_margin_m)
 
     def gains(self, u_d: float) -> Gains:
         """The same as numbers, with u_d [m/s] from the reference."""

@@ -20,7 +20,7 @@ from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
-from cohelm.sim.judge import FAR, least_gap
+from cohelm.sim.judge import FAR, least_clearance
 from cohelm.sim.operator_model import uniform
 
 GUARD, PAPER, NO_LAW = range(3)
@@ -65,7 +65,7 @@ def duel(
     start: Pose, scene: Scene, attack: Attack, law: int, gains: Gains, outline: Floats,
     limits: Limits, rules: Rules, steps: int, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> float:  # fmt: skip
-    """The smallest gap while the robot moves [m], at most FAR, over `steps` control steps.
+    """The smallest clearance while the robot moves [m], at most FAR, over `steps` control steps.
 
     rows (n,), h (n, m), discs (n, m, 6), m = discs and points of the scene: the trace, or of
     length 0 for none. The paper's r_i is taken from the scene's discs; of a point it is the
@@ -116,13 +116,13 @@ def duel(
                 dx, dy = pose.x - now[i, X], pose.y - now[i, Y]
                 h[k, i] = dx * dx + dy * dy - now[i, SAFE] * now[i, SAFE]
             rows[k].h = h[k].min() if m > 0 else math.inf
-        gap = least_gap(
+        clearance = least_clearance(
             pose, twist, dt, now, after, between, outline, reach, scene.walls, least
         )  # fmt: skip
         if len(rows) > 0:
-            rows[k].clearance = gap
+            rows[k].clearance = clearance
         if twist.v != 0.0 or twist.omega != 0.0:
-            least = min(least, gap)
+            least = min(least, clearance)
         pose, applied = arc(pose, twist, dt), twist
         now, after = after, now
         after[:] = now

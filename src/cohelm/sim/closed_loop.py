@@ -33,7 +33,7 @@ from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import noise_seed, scan
 from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.wheels import State, at_rest, moved, note
-from cohelm.sim.world import NOWHERE, World, clearance, place
+from cohelm.sim.world import NOWHERE, World, outline_clearance, place
 
 _NEAR = 8.0  # walls farther than this from the robot are left out of a stretch of steps [m]
 _FEW = 64  # up to so many walls, all are kept
@@ -54,8 +54,8 @@ class Piloted:
     """What it sees with besides."""
     watching: TrackerParams = field(default_factory=TrackerParams)
     """How things that move are told by the LiDAR."""
-    manners: PathParams = field(default_factory=PathParams)
-    care: ReplanParams = field(default_factory=ReplanParams)
+    path_params: PathParams = field(default_factory=PathParams)
+    replan_params: ReplanParams = field(default_factory=ReplanParams)
     period: float = 0.2
     """From the beginning of one plan to the next [s]."""
     thinking: float = 0.04
@@ -314,7 +314,9 @@ def _advance(
         tracked = Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d)
         note(row, h[j], k * dt, pose, stick, tracked, d, robot, saturated, there)
         row.h = h[j].min() if len(there) > 0 else math.inf
-        row.clearance = clearance(pose, settings.outline, scene.reach, there, walls, NOWHERE)
+        row.clearance = outline_clearance(
+            pose, settings.outline, scene.reach, there, walls, NOWHERE
+        )
         row.clearance_seen, row.change = d.clearance_seen, d.change
         row.behavior, row.course = d.behavior, number
         row.tau, row.rate = d.tau, d.rate

@@ -17,7 +17,7 @@ from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
 from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
-from cohelm.sim.world import clearance
+from cohelm.sim.world import outline_clearance
 
 LOOKS = 4
 """Looks in one control step, where anything is near enough to matter."""
@@ -38,12 +38,12 @@ class Judged(NamedTuple):
     overlaps, it is a *departing* one as well.
     """
 
-    gap: float = FAR
-    """Smallest gap of the outline to anything, negative in overlap; at most FAR [m]."""
-    gap_moving: float = FAR
+    clearance: float = FAR
+    """Smallest clearance of the outline to anything, negative in overlap; at most FAR [m]."""
+    clearance_moving: float = FAR
     """The same while the robot moved, but for what had come into it while it stood [m]."""
     at: float = 0.0
-    """When the smallest gap was, a moving robot's before a standing one's [s]."""
+    """When the smallest clearance was, a moving robot's before a standing one's [s]."""
     moving: int = 0
     """Moving contacts."""
     standing: int = 0
@@ -65,17 +65,17 @@ class Judged(NamedTuple):
 
 
 @jit_inline
-def least_gap(
+def least_clearance(
     pose: Pose, twist: Twist, dt: float, now: Floats, after: Floats, between: Floats,
     outline: Floats, reach: float, walls: Floats, matters: float,
 ) -> float:  # fmt: skip
-    """Smallest gap of the outline while `twist` is held for `dt` [m], at most FAR.
+    """Smallest clearance of the outline while `twist` is held for `dt` [m], at most FAR.
 
     now, after: (m, 6) discs at both ends, straight in between; the far end belongs to the next
     step. between: (m, 6), overwritten. reach: the outline's farthest corner [m]. Looked at once
-    where no gap below `matters` is possible, else LOOKS times.
+    where no clearance below `matters` is possible, else LOOKS times.
     """
-    least = clearance(pose, outline, reach, now, walls, FAR)
+    least = outline_clearance(pose, outline, reach, now, walls, FAR)
     fastest = 0.0
     for i in range(now.shape[0]):
         dx, dy = after[i, X] - now[i, X], after[i, Y] - now[i, Y]
@@ -90,7 +90,7 @@ def least_gap(
                 a, b = now[i, column], after[i, column]
                 between[i, column] = a + share * (b - a)
         there = arc(pose, twist, share * dt)
-        least = min(least, clearance(there, outline, reach, between, walls, FAR))
+        least = min(least, outline_clearance(there, outline, reach, between, walls, FAR))
     return least
 
 
@@ -118,7 +118,7 @@ def judge(
     rows: (n,) of dtype `core.trace.ROW`, discs: (n, m, 6); of one piece of a run, with the last
     row of the piece before it in front, if there was one.
     """
-    gap, gap_moving, at = seen.gap, seen.gap_moving, seen.at
+    clearance, clearance_moving, at = seen.clearance, seen.clearance_moving, seen.at
     moving, standing, over, touching = seen.moving, seen.standing, seen.excess, seen.touching
     before, first, reach = seen.before, seen.first, 0.0
     departing, touched = seen.departing, seen.touched
@@ -130,9 +130,9 @@ def judge(
         twist = Twist(row.applied_v, row.applied_omega)
         over, before = max(over, excess(twist, before, limits, dt)), twist
         moves = twist.v != 0.0 or twist.omega != 0.0
-        least = least_gap(
+        least = least_clearance(
             Pose(row.x, row.y, row.psi), twist, dt, discs[k], discs[k + 1], between, outline,
-            reach, walls, max(gap_moving if moves else gap, 0.0),
+            reach, walls, max(clearance_moving if moves else clearance, 0.0),
         )  # fmt: skip
         entered = moves and least <= 0.0
         if entered and _STANDING <= touching <= _DEPARTING:
@@ -142,11 +142,11 @@ def judge(
             if touching == _STANDING and _deeper(here, twist, dt, discs[k], outline, walls):
                 departing, touching = departing + 1, _DEPARTING
         own = moves and (entered or least > 0.0)  # not what had come into the standing robot
-        if least < gap_moving and own:
-            gap_moving, at = least, row.t
-        elif least < gap and not own and gap_moving == FAR:
+        if least < clearance_moving and own:
+            clearance_moving, at = least, row.t
+        elif least < clearance and not own and clearance_moving == FAR:
             at = row.t
-        gap = min(gap, least)
+        clearance = min(clearance, least)
         touched += least <= 0.0
         if not least <= 0.0:
             touching = _NONE
@@ -157,14 +157,14 @@ def judge(
             standing, touching = standing + 1, _STANDING
     steps = seen.steps + len(rows) - 1
     return Judged(
-        gap, gap_moving, at, moving, standing, departing, steps, touched, over, touching, before,
-        first,
+        clearance, clearance_moving, at, moving, standing, departing, steps, touched, over,
+        touching, before, first,
     )  # fmt: skip
 
 
 @jit
-def gap_to(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> float:
-    """The outline's gap to disc i, or after the discs to a wall [m]."""
+def clearance_to(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> float:
+    """The outline's clearance to disc i, or after the discs to a wall [m]."""
     n = len(discs)
     if i < n:
         return disc_clearance(pose, outline, discs[i, X], discs[i, Y], discs[i, RADIUS])
@@ -180,14 +180,14 @@ def _entered(
     """Whether within a step anything comes to overlap that did not at its beginning."""
     between = now.copy()
     for i in range(len(now) + len(walls)):
-        if gap_to(pose, outline, now, walls, i) <= 0.0:
+        if clearance_to(pose, outline, now, walls, i) <= 0.0:
             continue
         for part in range(1, LOOKS + 1):
             share = part / LOOKS
             if i < len(now):
                 between[i] = now[i] + share * (then[i] - now[i])
             there = after if part == LOOKS else arc(pose, twist, share * dt)
-            if gap_to(there, outline, between, walls, i) <= 0.0:
+            if clearance_to(there, outline, between, walls, i) <= 0.0:
                 return True
     return False
 
@@ -199,7 +199,7 @@ def _deeper(
     """Whether the robot's own motion takes it deeper into anything that it overlaps."""
     there = arc(pose, twist, dt)
     for i in range(len(now) + len(walls)):
-        gap = gap_to(pose, outline, now, walls, i)
-        if gap <= 0.0 and gap_to(there, outline, now, walls, i) < gap - _DEEPER:
+        clearance = clearance_to(pose, outline, now, walls, i)
+        if clearance <= 0.0 and clearance_to(there, outline, now, walls, i) < clearance - _DEEPER:
             return True
     return False

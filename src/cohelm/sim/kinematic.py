@@ -20,7 +20,7 @@ from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
 from cohelm.sim.lidar import noise_seed, scan
 from cohelm.sim.odometer import Odometer
-from cohelm.sim.world import NOWHERE, World, clearance, place, world
+from cohelm.sim.world import NOWHERE, World, outline_clearance, place, world
 
 TICK = 0.002
 """The simulated world moves on in steps of this [s]."""
@@ -159,8 +159,8 @@ class Kinematic(Paced):
         self._catch_up()
         m = self._motion
         place(self._discs, self._world, self._tick * self._step)
-        gap = _clearance(m.pose, self._outline, self._reach, self._discs, self._world.walls)
-        return Truth(self._tick * self._step, m.pose, m.twist, gap, m.least, m.least_moving)
+        clearance = _clearance(m.pose, self._outline, self._reach, self._discs, self._world.walls)
+        return Truth(self._tick * self._step, m.pose, m.twist, clearance, m.least, m.least_moving)
 
     def push(self, x: float, y: float, psi: float) -> None:
         """Somebody lifts the robot and puts it down so far off [m, m, rad], in the world frame;
@@ -236,7 +236,7 @@ def _after(tick: int, rate: float, step: float) -> int:
 
 @jit
 def _clearance(pose: Pose, outline: Floats, reach: float, discs: Floats, walls: Floats) -> float:
-    return clearance(pose, outline, reach, discs, walls, NOWHERE)
+    return outline_clearance(pose, outline, reach, discs, walls, NOWHERE)
 
 
 @jit
@@ -257,7 +257,9 @@ def _move(
         yaw += twist.omega * step
         if k % _LOOKS == 0:
             place(discs, around, k * step)
-            least = clearance(pose, outline, reach, discs, around.walls, least)
+            least = outline_clearance(pose, outline, reach, discs, around.walls, least)
             if abs(twist.v) > _MOVING or abs(twist.omega) > _MOVING:
-                least_moving = clearance(pose, outline, reach, discs, around.walls, least_moving)
+                least_moving = outline_clearance(
+                    pose, outline, reach, discs, around.walls, least_moving
+                )
     return Motion(pose, twist, left, right, yaw, least, least_moving)

@@ -144,14 +144,18 @@ def operate(
             continue
         dx, dy = discs[i, X] - pose.x, discs[i, Y] - pose.y
         ahead, left = c * dx + s * dy, -s * dx + c * dy
-        gap = ahead - discs[i, RADIUS]
+        clearance = ahead - discs[i, RADIUS]
         off = abs(left) - discs[i, RADIUS]
-        if gap > operator.look_ahead or ahead < -operator.behind or off > 2.0 * operator.half_width:
+        if (
+            clearance > operator.look_ahead
+            or ahead < -operator.behind
+            or off > 2.0 * operator.half_width
+        ):
             continue
         if ahead > 0.0 and off < operator.half_width:
             in_the_way = True
-        if gap < nearest:
-            nearest, beside, before = gap, left, ahead
+        if clearance < nearest:
+            nearest, beside, before = clearance, left, ahead
     seen = nearest < math.inf
     seen_at = t if seen else person.seen_at
     noticed_at, side = person.noticed_at, person.side

@@ -23,7 +23,7 @@ from cohelm.sim.closed_loop import Piloted, Scene, stretches
 from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.wheels import State, at_rest, moved, note
-from cohelm.sim.world import NOWHERE, World, clearance, place
+from cohelm.sim.world import NOWHERE, World, outline_clearance, place
 
 
 def run(setup: Setup) -> Trace:
@@ -34,7 +34,7 @@ def run(setup: Setup) -> Trace:
 
 def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
     asked = route(setup.reference)
-    planner = Planner(asked, pilot.settings, pilot.manners, pilot.care)
+    planner = Planner(asked, pilot.settings, pilot.path_params, pilot.replan_params)
     end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
     reach = float(np.hypot(*setup.outline.T).max())
     scene = Scene(
@@ -100,7 +100,7 @@ def _advance(
         state, saturated = moved(k, dt, state, command, stick, gains, limits, queue)
         row = rows[j]
         note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)
-        row.clearance = clearance(pose, outline, reach, now, around.walls, NOWHERE)
+        row.clearance = outline_clearance(pose, outline, reach, now, around.walls, NOWHERE)
         row.clearance_seen, row.change = math.inf, 0.0
         row.behavior, row.course = FOLLOWING, 0
         row.tau, row.rate = k * dt, 1.0

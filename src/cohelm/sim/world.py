@@ -93,20 +93,20 @@ def place(discs: Floats, world: World, t: float) -> None:
 
 
 @jit_inline
-def clearance(
+def outline_clearance(
     pose: Pose, outline: Floats, reach: float, discs: Floats, walls: Floats, least: float
 ) -> float:
-    """The smaller of `least` and the outline's gap to the nearest disc or wall [m].
+    """The smaller of `least` and the outline's clearance to the nearest disc or wall [m].
 
     `reach` is the outline's farthest corner: what is farther than `least` even from that circle
-    is skipped, so the exact test runs only where a new smallest gap is possible.
+    is skipped, so the exact test runs only where a new smallest clearance is possible.
     """
     for i in range(discs.shape[0]):
         dx, dy = discs[i, X] - pose.x, discs[i, Y] - pose.y
         near = max(least + reach + discs[i, RADIUS], 0.0)
         if dx * dx + dy * dy < near * near:
-            gap = disc_clearance(pose, outline, discs[i, X], discs[i, Y], discs[i, RADIUS])
-            least = min(least, gap)
+            clearance = disc_clearance(pose, outline, discs[i, X], discs[i, Y], discs[i, RADIUS])
+            least = min(least, clearance)
     for i in range(walls.shape[0]):
         ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
         wx, wy = pose.x - walls[i, 0], pose.y - walls[i, 1]
@@ -115,10 +115,10 @@ def clearance(
         gx, gy = wx - s * ex, wy - s * ey
         near = max(least + reach, 0.0)
         if gx * gx + gy * gy < near * near:
-            gap = segment_clearance(
+            clearance = segment_clearance(
                 pose, outline, walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3]
             )
-            least = min(least, gap)
+            least = min(least, clearance)
     return least
 
 

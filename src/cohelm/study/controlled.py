@@ -30,7 +30,7 @@ from cohelm.sim.judge import Judged, judge
 from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.run import run as simulated
 from cohelm.sim.setup import Setup
-from cohelm.sim.world import NOWHERE, clearance, place
+from cohelm.sim.world import NOWHERE, outline_clearance, place
 from cohelm.study.metrics import Metrics, measure
 
 _AGILITY = 1.0  # of what moves, as the guard takes it by default [m/s^2]
@@ -180,7 +180,9 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         row["verdict"], row["limiting"] = UNTOUCHED if sound else INVALID, -1
         row["applied_v"], row["applied_omega"] = after
         row["saturated"] = after != arriving
-        row["clearance"] = clearance(pose, setup.outline, reach, there, setup.around.walls, NOWHERE)
+        row["clearance"] = outline_clearance(
+            pose, setup.outline, reach, there, setup.around.walls, NOWHERE
+        )
         row["clearance_seen"], row["tau"] = math.inf, t
         row["behavior"], row["course"] = FOLLOWING, 0
         row["to_go"], row["arrived"] = away, away < setup.near

@@ -64,10 +64,10 @@ class Metrics:
     min_h: float
     """Smallest h of all obstacles [m^2]; infinite without any."""
     min_clearance_m: float
-    """Smallest gap between the robot's real outline and any disc or wall (E7)."""
+    """Smallest clearance between the robot's real outline and any disc or wall (E7)."""
     min_clearance_at_s: float
     contact: bool
-    """Whether that gap closed."""
+    """Whether that clearance closed."""
 
     max_speed_mps: float
     max_yaw_rate_radps: float

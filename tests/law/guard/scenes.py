@@ -84,15 +84,15 @@ def things(around: Surroundings) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([discs, walls, points]), radii
 
 
-def gaps(outline: np.ndarray, pose: Pose, around: Surroundings) -> np.ndarray:
+def clearances(outline: np.ndarray, pose: Pose, around: Surroundings) -> np.ndarray:
     """Gap to each thing; overlap is 0 here for what has no radius."""
     shapes, radii = things(around)
     return shapely.distance(placed(outline, pose), shapes) - radii
 
 
-def beyond(outline: np.ndarray, around: Surroundings, gap: float) -> Surroundings:
-    """Only those things that the robot at the origin has further off than `gap`."""
-    keep = gaps(outline, HERE, around) > gap
+def beyond(outline: np.ndarray, around: Surroundings, clearance: float) -> Surroundings:
+    """Only those things that the robot at the origin has further off than `clearance`."""
+    keep = clearances(outline, HERE, around) > clearance
     d, w = len(around.discs), len(around.discs) + len(around.segments)
     return Surroundings(
         around.discs[keep[:d]], around.agility[keep[:d]], around.segments[keep[d:w]],

@@ -15,7 +15,7 @@ from tests.law.guard.scenes import (
     angles,
     beyond,
     braking,
-    gaps,
+    clearances,
     inside_limits,
     lengths,
     limits,
@@ -58,7 +58,7 @@ def test_what_is_certified_stays_clear_of_all_that_rests(outline, command, aroun
     around = beyond(outline, around, 0.015)
     if certificate(outline, twist, lim, around) == CLEAR:
         for pose in stopped_after(twist, lim):
-            assert (gaps(outline, pose, around) >= 0.0075 - 1e-9).all()
+            assert (clearances(outline, pose, around) >= 0.0075 - 1e-9).all()
 
 
 @given(outlines(), commands(), still_things())
@@ -68,7 +68,9 @@ def test_what_is_refused_comes_near_the_thing_that_is_named(outline, command, ar
     around = beyond(outline, around, 0.015)
     thing = certificate(outline, twist, lim, around)
     if thing != CLEAR:
-        nearest = min(gaps(outline, pose, around)[thing] for pose in stopped_after(twist, lim))
+        nearest = min(
+            clearances(outline, pose, around)[thing] for pose in stopped_after(twist, lim)
+        )
         pace = abs(twist.v) + abs(twist.omega) * farthest(outline)
         assert nearest <= 0.015 + pace * DT / FINE
 
@@ -107,7 +109,7 @@ def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command
     if refused or twist == Twist(0.0, 0.0):
         return
     for pose in list(stopped_after(twist, lim))[: FINE * max(len(braking(twist, lim, DT)), 1) + 1]:
-        assert gaps(outline, pose, around(*walker))[0] >= 0.0075 - 1e-9
+        assert clearances(outline, pose, around(*walker))[0] >= 0.0075 - 1e-9
         walker = walked(walker, pose, DT / FINE)
 
 
@@ -129,7 +131,7 @@ def worst_gaps(outline, twist, lim, radius, agility, state):
         t = k * DT / FINE
         x, y = state[:2] + state[2:] * t
         grown = surroundings(np.array([[x, y, 0.0, 0.0, radius + agility * t * t / 2, 0.2]]))
-        yield gaps(outline, pose, grown)[0]
+        yield clearances(outline, pose, grown)[0]
 
 
 @given(outlines(), commands(), oncomers())
@@ -145,7 +147,7 @@ def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_m
     pace = abs(twist.v) + abs(twist.omega) * farthest(outline) + np.hypot(*state[2:])
     stops = DT * (1 + len(braking(twist, lim, DT)))
     between = (pace + agility * stops) * DT / FINE
-    now = gaps(outline, Pose(0.0, 0.0, 0.0), around)[0]
+    now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
     if certificate(outline, twist, lim, around) == CLEAR:
         if now < 0.015:  # see `_leaves`
             moving = FINE * max(len(braking(twist, lim, DT)), 1)
@@ -188,9 +190,9 @@ def test_driving_on_into_a_thing_ahead_is_refused_and_backing_off_is_not(around:
     assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, around) == CLEAR
 
 
-@pytest.mark.parametrize("gap", [0.0085, 0.011, 0.0149])
-def test_who_came_near_while_the_robot_stood_may_be_left_but_not_be_come_nearer_to(gap):
-    person = surroundings([[0.46 + gap, 0.05, 0.0, 0.0, 0.1, 0.2]], [1.0])
+@pytest.mark.parametrize("clearance", [0.0085, 0.011, 0.0149])
+def test_who_came_near_while_the_robot_stood_may_be_left_but_not_be_come_nearer_to(clearance):
+    person = surroundings([[0.46 + clearance, 0.05, 0.0, 0.0, 0.1, 0.2]], [1.0])
     for away in (-0.04, -0.1, -0.5, -1.0):
         assert certificate(SALLY, Twist(away, 0.0), SALLY_LIMITS, person) == CLEAR
     for near in (Twist(1e-3, 0.0), Twist(0.04, 0.0), Twist(0.0, 0.1), Twist(0.0, -0.1)):
@@ -226,7 +228,7 @@ def test_every_command_finds_a_mover_no_nearer_than_clear_or_than_it_was(outline
     assume(twist != Twist(0.0, 0.0))
     assume(agility > 0.0 or state[2:].any())
     around = surroundings(np.array([[*state, radius, 0.2]]), np.array([agility]))
-    now = gaps(outline, Pose(0.0, 0.0, 0.0), around)[0]
+    now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
     if certificate(outline, twist, lim, around) == CLEAR:
         moving = len(braking(twist, lim, DT)) or 1  # in the last step of braking it stands
         found = list(worst_gaps(outline, twist, lim, *oncomer))[::FINE][: moving + 1]
@@ -250,10 +252,10 @@ def test_every_command_finds_the_gap_that_the_certificate_promises_it(outline, c
     lim, twist = command
     floor = 0.0075 + 0.015 / 16
     around = beyond(outline, around, 1e-3)
-    start = gaps(outline, Pose(0.0, 0.0, 0.0), around)
+    start = clearances(outline, Pose(0.0, 0.0, 0.0), around)
     if certificate(outline, twist, lim, around) == CLEAR:
         for pose in list(stopped_after(twist, lim))[::FINE]:
-            assert (gaps(outline, pose, around) >= np.minimum(start, floor) - 1e-9).all()
+            assert (clearances(outline, pose, around) >= np.minimum(start, floor) - 1e-9).all()
 
 
 def test_a_gap_between_clear_and_half_of_it_may_be_used_up_to_the_half_of_it():

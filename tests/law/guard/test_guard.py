@@ -8,7 +8,7 @@ from hypothesis import assume, given, strategies as st
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.bounds import braked
-from cohelm.law.guard.contact import wall_gap
+from cohelm.law.guard.contact import wall_clearance
 from cohelm.law.guard.step import (
     BRAKING,
     INVALID,
@@ -27,7 +27,7 @@ from tests.law.guard.scenes import (
     SALLY,
     SALLY_LIMITS,
     beyond,
-    gaps,
+    clearances,
     inside_limits,
     lengths,
     limits,
@@ -82,11 +82,11 @@ def test_the_verdict_says_what_was_done_and_the_change_by_how_much(outline, stat
         assert got.change > 1e-9
     else:
         assert got.verdict == (STANDING if (got.v, got.omega) == REST else BRAKING)
-    near = gaps(outline, HERE, around)
-    if 0.0 < got.gap < math.inf:  # the gap of one of them, and if any is near, of the nearest
-        assert np.abs(near - got.gap).min() < 1e-9
+    near = clearances(outline, HERE, around)
+    if 0.0 < got.clearance < math.inf:  # the gap of one of them, and if any is near, of the nearest
+        assert np.abs(near - got.clearance).min() < 1e-9
     if 0.0 < near.min(initial=math.inf) < RULES.soft_margin:
-        assert got.gap == pytest.approx(near.min(), abs=1e-9)
+        assert got.clearance == pytest.approx(near.min(), abs=1e-9)
 
 
 @st.composite
@@ -130,7 +130,7 @@ def test_whatever_goes_in_a_number_comes_out(numbers, around):
             )
             assert math.isfinite(got.v)
             assert math.isfinite(got.omega)
-            assert not math.isnan(got.gap)
+            assert not math.isnan(got.clearance)
             if not np.isfinite(numbers[:7]).all():
                 assert got.verdict == INVALID
 
@@ -161,7 +161,7 @@ def test_a_scan_with_drop_outs_is_a_scan_of_the_rest():
     got = guard_step(HERE, REST, Twist(1.0, 0.0), surroundings(points=scan), SALLY, SALLY_LIMITS)
     assert got.v == pytest.approx(0.0, abs=1e-12)
     assert got.limiting == 2
-    assert got.gap == pytest.approx(0.03)
+    assert got.clearance == pytest.approx(0.03)
 
 
 def test_ten_thousand_points_all_round_leave_no_way_but_standing():
@@ -170,14 +170,14 @@ def test_ten_thousand_points_all_round_leave_no_way_but_standing():
     for wish in (Twist(1.0, 0.0), Twist(-1.0, 0.5), Twist(0.3, -2.0)):
         got = guard_step(HERE, REST, wish, ring, SALLY, SALLY_LIMITS)
         after = moved(HERE, Twist(got.v, got.omega), 0.02)
-        assert gaps(SALLY, after, ring).min() >= 0.0075
+        assert clearances(SALLY, after, ring).min() >= 0.0075
 
 
 def test_a_robot_of_no_size_is_guarded_as_a_point():
     dot = np.zeros((3, 2))
     ahead = surroundings([disc(0.12, 0.0, 0.1)])
     got = guard_step(HERE, REST, Twist(1.0, 0.0), ahead, dot, SALLY_LIMITS)
-    assert got.gap == pytest.approx(0.02)
+    assert got.clearance == pytest.approx(0.02)
     assert got.v == pytest.approx(0.0, abs=1e-9)
     away = guard_step(HERE, REST, Twist(-1.0, 0.0), ahead, dot, SALLY_LIMITS)
     assert away.v == pytest.approx(-0.04)
@@ -241,12 +241,12 @@ def depth(outline, pose, around):
     body = np.array([[c, s], [-s, c]])
     if len(around.segments):
         ends = (around.segments.reshape(2, 2) - [pose.x, pose.y]) @ body.T
-        return -wall_gap(outline, *ends.ravel())
+        return -wall_clearance(outline, *ends.ravel())
     centre, radius = (
         (around.discs[0, :2], around.discs[0, 4]) if len(around.discs) else (around.points[0], 0.0)
     )
     x, y = body @ (centre - [pose.x, pose.y])
-    return radius - wall_gap(outline, x, y, x, y)
+    return radius - wall_clearance(outline, x, y, x, y)
 
 
 @given(overlapping(), driving())
@@ -285,7 +285,7 @@ def test_from_an_overlap_it_can_leave_and_then_not_return(around):
         got = guard_step(pose, before, Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
         before = Twist(got.v, got.omega)
         pose = moved(pose, before, 0.02)
-        assert gaps(SALLY, pose, around).min() >= 0.0075
+        assert clearances(SALLY, pose, around).min() >= 0.0075
 
 
 def test_the_robots_side_of_a_wall_is_that_of_its_outline_not_of_its_origin():

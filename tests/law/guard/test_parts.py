@@ -23,7 +23,7 @@ from tests.law.guard.scenes import (
     SALLY,
     SALLY_LIMITS,
     angles,
-    gaps,
+    clearances,
     lengths,
     limits,
     moved,
@@ -140,7 +140,7 @@ def rows_of(pose: Pose, before: Twist, around: Surroundings, outline: np.ndarray
     rows = np.full((most_rows(around, outline) + 2, 4), math.nan)
     reach = farthest(outline)
     n, least = approach_rows(rows, 2, pose, before, around, outline, reach, ALL, DT, 0.03, 0.7)
-    near = gaps(outline, pose, around)
+    near = clearances(outline, pose, around)
     if n > 2 and near.min() > 0.0:
         assert least >= near.min() - 1e-9
     assert np.isnan(rows[:2]).all()
@@ -158,16 +158,16 @@ def test_a_bound_is_how_fast_the_gap_closes(outline, x, y, psi, asked, course):
         (surroundings([disc(x, y, 0.1, 0.2, vx, vy)]), (vx, vy)),
         (surroundings(points=[[x, y]]), (0.0, 0.0)),
     ):
-        near = gaps(outline, pose, now)[0]
+        near = clearances(outline, pose, now)[0]
         assume(1e-3 < near < 1.0)
         rows = rows_of(pose, REST, now, outline)
         if not len(rows):
             continue
-        rate = (gaps(outline, after, now)[0] - near) / tick
+        rate = (clearances(outline, after, now)[0] - near) / tick
         (row,) = rows
         assert row[0] * asked.v + row[1] * asked.omega == pytest.approx(rate, abs=1e-3)
         drift = Pose(pose.x - tick * toward[0], pose.y - tick * toward[1], psi)
-        closing = -(gaps(outline, drift, now)[0] - near) / tick
+        closing = -(clearances(outline, drift, now)[0] - near) / tick
         bound = min(closing - approach(near - 0.03, a, DT), 0.0)
         assert row[2] == pytest.approx(bound, abs=1e-3)
         assert row[3] == 0
@@ -178,7 +178,7 @@ def test_what_has_no_bound_is_out_of_reach(outline, around, before):
     """Nothing is left out that the robot could close in on too fast in the next step."""
     assume(len(around.discs) + len(around.segments) + len(around.points))
     rows = rows_of(HERE, before, around, outline)
-    near = gaps(outline, HERE, around)
+    near = clearances(outline, HERE, around)
     assume((near > 1e-6).all())
     left_out = sorted(set(range(len(near))) - set(rows[:, 3].astype(int)))
     body = ALL
@@ -242,11 +242,11 @@ def test_the_gap_that_is_told_is_the_nearest_of_all_that_have_bounds(x, y, far):
     near = [disc(0.36 + 0.01 + 0.1, 0.0, 0.1), disc(-0.36 - far - 0.1, 0.0, 0.1)]
     for rows in (near, near[::-1]):
         got = guard_step(HERE, REST, REST, surroundings(rows), SALLY, SALLY_LIMITS)
-        assert got.gap == pytest.approx(0.01)
+        assert got.clearance == pytest.approx(0.01)
     walls = [[0.37, -1.0, 0.37, 1.0], [-0.36 - far, -1.0, -0.36 - far, 1.0]]
     points = [[0.37, 0.1], [-0.36 - far, 0.1]]
     for side in (slice(None), slice(None, None, -1)):
         got = guard_step(HERE, REST, REST, surroundings(segments=walls[side]), SALLY, SALLY_LIMITS)
-        assert got.gap == pytest.approx(0.01)
+        assert got.clearance == pytest.approx(0.01)
         got = guard_step(HERE, REST, REST, surroundings(points=points[side]), SALLY, SALLY_LIMITS)
-        assert got.gap == pytest.approx(0.01)
+        assert got.clearance == pytest.approx(0.01)

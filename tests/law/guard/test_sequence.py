@@ -15,7 +15,7 @@ from tests.law.guard.scenes import (
     RULES,
     SALLY,
     SALLY_LIMITS,
-    gaps,
+    clearances,
     inside_limits,
     moved,
 )
@@ -33,7 +33,7 @@ def scene(rng: np.random.Generator, outline: np.ndarray, walkers: int) -> Surrou
     def draw(make):
         while True:
             one = make()
-            if gaps(outline, HERE, one).min() > 0.05:
+            if clearances(outline, HERE, one).min() > 0.05:
                 return one
 
     xy = lambda far: rng.uniform(-far, far, 2)  # noqa: E731
@@ -99,7 +99,7 @@ def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[f
         for _ in range(FINE):
             pose = moved(pose, before, RULES.dt / FINE)
             walk(rng, around, pose, RULES.dt / FINE)
-            now = gaps(outline, pose, around)
+            now = clearances(outline, pose, around)
             still = min(still, now[~who].min())
             if before != REST and walkers:
                 moving = min(moving, now[who].min())

@@ -18,7 +18,7 @@ from tests.law.guard.scenes import (
     SALLY_LIMITS,
     angles,
     beyond,
-    gaps,
+    clearances,
     lengths,
     limits,
     moved,
@@ -46,28 +46,28 @@ def test_the_approach_speed_is_what_one_step_and_the_braking_after_it_use_up(h, 
 def test_nothing_is_approached_faster_than_the_robot_can_stop(outline, around, wish):
     """Found from the gaps alone: where they are a tenth of a millisecond later."""
     around = beyond(outline, around, 1e-3)
-    near = gaps(outline, HERE, around)
+    near = clearances(outline, HERE, around)
     got = guard_step(HERE, Twist(0.0, 0.0), wish, around, outline, BRISK, SLOW_CLOCK)
-    after = gaps(outline, moved(HERE, Twist(got.v, got.omega), 1e-4), around)
-    most = [approach(gap - 0.03, 0.7 * 8.0, 0.1) for gap in near]
+    after = clearances(outline, moved(HERE, Twist(got.v, got.omega), 1e-4), around)
+    most = [approach(clearance - 0.03, 0.7 * 8.0, 0.1) for clearance in near]
     assert (after >= near - 1e-4 * np.array(most) - 1e-6).all()
 
 
 @given(st.floats(0.031, 0.7), angles, wishes)
-def test_a_thing_right_beside_is_approached_as_fast_as_may_be_and_no_faster(gap, turn, wish):
+def test_a_thing_right_beside_is_approached_as_fast_as_may_be_and_no_faster(clearance, turn, wish):
     """A wall square to the bow, and the robot straight at it: the approach law to the digit."""
-    wall = surroundings(segments=[[0.36 + gap, -0.2, 0.36 + gap, 0.2]])
+    wall = surroundings(segments=[[0.36 + clearance, -0.2, 0.36 + clearance, 0.2]])
     got = guard_step(HERE, Twist(0.0, 0.0), Twist(5.0, 0.0), wall, SALLY, BRISK, SLOW_CLOCK)
-    assert got.v == pytest.approx(min(approach(gap - 0.03, 0.7 * 8.0, 0.1), 0.8))
+    assert got.v == pytest.approx(min(approach(clearance - 0.03, 0.7 * 8.0, 0.1), 0.8))
 
 
 @given(st.floats(0.2, 1.2), st.floats(0.0, 1.0))
-def test_a_moving_disc_is_approached_with_its_own_speed_taken_off(gap, speed):
+def test_a_moving_disc_is_approached_with_its_own_speed_taken_off(clearance, speed):
     """It comes at `speed`, or leaves; what comes faster than allowed is not fled from."""
     for sign in (1.0, -1.0):
-        oncoming = surroundings([disc(0.36 + gap + 0.1, 0.0, 0.1, 0.2, -sign * speed, 0.0)])
+        oncoming = surroundings([disc(0.36 + clearance + 0.1, 0.0, 0.1, 0.2, -sign * speed, 0.0)])
         got = guard_step(HERE, Twist(0.0, 0.0), Twist(5.0, 0.0), oncoming, SALLY, BRISK, SLOW_CLOCK)
-        allowed = max(approach(gap - 0.03, 0.7 * 8.0, 0.1) - sign * speed, 0.0)
+        allowed = max(approach(clearance - 0.03, 0.7 * 8.0, 0.1) - sign * speed, 0.0)
         assert -1e-9 <= got.v <= min(allowed, 0.8) + 1e-9
         if speed == 0.0:
             assert got.v == pytest.approx(min(allowed, 0.8))
@@ -111,7 +111,7 @@ def turned(around: Surroundings, pose: Pose) -> Surroundings:
 def test_where_the_origin_of_the_world_is_makes_no_difference(
     outline, lim, around, x, y, psi, course, data
 ):
-    assume((np.abs(gaps(outline, HERE, around) - 0.015) > 1e-6).all())
+    assume((np.abs(clearances(outline, HERE, around) - 0.015) > 1e-6).all())
     before, wish = data.draw(twists(lim)), data.draw(wishes)
     around.discs[::2, 2:4] = 0.7 * math.cos(course), 0.7 * math.sin(course)
     here = guard_step(HERE, before, wish, around, outline, lim)
@@ -119,8 +119,10 @@ def test_where_the_origin_of_the_world_is_makes_no_difference(
     there = guard_step(pose, before, wish, turned(around, pose), outline, lim)
     assert (there.v, there.omega) == pytest.approx((here.v, here.omega), abs=1e-7)
     assert (there.verdict, there.limiting) == (here.verdict, here.limiting)
-    if here.gap < RULES.soft_margin:  # a far one may or may not be looked at, by the last digit
-        assert there.gap == pytest.approx(here.gap, abs=1e-9)
+    if (
+        here.clearance < RULES.soft_margin
+    ):  # a far one may or may not be looked at, by the last digit
+        assert there.clearance == pytest.approx(here.clearance, abs=1e-9)
 
 
 FAR_DISC, FAR_WALL, FAR_POINT = disc(9.0, 9.0, 0.1), [9.0, -9.0, 8.0, -9.0], [-9.0, 9.0]
@@ -171,4 +173,4 @@ def test_standing_is_told_from_braking():
 )
 def test_with_nothing_near_the_gap_is_infinite_and_the_wish_passes(far):
     got = guard_step(HERE, Twist(0.5, 0.0), Twist(0.52, 0.0), far, SALLY, SALLY_LIMITS)
-    assert (got.v, got.omega, got.gap, got.change) == (0.52, 0.0, math.inf, 0.0)
+    assert (got.v, got.omega, got.clearance, got.change) == (0.52, 0.0, math.inf, 0.0)

@@ -60,11 +60,11 @@ def test_physics_and_geometry_agree_on_what_touches(model):
         x, y, psi = rng.uniform([-2.5, -2.5, -3.1], [2.5, 2.5, 3.1])
         was = robot.truth().pose
         robot.push(x - was.x, y - was.y, psi - was.psi)
-        gap = robot.truth().clearance
+        clearance = robot.truth().clearance
         mujoco.mj_forward(robot.mujoco, robot.data)
         found = any(body in (c.geom1, c.geom2) for c in robot.data.contact)
-        if abs(gap) > AGREE:
-            assert found == (gap < 0.0), (x, y, psi, gap)
+        if abs(clearance) > AGREE:
+            assert found == (clearance < 0.0), (x, y, psi, clearance)
         touched += found
     assert 50 < touched < 350
 
@@ -75,10 +75,10 @@ def test_who_walks_into_a_standing_robot_finds_the_way_round_it():
     for _ in range(1200):
         truth = brake(robot, 0.02)
         seen.append((truth.clearance, *robot.things()[0, :4]))
-    gaps, _, _, vx, vy = np.array(seen).T
+    clearances, _, _, vx, vy = np.array(seen).T
     assert truth.touched >= 1
     assert truth.touched_moving == 0
-    assert truth.least == pytest.approx(gaps.min(), abs=2e-3)
+    assert truth.least == pytest.approx(clearances.min(), abs=2e-3)
     assert -0.01 < truth.least <= 0.0
     assert truth.least_moving > 0.0
     assert math.hypot(truth.pose.x, truth.pose.y) < 0.03  # a nudge, not a shove
@@ -101,12 +101,12 @@ def test_who_walks_at_a_wall_stays_on_this_side_of_it():
 
 def test_who_walks_at_a_thing_goes_round_it_and_on():
     robot = Twin(sally(), FAR, scene(disc(2.0, 0.02, 0.25, -0.8, 0.0), disc(0.0, 0.0, 0.3)))
-    gaps = []
+    clearances = []
     for _ in range(1200):
         brake(robot, 0.02)
         walker, thing = robot.things()
-        gaps.append(math.dist(walker[:2], thing[:2]) - 0.55)
-    assert 0.0 <= min(gaps) < 0.02
+        clearances.append(math.dist(walker[:2], thing[:2]) - 0.55)
+    assert 0.0 <= min(clearances) < 0.02
     x, y = robot.things()[0, :2]
     assert (x, y) == pytest.approx((2.0 - 0.8 * robot.now(), 0.02), abs=0.05)
 
@@ -157,8 +157,8 @@ def test_who_is_driven_into_is_a_contact_of_a_moving_robot():
 
 def test_movers_out_of_reach_go_their_way():
     robot = Twin(sally(), around=scene(disc(-3.0, 2.0, 0.25, 1.0, 0.5)))
-    gap = math.hypot(-2.0 + 0.36, 2.5 - 0.29) - 0.25
-    assert brake(robot, 1.0).clearance == pytest.approx(gap, abs=0.01)
+    clearance = math.hypot(-2.0 + 0.36, 2.5 - 0.29) - 0.25
+    assert brake(robot, 1.0).clearance == pytest.approx(clearance, abs=0.01)
 
 
 def test_a_world_that_physics_can_not_bear_is_refused():

@@ -85,7 +85,7 @@ def test_a_world_keeps_its_word(number):
     model = setup.twin.robot
     start = np.array(setup.start[:2])
     high = model.height_m
-    assert heights.gaps(given.heights, start[:1], start[1:], high)[0] >= heights.CLEAR
+    assert heights.clearances(given.heights, start[:1], start[1:], high)[0] >= heights.CLEAR
     assert fallen(given.heights, np.array([setup.start]), given.wheels) == -1
     stated = model.limits.wheel_acceleration_mps2
     assert stated is not None

@@ -36,8 +36,8 @@ def test_a_room_can_be_crossed_and_its_walkers_keep_their_bounds(number):
     push = np.hypot(*np.diff(discs[:, walks, 2:4], axis=0).transpose(2, 0, 1)) / 0.04
     assert (speed.min(), speed.max() <= rooms.FASTEST + 1e-9) > (0.0, False)
     assert push.max() <= rooms.AGILITY + 1e-6
-    gaps = [disc_clearance(setup.start, setup.outline, d[0], d[1], d[4]) for d in discs[0]]
-    assert min(gaps) > 0.3
+    clearances = [disc_clearance(setup.start, setup.outline, d[0], d[1], d[4]) for d in discs[0]]
+    assert min(clearances) > 0.3
     length, width = setup.around.walls[:, 2].max(), setup.around.walls[:, 3].max()
     still = discs[0, ~walks][:, [0, 1, 4]]
     ends = np.array([setup.start[:2], (goal.x, goal.y)])

@@ -13,9 +13,9 @@ from cohelm.robot.limits import Limits
 
 @jit
 def approach(h: float, deceleration: float, dt: float) -> float:
-    """alpha(h): the approach speed from which a gap h [m] is enough to stop, one step on.
+    """alpha(h): the approach speed from which a clearance h [m] is enough to stop, one step on.
 
-    h = alpha T + alpha^2 / (2 a); without a limit of deceleration the whole gap in one step.
+    h = alpha T + alpha^2 / (2 a); without a limit of deceleration the whole clearance in one step.
     """
     if h <= 0.0:
         return 0.0
@@ -37,7 +37,7 @@ def approach_rows(
     reach: float, limits: Limits, dt: float, margin: float, caution: float,
 ) -> tuple[int, float]:  # fmt: skip
     """Append a row of `project` for each contact that could matter; how many rows there are
-    then, and the least gap. -1 rows if a disc or segment is not a number.
+    then, and the least clearance. -1 rows if a disc or segment is not a number.
 
     reach: the outline's farthest corner [m].
     """
@@ -56,10 +56,10 @@ def approach_rows(
         reached = reach + radius + (far if speed == 0.0 else _far(fast + speed, a, dt, margin))
         if dx * dx + dy * dy < reached * reached:
             p = contact(outline, c * dx + s * dy, -s * dx + c * dy)
-            gap = p.gap - radius
-            least = min(least, gap)
+            clearance = p.clearance - radius
+            least = min(least, clearance)
             toward = p.nx * (c * vx + s * vy) + p.ny * (-s * vx + c * vy)
-            _row(rows, n, p, min(toward - approach(gap - margin, a, dt), 0.0), i)
+            _row(rows, n, p, min(toward - approach(clearance - margin, a, dt), 0.0), i)
             n += 1
     walls = around.segments
     for i in range(walls.shape[0]):
@@ -72,7 +72,7 @@ def approach_rows(
         if _within(ax, ay, bx, by, far + reach):
             last = n
             n = _wall_rows(rows, n, outline, ax, ay, bx, by, far, discs + i)
-            for k in range(last, n):  # they hold their gap yet
+            for k in range(last, n):  # they hold their clearance yet
                 least = min(least, rows[k, 2])
                 rows[k, 2] = -approach(rows[k, 2] - margin, a, dt)
     points = discs + walls.shape[0]
@@ -81,8 +81,8 @@ def approach_rows(
         dx, dy = around.points[i, 0] - pose.x, around.points[i, 1] - pose.y
         if dx * dx + dy * dy < far * far:  # never for NaN
             p = contact(outline, c * dx + s * dy, -s * dx + c * dy)
-            least = min(least, p.gap)
-            _row(rows, n, p, -approach(p.gap - margin, a, dt), points + i)
+            least = min(least, p.clearance)
+            _row(rows, n, p, -approach(p.clearance - margin, a, dt), points + i)
             n += 1
     return n, least
 
@@ -106,7 +106,7 @@ def _fastest(before: Twist, limits: Limits, reach: float, dt: float) -> float:
 
 @jit
 def _far(speed: float, a: float, dt: float, margin: float) -> float:
-    """The gap beyond which nothing at this closing speed can break a bound [m]."""
+    """The clearance beyond which nothing at this closing speed can break a bound [m]."""
     stopping = 0.0 if a == math.inf else speed * speed / (2.0 * a)
     return margin + speed * dt + stopping
 
@@ -126,18 +126,18 @@ def _wall_rows(
     owner: int,
 ) -> int:  # fmt: skip
     """A wall's two ends against the outline, and the outline's corners against the wall; if
-    they cross, the shortest way out. Rows with the gap in the place of b; how many there are."""
+    they cross, the shortest way out. Rows with the clearance in place of b; how many there are."""
     out = overlap(outline, ax, ay, bx, by)
-    if out.gap < 0.0:
-        _row(rows, n, out, out.gap, owner)
+    if out.clearance < 0.0:
+        _row(rows, n, out, out.clearance, owner)
         return n + 1
-    if out.gap >= far:
+    if out.clearance >= far:
         return n
     for end in range(2):
         x, y = (ax, ay) if end == 0 else (bx, by)
         p = contact(outline, x, y)
-        if p.gap < far:
-            _row(rows, n, p, p.gap, owner)
+        if p.clearance < far:
+            _row(rows, n, p, p.clearance, owner)
             n += 1
     ex, ey = bx - ax, by - ay
     square = ex * ex + ey * ey
@@ -150,8 +150,8 @@ def _wall_rows(
             p = Contact(
                 abs(across), outline[i, 0], outline[i, 1], side * ey / length, -side * ex / length
             )
-            if p.gap < far:
-                _row(rows, n, p, p.gap, owner)
+            if p.clearance < far:
+                _row(rows, n, p, p.clearance, owner)
                 n += 1
     return n
 

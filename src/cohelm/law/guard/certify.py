@@ -8,7 +8,7 @@ from typing import NamedTuple
 from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps, coasting
-from cohelm.law.guard.contact import gap, wall_gap
+from cohelm.law.guard.contact import point_clearance, wall_clearance
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
@@ -54,10 +54,10 @@ def in_the_way(
 
     Counted as in `Surroundings`: discs, then segments, then points.
 
-    Things are looked at by conservative advancement: a gap g at one moment can not close below
-    `clear` / 2 before the outline, at its largest pace, and the thing, at its own, have covered
-    g - clear / 2; that is where the next look is. So the gap is at least `clear` / 2 at every
-    instant of the manoeuvre, not only at sampled ones. What starts nearer than that may come no
+    Things are looked at by conservative advancement: a clearance g at one moment can not fall
+    below `clear` / 2 before the outline, at its largest pace, and the thing, at its own, have
+    covered g - clear / 2; that is where the next look is. So the clearance is at least `clear` / 2
+    at every instant of the manoeuvre, not only at sampled ones. What starts nearer than that may come no
     nearer, if it rests; one that can move holds the robot where it stands.
     """
     if m.pace == 0.0:
@@ -97,14 +97,14 @@ def _clears_still(
     """A thing at rest, a segment with a radius: only the arc matters, not when the robot is where.
 
     A look is no nearer to the last one than a grain of the outline's way. Between two looks a
-    grain apart the gap can dip by half of that, so the floor lies that much above clear / 2; and
-    where that can be, there is also a look wherever the next command may come in. So every
+    grain apart the clearance can dip by half of that, so the floor lies that much above clear / 2;
+    and where that can be, there is also a look wherever the next command may come in. So every
     command finds at least the floor, or what the first one found, and repeated ones can not
     creep below. 1e-12 m is arithmetic.
     """
     grain = 0.125 * clear
     floor = 0.5 * clear + 0.5 * grain
-    g = _gap_at(m.pose, outline, ax, ay, bx, by) - radius
+    g = _clearance_at(m.pose, outline, ax, ay, bx, by) - radius
     allowed = clear if g >= clear else min(floor, g)
     s, k = 0.0, 1
     for _ in range(_MOST):
@@ -117,7 +117,7 @@ def _clears_still(
                 k += 1
             ahead = min(ahead, _travelled(m, k * m.dt))
         s = min(ahead, m.length)
-        g = _gap_at(arc(m.pose, m.twist, s), outline, ax, ay, bx, by) - radius
+        g = _clearance_at(arc(m.pose, m.twist, s), outline, ax, ay, bx, by) - radius
         if g < allowed - 1e-12:
             return False
         allowed = max(allowed, min(floor, g))
@@ -148,7 +148,7 @@ def _clears_mover(
     that only a robot that stood finds one as near: see `_leaves`.
     """
     closing = m.pace + math.sqrt(vx * vx + vy * vy) + agility * m.stop
-    g = _gap_at(m.pose, outline, x0, y0, x0, y0) - radius
+    g = _clearance_at(m.pose, outline, x0, y0, x0, y0) - radius
     if g < clear:
         if g < 0.5625 * clear:  # the floor of `_clears_still`
             return False
@@ -161,7 +161,7 @@ def _clears_mover(
         dx, dy = x - pose.x, y - pose.y
         g = math.sqrt(dx * dx + dy * dy) - reach - grown
         if g < clear:  # the circle around the outline is too coarse
-            g = _gap_at(pose, outline, x, y, x, y) - grown
+            g = _clearance_at(pose, outline, x, y, x, y) - grown
         if g < clear:
             return False
         if closing * (m.stop - t) <= g - clear:
@@ -180,13 +180,13 @@ def _leaves(
 ) -> bool:  # fmt: skip
     """Whether a moving disc that is nearer than `clear`, by `allowed`, comes no nearer at any step.
 
-    Between two looks the gap stays above clear / 2. Every step is a look, since the next command
-    may come in there, and finds what it finds.
+    Between two looks the clearance stays above clear / 2. Every step is a look, since the next
+    command may come in there, and finds what it finds.
     """
     end = max(m.stop - m.dt, m.dt)  # in the last step of braking it stands
     t, k = 0.0, 1
     for _ in range(_MOST):
-        g = _grown_gap(m, outline, x0, y0, vx, vy, radius, agility, t)
+        g = _grown_clearance(m, outline, x0, y0, vx, vy, radius, agility, t)
         if g < allowed - 1e-12:
             return False
         if t >= end:
@@ -198,14 +198,14 @@ def _leaves(
 
 
 @jit
-def _grown_gap(
+def _grown_clearance(
     m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
     agility: float, t: float,
 ) -> float:  # fmt: skip
-    """The gap to a moving disc at time t of the manoeuvre, at least [m]."""
+    """The clearance to a moving disc at time t of the manoeuvre, at least [m]."""
     pose = arc(m.pose, m.twist, _travelled(m, t))
     x, y = x0 + vx * t, y0 + vy * t
-    return _gap_at(pose, outline, x, y, x, y) - radius - 0.5 * agility * t * t
+    return _clearance_at(pose, outline, x, y, x, y) - radius - 0.5 * agility * t * t
 
 
 @jit
@@ -220,11 +220,11 @@ def _near(pose: Pose, ax: float, ay: float, bx: float, by: float, far: float) ->
 
 
 @jit
-def _gap_at(pose: Pose, outline: Floats, ax: float, ay: float, bx: float, by: float) -> float:
-    """Gap between the outline at a pose and a segment, which may be a point [m]."""
+def _clearance_at(pose: Pose, outline: Floats, ax: float, ay: float, bx: float, by: float) -> float:
+    """Clearance between the outline at a pose and a segment, which may be a point [m]."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     ux, uy = c * (ax - pose.x) + s * (ay - pose.y), -s * (ax - pose.x) + c * (ay - pose.y)
     if ax == bx and ay == by:
-        return gap(outline, ux, uy)
+        return point_clearance(outline, ux, uy)
     wx, wy = c * (bx - pose.x) + s * (by - pose.y), -s * (bx - pose.x) + c * (by - pose.y)
-    return wall_gap(outline, ux, uy, wx, wy)
+    return wall_clearance(outline, ux, uy, wx, wy)

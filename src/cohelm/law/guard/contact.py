@@ -16,11 +16,11 @@ from cohelm.core.types import Floats
 class Contact(NamedTuple):
     """The nearest point of the outline to something outside.
 
-    gap [m], negative inside. (qx, qy): the outline's point [m]. (nx, ny): unit vector from the
-    thing to the robot, the direction in which the robot gets away.
+    clearance [m], negative inside. (qx, qy): the outline's point [m]. (nx, ny): unit vector from
+    the thing to the robot, the direction in which the robot gets away.
     """
 
-    gap: float
+    clearance: float
     qx: float
     qy: float
     nx: float
@@ -53,12 +53,12 @@ def contact(outline: Floats, px: float, py: float) -> Contact:
     if 1e-12 < far < math.inf:
         return Contact(far, qx, qy, (qx - px) / far, (qy - py) / far)
     inside = overlap(outline, px, py, px, py)
-    return Contact(min(inside.gap, 0.0), px, py, inside.nx, inside.ny)
+    return Contact(min(inside.clearance, 0.0), px, py, inside.nx, inside.ny)
 
 
 @jit
-def gap(outline: Floats, px: float, py: float) -> float:
-    """The gap of `contact` alone [m]."""
+def point_clearance(outline: Floats, px: float, py: float) -> float:
+    """The clearance of `contact` alone [m]."""
     k = outline.shape[0]
     best = math.inf
     for i in range(k):
@@ -72,17 +72,17 @@ def gap(outline: Floats, px: float, py: float) -> float:
             best = min(best, gx * gx + gy * gy)
     if best < math.inf:
         return math.sqrt(best)
-    return contact(outline, px, py).gap
+    return contact(outline, px, py).clearance
 
 
 @jit
-def wall_gap(outline: Floats, ax: float, ay: float, bx: float, by: float) -> float:
-    """The gap to a segment [m]; where they cross, minus the shortest way out of each other."""
-    depth = overlap(outline, ax, ay, bx, by).gap
+def wall_clearance(outline: Floats, ax: float, ay: float, bx: float, by: float) -> float:
+    """The clearance to a segment [m]; where they cross, minus the shortest way out of it."""
+    depth = overlap(outline, ax, ay, bx, by).clearance
     if depth < 0.0:
         return depth
     # Two convex shapes apart are nearest at a corner of one of them.
-    best = min(gap(outline, ax, ay), gap(outline, bx, by))
+    best = min(point_clearance(outline, ax, ay), point_clearance(outline, bx, by))
     ex, ey = bx - ax, by - ay
     square = ex * ex + ey * ey
     for i in range(outline.shape[0]):
@@ -94,7 +94,7 @@ def wall_gap(outline: Floats, ax: float, ay: float, bx: float, by: float) -> flo
 
 @jit
 def overlap(outline: Floats, ax: float, ay: float, bx: float, by: float) -> Contact:
-    """The shortest way out of a segment, which may be a point; gap < 0 only if there is one.
+    """The shortest way out of a segment, which may be a point; clearance < 0 only if there is one.
 
     The largest separation along the normals of the outline's edges and of the segment; two
     convex shapes apart have one >= 0 among them.
@@ -112,18 +112,18 @@ def overlap(outline: Floats, ax: float, ay: float, bx: float, by: float) -> Cont
         if size > 0.0:
             a = ((ax - cx) * fy - (ay - cy) * fx) / size
             b = ((bx - cx) * fy - (by - cy) * fx) / size
-            if min(a, b) > best.gap:
+            if min(a, b) > best.clearance:
                 x, y = (ax, ay) if a <= b else (bx, by)
                 best = Contact(min(a, b), x, y, -fy / size, fx / size)
         if length > 0.0:
             across = ((cx - ax) * ey - (cy - ay) * ex) / length  # > 0 to the segment's right
-            if across < right.gap:
+            if across < right.clearance:
                 right = Contact(across, cx, cy, ey / length, -ex / length)
-            if -across < left.gap:
+            if -across < left.clearance:
                 left = Contact(-across, cx, cy, -ey / length, ex / length)
-    if math.inf > right.gap > best.gap:
+    if math.inf > right.clearance > best.clearance:
         best = right
-    if math.inf > left.gap > best.gap:
+    if math.inf > left.clearance > best.clearance:
         best = left
     # A point robot has no edges: at a point it is only ever in touch.
-    return best if best.gap > -math.inf else Contact(0.0, ax, ay, -1.0, 0.0)
+    return best if best.clearance > -math.inf else Contact(0.0, ax, ay, -1.0, 0.0)

@@ -39,8 +39,8 @@ class Guarded(NamedTuple):
     known speed, else a zero command."""
     change: float
     """Distance from the wish in the metric of the least change [m/s]."""
-    gap: float
-    """Smallest gap of the outline now, of what is near enough to matter; else infinite [m]."""
+    clearance: float
+    """Smallest clearance of the outline now, to what is near enough to matter; or infinite [m]."""
     limiting: int
     """What held the wish back: discs first, then segments, then points, by row; or NOTHING."""
 
@@ -58,7 +58,7 @@ def guard(
 
     1. *Bounds.* Wheel and body limits around `before`; for each thing nearer than the stopping
        distance, the contact point must not approach it faster than it can stop,
-       n . (v - omega q_y, omega q_x) >= n . v_o - alpha(gap - margin),
+       n . (v - omega q_y, omega q_x) >= n . v_o - alpha(clearance - margin),
        alpha(h) = sqrt(a^2 T^2 + 2 a h) - a T, but it need not flee.
     2. *Least change* of the wish within them, exactly.
     3. *Certificate*: hold that for T, then brake; see `certify`. If it fails, the same for parts
@@ -142,8 +142,8 @@ def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> Guard
     """`guard` from Python, with what stays the same taken in once.
 
     Raises CohelmError here for an outline, limits or rules that nothing could be promised for. What
-    is made never raises on numbers, and never answers with one that is not finite but for `gap`,
-    which is infinite with nothing near.
+    is made never raises on numbers, and never answers with one that is not finite but for
+    `clearance`, which is infinite with nothing near.
 
     Arguments are spread on the way in and the answer is made here: numba takes 0.8 us for a named
     tuple either way.
@@ -175,4 +175,4 @@ def _flat(
         Surroundings(discs, agility, segments, points), outline,
         Limits(s[0], s[1], s[2], s[3], s[4], s[5], s[6]), Rules(s[7], s[8], s[9], s[10], s[11]),
     )  # fmt: skip
-    return g.v, g.omega, g.verdict, g.change, g.gap, g.limiting
+    return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting

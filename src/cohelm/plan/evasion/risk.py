@@ -7,7 +7,7 @@ import math
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law.guard.bounds import brake_steps, coasting
-from cohelm.law.guard.contact import gap
+from cohelm.law.guard.contact import point_clearance
 from cohelm.plan.evasion.case import Case
 from cohelm.plan.evasion.params import STEP, EvasionParams
 from cohelm.robot.kinematics import arc
@@ -41,7 +41,7 @@ def clearance_at(
         r = movers[i, 4] + 0.5 * movers[i, 5] * agile * agile + growth * movers[i, 6] * t
         far = least + reach + r
         if dx * dx + dy * dy < far * far:
-            least = min(least, gap(outline, c * dx + s * dy, -s * dx + c * dy) - r)
+            least = min(least, point_clearance(outline, c * dx + s * dy, -s * dx + c * dy) - r)
     return least
 
 
@@ -101,7 +101,7 @@ def risk_at(case: Case, pose: Pose, t: float, e: EvasionParams) -> tuple[float, 
         far = near + e.ahead * math.hypot(movers[i, 2], movers[i, 3])
         far = max(far, zone) + case.reach + movers[i, 4]
         if dx * dx + dy * dy < far * far:
-            g = gap(case.outline, c * dx + s * dy, -s * dx + c * dy) - movers[i, 4]
+            g = point_clearance(case.outline, c * dx + s * dy, -s * dx + c * dy) - movers[i, 4]
             least = min(least, g)
             if zone > 0.0 and g < zone:
                 share = 1.0 - max(g, 0.0) / zone
@@ -109,7 +109,10 @@ def risk_at(case: Case, pose: Pose, t: float, e: EvasionParams) -> tuple[float, 
             if e.ahead > 0.0:  # in front of somebody it is worse than behind him
                 dx += movers[i, 2] * e.ahead
                 dy += movers[i, 3] * e.ahead
-                g = min(g, gap(case.outline, c * dx + s * dy, -s * dx + c * dy) - movers[i, 4])
+                g = min(
+                    g,
+                    point_clearance(case.outline, c * dx + s * dy, -s * dx + c * dy) - movers[i, 4],
+                )
             if g < near:
                 share = 1.0 - max(g, 0.0) / near
                 if movers[i, 2] == 0.0 and movers[i, 3] == 0.0:

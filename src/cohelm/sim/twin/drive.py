@@ -100,14 +100,17 @@ class TwinRun(ABC):
         self.piloted = setup.pilot or _unguarded(setup)
         self.seeing = self.piloted.lidar is not None
         settings = self.piloted.settings._replace(limits=held(model.bounds(), given.physics))
-        manners, care = self.piloted.manners, self.piloted.care
+        path_params, replan_params = self.piloted.path_params, self.piloted.replan_params
         if self.guarded:
             sees = noise(self.robot.model) if self.seeing else 0.0
-            settings, manners, care = inflated(settings, manners, care, SLOP + sees, sees)
+            settings, path_params, replan_params = inflated(
+                settings, path_params, replan_params, SLOP + sees, sees
+            )
         self.settings = settings
         self.delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
-            setup.reference, settings, delay=self.delay, manners=manners, care=care,
+            setup.reference, settings, delay=self.delay, path_params=path_params,
+            replan_params=replan_params,
         )  # fmt: skip
         self.person, self.stick, self.energy = IDLE, Stick(0.0, 0.0), 0.0
         self.truth: Truth = self.robot.truth()

@@ -117,7 +117,9 @@ def _go(
     x, y = discs[i, X], discs[i, Y]
     bumps = _bumps(pose, outline, discs, walls, i, after[X], after[Y])
     if held[_OFF] == 0.0:
-        touches = bumps == _ROBOT and _gap(pose, outline, discs, walls, i, x, y, _ROBOT)[0] > 0.0
+        touches = (
+            bumps == _ROBOT and _clearance(pose, outline, discs, walls, i, x, y, _ROBOT)[0] > 0.0
+        )
         if bumps == _NOTHING or touches:
             return
         held[:] = 0.0
@@ -128,14 +130,14 @@ def _go(
     speed = math.hypot(wx, wy)
     if speed > most:
         wx, wy = wx * most / speed, wy * most / speed
-    gap, nx, ny = _gap(pose, outline, discs, walls, i, x, y, int(held[_ROUND]))
-    if gap >= _NEAR or nx * wx + ny * wy >= 0.0:  # that one is no longer in the way
+    clearance, nx, ny = _clearance(pose, outline, discs, walls, i, x, y, int(held[_ROUND]))
+    if clearance >= _NEAR or nx * wx + ny * wy >= 0.0:  # that one is no longer in the way
         held[_SIDE], held[_ROUND] = 0.0, _nearest(pose, outline, discs, walls, i)
-        gap, nx, ny = _gap(pose, outline, discs, walls, i, x, y, int(held[_ROUND]))
-    if gap < _NEAR and nx * wx + ny * wy < 0.0:
+        clearance, nx, ny = _clearance(pose, outline, discs, walls, i, x, y, int(held[_ROUND]))
+    if clearance < _NEAR and nx * wx + ny * wy < 0.0:
         if held[_SIDE] == 0.0:  # chosen once: behind a flat front both sides look the same
             held[_SIDE] = 1.0 if nx * wy - ny * wx >= 0.0 else -1.0
-        out = min(max(2.0 * (_BESIDE - gap), -0.2), 0.2)
+        out = min(max(2.0 * (_BESIDE - clearance), -0.2), 0.2)
         wx = -ny * held[_SIDE] * STROLL + nx * out
         wy = nx * held[_SIDE] * STROLL + ny * out
     ax, ay = wx - held[_VX], wy - held[_VY]
@@ -143,7 +145,7 @@ def _go(
     share = min(AGILITY * step / change, 1.0) if change > 0.0 else 0.0
     vx, vy = held[_VX] + share * ax, held[_VY] + share * ay
     into = nx * vx + ny * vy
-    if gap <= 0.0 and into < 0.0:  # it bumps again
+    if clearance <= 0.0 and into < 0.0:  # it bumps again
         vx, vy = vx - into * nx, vy - into * ny
     steady = math.hypot(after[VX] - vx, after[VY] - vy) < AGILITY * 0.1
     if bumps == _NOTHING and steady and math.hypot(dx, dy) < _BACK:
@@ -165,10 +167,10 @@ def _bumps(
     """What disc i comes into if it goes there: what it is nearer to then than now, and touches."""
     was_x, was_y = discs[i, X], discs[i, Y]
     for thing in range(1 + len(discs) + len(walls)):
-        gap = _gap(pose, outline, discs, walls, i, x, y, thing)[0]
-        if gap <= 0.0:
-            before = _gap(pose, outline, discs, walls, i, was_x, was_y, thing)[0]
-            if before > max(gap, -_INSIDE):
+        clearance = _clearance(pose, outline, discs, walls, i, x, y, thing)[0]
+        if clearance <= 0.0:
+            before = _clearance(pose, outline, discs, walls, i, was_x, was_y, thing)[0]
+            if before > max(clearance, -_INSIDE):
                 return thing
     return _NOTHING
 
@@ -178,29 +180,29 @@ def _nearest(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) 
     """What disc i is nearest to."""
     best, least = _ROBOT, math.inf
     for thing in range(1 + len(discs) + len(walls)):
-        gap = _gap(pose, outline, discs, walls, i, discs[i, X], discs[i, Y], thing)[0]
-        if -_INSIDE < gap < least:
-            best, least = thing, gap
+        clearance = _clearance(pose, outline, discs, walls, i, discs[i, X], discs[i, Y], thing)[0]
+        if -_INSIDE < clearance < least:
+            best, least = thing, clearance
     return best
 
 
 @jit
-def _gap(
+def _clearance(
     pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int, x: float, y: float,
     thing: int,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Gap of disc i, at a place, to a thing [m], and the unit vector that leads away from it."""
     radius = discs[i, RADIUS]
     if thing == _ROBOT:
-        gap, tiny = disc_clearance(pose, outline, x, y, radius), 1e-6
-        wx = disc_clearance(pose, outline, x + tiny, y, radius) - gap
-        wy = disc_clearance(pose, outline, x, y + tiny, radius) - gap
+        clearance, tiny = disc_clearance(pose, outline, x, y, radius), 1e-6
+        wx = disc_clearance(pose, outline, x + tiny, y, radius) - clearance
+        wy = disc_clearance(pose, outline, x, y + tiny, radius) - clearance
         far = math.hypot(wx, wy)
     elif thing <= len(discs):
         other = discs[thing - 1]
         wx, wy = x - other[X], y - other[Y]
         far = math.hypot(wx, wy)
-        gap = far - radius - other[RADIUS] if thing - 1 != i else math.inf
+        clearance = far - radius - other[RADIUS] if thing - 1 != i else math.inf
     else:
         wall = walls[thing - 1 - len(discs)]
         ex, ey = wall[2] - wall[0], wall[3] - wall[1]
@@ -209,5 +211,5 @@ def _gap(
         s = min(max((wx * ex + wy * ey) / length, 0.0), 1.0) if length > 0.0 else 0.0
         wx, wy = wx - s * ex, wy - s * ey
         far = math.hypot(wx, wy)
-        gap = far - radius
-    return (gap, wx / far, wy / far) if far > 0.0 else (gap, 1.0, 0.0)
+        clearance = far - radius
+    return (clearance, wx / far, wy / far) if far > 0.0 else (clearance, 1.0, 0.0)

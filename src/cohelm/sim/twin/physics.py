@@ -16,7 +16,7 @@ from cohelm.core.types import Floats, Pose, Twist, X, Y, wrap
 from cohelm.robot.limits import Limits, achievable
 from cohelm.sim.twin.engine import address, mj_step
 from cohelm.sim.twin.movers import Movers, walk
-from cohelm.sim.world import NOWHERE, clearance
+from cohelm.sim.world import NOWHERE, outline_clearance
 
 _ADDING = 2.0  # how fast the servos' integral part adds up a steady error [1/s]
 _STANDS = 0.01  # slower than this, a robot whose drives rest is standing [m/s]
@@ -33,7 +33,7 @@ STATE = np.dtype(
         ("hold_left", "f8"), ("hold_right", "f8"),  # what the servos have added up [rad/s]
         ("left", "f8"), ("right", "f8"), ("yaw", "f8"),  # since the last odometry [m, m, rad]
         ("energy", "f8"),  # put in by the drives, none given back [J]
-        ("gap", "f8"), ("since", "f8"),  # clearance when last looked, and motion since [m]
+        ("clearance", "f8"), ("since", "f8"),  # clearance when last looked, and motion since [m]
         ("least", "f8"), ("least_moving", "f8"),  # smallest clearance, and while moving [m]
         ("touched", "i8"), ("touched_moving", "i8"),  # contacts begun, and by a moving robot
         ("standing", "?"),  # it came to rest and its drives rest since
@@ -179,12 +179,14 @@ def _score(
         s.standing = True  # and stays so, even if somebody nudges it
     moving = not s.standing
     s.since += moved
-    if s.gap - s.since < (s.least_moving if moving else s.least):
-        s.gap = clearance(Pose(s.x, s.y, s.psi), outline, reach, discs, walls, NOWHERE)
+    if s.clearance - s.since < (s.least_moving if moving else s.least):
+        s.clearance = outline_clearance(
+            Pose(s.x, s.y, s.psi), outline, reach, discs, walls, NOWHERE
+        )
         s.since = 0.0
-        s.least = min(s.least, s.gap)
+        s.least = min(s.least, s.clearance)
         if moving:
-            s.least_moving = min(s.least_moving, s.gap)
+            s.least_moving = min(s.least_moving, s.clearance)
     felt = views.sensors[0] > 0.0
     if felt:
         force = 0.0

@@ -26,7 +26,7 @@ from cohelm.sim.twin.movers import Movers, Pursuers, Pursuit
 from cohelm.sim.twin.physics import STATE, Trail, Wheels, advance, views
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.twin.sweep import rows, sweep
-from cohelm.sim.world import NOWHERE, World, clearance, moves, place, world
+from cohelm.sim.world import NOWHERE, World, moves, outline_clearance, place, world
 
 STEP = 0.005
 """Physics moves on in steps of this, or a little less: a whole number of them make 10 ms [s]."""
@@ -146,7 +146,7 @@ class Twin(Paced):
         self._state = np.zeros(1, dtype=STATE)
         s = self._state[0]
         s["x"], s["y"], s["psi"] = start
-        s["gap"], s["since"] = -NOWHERE, 0.0  # look at once
+        s["clearance"], s["since"] = -NOWHERE, 0.0  # look at once
         s["least"] = s["least_moving"] = NOWHERE
         self._timeout = self._steps(timeout)
         self._delay = self._steps(model.delay_s)
@@ -215,10 +215,12 @@ class Twin(Paced):
         self._catch_up()
         s = self._state[0]
         pose = Pose(float(s["x"]), float(s["y"]), float(s["psi"]))
-        gap = clearance(pose, self._outline, self._reach, self._discs, self._walls, NOWHERE)
+        clearance = outline_clearance(
+            pose, self._outline, self._reach, self._discs, self._walls, NOWHERE
+        )
         return Truth(
             int(s["step"]) * self._step, pose, Twist(float(s["v"]), float(s["omega"])),
-            float(s["side"]), gap, float(s["least"]), float(s["least_moving"]),
+            float(s["side"]), clearance, float(s["least"]), float(s["least_moving"]),
             int(s["touched"]), int(s["touched_moving"]), bool(s["touching"]),
             bool(s["standing"]),
             float(s["force"]), float(s["energy"]),
@@ -258,7 +260,7 @@ class Twin(Paced):
         v = self.data.qvel
         v[0], v[1] = c * v[0] - h * v[1], h * v[0] + c * v[1]
         _turn(q, float(s["psi"]))
-        s["gap"], s["since"] = -NOWHERE, 0.0
+        s["clearance"], s["since"] = -NOWHERE, 0.0
 
     def _settle(self, start: Pose) -> None:
         """Put the robot down, far from everything in time, and let it sink onto its wheels."""

@@ -9,8 +9,8 @@ deflected by
 - *bang*: full deflections at random;
 - *spin*: full turns and lunges, starting beside a wall;
 - *human*: a recorded person, signs flipped on one axis or on both (where recordings are given);
-- *search*: CMA-ES over sequences of 20 deflections for the smallest gap, of which the worst found
-  is the episode. Every 500th episode is one, and 2000 sequences are driven for it.
+- *search*: CMA-ES over sequences of 20 deflections for the smallest clearance, of which the worst
+  found is the episode. Every 500th episode is one, and 2000 sequences are driven for it.
 
 There is no goal, so nobody arrives.
 """
@@ -39,7 +39,7 @@ from cohelm.study.campaign.episode import (
     AdversarialRollout,
     Episode,
     Law,
-    least_gap,
+    least_clearance,
     sequence,
 )
 
@@ -95,13 +95,13 @@ class Found(NamedTuple):
 
     case: Episode
     """With the sequence found as its attack."""
-    gap: float
-    """Smallest gap while the robot moved [m]."""
+    clearance: float
+    """Smallest clearance while the robot moved [m]."""
     evaluations: int
 
 
 def searched(case: Episode, law: Law, evaluations: int = EVALUATIONS) -> Found:
-    """CMA-ES (Hansen 2016) for the sequence of deflections with the smallest gap.
+    """CMA-ES (Hansen 2016) for the sequence of deflections with the smallest clearance.
 
     The same case and law give the same sequence. case: one with a duel.
     """
@@ -131,14 +131,16 @@ def searched(case: Episode, law: Law, evaluations: int = EVALUATIONS) -> Found:
     least, count = math.inf, 0
     while count < evaluations:
         tried: list[Floats] = search.ask()[: evaluations - count]
-        gaps = [least_gap(made, law, made.duel) for made in map(fought, tried) if made.duel]
+        clearances = [
+            least_clearance(made, law, made.duel) for made in map(fought, tried) if made.duel
+        ]
         count += len(tried)
-        for x, gap in zip(tried, gaps, strict=True):
-            if gap < least:
-                worst, least = x, gap
+        for x, clearance in zip(tried, clearances, strict=True):
+            if clearance < least:
+                worst, least = x, clearance
         if len(tried) < search.popsize:
             break
-        search.tell(tried, gaps)
+        search.tell(tried, clearances)
     return Found(fought(worst), least, count)
 
 

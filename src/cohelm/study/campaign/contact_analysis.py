@@ -40,9 +40,9 @@ def first_touch(
     k = int(np.argmin(np.abs(rows["t"] - when)))
     pose, walls = _pose(rows[k]), setup.around.walls
     at = discs[k]
-    gaps = [disc_clearance(pose, setup.outline, d[X], d[Y], d[RADIUS]) for d in at]
-    gaps += [segment_clearance(pose, setup.outline, *wall) for wall in walls.tolist()]
-    which = int(np.argmin(gaps))
+    clearances = [disc_clearance(pose, setup.outline, d[X], d[Y], d[RADIUS]) for d in at]
+    clearances += [segment_clearance(pose, setup.outline, *wall) for wall in walls.tolist()]
+    which = int(np.argmin(clearances))
     disc = at[which] if which < len(at) else None
     speed = 0.0 if disc is None else math.hypot(disc[VX], disc[VY])
     turn = float(np.hypot(*setup.outline.T).max()) * abs(float(rows["applied_omega"][k]))
@@ -84,8 +84,8 @@ def _place(pose: Pose, outline: Floats, wall: Floats) -> tuple[float, float]:
     share = np.linspace(0.0, 1.0, max(round(math.dist(wall[:2], wall[2:]) / 0.01), 1) + 1)
     points = wall[:2] + share[:, None] * (wall[2:] - wall[:2])
     near = points[np.hypot(*(points - pose[:2]).T) < 2.0]
-    gaps = [disc_clearance(pose, outline, x, y, 0.0) for x, y in near.tolist()]
-    x, y = near[int(np.argmin(gaps))].tolist()
+    clearances = [disc_clearance(pose, outline, x, y, 0.0) for x, y in near.tolist()]
+    x, y = near[int(np.argmin(clearances))].tolist()
     return x, y
 
 

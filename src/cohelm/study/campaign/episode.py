@@ -174,8 +174,8 @@ _RULES = Rules(dt=DT)
 _NO_ROWS, _NO_H, _NO_DISCS = blank(0), np.empty((0, 0)), np.empty((0, 0, 6))
 
 
-def least_gap(case: Episode, law: Law, chosen: AdversarialRollout) -> float:
-    """What a duel comes to, without a trace: the smallest gap while the robot moved [m]."""
+def least_clearance(case: Episode, law: Law, chosen: AdversarialRollout) -> float:
+    """What a duel comes to, without a trace: the smallest clearance while the robot moved [m]."""
     return _duel(case, law, chosen, _NO_ROWS, _NO_H, _NO_DISCS)
 
 

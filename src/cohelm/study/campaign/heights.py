@@ -209,7 +209,7 @@ def _box(
     return made
 
 
-def gaps(heights: Heights, x: Floats, y: Floats, high: float) -> Floats:
+def clearances(heights: Heights, x: Floats, y: Floats, high: float) -> Floats:
     """From points (any shape) to the nearest box below `high`, or drop; 0 within [m]."""
     found: Floats = np.full(np.shape(x), math.inf)
     for row in (*between(heights.boxes, 0.0, high), *heights.drops):
@@ -225,11 +225,14 @@ def _way(
 ) -> bool:
     """Whether a circle can be rolled from start to goal, both of them clear."""
     high = _robot().height_m
-    if min(gaps(heights, np.array(p[0]), np.array(p[1]), high) for p in (start, goal)) < CLEAR:
+    if (
+        min(clearances(heights, np.array(p[0]), np.array(p[1]), high) for p in (start, goal))
+        < CLEAR
+    ):
         return False
     x, y = np.arange(0.0, length, _CELL), np.arange(0.0, width, _CELL)
     clear = np.minimum(np.minimum(x, length - x)[None, :], np.minimum(y, width - y)[:, None])
-    clear = np.minimum(clear, gaps(heights, *np.meshgrid(x, y), high))
+    clear = np.minimum(clear, clearances(heights, *np.meshgrid(x, y), high))
     pieces, _ = scipy.ndimage.label(clear > radius)
     at = [pieces[round(p[1] / _CELL), round(p[0] / _CELL)] for p in (start, goal)]
     return bool(at[0] != 0 and at[0] == at[1])

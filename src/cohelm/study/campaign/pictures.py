@@ -203,14 +203,14 @@ def _outline(axes: Axes, outline: Floats, row: np.void, color: str, width: float
 
 def _below(axes: Axes, trace: Trace, row: EpisodeResult) -> None:
     rows = trace.rows
-    gap, speed = np.clip(rows["clearance"], _LEAST, _MOST), np.abs(rows["applied_v"])
+    clearance, speed = np.clip(rows["clearance"], _LEAST, _MOST), np.abs(rows["applied_v"])
     axes.axhline(0.0, color=DANGER, lw=0.8)
-    axes.plot(rows["t"], gap, color=INK, lw=1.2, label="clearance [m]")
+    axes.plot(rows["t"], clearance, color=INK, lw=1.2, label="clearance [m]")
     axes.plot(rows["t"], speed, color=ROBOT, lw=1.2, label="speed [m/s]")
     least = float(np.clip(clearance_then(row), _LEAST, _MOST))
     axes.plot([row.min_clearance_at_s], [least], "o", color=DANGER, ms=5)
     top = max(_MOST, float(speed.max(initial=0.0)))
-    axes.set_ylim(min(-0.1, float(gap.min(initial=0.0)) - 0.05), 1.05 * top)
+    axes.set_ylim(min(-0.1, float(clearance.min(initial=0.0)) - 0.05), 1.05 * top)
     axes.set_xlabel("time [s]")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=9, frameon=False,
                 borderaxespad=0.1)  # fmt: skip

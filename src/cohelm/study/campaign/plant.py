@@ -67,8 +67,8 @@ def looking_round(model: RobotModel) -> RobotModel:
     """A robot whose LiDAR looks all round from its middle, its beams as far apart as they were."""
     if model.lidar is None:
         return model
-    gaps = (model.lidar.beams - 1) / model.lidar.field_of_view_deg
-    round_ = {"field_of_view_deg": 360.0, "beams": round(360.0 * gaps), "mount_x_m": 0.0}
+    clearances = (model.lidar.beams - 1) / model.lidar.field_of_view_deg
+    round_ = {"field_of_view_deg": 360.0, "beams": round(360.0 * clearances), "mount_x_m": 0.0}
     return model.model_copy(update={"lidar": model.lidar.model_copy(update=round_)})
 
 

@@ -54,17 +54,17 @@ def outcome(made: Suite, laws: Sequence[str], rows: Sequence[EpisodeResult]) -> 
 
 
 def worst(rows: Sequence[EpisodeResult], count: int) -> list[EpisodeResult]:
-    """The worst episodes: faults, then contacts, the deepest first, non-arrivals, small gaps."""
+    """The worst episodes: faults, then contacts, the deepest first, non-arrivals, near misses."""
 
     def badness(row: EpisodeResult) -> tuple[bool, bool, bool, bool, float]:
-        gap = row.min_clearance_moving_m
+        clearance = row.min_clearance_moving_m
         missed = not row.arrived and math.isfinite(row.tracking_rms)
         return (
             not row.fault,
             row.falls == 0,
             row.contacts_moving == 0,
             not missed,
-            gap if math.isfinite(gap) else math.inf,
+            clearance if math.isfinite(clearance) else math.inf,
         )
 
     return sorted(rows, key=badness)[:count]
@@ -125,10 +125,10 @@ def by_kind(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     for kind in kinds:
         s = summary("", [row for row in rows if row.kind == kind], goals=found.suite.goals)
         arrived = "–" if s.arrived is None else str(s.arrived.count)
-        gap = _number(s.spreads["min_clearance_moving_m"].least, 4)
+        clearance = _number(s.spreads["min_clearance_moving_m"].least, 4)
         lines.append(
             (kind or "not driven", str(s.episodes), arrived, str(s.moving.count),
-             str(s.standing.count), gap)
+             str(s.standing.count), clearance)
         )  # fmt: skip
     headings = (
         "kind",

@@ -36,7 +36,7 @@ class EpisodeResult(NamedTuple):
     untouched_share: float
     """Of all control steps, those in which nothing was touched."""
     min_clearance_m: float
-    """Smallest gap of the real outline, negative in overlap; at most `sim.judge.FAR`."""
+    """Smallest clearance of the real outline, negative in overlap; at most `sim.judge.FAR`."""
     min_clearance_moving_m: float
     """The same while the robot moved, but for what had walked into it while it stood."""
     min_clearance_at_s: float

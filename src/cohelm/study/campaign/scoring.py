@@ -13,7 +13,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.robot.limits import Limits
 from cohelm.scenario.worlds.barn import score
 from cohelm.sim.heights import fallen
-from cohelm.sim.judge import FAR, Judged, gap_to, judge
+from cohelm.sim.judge import FAR, Judged, clearance_to, judge
 from cohelm.sim.setup import Setup
 from cohelm.study.campaign.contact_analysis import NOTHING_TOUCHED, Touch, first_touch
 from cohelm.study.campaign.episode import DT, Episode, Law, traced
@@ -63,9 +63,9 @@ def scored(
         if last is not None:
             rows = np.concatenate((last[0], rows))
             discs = np.concatenate((last[1], discs))
-        before = seen.at, seen.gap
+        before = seen.at, seen.clearance
         seen = judge(seen, rows, discs, setup.outline, walls, limits, piece.dt)
-        if (seen.at, seen.gap) != before:
+        if (seen.at, seen.clearance) != before:
             nearest = _nearest(setup, rows, discs, seen, piece.names)
         last = rows[-1:], discs[-1:]
         if arrived:
@@ -80,14 +80,14 @@ def scored(
 def _nearest(
     setup: Setup, rows: NDArray[np.void], discs: Floats, seen: Judged, names: tuple[str, ...]
 ) -> str:
-    """What the outline was nearest to at the time of the smallest gap."""
+    """What the outline was nearest to at the time of the smallest clearance."""
     k = int(np.argmin(np.abs(rows["t"] - seen.at)))
     pose = Pose(float(rows["x"][k]), float(rows["y"][k]), float(rows["psi"][k]))
     walls = setup.around.walls
     things = range(discs.shape[1] + len(walls))
-    gaps = [gap_to(pose, setup.outline, discs[k], walls, i) for i in things]
-    best = int(np.argmin(gaps)) if gaps else 0
-    return "" if seen.gap >= FAR else names[best] if best < len(names) else "wall"
+    clearances = [clearance_to(pose, setup.outline, discs[k], walls, i) for i in things]
+    best = int(np.argmin(clearances)) if clearances else 0
+    return "" if seen.clearance >= FAR else names[best] if best < len(names) else "wall"
 
 
 def _row(
@@ -112,8 +112,8 @@ def _row(
         falls=_falls(case, rows),
         no_goal=case.goal is None,
         untouched_share=1.0 - seen.touched / max(seen.steps, 1),
-        min_clearance_m=seen.gap,
-        min_clearance_moving_m=seen.gap_moving,
+        min_clearance_m=seen.clearance,
+        min_clearance_moving_m=seen.clearance_moving,
         min_clearance_at_s=seen.at,
         nearest=nearest,
         limit_excess=seen.excess,
