@@ -157,6 +157,13 @@ def test_a_file_called_out_in_place_of_the_default_folder_is_told(cohelm, tmp_pa
     refused(cohelm("run", "minimal"), "the folder out can not be made", "--out")
 
 
+def test_a_file_in_place_of_the_folder_of_a_record_is_told(cohelm, tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    said = cohelm("robot", "lab-guard", "--fast", "--for", "1", "--record", "taken/r.mcap")
+    assert said.code == 2
+    assert "taken/r.mcap can not be made (Not a directory): choose a folder" in said.err
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 @pytest.mark.parametrize("out", ["shut", "shut/below"])
 def test_a_folder_one_may_not_write_to_is_told(cohelm, tmp_path, out):

@@ -20,6 +20,13 @@ def test_a_load_without_a_run_before_is_refused_before_anything_moves(cohelm):
     assert not Path("out").exists()
 
 
+def test_where_nothing_can_be_written_is_told_before_anything_moves(cohelm):
+    Path("out").write_text("mine")
+    said = cohelm("calibrate", "sally", "--yes", "-o", "out/here")
+    assert said.code == 2
+    assert "the folder out/here can not be made" in said.err
+
+
 @pytest.mark.slow
 def test_a_robot_is_measured_and_its_file_written_and_then_again_with_a_load(tmp_path):
     for more in ([], ["--load"]):

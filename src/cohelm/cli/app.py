@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import sys
@@ -52,7 +53,9 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if not isinstance(error, BrokenPipeError):  # that one is `cohelm ... | head`
             where = str(error.filename or "what is printed, or compiled code (COHELM_CACHE_DIR),")
-            said = f"{where} can not be written ({error.strerror}): free some space"
+            full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+            mend = "free some space" if full else "choose a place you may write to"
+            said = f"{where} can not be written ({error.strerror}): {mend}"
             say(f"[bold red]error:[/bold red] {plain(said)}")
         sys.exit(1)
     finally:

@@ -62,6 +62,7 @@ def calibrate(
         with_load,
     )
     from cohelm.core.errors import CohelmError
+    from cohelm.core.files import check_folder
     from cohelm.drive.operate import Asked, ended, meant
     from cohelm.robot.keep.gated_robot import rules
     from cohelm.robot.keep.process import RemoteGatedRobot
@@ -81,6 +82,7 @@ def calibrate(
     )
     if not yes and not typer.confirm("is the floor free, and the stop at hand?", err=True):
         raise typer.Exit(1)
+    check_folder(out)
     kind = "twin" if twin else "kinematic"
     named = name if driver is not None or ros2 else str(file)
     where = on_ros(ros2, topics, transport, url)

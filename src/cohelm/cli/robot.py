@@ -157,8 +157,6 @@ def robot(
         raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
     made = meant(asked)
     chosen_map, zones = known(asked, made)
-    if record is not None:
-        record.parent.mkdir(parents=True, exist_ok=True)
     plan = SessionConfig(
         made, rate, record, live(foxglove), chosen_map, zones=zones,
         loop=LoopParams(carry_on=carry_on), pictures=pictures,

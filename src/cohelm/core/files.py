@@ -1,4 +1,4 @@
-"""Reads files that a user names, whole and within a bound.
+"""Files and folders that a user names: read whole and within a bound, or made.
 
 A device never ends, and a pipe may never begin: neither is waited for.
 """
@@ -51,3 +51,25 @@ def read_bytes(path: Path | str, most: int, what: str, unpack: bool = False) -> 
             f"{path}: larger than {most // 10**6} MB, which {what} never is: check its name"
         )
     return data
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it; CohelmError where that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unmade(folder, error) from error
+
+
+def check_folder(folder: Path) -> None:
+    """CohelmError where a folder can not be made, before the work that is to be written there."""
+    there = folder.exists()
+    make_folder(folder)
+    if not there:
+        folder.rmdir()
+
+
+def unmade(folder: Path, error: OSError) -> CohelmError:
+    """Why a folder can not be made."""
+    why = "there is a file of that name" if folder.is_file() else error.strerror
+    return CohelmError(f"the folder {folder} can not be made ({why}): choose another with --out")

@@ -47,8 +47,6 @@ def drive(
         raise CohelmError("with listen the station says how to drive: leave out mode and arrive")
     made = own_robot(robot, site, model)
     file = None if record is None else Path(record)
-    if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
     loop = LoopParams(carry_on=carry_on)
     plan = SessionConfig(made, rate, file, loop=loop)
     heeding = threading.current_thread() is threading.main_thread()

@@ -96,7 +96,6 @@ class RecordSwitch:
     def _begin(self) -> None:
         robot = self._session.plan.robot
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
             made = self._make(_free(self._folder), robot.model, dump(robot.scenario))
             now = self._session.loop.keeper.now()
             made.begin(time.time_ns() - round(now * 1e9))

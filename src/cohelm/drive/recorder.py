@@ -91,7 +91,9 @@ class Recording(Listening):
 
 
 def _make(path: Path) -> None:
-    """The file, empty, so that what is wrong with its place is said at once."""
+    """The file, empty, so that what is wrong with its place is said at once, and its folder."""
+    with contextlib.suppress(OSError):  # what is wrong with it, opening the file says
+        path.parent.mkdir(parents=True, exist_ok=True)
     try:
         path.open("xb").close()
     except FileExistsError as error:

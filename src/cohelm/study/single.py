@@ -9,6 +9,7 @@ from math import inf
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import make_folder, unmade
 from cohelm.core.trace import Trace
 from cohelm.drive.shown import way, zoned
 from cohelm.record.write import Recorder, RunScene
@@ -40,7 +41,7 @@ def recorded(setup: Setup, folder: Path, told: Progress) -> Metrics:
     CohelmError where the folder or a file in it can not be made, or where one of WRITTEN is
     there already: a run never replaces what it finds.
     """
-    make(folder)
+    make_folder(folder)
     _check_free(folder)
     told("running (the first time, compiling)", 0.0)
     steps, done = 0, list[Trace]()
@@ -100,7 +101,7 @@ def _smallest_h(m: Metrics) -> list[tuple[str, str]]:
 def fresh(name: str) -> Path:
     """Make a folder out/NAME-DATE-TIME of its own, also when several start in one second."""
     out = Path("out")
-    make(out)
+    make_folder(out)
     stamped = f"{_UNSAFE.sub('-', name)[:48]}-{datetime.now():%Y%m%d-%H%M%S}"
     folder, k = out / stamped, 1
     while True:
@@ -111,20 +112,7 @@ def fresh(name: str) -> Path:
             k += 1
             folder = out / f"{stamped}-{k}"
         except OSError as error:
-            raise _unmade(folder, error) from error
-
-
-def make(folder: Path) -> None:
-    """Make a folder and those above it; CohelmError where that is not possible."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _unmade(folder, error) from error
-
-
-def _unmade(folder: Path, error: OSError) -> CohelmError:
-    why = "there is a file of that name" if folder.is_file() else error.strerror
-    return CohelmError(f"the folder {folder} can not be made ({why}): choose another with --out")
+            raise unmade(folder, error) from error
 
 
 def _check_free(folder: Path) -> None:

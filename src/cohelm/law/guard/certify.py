@@ -57,8 +57,8 @@ def in_the_way(
     Things are looked at by conservative advancement: a clearance g at one moment can not fall
     below `clear` / 2 before the outline, at its largest pace, and the thing, at its own, have
     covered g - clear / 2; that is where the next look is. So the clearance is at least `clear` / 2
-    at every instant of the manoeuvre, not only at sampled ones. What starts nearer than that may come no
-    nearer, if it rests; one that can move holds the robot where it stands.
+    at every instant of the manoeuvre, not only at sampled ones. What starts nearer than that may
+    come no nearer, if it rests; one that can move holds the robot where it stands.
     """
     if m.pace == 0.0:
         return CLEAR  # standing still meets nothing that does not come to it

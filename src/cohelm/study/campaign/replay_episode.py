@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import make_folder
 from cohelm.core.trace import Trace
 from cohelm.record.write import Recorder
 from cohelm.study.campaign.adversary import scripted
@@ -22,7 +23,7 @@ from cohelm.study.campaign.rvo import PEERS, peer_trace
 from cohelm.study.campaign.scoring import scored
 from cohelm.study.campaign.store import read_plan, read_rows
 from cohelm.study.metrics import plain
-from cohelm.study.single import RECORD, make, scene
+from cohelm.study.single import RECORD, scene
 
 ROW, PICTURE, STRIP = "row.json", "episode.png", "evasion.png"
 
@@ -111,7 +112,7 @@ def record(found: Again, folder: Path) -> None:
     """
     from cohelm.study.campaign.pictures import picture, strip  # matplotlib takes a second to import
 
-    make(folder)
+    make_folder(folder)
     there = [name for name in (RECORD, ROW, PICTURE, STRIP) if (folder / name).exists()]
     if there:
         raise CohelmError(

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any, Self, get_type_hints
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import make_folder
 from cohelm.study.campaign.result import EpisodeResult
-from cohelm.study.single import make
 
 pa: Any = importlib.import_module("pyarrow")  # neither has types
 pq: Any = importlib.import_module("pyarrow.parquet")
@@ -58,7 +58,7 @@ class Store:
         self._part = 0
 
     def __enter__(self) -> Self:
-        make(self.folder / ROWS)
+        make_folder(self.folder / ROWS)
         try:
             self._lock = (self.folder / _LOCK).open("w")
         except OSError as error:
