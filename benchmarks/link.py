@@ -40,7 +40,7 @@ def loopback(count: int) -> str:
             wanted = Stick((number % 1000) / 1024, 0.0)
             began = time.perf_counter()
             station.steer(wanted, True, True, Device.SCRIPT)
-            while (command := robot.heard().command) is None or command.stick != wanted:
+            while (command := robot.receive().command) is None or command.stick != wanted:
                 time.sleep(0.0001)
             took.append(time.perf_counter() - began)
             robot.tell(STATUS)
@@ -77,7 +77,7 @@ def impaired(seconds: float, **bad: float) -> str:
             time.sleep(1.0)
             end = time.monotonic() + seconds
             while time.monotonic() < end:
-                command = robot.heard().command
+                command = robot.receive().command
                 at = made.get(command.stick.x, math.nan) if command else math.nan
                 if math.isnan(at):
                     without += 1

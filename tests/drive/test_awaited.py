@@ -7,14 +7,14 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.drive.awaited import Awaited
-from cohelm.drive.operate import Asked
+from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
 from cohelm.link.messages import Ask, Checked, Device
 from cohelm.station.robot_link import Quality
 
-LAB = Asked("lab-guard", "lab-guard", "twin", True, None, [])
+LAB = DriveOptions("lab-guard", "lab-guard", "twin", True, None, [])
 NOWHERE = LAB._replace(name="no-such-place", kind="kinematic")
 
 

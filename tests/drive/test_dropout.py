@@ -26,8 +26,8 @@ class Anna(Scripted):
         self.stick, self.gone, self.dark, self.armed = Stick(0.0, 0.0), False, 0.0, True
         self.driver, self.device = 1, Device.GAMEPAD
 
-    def heard(self):
-        said = super().heard()
+    def receive(self):
+        said = super().receive()
         command = Command(self.stick, True, self.armed, self.device, 1.0, ())
         command = GONE if self.gone else command
         self.dark += 0.02 if self.dark else 0.0

@@ -205,8 +205,8 @@ class Far(Scripted):
         super().__init__(lambda _: None, lambda: 0.0)
         self.age, self.scale = 0.02, 1.0
 
-    def heard(self):
-        said = super().heard()
+    def receive(self):
+        said = super().receive()
         command = said.command._replace(speed_scale=self.scale) if self.age <= 0.25 else None
         return said._replace(command=command, age=self.age)
 

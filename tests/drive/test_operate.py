@@ -26,7 +26,7 @@ def test_a_signal_becomes_a_wish_unless_the_drive_was_told_not_to_hear_it(number
         with ended() as end:
             end.heed()
             os.kill(os.getpid(), number)
-            assert end.asked == said
+            assert end.reason == said
         assert signal.getsignal(number) == before
     finally:
         signal.signal(number, then)

@@ -66,19 +66,19 @@ def _robot(keys: Keys, stick: Stick, told: Connection) -> None:
         told.send(end.address[1])
         due = time.monotonic()
         while not told.poll():
-            heard = end.heard()
+            heard = end.receive()
             now = time.monotonic()
-            stops = [a for a in heard.asked if a.request.what is Ask.STOP]
-            for asked in heard.asked:
+            stops = [a for a in heard.requests if a.request.what is Ask.STOP]
+            for asked in heard.requests:
                 end.answer(asked.client, asked.request.number, True, "")
             bulk.proposed()
             command = heard.command
             told.send(
                 Seen(
                     now, (stops[0].client, stops[0].request.number) if stops else None,
-                    heard.asked[: len(stops)] == tuple(stops),
+                    heard.requests[: len(stops)] == tuple(stops),
                     command is not None and command.valid and command.stick == stick,
-                    heard.age, len(heard.asked),
+                    heard.age, len(heard.requests),
                 )
             )  # fmt: skip
             end.tell(STATUS)

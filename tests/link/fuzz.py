@@ -80,7 +80,7 @@ class Attack:
         until(self.driver.status)
         number = self.driver.ask(Ask.TAKE)
         until(lambda: self.driver.answer(number))
-        until(lambda: self.robot.heard().command)
+        until(lambda: self.robot.receive().command)
 
     def close(self) -> None:
         self._open = False
@@ -93,13 +93,13 @@ class Attack:
             self.driver.steer(STICK, True, True, Device.SCRIPT)
             time.sleep(0.02)
             self.robot.tell(STATUS)
-            heard = self.robot.heard()
+            heard = self.robot.receive()
             if heard.command is not None:
                 self.ages[round(1e3 * heard.age)] += 1
                 # a beat that says "no stick" is the driver's own, when this machine was busy
                 if heard.command.valid and heard.command.stick != STICK:
                     self.wrong.append(f"a stick nobody held: {heard.command}")
-            for asked in heard.asked:
+            for asked in heard.requests:
                 if asked.request.what not in (Ask.STOP, Ask.ACKNOWLEDGE):
                     self.wrong.append(f"a request of who does not drive: {asked}")
                 self.robot.answer(asked.client, asked.request.number, False, "fuzzed")
@@ -120,8 +120,8 @@ class Attack:
                     with memory.open("a") as file:
                         print(round(time.monotonic() - began), resident(), self.sent.total(),
                               file=file)  # fmt: skip
-        lost = self.robot.heard().command is None
-        until(lambda: self.robot.heard().command, within=5.0)
+        lost = self.robot.receive().command is None
+        until(lambda: self.robot.receive().command, within=5.0)
         if lost:
             self.sent["driver was lost for a moment at the end"] += 1
 

@@ -50,7 +50,7 @@ class Both:
 
     def turn(self) -> None:
         self.robot.tell(STATUS)
-        self.robot.heard()
+        self.robot.receive()
         self.news += self.up.news()
 
     def got(self, of: type) -> list:

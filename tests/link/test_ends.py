@@ -25,14 +25,14 @@ class Both:
 
     def __init__(self, robot: RobotEnd, *stations: StationEnd) -> None:
         self.robot, self.stations = robot, stations
-        self.stick, self.heard, self.done = CENTRED, robot.heard(), []
+        self.stick, self.heard, self.done = CENTRED, robot.receive(), []
 
     def turn(self) -> OperatorInput:
         self.robot.tell(STATUS)
         for station in self.stations:
             station.steer(self.stick, True, True, Device.SCRIPT)
-        self.heard = self.robot.heard()
-        for asked in self.heard.asked:
+        self.heard = self.robot.receive()
+        for asked in self.heard.requests:
             self.done.append((asked.name, asked.request.what, asked.request.value))
             self.robot.answer(asked.client, asked.request.number, True, "done")
         return self.heard
@@ -100,7 +100,7 @@ def test_what_a_driver_wanted_before_it_drove_counts_for_nothing(both):
     until(lambda: both.heard.command and both.heard.command.stick.x == 1.0, turn=both.turn)
     number = one.ask(Ask.GIVE, two.status().status.lease.you)
     until(lambda: both.robot.driver == two.status().status.lease.you)
-    command = both.robot.heard().command
+    command = both.robot.receive().command
     assert command is None or not command.valid  # newer: that there is no stick
     assert number
 
@@ -135,8 +135,8 @@ def test_a_station_that_no_longer_steers_says_that_there_is_no_stick(both):
     both.ask(one, Ask.TAKE)
     both.stick = Stick(1.0, 0.0)
     until(lambda: both.heard.command and both.heard.command.valid, turn=both.turn)
-    until(lambda: (heard := both.robot.heard()).command and not heard.command.valid, within=1.0)
-    assert both.robot.heard().command.stick == CENTRED
+    until(lambda: (heard := both.robot.receive()).command and not heard.command.valid, within=1.0)
+    assert both.robot.receive().command.stick == CENTRED
 
 
 @pytest.mark.parametrize("stick", [Stick(math.nan, 0.0), Stick(0.0, 1.5), Stick(math.inf, 0.0)])
@@ -152,7 +152,7 @@ def test_a_closed_station_leaves_the_lease_and_no_command(both):
     both.ask(one, Ask.TAKE)
     one.close()
     until(lambda: both.robot.driver == 0, within=2.0)
-    assert both.robot.heard().command is None
+    assert both.robot.receive().command is None
 
 
 def test_a_scan_comes_whole_through_its_parts(both):
@@ -220,7 +220,7 @@ def test_stick_to_loop_takes_no_longer_than_the_network(both):
         began = time.perf_counter()
         one.steer(stick, True, True, Device.SCRIPT)
         until(
-            lambda stick=stick: (c := both.robot.heard().command) and c.stick == stick, within=1.0
+            lambda stick=stick: (c := both.robot.receive().command) and c.stick == stick, within=1.0
         )
         took.append(time.perf_counter() - began)
         both.robot.tell(STATUS)

@@ -101,7 +101,7 @@ def test_a_stop_passes_from_a_client_that_says_too_much(robot, raw):
     raw.say(command(5000, Request(1, Ask.MODE, 2, time.monotonic()),
                     Request(2, Ask.STOP, 0, time.monotonic())))  # fmt: skip
     asked = []
-    until(lambda: asked.extend(robot.heard().asked) or asked, within=1.0)
+    until(lambda: asked.extend(robot.receive().requests) or asked, within=1.0)
     assert [a.request.what for a in asked] == [Ask.STOP]
     assert asked[0].name == "local (1)"
 
@@ -117,7 +117,7 @@ def test_requests_beyond_a_rate_are_refused_with_an_answer_and_stops_are_not(rob
     until(lambda: len(answers) >= 88 - MOST_WAITING)
     raw.say(command(12, Request(next(numbers), Ask.STOP, 0, time.monotonic())))
     until(lambda: robot._pending._stops)
-    done = robot.heard().asked
+    done = robot.receive().requests
     assert done[0].request.what is Ask.STOP
     assert len(done) <= MOST_WAITING + 1
     refused = [answer for answer in answers if answer[3:] and "too many requests" in answer[3]]
@@ -188,7 +188,7 @@ def test_a_driver_comes_back_on_a_new_channel_though_all_places_are_taken(robot,
     again.say(command(2, session=1))
     again.say(command(3, Request(2, Ask.STOP, 0, time.monotonic()), session=1))
     asked = []
-    until(lambda: asked.extend(robot.heard().asked) or asked)
+    until(lambda: asked.extend(robot.receive().requests) or asked)
     assert asked[0].client == robot.driver
-    until(lambda: robot.heard().command)
-    assert robot.heard().command.stick == Stick(0.0, 0.0)
+    until(lambda: robot.receive().command)
+    assert robot.receive().command.stick == Stick(0.0, 0.0)

@@ -80,8 +80,8 @@ class Drive:
 
     def _loop(self) -> None:
         while self._open:
-            heard = self.robot.heard()
-            for asked in heard.asked:
+            heard = self.robot.receive()
+            for asked in heard.requests:
                 granted, why = self.side.ask(asked.request, asked.name)
                 self.robot.answer(asked.client, asked.request.number, granted, why)
             now = time.monotonic()

@@ -3,18 +3,18 @@
 from hypothesis import given, strategies as st
 
 from cohelm.link.messages import Ask, Request
-from cohelm.link.operator_input import Asked
+from cohelm.link.operator_input import ClientRequest
 from cohelm.link.pending import MOST_WAITING, MOVES, Pending
 
 whats = st.sampled_from([Ask.STOP, Ask.RESET, Ask.ACKNOWLEDGE, Ask.MODE, Ask.RECORD])
 asked = st.tuples(st.integers(1, 4), whats)
 
 
-def request(client: int, number: int, what: Ask) -> Asked:
-    return Asked(client, f"client {client}", Request(number, what, 1, 0.0))
+def request(client: int, number: int, what: Ask) -> ClientRequest:
+    return ClientRequest(client, f"client {client}", Request(number, what, 1, 0.0))
 
 
-def fill(pending: Pending, sequence) -> list[Asked]:
+def fill(pending: Pending, sequence) -> list[ClientRequest]:
     """Put them all in; returns those that were refused or called off."""
     out = []
     for number, (client, what) in enumerate(sequence, 1):

@@ -89,7 +89,7 @@ def test_a_replayed_or_forged_datagram_is_dropped_in_silence():
 def in_force(driven):
     """The driver's command, within a second: a machine that tests share may be held up."""
     heard = []
-    until(lambda: heard.append(driven.robot.heard().command) or heard[-1], within=1.0)
+    until(lambda: heard.append(driven.robot.receive().command) or heard[-1], within=1.0)
     return heard[-1]
 
 

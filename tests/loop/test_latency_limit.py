@@ -16,7 +16,7 @@ from tests.pilot.drives import SETTINGS
 ARMED = Person(Arming.ARMED)
 
 
-def heard(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
+def received(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
     command = Command(Stick(0.0, 0.0), False, False, Device.NONE, scale, ())
     return OperatorInput(driver, "anna", command if fresh else None, age, round_trip, ())
 
@@ -24,11 +24,11 @@ def heard(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        (heard(), ""),
-        (heard(0.29, fresh=False), ""),
-        (heard(0.31, fresh=False), "no command for 310 ms"),
-        (heard(math.nan, fresh=False), "no command yet"),
-        (heard(driver=0), "nobody drives any more"),
+        (received(), ""),
+        (received(0.29, fresh=False), ""),
+        (received(0.31, fresh=False), "no command for 310 ms"),
+        (received(math.nan, fresh=False), "no command yet"),
+        (received(driver=0), "nobody drives any more"),
     ],
 )
 def test_a_driver_is_lost_after_the_watchdog_whether_there_was_a_stick_or_not(said, why):
@@ -36,18 +36,18 @@ def test_a_driver_is_lost_after_the_watchdog_whether_there_was_a_stick_or_not(sa
 
 
 def test_the_share_of_speed_is_what_was_said_last():
-    assert allowed(heard(scale=0.25), 1.0) == 0.25
-    assert allowed(heard(fresh=False), 0.25) == 0.25
+    assert allowed(received(scale=0.25), 1.0) == 0.25
+    assert allowed(received(fresh=False), 0.25) == 0.25
 
 
 def test_only_a_person_who_steers_with_delay_near_something_is_slowed_down():
-    late = far(heard(round_trip=0.6), ARMED)
+    late = far(received(round_trip=0.6), ARMED)
     assert cap(late, 0.3, SETTINGS).speed < SETTINGS.gains.u_d
     assert "delay" in cap(late, 0.3, SETTINGS).reason
     assert cap(late, 5.0, SETTINGS) == FREE
     assert cap(late, math.inf, SETTINGS) == FREE
-    assert cap(far(heard(round_trip=0.05), ARMED), 0.3, SETTINGS) == FREE
-    assert math.isnan(far(heard(round_trip=0.6), Person()))
+    assert cap(far(received(round_trip=0.05), ARMED), 0.3, SETTINGS) == FREE
+    assert math.isnan(far(received(round_trip=0.6), Person()))
 
 
 def test_clear_is_the_gap_of_the_outline_to_the_nearest_thing_of_any_kind():

@@ -149,7 +149,7 @@ class Listeners:
         outline, _ = self.footprint.read()
         if outline is not None and not np.abs(outline).max() <= 0.8:
             return f"an outline of {outline.tolist()}"
-        steered = self.joy.heard().command
+        steered = self.joy.receive().command
         if steered is not None and not max(map(abs, steered.stick)) <= 1.0:
             return f"a stick at {steered.stick}"
         if any(one.sensor not in "abc" for one in self.contacts.read()):

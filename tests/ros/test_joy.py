@@ -38,7 +38,7 @@ class Topic:
 
     @property
     def stick(self):
-        heard = self.operator.heard()
+        heard = self.operator.receive()
         return heard.command.stick if heard.command and heard.command.valid else None
 
 
@@ -66,7 +66,7 @@ def test_without_its_button_it_is_centred_and_not_gone():
 
 def test_silent_it_is_no_centred_stick_but_none():
     joy = Topic()
-    nobody = joy.operator.heard()
+    nobody = joy.operator.receive()
     assert nobody.command is None
     assert math.isnan(nobody.age)
     assert joy.operator.problem() == "/joy: nothing is heard"
@@ -74,7 +74,7 @@ def test_silent_it_is_no_centred_stick_but_none():
     joy.now += 0.25
     assert joy.stick is not None
     joy.now += 0.05
-    heard = joy.operator.heard()
+    heard = joy.operator.receive()
     assert (heard.driver, heard.command) == (1, None)
     assert heard.age == pytest.approx(0.3)
     assert joy.operator.problem() == "/joy: silent for 0.3 s"

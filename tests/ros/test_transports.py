@@ -251,7 +251,7 @@ def test_joysticks_ranges_and_hazards_come_as_they_were_sent(pair):
     def came() -> bool:
         for out, message in sends:
             out.send(message)
-        command = joy.heard().command
+        command = joy.receive().command
         on = {known.sensor: known.on for known in contacts.read()}
         steers = command is not None and command.stick == (0.5, -0.25)
         return steers and on == {"bow": True, "edge": True}

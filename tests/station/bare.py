@@ -44,4 +44,4 @@ class Bare:
     def _tell(self) -> None:
         while not self._over.wait(0.05):
             self.end.tell(STATUS)
-            self.end.heard()
+            self.end.receive()

@@ -10,7 +10,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.drive.operate import Asked
+from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
@@ -35,7 +35,7 @@ class Robot:
         of_robot, self.keys = keys.pair_here()
         self.records = records
         self._made = RobotProcess(
-            Asked(scenario, scenario, "twin" if twin else "kinematic", True, None, []),
+            DriveOptions(scenario, scenario, "twin" if twin else "kinematic", True, None, []),
             TeleopConfig(of_robot, "127.0.0.1", 0, records), False, PATIENCE,
         )  # fmt: skip
         self.pid = self._made.pid

@@ -63,7 +63,7 @@ def calibrate(
     )
     from cohelm.core.errors import CohelmError
     from cohelm.core.files import check_folder
-    from cohelm.drive.operate import Asked, ended, meant
+    from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.keep.gated_robot import rules
     from cohelm.robot.keep.process import RemoteGatedRobot
     from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
@@ -86,15 +86,15 @@ def calibrate(
     kind = "twin" if twin else "kinematic"
     named = name if driver is not None or ros2 else str(file)
     where = on_ros(ros2, topics, transport, url)
-    asked = Asked(named, scenario, kind, True, None, [], driver, where)
+    options = DriveOptions(named, scenario, kind, True, None, [], driver, where)
     with starting(model.name) as line, ended() as stop:
-        made = meant(asked)
+        made = robot_factory(options)
         keeper = RemoteGatedRobot(made, rules(made.model, PERIOD))
         try:
             stop.heed()
             line.over()
             with progress("driving") as told:
-                driven = ride(keeper, plan, lambda: stop.asked, told)
+                driven = ride(keeper, plan, lambda: stop.reason, told)
         finally:
             keeper.close()
     answered = response(made.model, driven)

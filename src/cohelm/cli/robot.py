@@ -132,14 +132,20 @@ def robot(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.on_topics import TopicsConfig, on_topics
-    from cohelm.drive.operate import Asked, ended, hands, known, meant
+    from cohelm.drive.operate import (
+        DriveOptions,
+        ended,
+        map_and_zones,
+        mode_and_stick,
+        robot_factory,
+    )
     from cohelm.drive.session import SessionConfig
     from cohelm.drive.until_ended import drive_for_stations, drive_here
     from cohelm.link import keys
     from cohelm.loop.loop import LoopParams
     from cohelm.ros.joy import joy_params
 
-    asked = Asked(
+    options = DriveOptions(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
         on_ros(ros2, topics, transport, url), chart, keep_out, speed_zones,
     )  # fmt: skip
@@ -155,8 +161,8 @@ def robot(
     parameters = joy_params(joy_param or ())
     if dock and (mode or arrive):
         raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
-    made = meant(asked)
-    chosen_map, zones = known(asked, made)
+    made = robot_factory(options)
+    chosen_map, zones = map_and_zones(options, made)
     plan = SessionConfig(
         made, rate, record, live(foxglove), chosen_map, zones=zones,
         loop=LoopParams(carry_on=carry_on), pictures=pictures,
@@ -169,7 +175,7 @@ def robot(
     )
     topics_too = on_topics(made, config, lambda text: say(plain(text)))
     usual = "shared" if joy and not dock else ""
-    chosen = None if listen is not None else hands(made, mode or usual)
+    chosen = None if listen is not None else mode_and_stick(made, mode or usual)
     say(begins)
     if listen is not None and not keys.stations():
         say("no station is paired yet, so nobody can drive: cohelm pair new STATION")

@@ -15,7 +15,7 @@ from cohelm.cli.tell import Json, plain, print_json, say, starting
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cohelm.drive.operate import OnRos
+    from cohelm.drive.operate import Ros2Config
     from cohelm.ros.look import Found
 
 TopicNames = Annotated[
@@ -40,13 +40,13 @@ Bridge = Annotated[
 ]
 
 
-def on_ros(ros2: bool, topics: Sequence[str] | None, transport: str, url: str) -> OnRos | None:
+def on_ros(ros2: bool, topics: Sequence[str] | None, transport: str, url: str) -> Ros2Config | None:
     """Where a ROS 2 robot is, if it is one. CohelmError for what only one has."""
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.operate import OnRos
+    from cohelm.drive.operate import Ros2Config
 
     if ros2:
-        return OnRos(tuple(topics or ()), transport, url)
+        return Ros2Config(tuple(topics or ()), transport, url)
     if topics or url or transport != "auto":
         raise CohelmError("--topic, --transport and --url are of a ROS 2 robot: add --ros2")
     return None
@@ -211,7 +211,7 @@ def base(
     """
     import time
 
-    from cohelm.drive.operate import Asked, ended, meant
+    from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.model import SHIPPED
     from cohelm.ros.dds import DdsTransport
     from cohelm.ros.look import Topics
@@ -223,7 +223,7 @@ def base(
     wish = None if controller is None else asked_for(controller)
     topics = Topics.named(namespace)
     with starting("base") as line, ended() as stop:
-        made = meant(Asked(named, scenario, kind, True, seed, changes))
+        made = robot_factory(DriveOptions(named, scenario, kind, True, seed, changes))
         robot = made()
         transport = DdsTransport("cohelm_base", topics.namespace)
         try:
@@ -235,7 +235,7 @@ def base(
             begun = time.monotonic()
             served.run(
                 lambda: (
-                    stop.asked != ""
+                    stop.reason != ""
                     or (seconds is not None and time.monotonic() - begun >= seconds)
                 )
             )
@@ -289,10 +289,10 @@ def _served(
         begun = time.monotonic()
         node.run(
             lambda: (
-                stop.asked != "" or (seconds is not None and time.monotonic() - begun >= seconds)
+                stop.reason != "" or (seconds is not None and time.monotonic() - begun >= seconds)
             )
         )
-        say(plain(stop.asked or "its time is over"))
+        say(plain(stop.reason or "its time is over"))
     finally:
         ordinary()
         keeper.close()

@@ -132,7 +132,7 @@ def drive(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.awaited import Awaited
-    from cohelm.drive.operate import Asked, known, meant
+    from cohelm.drive.operate import DriveOptions, map_and_zones, robot_factory
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
     from cohelm.link import keys
@@ -142,18 +142,18 @@ def drive(
 
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     kind = "twin" if twin and driver is None and not ros2 else "kinematic"
-    asked = Asked(
+    options = DriveOptions(
         name, scenario, kind, True, None, changes or [], driver,
         on_ros(ros2, topics, transport, url), chart, keep_out, speed_zones,
     )  # fmt: skip
     if not ros2:  # that is looked for once
-        known(asked, meant(asked))  # what can not be used is told at once,
+        map_and_zones(options, robot_factory(options))  # what can not be used is told at once,
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
     door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove)
     with (
         ExitStack() as joined,
-        RobotProcess(asked, door, carry_on, pictures=pictures, wait=False, live=view) as robot,
+        RobotProcess(options, door, carry_on, pictures=pictures, wait=False, live=view) as robot,
         starting(f"the robot in {name}") as begun,
     ):
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import Make, own_robot
-from cohelm.drive.operate import End, ended, hands
+from cohelm.drive.operate import End, ended, mode_and_stick
 from cohelm.drive.session import SessionConfig
 from cohelm.drive.until_ended import drive_for_stations, drive_here
 from cohelm.loop.loop import LoopParams
@@ -53,4 +53,4 @@ def drive(
     with ended() if heeding else nullcontext(End([])) as stop:
         if listen is not None:
             return drive_for_stations(plan, listen, stop, seconds)
-        return drive_here(plan, *hands(made, mode), stop, seconds, arrive)
+        return drive_here(plan, *mode_and_stick(made, mode), stop, seconds, arrive)

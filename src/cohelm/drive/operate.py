@@ -1,4 +1,4 @@
-"""Turns the command line into a session: robot, hands, and when to end."""
+"""Turns the command line into a session: the robot, who holds the stick, and when to end."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cohelm.plan.zones import Zones
 
 
-class OnRos(NamedTuple):
+class Ros2Config(NamedTuple):
     """Where a ROS 2 robot is to be found."""
 
     topics: tuple[str, ...] = ()
@@ -37,8 +37,8 @@ class OnRos(NamedTuple):
     """Of its bridge."""
 
 
-class Asked(NamedTuple):
-    """What was said on the command line."""
+class DriveOptions(NamedTuple):
+    """Which robot is driven and where, as the command line says it."""
 
     name: str
     scenario: str
@@ -48,7 +48,7 @@ class Asked(NamedTuple):
     changes: list[str]
     driver: str | None = None
     """Of a robot that is not simulated: package:Class, or an entry point."""
-    ros2: OnRos | None = None
+    ros2: Ros2Config | None = None
     """Where a ROS 2 robot is."""
     chart: Path | None = None
     """The map to localise on; without, it is the scenario's walls."""
@@ -58,33 +58,37 @@ class Asked(NamedTuple):
     """... and of its speed zones; without either, the scenario's zones."""
 
 
-def meant(asked: Asked) -> RobotFactory:
-    """The robot that is meant: of a scenario, or a robot's file in another scenario."""
-    name, changes = asked.name, list(asked.changes)
-    if asked.driver is not None or asked.ros2 is not None:
-        if not asked.real_time or asked.kind == "twin" or asked.seed is not None:
-            option = "--ros2" if asked.driver is None else "--driver"
+def robot_factory(options: DriveOptions) -> RobotFactory:
+    """The robot of these options: of a scenario, or a robot's file in another scenario."""
+    name, changes = options.name, list(options.changes)
+    if options.driver is not None or options.ros2 is not None:
+        if not options.real_time or options.kind == "twin" or options.seed is not None:
+            option = "--ros2" if options.driver is None else "--driver"
             raise CohelmError(
                 f"with {option} nothing is simulated: leave out --twin, --fast and --seed"
             )
         described = _is_robot(Path(name)) or name in SHIPPED
-        site, model = (asked.scenario, name) if described else (name, None)
-        if asked.driver is not None:
-            return own_robot(asked.driver, site, model, changes)
-        return _on_ros2(asked.ros2 or OnRos(), site, model, changes)
+        site, model = (options.scenario, name) if described else (name, None)
+        if options.driver is not None:
+            return own_robot(options.driver, site, model, changes)
+        return _on_ros2(options.ros2 or Ros2Config(), site, model, changes)
     if _is_robot(Path(name)):
         changes.append(f"robot={Path(name).absolute()}")
-        name = asked.scenario
-    return simulated(name, asked.kind, real_time=asked.real_time, seed=asked.seed, changes=changes)
+        name = options.scenario
+    return simulated(
+        name, options.kind, real_time=options.real_time, seed=options.seed, changes=changes
+    )
 
 
-def known(asked: Asked, made: RobotFactory) -> tuple[LocalizationMap | None, Zones | None]:
+def map_and_zones(
+    options: DriveOptions, made: RobotFactory
+) -> tuple[LocalizationMap | None, Zones | None]:
     """The map and zones that were named. CohelmError where a file can not be used."""
-    chart = None if asked.chart is None else mapped(asked.chart, made.start)
-    return chart, read_zones(asked.keep_out, asked.speed_zones, made.start)
+    chart = None if options.chart is None else mapped(options.chart, made.start)
+    return chart, read_zones(options.keep_out, options.speed_zones, made.start)
 
 
-def _on_ros2(where: OnRos, site: str, model: str | None, changes: list[str]) -> RobotFactory:
+def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]) -> RobotFactory:
     """A ROS 2 robot, as it is found; CohelmError with all that does not fit."""
     from cohelm.ros.camera import choose
     from cohelm.ros.connection import connection
@@ -144,7 +148,7 @@ def _is_robot(path: Path) -> bool:
     return isinstance(data, dict) and "footprint_m" in data
 
 
-class Hands(Scripted):
+class ScenarioStick(Scripted):
     """The scenario's stick, played in the robot's time; or nobody's."""
 
     def __init__(self, hand: Callable[[float], Stick | None], present: bool) -> None:
@@ -157,12 +161,12 @@ class Hands(Scripted):
         begun = clock()
         self._watch = lambda: clock() - begun
 
-    def heard(self) -> Any:
+    def receive(self) -> Any:
         """As the script says; nothing where there is no stick."""
-        return super().heard() if self._present else NullOperator().heard()
+        return super().receive() if self._present else NullOperator().receive()
 
 
-def hands(made: RobotFactory, mode: str) -> tuple[Mode, Hands]:
+def mode_and_stick(made: RobotFactory, mode: str) -> tuple[Mode, ScenarioStick]:
     """The mode to drive in, and who holds the stick. CohelmError for a mode there is not."""
     stick = made.scenario.stick
     present = not isinstance(stick, (StickNone, StickOperator))
@@ -172,12 +176,12 @@ def hands(made: RobotFactory, mode: str) -> tuple[Mode, Hands]:
         return None if table is None else replayed(table, t)
 
     if not mode:
-        return (Mode.SHARED if present else Mode.AUTOMATIC), Hands(hand, present)
+        return (Mode.SHARED if present else Mode.AUTOMATIC), ScenarioStick(hand, present)
     try:
-        return Mode[mode.upper()], Hands(hand, present)
+        return Mode[mode.upper()], ScenarioStick(hand, present)
     except KeyError as error:
-        known = ", ".join(m.name.lower() for m in Mode)
-        raise CohelmError(f"--mode: there is no mode {mode!r}; there are {known}") from error
+        names = ", ".join(m.name.lower() for m in Mode)
+        raise CohelmError(f"--mode: there is no mode {mode!r}; there are {names}") from error
 
 
 _SIGNALS = {
@@ -189,33 +193,33 @@ _SIGNALS = {
 class End:
     """Whether somebody wants the drive to end, and how they said so."""
 
-    def __init__(self, heard: list[signal.Signals]) -> None:
-        self.asked = ""
-        self._heard = heard
+    def __init__(self, signals: list[signal.Signals]) -> None:
+        self.reason = ""
+        self._signals = signals
 
     def heed(self) -> None:
         """The robot may move from now on, and must be stopped first."""
-        for number in self._heard:
-            signal.signal(number, self._wish)
+        for number in self._signals:
+            signal.signal(number, self._request)
 
-    def _wish(self, number: int, _: object) -> None:
-        self.asked = _SIGNALS[signal.Signals(number)]
+    def _request(self, number: int, _: object) -> None:
+        self.reason = _SIGNALS[signal.Signals(number)]
 
 
 @contextmanager
 def ended() -> Generator[End]:
     """Ctrl-C, and being told to terminate: while a robot starts they end this process at once, even
-    in the middle of compiling; once it may move, see `End.heed`, they are a wish.
+    in the middle of compiling; once it may move, see `End.heed`, they are a request.
 
     Under `nohup`, which ignores the end of the terminal, the drive goes on without one.
     """
-    heard = [signal.SIGINT, signal.SIGTERM]
+    signals = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-        heard.append(signal.SIGHUP)
-    before = {number: signal.signal(number, signal.SIG_DFL) for number in heard}
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, heard)  # see `robot.keep.processes`
+        signals.append(signal.SIGHUP)
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in signals}
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)  # see `robot.keep.processes`
     try:
-        yield End(heard)
+        yield End(signals)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

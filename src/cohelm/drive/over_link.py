@@ -22,7 +22,7 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )  # fmt: skip
-from cohelm.link.operator_input import Asked, OperatorInput
+from cohelm.link.operator_input import ClientRequest, OperatorInput
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.robot_records import listed
@@ -51,20 +51,22 @@ class OverLink:
 
     # ---- what the loop asks of an operator ----------------------------------------------
 
-    def heard(self) -> OperatorInput:
+    def receive(self) -> OperatorInput:
         """As the link has it; records are no business of the loop's."""
-        heard = self._end.heard()
-        if not any(asked.request.what == Ask.RECORD for asked in heard.asked):
-            return heard
-        rest: list[Asked] = []
-        for asked in heard.asked:
+        received = self._end.receive()
+        if not any(asked.request.what == Ask.RECORD for asked in received.requests):
+            return received
+        rest: list[ClientRequest] = []
+        for asked in received.requests:
             number, what, value, _ = asked.request
             if what != Ask.RECORD:
                 rest.append(asked)
                 continue
-            said = "you do not drive" if asked.client != heard.driver else self.record(value != 0)
+            said = (
+                "you do not drive" if asked.client != received.driver else self.record(value != 0)
+            )
             self.answer(asked.client, number, not said, said)
-        return heard._replace(asked=tuple(rest))
+        return received._replace(requests=tuple(rest))
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
         """What became of a request."""

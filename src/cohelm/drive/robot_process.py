@@ -12,7 +12,7 @@ from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.live import LiveConfig
-from cohelm.drive.operate import Asked
+from cohelm.drive.operate import DriveOptions
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.robot.keep.processes import bound, started
 
@@ -31,7 +31,8 @@ class RobotProcess:
     """
 
     def __init__(
-        self, asked: Asked, door: TeleopConfig, carry_on: bool = False, patience: float = 0.0,
+        self, options: DriveOptions, door: TeleopConfig, carry_on: bool = False,
+        patience: float = 0.0,
         pictures: float = 5.0, wait: bool = True, live: LiveConfig | None = None,
     ) -> None:  # fmt: skip
         """patience, pictures, live: as in `SessionConfig`. wait: until the robot can be driven;
@@ -41,7 +42,7 @@ class RobotProcess:
         """
         self._line, theirs = multiprocessing.Pipe()
         self._process = started(
-            "cohelm robot", _drive, theirs, asked, door, carry_on, patience, pictures, live
+            "cohelm robot", _drive, theirs, options, door, carry_on, patience, pictures, live
         )
         theirs.close()
         self.host, self.port = "", 0
@@ -154,13 +155,13 @@ class RobotProcess:
 
 
 def _drive(
-    line: Connection, asked: Asked, door: TeleopConfig, carry_on: bool, patience: float,
+    line: Connection, options: DriveOptions, door: TeleopConfig, carry_on: bool, patience: float,
     pictures: float, live: LiveConfig | None,
 ) -> None:  # fmt: skip
     """The robot's process."""
     let_go = bound()
     from cohelm.drive.on_topics import TopicsConfig, on_topics
-    from cohelm.drive.operate import ended, known, meant
+    from cohelm.drive.operate import ended, map_and_zones, robot_factory
     from cohelm.drive.session import SessionConfig
     from cohelm.drive.teleop_server import serve
     from cohelm.loop.loop import LoopParams
@@ -169,7 +170,7 @@ def _drive(
 
         def over() -> str:
             try:
-                return end.asked or ("the station is gone" if line.poll() else "")
+                return end.reason or ("the station is gone" if line.poll() else "")
             except OSError:
                 return "the station is gone"
 
@@ -179,8 +180,8 @@ def _drive(
             let_go()
 
         try:
-            made = meant(asked)
-            chart, zones = known(asked, made)
+            made = robot_factory(options)
+            chart, zones = map_and_zones(options, made)
             plan = SessionConfig(
                 made, live=live, known=chart, zones=zones, loop=LoopParams(carry_on=carry_on),
                 patience=patience, pictures=pictures,

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.operate import End, Hands
+from cohelm.drive.operate import End, ScenarioStick
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.teleop_server import TeleopConfig, serve
 from cohelm.link import keys
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def drive_here(
-    plan: SessionConfig, mode: Mode, operator: Hands | JoyOperator, stop: End,
+    plan: SessionConfig, mode: Mode, operator: ScenarioStick | JoyOperator, stop: End,
     seconds: float | None = None, arrive: bool = False, topics: OnTopics | None = None,
     dock: str = "",
     begun: Callable[[Session], AbstractContextManager[object]] = nullcontext,
@@ -51,10 +51,10 @@ def drive_here(
                     topics.turn(loop)
                 over = clock() >= end or (arrive and loop.driver.arrived)
                 over = over or bool(number and loop.docking.last.why)
-                return over or stop.asked != ""
+                return over or stop.reason != ""
 
             session.run(until, mode, number)
-            session.end(stop.asked or "the drive is over")
+            session.end(stop.reason or "the drive is over")
         summary = session.summary()
     return summary | session.record_summary()
 
@@ -89,6 +89,6 @@ def drive_for_stations(
         begun(f"{at[0]}:{at[1]}")
 
     def over() -> str:
-        return stop.asked or ("its time is over" if time.monotonic() >= end else "")
+        return stop.reason or ("its time is over" if time.monotonic() >= end else "")
 
     return serve(plan, TeleopConfig(keys.robot(), host, port), ready, over, topics)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from cohelm.link.messages import Ask, Command, Request
 
 
-class Asked(NamedTuple):
+class ClientRequest(NamedTuple):
     """A request that the loop must do or refuse, and answer."""
 
     client: int
@@ -29,13 +29,13 @@ class OperatorInput(NamedTuple):
     """Of that command [s]; without one, the time since the last one that was used; or NaN."""
     round_trip: float
     """To the driver [s]; NaN: not known."""
-    asked: tuple[Asked, ...]
+    requests: tuple[ClientRequest, ...]
     """New since the last call, oldest first, but a stop before all others."""
     term: int = 0
     """Counts the leases: another one than before, and what was chosen in that is over. A driver who
     is lost, with nobody after him, leaves it as it was."""
 
 
-def stops_first(asked: tuple[Asked, ...]) -> tuple[Asked, ...]:
+def stops_first(requests: tuple[ClientRequest, ...]) -> tuple[ClientRequest, ...]:
     """The same with the stops before all else, in whatever order they came."""
-    return tuple(sorted(asked, key=lambda one: one.request.what != Ask.STOP))
+    return tuple(sorted(requests, key=lambda one: one.request.what != Ask.STOP))

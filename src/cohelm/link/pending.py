@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from cohelm.link.messages import Ask
-from cohelm.link.operator_input import Asked
+from cohelm.link.operator_input import ClientRequest
 
 MOST_WAITING = 16
 """Requests of one client that may wait for the loop; twice what one command carries."""
@@ -25,18 +25,18 @@ class Pending:
     """Not thread-safe; whoever owns it has the lock."""
 
     def __init__(self) -> None:
-        self._stops: dict[int, list[Asked]] = {}
-        self._others: list[Asked] = []
+        self._stops: dict[int, list[ClientRequest]] = {}
+        self._others: list[ClientRequest] = []
         self._waiting: Counter[int] = Counter()
 
-    def stop(self, asked: Asked) -> tuple[Asked, ...]:
+    def stop(self, asked: ClientRequest) -> tuple[ClientRequest, ...]:
         """Somebody stops the robot; returns the requests that are called off by it."""
         if asked.client in self._stops or len(self._stops) < _MOST_STOPPING:
             first = self._stops.get(asked.client, [asked])[0]
             self._stops[asked.client] = [first] if first is asked else [first, asked]
         return self._without(lambda other: other.request.what in MOVES)
 
-    def add(self, asked: Asked) -> bool:
+    def add(self, asked: ClientRequest) -> bool:
         """Another request; False: too many of this client wait already."""
         if self._waiting[asked.client] >= MOST_WAITING:
             return False
@@ -44,17 +44,17 @@ class Pending:
         self._others.append(asked)
         return True
 
-    def withdraw(self, client: int, but: frozenset[Ask]) -> tuple[Asked, ...]:
+    def withdraw(self, client: int, but: frozenset[Ask]) -> tuple[ClientRequest, ...]:
         """Take back what a client has asked for, except these; returns it."""
         return self._without(lambda one: one.client == client and one.request.what not in but)
 
-    def _without(self, which: Callable[[Asked], bool]) -> tuple[Asked, ...]:
+    def _without(self, which: Callable[[ClientRequest], bool]) -> tuple[ClientRequest, ...]:
         off = tuple(one for one in self._others if which(one))
         self._others = [one for one in self._others if not which(one)]
         self._waiting.subtract(one.client for one in off)
         return off
 
-    def take(self) -> tuple[Asked, ...]:
+    def take(self) -> tuple[ClientRequest, ...]:
         """All of them, once: the stops, in the order of who was first, then the others."""
         stops = [stop for of_one in self._stops.values() for stop in of_one]
         taken = (*stops, *self._others)

@@ -1,7 +1,7 @@
 """The robot's end of the link: several stations, one driver.
 
 A thread of its own moves the datagrams. The control loop talks to it through newest-wins slots
-and never waits: `tell` what is, `heard` what the driver wants. What may be older than `STALE` is
+and never waits: `tell` what is, `receive` what the driver wants. What may be older than `STALE` is
 not there any more, neither when it arrives nor when it is asked for; nothing is queued but
 requests, few of each client, and a stop is apart from them (`pending`). What one client may cost is
 bounded (`client`), so that none is heard less for what another sends.
@@ -26,7 +26,7 @@ from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.listener import Guest, Listener
 from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
-from cohelm.link.operator_input import Asked, OperatorInput
+from cohelm.link.operator_input import ClientRequest, OperatorInput
 from cohelm.link.pending import Pending
 from cohelm.link.rate import Coalesced
 from cohelm.link.wire import Header, encode, from_operator, may_stop
@@ -84,7 +84,7 @@ class RobotEnd(IoThread):
 
     # ---- for the loop ------------------------------------------------------------------
 
-    def heard(self) -> OperatorInput:
+    def receive(self) -> OperatorInput:
         """What the driver wants now. Each request is handed out once, a stop before all others."""
         now = self.clock()
         with self._lock:
@@ -313,7 +313,7 @@ class RobotEnd(IoThread):
             if request.number <= client.done or (stops_only and not stop):
                 continue
             client.done = request.number
-            asked = Asked(client.number, client.name, request)
+            asked = ClientRequest(client.number, client.name, request)
             refused = ""
             if stop:
                 for off in self._pending.stop(asked):
@@ -351,7 +351,7 @@ class RobotEnd(IoThread):
         taken = request.what is Ask.TAKE
         self._lease(said.held, f"asked by {client.name}", taken=taken)
 
-    def _oldest(self, asked: Asked, now: float) -> float:
+    def _oldest(self, asked: ClientRequest, now: float) -> float:
         """How long ago something was asked for at most [s]; NaN: who asked is gone."""
         client = self._clients.get(asked.client)
         if client is None:

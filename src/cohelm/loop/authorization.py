@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cohelm.link.operator_input import Asked
+from cohelm.link.operator_input import ClientRequest
 
 REMEMBERED = 10.0
 """No request is done that is so old [s]."""
@@ -28,11 +28,11 @@ class Authorization:
         self._stood = {w: number for w, number in self._stood.items() if w in self._ended}
         self._ended[who] = now
 
-    def stand(self, asked: Asked) -> None:
+    def stand(self, asked: ClientRequest) -> None:
         """This request, done, told the robot to stand."""
         self._stood[asked.client] = asked.request.number
 
-    def refusal(self, asked: Asked, driver: int, now: float, hold: bool = False) -> str:
+    def refusal(self, asked: ClientRequest, driver: int, now: float, hold: bool = False) -> str:
         """Why a request may not lead to driving; empty: it may. hold: it asks for hold, for which
         it is never too late.
 

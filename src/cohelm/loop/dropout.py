@@ -56,7 +56,7 @@ class Dropout(NamedTuple):
 
 
 def followed(
-    dropout: Dropout, lost: str, heard: OperatorInput, person: Person, now: float
+    dropout: Dropout, lost: str, received: OperatorInput, person: Person, now: float
 ) -> tuple[Dropout, Then]:
     """The dropout a period later, and what follows.
 
@@ -65,30 +65,30 @@ def followed(
     after it was seen centred.
     """
     if dropout.why:
-        return _further(dropout, heard, person, now)
+        return _further(dropout, received, person, now)
     if not lost:
-        return _known(dropout, heard), Then.NOTHING
-    silent = heard.command is None or not heard.command.valid
-    same = heard.driver == dropout.driver != 0 and dropout.device != Device.NONE
-    since = now - max(heard.age, 0.0) if math.isfinite(heard.age) else now
+        return _known(dropout, received), Then.NOTHING
+    silent = received.command is None or not received.command.valid
+    same = received.driver == dropout.driver != 0 and dropout.device != Device.NONE
+    since = now - max(received.age, 0.0) if math.isfinite(received.age) else now
     if not (silent and same) or now - since > BACK_WITHIN:
         return dropout.over, Then.STOP
     return dropout._replace(why=lost, since=since), Then.STAND
 
 
-def _known(dropout: Dropout, heard: OperatorInput) -> Dropout:
+def _known(dropout: Dropout, received: OperatorInput) -> Dropout:
     """Remember whose stick it is, and which."""
-    command = heard.command
+    command = received.command
     if command is not None and command.valid and command.armed:
-        return Dropout(driver=heard.driver, device=command.device)
-    return dropout if heard.driver == dropout.driver else Dropout()
+        return Dropout(driver=received.driver, device=command.device)
+    return dropout if received.driver == dropout.driver else Dropout()
 
 
 def _further(
-    dropout: Dropout, heard: OperatorInput, person: Person, now: float
+    dropout: Dropout, received: OperatorInput, person: Person, now: float
 ) -> tuple[Dropout, Then]:  # fmt: skip
-    command = heard.command
-    if heard.driver != dropout.driver:
+    command = received.command
+    if received.driver != dropout.driver:
         return Dropout(), Then.STOP
     if command is None or not command.valid:
         if now - dropout.since > BACK_WITHIN:

@@ -18,24 +18,24 @@ _FREES = 0.05  # nor is it slowed below this: it can leave what it stands agains
 _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
 
 
-def silent(heard: OperatorInput, stale: float) -> str:
+def silent(received: OperatorInput, stale: float) -> str:
     """Why the driver counts as lost; empty: not. With any stick, and with none."""
-    if heard.driver == 0:
+    if received.driver == 0:
         return "nobody drives any more"
-    if heard.command is None and not heard.age <= stale:
-        told = f"for {1000.0 * heard.age:.0f} ms" if math.isfinite(heard.age) else "yet"
+    if received.command is None and not received.age <= stale:
+        told = f"for {1000.0 * received.age:.0f} ms" if math.isfinite(received.age) else "yet"
         return f"no command {told}"
     return ""
 
 
-def allowed(heard: OperatorInput, scale: float) -> float:
+def allowed(received: OperatorInput, scale: float) -> float:
     """The share of the usual speed that the driver allows: the newest word counts."""
-    return heard.command.speed_scale if heard.command is not None else scale
+    return received.command.speed_scale if received.command is not None else scale
 
 
-def far(heard: OperatorInput, person: Person) -> float:
+def far(received: OperatorInput, person: Person) -> float:
     """The delay over which a person steers [s]; NaN: nobody does, or it is not known."""
-    return heard.round_trip if person.arming == Arming.ARMED else math.nan
+    return received.round_trip if person.arming == Arming.ARMED else math.nan
 
 
 def cap(delay: float, clear: float, settings: Settings) -> Cap:

@@ -14,7 +14,7 @@ from cohelm.core.types import Twist
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.latency_speed_limit import FREE as NOTICED
 from cohelm.link.messages import Arming, Ask, Discs, Mode, Severity
-from cohelm.link.operator_input import Asked, OperatorInput, stops_first
+from cohelm.link.operator_input import ClientRequest, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
 from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.alarms import Alarms
@@ -292,7 +292,7 @@ class Loop:
 
     def _take_input(self, now: float) -> None:
         """What does the person want, and may the stick be believed?"""
-        received = self.operator.heard()
+        received = self.operator.receive()
         self._driven_by = (received.driver, received.name)
         self._allowed_share = allowed(received, self._allowed_share)
         self._heed_lease(received)
@@ -356,7 +356,7 @@ class Loop:
         done: dict[int, int] = {}
         for line in self._lines.due(self.keeper.now()):
             self._event(line)
-        requests = stops_first(received.asked)
+        requests = stops_first(received.requests)
         if requests and requests[0].request.what == Ask.STOP:
             self._stop(requests[0].name)  # once a period, however many say so
         for asked in requests:
@@ -367,7 +367,7 @@ class Loop:
                 granted, reason = self._request(asked, received.driver)
             self.operator.answer(asked.client, asked.request.number, granted, reason)
 
-    def _request(self, asked: Asked, driver: int) -> tuple[bool, str]:
+    def _request(self, asked: ClientRequest, driver: int) -> tuple[bool, str]:
         what, value = asked.request.what, asked.request.value
         said = "the loop does not do that"
         if what == Ask.STOP:
@@ -394,7 +394,7 @@ class Loop:
         if not latched(before.mode) and gate.mode == GateMode.STOPPED:
             self._latched = (gate.mode, gate.reason)  # this person's, not the robot's
 
-    def _mode(self, asked: Asked, driver: int) -> str:
+    def _mode(self, asked: ClientRequest, driver: int) -> str:
         mode = Mode(asked.request.value)
         hold = mode == Mode.HOLD
         said = self._refusal(asked, driver, hold) or self._choose(mode, asked.client)
@@ -404,14 +404,14 @@ class Loop:
                 self.rights.stand(asked)
         return said
 
-    def _dock(self, asked: Asked, driver: int) -> str:
+    def _dock(self, asked: ClientRequest, driver: int) -> str:
         backwards = asked.request.what == Ask.UNDOCK
         said = self._refusal(asked, driver) or self.dock(asked.request.value, backwards)
         if not said:
             self._operator_chose = True
         return said
 
-    def _refusal(self, asked: Asked, driver: int, hold: bool = False) -> str:
+    def _refusal(self, asked: ClientRequest, driver: int, hold: bool = False) -> str:
         return self.rights.refusal(asked, driver, self.keeper.now(), hold)
 
     def _follow_gate(self) -> None:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from cohelm.core.types import Stick
 from cohelm.link.messages import Ask, Command, Device, Discs, Request, ScanPart, Status
-from cohelm.link.operator_input import Asked, OperatorInput
+from cohelm.link.operator_input import ClientRequest, OperatorInput
 
 NOBODY = OperatorInput(0, "", None, math.nan, math.nan, ())
 
@@ -16,7 +16,7 @@ NOBODY = OperatorInput(0, "", None, math.nan, math.nan, ())
 class Operator(Protocol):
     """`link.robot_end.RobotEnd` is one. Calls return at once."""
 
-    def heard(self) -> OperatorInput:
+    def receive(self) -> OperatorInput:
         """What the person wants now; each request is handed out once."""
         ...
 
@@ -36,7 +36,7 @@ class Operator(Protocol):
 class NullOperator:
     """No operator at all."""
 
-    def heard(self) -> OperatorInput:
+    def receive(self) -> OperatorInput:
         """Nothing."""
         return NOBODY
 
@@ -56,7 +56,7 @@ class Scripted(NullOperator):
     def __init__(self, hand: Callable[[float], Stick | None], clock: Callable[[], float]) -> None:
         """hand: the deflection at a time [s]; None: there is no stick then."""
         self._hand, self._clock = hand, clock
-        self._asked: list[Asked] = []
+        self._asked: list[ClientRequest] = []
         self.answers: list[tuple[int, bool, str]] = []
         """Number, granted, reason."""
         self.statuses: list[Status] = []
@@ -65,9 +65,9 @@ class Scripted(NullOperator):
     def ask(self, what: Ask, value: int = 0) -> None:
         """Have something done once."""
         number = len(self._asked) + len(self.answers) + 1
-        self._asked.append(Asked(1, "script", Request(number, what, value, 0.0)))
+        self._asked.append(ClientRequest(1, "script", Request(number, what, value, 0.0)))
 
-    def heard(self) -> OperatorInput:
+    def receive(self) -> OperatorInput:
         """The script's deflection, as fresh as can be."""
         asked, self._asked = tuple(self._asked), []
         stick = self._hand(self._clock())

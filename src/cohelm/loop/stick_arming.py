@@ -43,39 +43,45 @@ class Person(NamedTuple):
 
 
 def renewed(
-    person: Person, heard: OperatorInput, manner: ArmingParams, dt: float, stopped: bool = False
+    person: Person, received: OperatorInput, manner: ArmingParams, dt: float, stopped: bool = False
 ) -> Person:
     """The person a period of `dt` later, with what was heard.
 
     stopped: the robot stays stopped until somebody resets it; a stick that is held through that
     must be seen centred again, or the robot would set off with the mode that is chosen next.
     """
-    command, why = _believed(heard, manner)
+    command, why = _believed(received, manner)
     if command is None:
         lost = why if person.arming == Arming.ARMED else ""
         stick = _towards(person.stick, CENTRED, manner.hand_rate * dt)
-        return Person(Arming.ABSENT, stick, heard.age, heard.driver, lost)
+        return Person(Arming.ABSENT, stick, received.age, received.driver, lost)
     stick = command.stick
-    same = heard.driver == person.driver  # another hand must be seen centred itself
+    same = received.driver == person.driver  # another hand must be seen centred itself
     arming = person.arming if same and not stopped else Arming.WAITING
     if arming != Arming.ARMED:
         centred = max(abs(stick.x), abs(stick.psi)) <= manner.centre
         arming = Arming.ARMED if centred else Arming.WAITING
     goal = stick if arming == Arming.ARMED else CENTRED
     return Person(
-        arming, _towards(person.stick, goal, manner.hand_rate * dt), heard.age, heard.driver, ""
+        arming,
+        _towards(person.stick, goal, manner.hand_rate * dt),
+        received.age,
+        received.driver,
+        "",
     )
 
 
-def _believed(heard: OperatorInput, manner: ArmingParams) -> tuple[Command | None, str]:
+def _believed(received: OperatorInput, manner: ArmingParams) -> tuple[Command | None, str]:
     """The command, or why there is none to be believed."""
-    command = heard.command
+    command = received.command
     if command is None:
-        silent = heard.driver != 0 and math.isfinite(heard.age)
-        said = f"no command for {1000.0 * heard.age:.0f} ms" if silent else "nobody drives any more"
+        silent = received.driver != 0 and math.isfinite(received.age)
+        said = (
+            f"no command for {1000.0 * received.age:.0f} ms" if silent else "nobody drives any more"
+        )
         return None, said
-    if not heard.age <= manner.stale:
-        return None, f"the newest command is {1000.0 * heard.age:.0f} ms old"
+    if not received.age <= manner.stale:
+        return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
     if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
         return None, "the stick vanished"
     if not command.armed:

@@ -100,7 +100,7 @@ class JoyOperator(NullOperator):
             time.sleep(0.02)
         return mismatch.unheard(self.topic, JOY, SENSOR, "--joy", self._transport.endpoints())
 
-    def heard(self) -> OperatorInput:
+    def receive(self) -> OperatorInput:
         """The stick, as it is now."""
         age = self._clock() - self._came
         if not 0.0 <= age <= STALE:

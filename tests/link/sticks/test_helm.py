@@ -41,8 +41,8 @@ class Robot:
 
     def _loop(self) -> None:
         while self._open:
-            heard = self.end.heard()
-            for asked in heard.asked:
+            heard = self.end.receive()
+            for asked in heard.requests:
                 granted, why = self.side.ask(asked.request, asked.name)
                 self.end.answer(asked.client, asked.request.number, granted, why)
             if heard.driver or self.hands:
