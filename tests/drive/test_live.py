@@ -33,6 +33,7 @@ from cohelm.record.topics import IMAGE, LASTING, Photo, definitions
 from cohelm.robot.keep.gated_robot import GatedRobot, rules
 from cohelm.robot.keep.record_pipe import Line, line
 from cohelm.sim.kinematic import Kinematic
+from tests import own_loop
 from tests.drive.onlooker import HEAD, Onlooker
 from tests.robot.keep.robots import SALLY
 
@@ -235,7 +236,7 @@ class Full:
 def test_who_takes_nothing_is_let_go(monkeypatch):
     monkeypatch.setattr(of_live, "STUCK", 0.05)
     connection = Full()
-    asyncio.run(_Viewer(connection, ["hello"]).speak())
+    own_loop.run(_Viewer(connection, ["hello"]).speak())
     assert connection.over
 
 
@@ -252,7 +253,7 @@ def test_what_lasts_is_not_dropped_for_who_is_slow():
         viewer.give("/odom", 0, b"not asked for")
         return list(viewer._waiting)
 
-    waiting = asyncio.run(slow())
+    waiting = own_loop.run(slow())
     assert sum(len(data) for _, data in waiting) < ROOM + 300_000
     stamps = {topic: HEAD.unpack_from(data)[2] for topic, data in waiting}
     assert stamps == {IMAGE: 40, "/map": 39, "/scene": 0}

@@ -16,7 +16,7 @@ from cohelm.drive.shown import way
 from cohelm.law.reference import through
 from cohelm.record.write import Recorder, RunScene
 from cohelm.robot.limits import unlimited
-from cohelm.sim.operator_model import Operator
+from cohelm.sim.operator_model import OperatorModel
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
@@ -46,7 +46,7 @@ def lab(duration: float | None = None) -> Setup:
         limits=unlimited(0.5),
         around=world((bodies, WALLS)),
         names=("cone_1", "cone_2", "cone_3", "mover"),
-        operator=Operator(active=True),
+        operator=OperatorModel(active=True),
         duration=duration,
         scenario="# the lab, größer\nrobot: sally\n",
     )

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cohelm.core.types import disc
-from cohelm.sim.operator_model import IDLE, Operator, normal, replay, replayed
+from cohelm.sim.operator_model import IDLE, OperatorModel, normal, replay, replayed
 from cohelm.sim.run import run
 from cohelm.sim.world import Body, world
 from tests.sim.runs import LAB, NO_WALLS, bodies, lab_run
@@ -53,7 +53,7 @@ def test_trembling_is_standard_normal_and_its_own_for_every_seed():
     )
 
 
-PERSON = Operator(active=True)
+PERSON = OperatorModel(active=True)
 
 
 @pytest.fixture(scope="module")
@@ -129,5 +129,5 @@ def test_a_trembling_hand_is_the_same_again_from_the_same_seed():
 
 def test_an_idle_person_has_hands_off():
     assert (IDLE.side, IDLE.x, IDLE.psi) == (0.0, 0.0, 0.0)
-    assert not held(run(lab_run(operator=Operator()))).any()
+    assert not held(run(lab_run(operator=OperatorModel()))).any()
     assert LAB.duration > 58.0

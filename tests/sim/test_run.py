@@ -12,7 +12,7 @@ from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.gains import Gains
 from cohelm.law.reference import through
 from cohelm.robot.kinematics import arc
-from cohelm.sim.operator_model import Operator, replay
+from cohelm.sim.operator_model import OperatorModel, replay
 from cohelm.sim.run import pieces, run
 from cohelm.sim.world import Body, world
 from tests.oracle import lab
@@ -20,7 +20,7 @@ from tests.robot.test_footprint import polygon, signed
 from tests.sim.runs import SALLY, WALLS, lab_run, lab_world
 
 ALL_AT_ONCE = lab_run(
-    operator=Operator(active=True, tremor=0.05), seed=7, limits=SALLY, delay=0.13,
+    operator=OperatorModel(active=True, tremor=0.05), seed=7, limits=SALLY, delay=0.13,
     around=lab_world(WALLS), duration=8.0,
 )  # fmt: skip
 """Person, trembling, wheel limits, delay, walls and a mover together."""
@@ -126,7 +126,7 @@ def changes(rows):
 @pytest.mark.parametrize("person", [False, True])
 def test_with_limits_on_no_command_jumps_more_than_the_wheels_can(k_cbf, person):
     """Switching between person, controller and barrier included; E5 asks for metres per second."""
-    rows = run(lab_run(k_cbf, limits=SALLY, operator=Operator(active=person))).rows
+    rows = run(lab_run(k_cbf, limits=SALLY, operator=OperatorModel(active=person))).rows
     assert changes(rows).max() <= 2.0 * 0.01 * (1 + 1e-12)
     rim = np.abs(rows["applied_v"]) + 0.25 * np.abs(rows["applied_omega"])
     assert rim.max() <= 1.2 * (1 + 1e-15)

@@ -90,7 +90,7 @@ def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
     return Reference(knots, coeffs, float(speed))
 
 
-class Motion(NamedTuple):
+class PathMotion(NamedTuple):
     """Position, velocity and acceleration on a path [m, m/s, m/s^2], world frame."""
 
     x: float
@@ -102,7 +102,7 @@ class Motion(NamedTuple):
 
 
 @jit
-def evaluate(knots: Floats, coeffs: Floats, t: float) -> Motion:
+def evaluate(knots: Floats, coeffs: Floats, t: float) -> PathMotion:
     """S_X, S_Y and their two derivatives at time t [s]; at rest on the ends outside [T_1, T_m]."""
     last = len(knots) - 1
     inside = min(max(t, knots[0]), knots[last])
@@ -119,7 +119,7 @@ def evaluate(knots: Floats, coeffs: Floats, t: float) -> Motion:
     y = ((c[4] * s + c[5]) * s + c[6]) * s + c[7]
     vx = (3.0 * c[0] * s + 2.0 * c[1]) * s + c[2]
     vy = (3.0 * c[4] * s + 2.0 * c[5]) * s + c[6]
-    return Motion(x, y, vx, vy, 6.0 * c[0] * s + 2.0 * c[1], 6.0 * c[4] * s + 2.0 * c[5])
+    return PathMotion(x, y, vx, vy, 6.0 * c[0] * s + 2.0 * c[1], 6.0 * c[4] * s + 2.0 * c[5])
 
 
 @jit

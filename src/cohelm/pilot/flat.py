@@ -14,15 +14,15 @@ from cohelm.law.govern import Clock, PaceParams, Profile
 from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference
-from cohelm.pilot.step import Decision, Settings, State, pilot_step
+from cohelm.pilot.step import Decision, PilotState, Settings, pilot_step
 from cohelm.plan.course import Course
 from cohelm.plan.evasion.params import Evasion, EvasionParams
 from cohelm.plan.recovery import RecoveryMove
 from cohelm.robot.limits import Limits
 
 Flat = Callable[
-    [State, Pose, Twist, Stick, Surroundings, Course, float, Floats, Floats, float],
-    tuple[State, Decision],
+    [PilotState, Pose, Twist, Stick, Surroundings, Course, float, Floats, Floats, float],
+    tuple[PilotState, Decision],
 ]
 """`pilot_step` of one robot on one route, from Python."""
 
@@ -40,9 +40,9 @@ def step_of(settings: Settings, line: Floats) -> Flat:
     line = np.ascontiguousarray(line, dtype=np.float64)
 
     def step(
-        state: State, pose: Pose, twist: Twist, stick: Stick, around: Surroundings,
+        state: PilotState, pose: Pose, twist: Twist, stick: Stick, around: Surroundings,
         course: Course, dt: float, sent: Floats, watched: Floats, fastest: float,
-    ) -> tuple[State, Decision]:  # fmt: skip
+    ) -> tuple[PilotState, Decision]:  # fmt: skip
         k, time, clock, left, at, held, refused, evasion = state
         reference = course.reference
         # a whole number would compile another step
@@ -54,7 +54,7 @@ def step_of(settings: Settings, line: Floats) -> Flat:
             course.paced.rate, course.row, line, outline, row, float(dt), sent,
             watched, float(fastest),
         )  # fmt: skip
-        after = State(
+        after = PilotState(
             n[0], n[1], Clock(n[2], n[3], n[4]), RecoveryMove(n[5], n[6], n[7]), n[8], n[9], n[10],
             Evasion(n[11], n[12], n[13], n[14], n[15], n[16], n[17]),
         )  # fmt: skip
@@ -92,7 +92,7 @@ def _flat(
         outline, limits, gains, rules, pace, r[38] != 0.0, r[39] != 0.0, r[40], r[41], r[42],
         fastest, evasion, r[64],
     )  # fmt: skip
-    before = State(
+    before = PilotState(
         k,
         time,
         Clock(tau, rate, waited),

@@ -14,7 +14,7 @@ from cohelm.law.reference import Reference
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.flat import Flat, step_of
 from cohelm.pilot.replanning import Plan, ReplanParams, Task, entered, plan
-from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE, START, Decision, Settings, State
+from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE, START, Decision, PilotState, Settings
 from cohelm.plan.course import Course, Route, course, route
 from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams
@@ -61,7 +61,7 @@ class Pilot:
             route(reference), settings, path_params or PathParams(), replan_params or ReplanParams()
         )
         self.settings = settings
-        self.state: State = START
+        self.state: PilotState = START
         self.course: Course = course(reference, 0, True, settings.pace)
         self.sent: Floats = np.zeros((whole, 2))
         self.watched: Floats = nobody_watched()
@@ -121,7 +121,7 @@ class Pilot:
         return self.course.last and self.state.clock.tau >= self.course.reference.duration
 
 
-def taken(state: State, made: Plan, route: Route, pose: Pose, twist: Twist) -> State:
+def taken(state: PilotState, made: Plan, route: Route, pose: Pose, twist: Twist) -> PilotState:
     """The state with which a plan is taken up."""
     clock = state.clock
     if made.new:

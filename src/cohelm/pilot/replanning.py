@@ -13,7 +13,7 @@ from cohelm.law.govern import Clock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.rollout import ahead
-from cohelm.pilot.step import NO_MOVE, Settings, State
+from cohelm.pilot.step import NO_MOVE, PilotState, Settings
 from cohelm.plan.course import Course, Route, course, nearest_row, paced, window
 from cohelm.plan.distance_field import swept
 from cohelm.plan.elastic_band import distances
@@ -64,7 +64,7 @@ class ReplanParams(NamedTuple):
 class Task(NamedTuple):
     """A snapshot for `plan`, which may run elsewhere."""
 
-    state: State
+    state: PilotState
     pose: Pose
     twist: Twist
     around: Surroundings

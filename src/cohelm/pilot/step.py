@@ -58,7 +58,7 @@ class Settings(NamedTuple):
     """What the delay from command to wheels is longer than whole control periods [s]."""
 
 
-class State(NamedTuple):
+class PilotState(NamedTuple):
     """What the pilot has in mind between two steps."""
 
     k: int
@@ -78,7 +78,7 @@ class State(NamedTuple):
     evasion: Evasion = NO_EVASION
 
 
-START = State(0, 0.0, Clock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
+START = PilotState(0, 0.0, Clock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
 
 
 class Decision(NamedTuple):
@@ -137,9 +137,9 @@ class Decision(NamedTuple):
 
 @jit
 def pilot_step(
-    state: State, pose: Pose, twist: Twist, stick: Stick, around: Surroundings, course: Course,
+    state: PilotState, pose: Pose, twist: Twist, stick: Stick, around: Surroundings, course: Course,
     line: Floats, s: Settings, dt: float, sent: Floats, watched: Floats,
-) -> tuple[State, Decision]:  # fmt: skip
+) -> tuple[PilotState, Decision]:  # fmt: skip
     """One step: where the robot will be, what it follows, what the person wants, what is let by.
 
     pose, twist: now; around: as of now; all in one frame. stick: deflections in [-1, 1]. line:
@@ -193,7 +193,8 @@ def pilot_step(
     left, held, refused = _given_up(state, left, Twist(v, omega), clock.rate, dt)
     row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
     behavior = LED if led else (EVADING if evasion.on else (ESCAPING if recovering else FOLLOWING))
-    return State(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion), Decision(
+    after = PilotState(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion)
+    return after, Decision(
         v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
         step.nominal_v, step.nominal_omega, step.avoid_v, step.avoid_omega,
         step.authority_x, step.authority_psi, step.intent_x, step.intent_psi,
@@ -241,7 +242,7 @@ _AHEAD = 20  # rows of the route within which the nearest is looked for
 
 @jit
 def _given_up(
-    state: State, left: RecoveryMove, command: Twist, rate: float, dt: float
+    state: PilotState, left: RecoveryMove, command: Twist, rate: float, dt: float
 ) -> tuple[RecoveryMove, float, int]:
     """What is left of a move, how long it has been held up, and the kinds that led nowhere."""
     if left.distance == 0.0 and left.turn == 0.0:
@@ -255,7 +256,13 @@ def _given_up(
 
 @jit
 def _reference(
-    state: State, pose: Pose, course: Course, led: bool, recovering: bool, s: Settings, dt: float
+    state: PilotState,
+    pose: Pose,
+    course: Course,
+    led: bool,
+    recovering: bool,
+    s: Settings,
+    dt: float,
 ) -> tuple[Clock, Desired]:
     """The clock one step on, and what is desired then."""
     if not s.guarded:

@@ -24,7 +24,7 @@ from cohelm.scenario.model import Scenario
 from cohelm.scenario.world import Read
 from cohelm.sim.closed_loop import Piloted
 from cohelm.sim.grid import NO_GRID, solid_at
-from cohelm.sim.operator_model import Operator, Replay, replay
+from cohelm.sim.operator_model import OperatorModel, Replay, replay
 from cohelm.sim.setup import REACHED, Setup
 from cohelm.sim.twin.settings import Twinned
 from cohelm.sim.world import NOWHERE, Body, outline_clearance
@@ -42,6 +42,7 @@ def setup(scenario: Scenario) -> Setup:
     robot = _robot(alone)
     reference = alone.reference.spline()
     hands, alone = _hands(alone)
+    operator = alone.stick.person() if isinstance(alone.stick, StickOperator) else OperatorModel()
     limits = robot.bounds(enforced=alone.simulation.wheel_limits)
     gains = alone.law.gains(alone.reference.speed_mps)
     scenery = alone.scenery()
@@ -56,7 +57,7 @@ def setup(scenario: Scenario) -> Setup:
         around=alone.around(scenery),
         names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names),
         hands=hands,
-        operator=alone.stick.person() if isinstance(alone.stick, StickOperator) else Operator(),
+        operator=operator,
         dt=alone.simulation.step_s,
         duration=alone.simulation.duration_s,
         delay=alone.simulation.delay_s,

@@ -8,12 +8,12 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from cohelm.core.schema import Schema
-from cohelm.sim.operator_model import Operator
+from cohelm.sim.operator_model import OperatorModel
 
 Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
 FullScale = Annotated[float, Field(gt=0.0, le=1e6)]
 Time = Annotated[float, Field(ge=-1e6, le=1e6)]
-_PERSON = Operator()
+_PERSON = OperatorModel()
 
 
 class StickNone(Schema):
@@ -99,9 +99,9 @@ class StickOperator(Schema):
     tremor: Annotated[float, Field(ge=0.0, le=1.0)] = _PERSON.tremor
     """Standard deviation of the hand's trembling while it leads, in deflection."""
 
-    def person(self) -> Operator:
+    def person(self) -> OperatorModel:
         """The same as numbers."""
-        return Operator(
+        return OperatorModel(
             True, self.look_ahead_m, self.half_width_m, self.behind_m, self.surge, self.yaw,
             self.steer_per_rad, self.berth_m, self.reaction_s, self.linger_s, self.hold_s,
             self.hand_rate_per_s, self.tremor,

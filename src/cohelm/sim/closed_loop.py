@@ -22,7 +22,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
 from cohelm.pilot.replanning import ReplanParams, Task
-from cohelm.pilot.step import LED, START, Settings, State as PilotState, pilot_step
+from cohelm.pilot.step import LED, START, PilotState, Settings, pilot_step
 from cohelm.plan.course import Course, course
 from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams
@@ -31,8 +31,8 @@ from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import noise_seed, scan
-from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
-from cohelm.sim.wheels import State, at_rest, moved, note
+from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate, replayed
+from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
 
 _NEAR = 8.0  # walls farther than this from the robot are left out of a stretch of steps [m]
@@ -71,7 +71,7 @@ class Scene(NamedTuple):
     grid: Grid
     agility: Floats
     hands: Replay
-    operator: Operator
+    operator: OperatorModel
     seed: int
     reach: float
     goal: Floats
@@ -89,9 +89,9 @@ class Scene(NamedTuple):
 class Now(NamedTuple):
     """The run between two steps."""
 
-    robot: State
+    robot: SimulatedState
     pilot: PilotState
-    person: Person
+    person: OperatorState
     told: Surroundings
     """What it sees now, world frame; nothing for a robot that does not see."""
     led: bool
@@ -231,7 +231,9 @@ def look(
     return told_by(eyes, k * dt, now.robot, scans)
 
 
-def told_by(eyes: Perception, t: float, robot: State, scans: Sequence[Scan] = ()) -> Surroundings:
+def told_by(
+    eyes: Perception, t: float, robot: SimulatedState, scans: Sequence[Scan] = ()
+) -> Surroundings:
     """What the robot sees at time t, with the scans that are new."""
     first = next((one for one in scans if not one.sensor), None)
     further = tuple(one for one in scans if one.sensor)

@@ -59,7 +59,7 @@ class Scanner:
     newest: Scan | None = None
 
 
-class Motion(NamedTuple):
+class KinematicState(NamedTuple):
     """What changes from tick to tick."""
 
     pose: Pose
@@ -110,7 +110,7 @@ class Kinematic(Paced):
         self._coming: deque[tuple[int, Twist]] = deque()
         self._told = 0
         start = Pose(*map(float, start))  # compiled code knows no whole numbers
-        self._motion = Motion(start, Twist(0.0, 0.0), 0.0, 0.0, 0.0, NOWHERE, NOWHERE)
+        self._motion = KinematicState(start, Twist(0.0, 0.0), 0.0, 0.0, 0.0, NOWHERE, NOWHERE)
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
         self._next_odometry = _ticks(model.odometry.rate_hz, 1, step)
@@ -241,9 +241,9 @@ def _clearance(pose: Pose, outline: Floats, reach: float, discs: Floats, walls: 
 
 @jit
 def _move(
-    motion: Motion, first: int, last: int, asked: Twist, limits: Limits, outline: Floats,
+    motion: KinematicState, first: int, last: int, asked: Twist, limits: Limits, outline: Floats,
     reach: float, around: World, discs: Floats, step: float,
-) -> Motion:  # fmt: skip
+) -> KinematicState:  # fmt: skip
     """From tick to tick under one command; what wheels and gyro went is added up."""
     pose, twist = motion.pose, motion.twist
     left, right, yaw = motion.left, motion.right, motion.yaw
@@ -262,4 +262,4 @@ def _move(
                 least_moving = outline_clearance(
                     pose, outline, reach, discs, around.walls, least_moving
                 )
-    return Motion(pose, twist, left, right, yaw, least, least_moving)
+    return KinematicState(pose, twist, left, right, yaw, least, least_moving)

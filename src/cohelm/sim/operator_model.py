@@ -13,7 +13,7 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Pose, Stick, X, Y
 
 
-class Operator(NamedTuple):
+class OperatorModel(NamedTuple):
     """A person who watches the road ahead through a camera and dodges what is in the way.
 
     The model, step by step:
@@ -60,7 +60,7 @@ class Operator(NamedTuple):
     """Standard deviation of the trembling, in deflection."""
 
 
-class Person(NamedTuple):
+class OperatorState(NamedTuple):
     """What the simulated person has in mind between two steps."""
 
     noticed_at: float
@@ -77,7 +77,7 @@ class Person(NamedTuple):
 _NEAR = 0.3
 """A place beside a disc is looked at as at least this far ahead [m]: nobody steers sideways."""
 
-IDLE = Person(math.inf, -math.inf, 0.0, 0.0, 0.0)
+IDLE = OperatorState(math.inf, -math.inf, 0.0, 0.0, 0.0)
 
 
 class Replay(NamedTuple):
@@ -131,9 +131,9 @@ def normal(seed: int, k: int) -> float:
 
 @jit
 def operate(
-    person: Person, operator: Operator, pose: Pose, discs: Floats, noticed: NDArray[np.bool_],
-    k: int, dt: float, seed: int,
-) -> tuple[Person, Stick]:  # fmt: skip
+    person: OperatorState, operator: OperatorModel, pose: Pose, discs: Floats,
+    noticed: NDArray[np.bool_], k: int, dt: float, seed: int,
+) -> tuple[OperatorState, Stick]:  # fmt: skip
     """One step of the simulated person: what they have in mind, and where the stick is."""
     t = k * dt
     c, s = facing(pose.psi)
@@ -184,4 +184,4 @@ def operate(
             min(max(x + operator.tremor * normal(seed, 2 * k), -1.0), 1.0),
             min(max(psi + operator.tremor * normal(seed, 2 * k + 1), -1.0), 1.0),
         )
-    return Person(noticed_at, seen_at, side, x, psi), stick
+    return OperatorState(noticed_at, seen_at, side, x, psi), stick

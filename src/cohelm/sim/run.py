@@ -20,9 +20,9 @@ from cohelm.pilot.step import FOLLOWING
 from cohelm.plan.course import nearly_done, route
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import Piloted, Scene, stretches
-from cohelm.sim.operator_model import IDLE, Operator, Person, Replay, operate, replayed
+from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate, replayed
 from cohelm.sim.setup import Setup
-from cohelm.sim.wheels import State, at_rest, moved, note
+from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
 
 
@@ -78,11 +78,11 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
 
 @jit
 def _advance(
-    first: int, dt: float, state: State, person: Person, table: Floats,
+    first: int, dt: float, state: SimulatedState, person: OperatorState, table: Floats,
     goal: tuple[float, float, float], around: World,
-    hands: Replay, operator: Operator, seed: int, gains: Gains, limits: Limits,
+    hands: Replay, operator: OperatorModel, seed: int, gains: Gains, limits: Limits,
     outline: Floats, reach: float, queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
-) -> tuple[State, Person]:  # fmt: skip
+) -> tuple[SimulatedState, OperatorState]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, each written into rows, h and discs."""
     for j in range(len(rows)):
         k = first + j

@@ -19,7 +19,7 @@ from cohelm.robot.limits import Limits
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.closed_loop import Piloted
 from cohelm.sim.grid import NO_GRID, Grid
-from cohelm.sim.operator_model import Operator, Replay, replay
+from cohelm.sim.operator_model import OperatorModel, Replay, replay
 from cohelm.sim.twin.settings import Twinned
 from cohelm.sim.world import World, world
 
@@ -40,7 +40,7 @@ class Setup:
     around: World = field(default_factory=lambda: world(([], np.empty((0, 4)))))
     names: tuple[str, ...] = ()
     hands: Replay = field(default_factory=replay)
-    operator: Operator = field(default_factory=Operator)
+    operator: OperatorModel = field(default_factory=OperatorModel)
     dt: float = 0.01
     duration: float | None = None
     """[s]; by default that of the reference, or with the pilot twice that and half a minute."""

@@ -13,7 +13,7 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
 
 
-class State(NamedTuple):
+class SimulatedState(NamedTuple):
     """The simulated robot between two steps."""
 
     pose: Pose
@@ -26,16 +26,16 @@ class State(NamedTuple):
 
 
 @jit_inline
-def at_rest(pose: Pose) -> State:
+def at_rest(pose: Pose) -> SimulatedState:
     """Standing at a pose, stick centred."""
-    return State(pose, Twist(0.0, 0.0), Stick(0.0, 0.0), 0.0)
+    return SimulatedState(pose, Twist(0.0, 0.0), Stick(0.0, 0.0), 0.0)
 
 
 @jit_inline
 def moved(
-    k: int, dt: float, state: State, command: Twist, stick: Stick, gains: Gains, limits: Limits,
-    queue: Floats,
-) -> tuple[State, bool]:  # fmt: skip
+    k: int, dt: float, state: SimulatedState, command: Twist, stick: Stick, gains: Gains,
+    limits: Limits, queue: Floats,
+) -> tuple[SimulatedState, bool]:  # fmt: skip
     """From k dt to (k + 1) dt, the command held in between; and whether the limits changed it.
 
     queue: (d, 2), commands still on their way; d = 0 for no delay. It is written to.
@@ -49,13 +49,13 @@ def moved(
     applied = achievable(arriving, state.applied, limits, dt)
     saturated = applied.v != arriving.v or applied.omega != arriving.omega
     energy = supplied_energy(state.energy, state.stick, stick, gains)
-    return State(arc(state.pose, applied, dt), applied, stick, energy), saturated
+    return SimulatedState(arc(state.pose, applied, dt), applied, stick, energy), saturated
 
 
 @jit_inline
 def note(
-    row: Any, h: Floats, t: float, pose: Pose, stick: Stick, desired: Desired, s: Any, after: State,
-    saturated: bool, discs: Floats,
+    row: Any, h: Floats, t: float, pose: Pose, stick: Stick, desired: Desired, s: Any,
+    after: SimulatedState, saturated: bool, discs: Floats,
 ) -> None:  # fmt: skip
     """One step into its row of the trace, and h_i of every disc. s: what was decided and from what,
     by the fields of `law.step.Step`."""

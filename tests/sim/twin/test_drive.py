@@ -37,11 +37,15 @@ def driven(name: str, *changes: str) -> Trace:
     ids=lambda c: c,
 )
 def test_the_lab_is_driven_without_a_contact(change):
-    trace = driven("lab-avoid", "simulation.wheel_limits=true", change)
-    metrics = measure(trace)
-    assert metrics.reached
-    assert trace.rows["clearance"].min() > 0.04
-    assert trace.rows["t"][-1] < 80.0
+    drives = [
+        driven("lab-avoid", "simulation.wheel_limits=true", change, f"simulation.seed={seed}")
+        for seed in range(3)
+    ]
+    for trace in drives:
+        assert measure(trace).reached
+        assert trace.rows["clearance"].min() > 0.04
+    # Whether it meets the mover in the door or behind it is worth some 10 s, and a matter of noise.
+    assert np.median([trace.rows["t"][-1] for trace in drives]) < 80.0
 
 
 def test_on_ice_the_guard_counts_on_no_more_than_the_floor_holds():

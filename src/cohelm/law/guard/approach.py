@@ -6,7 +6,7 @@ import math
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y, is_finite
-from cohelm.law.guard.contact import Contact, contact, overlap
+from cohelm.law.guard.contact import NearestPoint, contact, overlap
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.limits import Limits
 
@@ -112,7 +112,7 @@ def _far(speed: float, a: float, dt: float, margin: float) -> float:
 
 
 @jit
-def _row(rows: Floats, n: int, p: Contact, b: float, owner: int) -> None:
+def _row(rows: Floats, n: int, p: NearestPoint, b: float, owner: int) -> None:
     """n . (v - omega q_y, omega q_x) >= b, of a contact."""
     rows[n, 0] = p.nx
     rows[n, 1] = p.ny * p.qx - p.nx * p.qy
@@ -147,7 +147,7 @@ def _wall_rows(
         if 0.0 < wx * ex + wy * ey < square:
             across = (wx * ey - wy * ex) / length
             side = 1.0 if across >= 0.0 else -1.0
-            p = Contact(
+            p = NearestPoint(
                 abs(across), outline[i, 0], outline[i, 1], side * ey / length, -side * ex / length
             )
             if p.clearance < far:

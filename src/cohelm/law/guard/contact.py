@@ -13,7 +13,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats
 
 
-class Contact(NamedTuple):
+class NearestPoint(NamedTuple):
     """The nearest point of the outline to something outside.
 
     clearance [m], negative inside. (qx, qy): the outline's point [m]. (nx, ny): unit vector from
@@ -28,7 +28,7 @@ class Contact(NamedTuple):
 
 
 @jit
-def contact(outline: Floats, px: float, py: float) -> Contact:
+def contact(outline: Floats, px: float, py: float) -> NearestPoint:
     """The contact with a point; inside, the way out is through the nearest edge."""
     k = outline.shape[0]
     best, qx, qy = math.inf, 0.0, 0.0
@@ -51,9 +51,9 @@ def contact(outline: Floats, px: float, py: float) -> Contact:
         best = (qx - px) * (qx - px) + (qy - py) * (qy - py)
     far = math.sqrt(best)
     if 1e-12 < far < math.inf:
-        return Contact(far, qx, qy, (qx - px) / far, (qy - py) / far)
+        return NearestPoint(far, qx, qy, (qx - px) / far, (qy - py) / far)
     inside = overlap(outline, px, py, px, py)
-    return Contact(min(inside.clearance, 0.0), px, py, inside.nx, inside.ny)
+    return NearestPoint(min(inside.clearance, 0.0), px, py, inside.nx, inside.ny)
 
 
 @jit
@@ -93,16 +93,19 @@ def wall_clearance(outline: Floats, ax: float, ay: float, bx: float, by: float) 
 
 
 @jit
-def overlap(outline: Floats, ax: float, ay: float, bx: float, by: float) -> Contact:
+def overlap(outline: Floats, ax: float, ay: float, bx: float, by: float) -> NearestPoint:
     """The shortest way out of a segment, which may be a point; clearance < 0 only if there is one.
 
     The largest separation along the normals of the outline's edges and of the segment; two
     convex shapes apart have one >= 0 among them.
     """
-    best = Contact(-math.inf, ax, ay, -1.0, 0.0)
+    best = NearestPoint(-math.inf, ax, ay, -1.0, 0.0)
     ex, ey = bx - ax, by - ay
     length = math.sqrt(ex * ex + ey * ey)
-    right, left = Contact(math.inf, ax, ay, -1.0, 0.0), Contact(math.inf, ax, ay, -1.0, 0.0)
+    right, left = (
+        NearestPoint(math.inf, ax, ay, -1.0, 0.0),
+        NearestPoint(math.inf, ax, ay, -1.0, 0.0),
+    )
     k = outline.shape[0]
     for i in range(k):
         j = i + 1 if i + 1 < k else 0
@@ -114,16 +117,16 @@ def overlap(outline: Floats, ax: float, ay: float, bx: float, by: float) -> Cont
             b = ((bx - cx) * fy - (by - cy) * fx) / size
             if min(a, b) > best.clearance:
                 x, y = (ax, ay) if a <= b else (bx, by)
-                best = Contact(min(a, b), x, y, -fy / size, fx / size)
+                best = NearestPoint(min(a, b), x, y, -fy / size, fx / size)
         if length > 0.0:
             across = ((cx - ax) * ey - (cy - ay) * ex) / length  # > 0 to the segment's right
             if across < right.clearance:
-                right = Contact(across, cx, cy, ey / length, -ex / length)
+                right = NearestPoint(across, cx, cy, ey / length, -ex / length)
             if -across < left.clearance:
-                left = Contact(-across, cx, cy, -ey / length, ex / length)
+                left = NearestPoint(-across, cx, cy, -ey / length, ex / length)
     if math.inf > right.clearance > best.clearance:
         best = right
     if math.inf > left.clearance > best.clearance:
         best = left
     # A point robot has no edges: at a point it is only ever in touch.
-    return best if best.clearance > -math.inf else Contact(0.0, ax, ay, -1.0, 0.0)
+    return best if best.clearance > -math.inf else NearestPoint(0.0, ax, ay, -1.0, 0.0)

@@ -29,7 +29,7 @@ _BACK = 0.005  # nearer to where it should be than this [m], it is back on its w
 _KEEPS = 0.2  # for which an attacker keeps what it does [s]
 
 
-class Movers(NamedTuple):
+class MovingDiscs(NamedTuple):
     """Discs that move. One that bumps into the robot, a wall or another disc stops, finds its way
     round it, slowly and with no more acceleration than AGILITY, and then makes up for the time it
     lost."""
@@ -74,7 +74,7 @@ _NOTHING, _ROBOT = -1, 0  # things by number: then discs, then walls
 @jit
 def walk(
     step: float, time: float, pose: Pose, outline: Floats, discs: Floats, walls: Floats,
-    movers: Movers, mocap: Floats,
+    movers: MovingDiscs, mocap: Floats,
 ) -> float:  # fmt: skip
     """Movers on to `time`, one step; the farthest way of any [m]. Written to discs and mocap."""
     farthest = 0.0

@@ -15,7 +15,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist, X, Y, wrap
 from cohelm.robot.limits import Limits, achievable
 from cohelm.sim.twin.engine import address, mj_step
-from cohelm.sim.twin.movers import Movers, walk
+from cohelm.sim.twin.movers import MovingDiscs, walk
 from cohelm.sim.world import NOWHERE, outline_clearance
 
 _ADDING = 2.0  # how fast the servos' integral part adds up a steady error [1/s]
@@ -65,7 +65,7 @@ def views(model: Any, data: Any) -> Views:
     )  # fmt: skip
 
 
-class Trail(NamedTuple):
+class PoseHistory(NamedTuple):
     """Where robot and movers were in the last steps; step k is in row k % len."""
 
     poses: Floats
@@ -74,7 +74,7 @@ class Trail(NamedTuple):
     """(n, m, 2)"""
 
 
-class Wheels(NamedTuple):
+class WheelDrives(NamedTuple):
     """The drives as numbers."""
 
     radius: float
@@ -90,8 +90,8 @@ class Wheels(NamedTuple):
 @jit
 def advance(
     last: int, deadline: int, step: float, views: Views, state: NDArray[np.void], orders: Floats,
-    limits: Limits, wheels: Wheels, outline: Floats, reach: float, discs: Floats, walls: Floats,
-    movers: Movers, trail: Trail,
+    limits: Limits, wheels: WheelDrives, outline: Floats, reach: float, discs: Floats,
+    walls: Floats, movers: MovingDiscs, trail: PoseHistory,
 ) -> None:  # fmt: skip
     """Physics up to step `last`.
 
@@ -122,7 +122,7 @@ def advance(
 
 
 @jit
-def _drive(step: float, views: Views, s: Any, limits: Limits, wheels: Wheels) -> None:
+def _drive(step: float, views: Views, s: Any, limits: Limits, wheels: WheelDrives) -> None:
     """The drives' ramp within the limits, and the servos' set points [rad/s]."""
     driven = achievable(
         Twist(s.asked_v, s.asked_omega), Twist(s.driven_v, s.driven_omega), limits, step
@@ -143,7 +143,7 @@ def _drive(step: float, views: Views, s: Any, limits: Limits, wheels: Wheels) ->
 
 @jit
 def _observe(
-    step: float, views: Views, s: Any, limits: Limits, wheels: Wheels, reach: float
+    step: float, views: Views, s: Any, limits: Limits, wheels: WheelDrives, reach: float
 ) -> float:
     """The true state after a step; how far any point of the outline has moved at most [m]."""
     q = views.qpos

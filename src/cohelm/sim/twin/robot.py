@@ -22,8 +22,8 @@ from cohelm.sim.odometer import Odometer
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit
-from cohelm.sim.twin.movers import Movers, Pursuers, Pursuit
-from cohelm.sim.twin.physics import STATE, Trail, Wheels, advance, views
+from cohelm.sim.twin.movers import MovingDiscs, Pursuers, Pursuit
+from cohelm.sim.twin.physics import STATE, PoseHistory, WheelDrives, advance, views
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.twin.sweep import rows, sweep
 from cohelm.sim.world import NOWHERE, World, moves, outline_clearance, place, world
@@ -87,7 +87,7 @@ class Scanner:
 class Twin(Paced):
     """A robot of steel and rubber, as far as MuJoCo goes.
 
-    What it hits holds it back. Movers (index 0 of `around`) run with the robot's clock; who
+    What it hits holds it back. MovingDiscs (index 0 of `around`) run with the robot's clock; who
     bumps into it finds the way round it, and is never pushed aside. Runs are equal to the last
     bit for equal seeds and calls, with the pace `AsFast`.
     """
@@ -127,7 +127,7 @@ class Twin(Paced):
             agility, pursuers.fastest if pursuers else 0.0, pursuers.seed if pursuers else 0,
             np.zeros((len(moving), 2)),
         )  # fmt: skip
-        self._movers = Movers(
+        self._movers = MovingDiscs(
             np.array(moving, dtype=np.int64), around, np.zeros((len(moving), 5)), hunt
         )
         text = mjcf(model, settings, step, self._discs, moving, around.walls, grid)
@@ -138,7 +138,7 @@ class Twin(Paced):
         self.data: Any = mujoco.MjData(self.mujoco)
         self._settle(start)
         self._views = views(self.mujoco, self.data)
-        self._wheels = Wheels(
+        self._wheels = WheelDrives(
             model.wheel_radius_m, rolling_torque(model, settings) / servo_gain(model, settings),
             servo_gain(model, settings),
             torque_limit(model, settings),
@@ -161,7 +161,7 @@ class Twin(Paced):
         ]
         longest = max((scanner.sweep for scanner in self._scanners), default=0)
         size = rows(longest * step, step) + _CHUNK
-        self._trail = Trail(np.empty((size, 3)), np.empty((size, len(moving), 2)))
+        self._trail = PoseHistory(np.empty((size, 3)), np.empty((size, len(moving), 2)))
         self._trail.poses[:] = start
         self._trail.places[:] = self._discs[moving, :2]
         self._eye: Eye | None = None

@@ -11,13 +11,13 @@ from cohelm.core.types import Floats, Pose, X, Y
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import sight
-from cohelm.sim.twin.movers import Movers
-from cohelm.sim.twin.physics import Trail
+from cohelm.sim.twin.movers import MovingDiscs
+from cohelm.sim.twin.physics import PoseHistory
 
 
 @jit
 def sweep(
-    first: int, steps: int, trail: Trail, lidar: Lidar, discs: Floats, movers: Movers,
+    first: int, steps: int, trail: PoseHistory, lidar: Lidar, discs: Floats, movers: MovingDiscs,
     walls: Floats, grid: Grid, ranges: Floats,
 ) -> None:  # fmt: skip
     """True distances of a scan that began at step `first` and took `steps`, into `ranges` [m].

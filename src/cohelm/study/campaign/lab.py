@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cohelm.law.reference import Motion, evaluate
+from cohelm.law.reference import PathMotion, evaluate
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
 from cohelm.sim.setup import REACHED, Setup
@@ -36,7 +36,9 @@ def limited(setup: Setup, times: float) -> Setup:
 
 def goal(setup: Setup) -> Goal:
     """The end of the reference."""
-    end: Motion = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
+    end: PathMotion = evaluate(
+        setup.reference.knots, setup.reference.coeffs, setup.reference.duration
+    )
     return Goal(end.x, end.y, REACHED)
 
 
