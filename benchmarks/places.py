@@ -393,7 +393,7 @@ class Kidnap(NamedTuple):
     at_start: bool = False
 
 
-class Found(NamedTuple):
+class WorstAttack(NamedTuple):
     """last: when it was last lost or more than 0.2 m off after the push [s]; longest: wrong and
     sure at a stretch [s]; trace: of each step since the push, time, truth, place, lost, reason;
     ms: that each scan took."""
@@ -461,7 +461,7 @@ def walkers(way: list[Pose], count: int, seed: int) -> Callable[[float], Floats]
 def recovered(
     place: Place, poses: list[Pose], twists: list[Twist], one: Kidnap, *,
     model: LidarModel = LIDAR, error: float = 0.015, people: int = 0,
-) -> Found:  # fmt: skip
+) -> WorstAttack:  # fmt: skip
     """9 s from the push on."""
     k = one.start
     way, off = poses[k : k + 600], one.told
@@ -497,7 +497,7 @@ def recovered(
         run = run + DT if not seen.lost and e > WRONG else 0.0
         longest = max(longest, run)
         trace.append((since, t, seen.pose, seen.lost, seen.reason))
-    return Found(last, longest, trace, ms)
+    return WorstAttack(last, longest, trace, ms)
 
 
 def circumstances(given: argparse.Namespace) -> str:

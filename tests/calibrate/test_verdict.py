@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.calibrate.interval import half_widths
 from cohelm.calibrate.mount import Mount
-from cohelm.calibrate.response import Channel, Measured, Response
+from cohelm.calibrate.response import AxisResponse, Measured, Response
 from cohelm.calibrate.verdict import as_dict, earlier_run, findings, with_load
 from cohelm.core.errors import CohelmError
 from cohelm.robot.model import LimitsModel
@@ -19,8 +19,10 @@ NONE = np.empty(0)
 
 
 def channel(rise, brake, speed, gain=1.0, off=0.01):
-    return Channel(Measured(rise, off), Measured(brake, off), Measured(gain, 0.001), speed, speed,
-                   0.001, NONE, NONE, NONE)  # fmt: skip
+    return AxisResponse(
+        Measured(rise, off), Measured(brake, off), Measured(gain, 0.001), speed, speed,
+        0.001, NONE, NONE, NONE,
+    )  # fmt: skip
 
 
 def answered(total=0.05, rise=2.0, brake=2.0, speed=1.0, turn_gain=1.0, off=0.01):

@@ -15,7 +15,7 @@ from cohelm.core.types import Twist
 from cohelm.drive.checking import CheckingHere
 from cohelm.drive.on_topics import OnTopics
 from cohelm.drive.operator_requests import OperatorRequests
-from cohelm.drive.proposed import NONE, Judged
+from cohelm.drive.proposed import NONE, CheckedPath
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Ask, Mode
@@ -126,9 +126,9 @@ class SessionJobs:
         self.checking = Slow(self._judged)
         self.ways, self.records, self.make = Later(), Later(), FakeRecording
 
-    def _judged(self, points, pose) -> Judged:
+    def _judged(self, points, pose) -> CheckedPath:
         if self.fails == "check":
-            return Judged(None, "no", NONE)
+            return CheckedPath(None, "no", NONE)
         if self.fails == "mistake":
             raise ValueError("a mistake in the check")
         return self.judge(points, pose)

@@ -11,26 +11,26 @@ import pytest
 from cohelm.core.types import Pose
 from cohelm.drive import checking
 from cohelm.drive.checking import CheckingElsewhere
-from cohelm.drive.proposed import Judge, Judged
+from cohelm.drive.proposed import CheckedPath, PathChecker
 from tests.link.ends import until
 
 pytestmark = pytest.mark.xdist_group("realtime")
 STARTED = 240.0  # with nothing compiled, on a busy machine [s]
 OUTLINE = np.array([(-0.36, -0.29), (0.36, -0.29), (0.36, 0.29), (-0.36, 0.29)])
-JUDGE = Judge(0.5, OUTLINE, np.empty((0, 2)), np.empty((0, 2)))
+JUDGE = PathChecker(0.5, OUTLINE, np.empty((0, 2)), np.empty((0, 2)))
 WAY, HERE = np.array([(1.0, 0.0), (3.0, 0.5)]), Pose(0.0, 0.0, 0.0)
 
 
 class Sleepy:
     """A judge that never comes to an end, but for the way with which it is warmed up."""
 
-    def __call__(self, points, pose) -> Judged:
+    def __call__(self, points, pose) -> CheckedPath:
         if points[1, 0] > 2.5:
             time.sleep(60.0)
         return JUDGE(points, pose)
 
 
-def judged(process: CheckingElsewhere) -> Judged:
+def checked_path(process: CheckingElsewhere) -> CheckedPath:
     until(lambda: process.ready, STARTED)
     process.begin(time.monotonic(), WAY, HERE)
     assert not process.ready
@@ -42,7 +42,7 @@ def judged(process: CheckingElsewhere) -> Judged:
 def test_a_process_that_dies_is_replaced_and_what_it_had_is_answered():
     process = CheckingElsewhere(JUDGE)
     try:
-        assert judged(process).reference is not None
+        assert checked_path(process).reference is not None
         os.kill(process._child._process.pid, signal.SIGSTOP)
         process.begin(time.monotonic(), WAY, HERE)
         assert process.result(time.monotonic()) is None
@@ -50,7 +50,7 @@ def test_a_process_that_dies_is_replaced_and_what_it_had_is_answered():
         said = []
         until(lambda: (said.append(process.result(time.monotonic())), said[-1])[1])
         assert said[-1].why == "it could not be checked: send it again"
-        assert judged(process).reference is not None
+        assert checked_path(process).reference is not None
     finally:
         process.close()
     assert process._child is None

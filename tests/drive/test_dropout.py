@@ -200,11 +200,11 @@ def test_after_a_stop_a_stick_that_is_held_does_not_steer_until_it_was_centred(s
     drive(session, 0.1)
     anna.ask(Ask.MODE, mode)
     drive(session, 0.5)
-    assert session.loop.person.arming == Arming.WAITING
-    assert session.loop.person.stick == Stick(0.0, 0.0)
+    assert session.loop.stick_state.arming == Arming.WAITING
+    assert session.loop.stick_state.stick == Stick(0.0, 0.0)
     anna.stick = Stick(0.0, 0.0)
     drive(session, 0.1)
     anna.stick = Stick(0.9, 0.0)
     drive(session, 1.5)
-    assert session.loop.person.arming == Arming.ARMED
+    assert session.loop.stick_state.arming == Arming.ARMED
     assert speed(session) > 0.15

@@ -14,7 +14,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.link.local_credentials import borrowed
+from cohelm.link.local_credentials import credentials_of_drive
 from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.station_end import StationEnd
 from cohelm.link.sticks.at_helm import drive as at_helm
@@ -107,7 +107,7 @@ class Hand:
 
 def test_a_stick_of_this_machine_joins_and_takes_the_helm(drive):
     assert "cohelm stick --drive" in drive.said
-    own, to = borrowed()
+    own, to = credentials_of_drive()
     hand, said = Hand(), []
     with StationEnd(own, *to) as watching:
         stick = threading.Thread(target=at_helm, args=(hand, own, to, 5.0, said.append))
@@ -132,7 +132,7 @@ def test_a_stick_of_this_machine_joins_and_takes_the_helm(drive):
 
 @pytest.mark.slow
 def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
-    own, to = borrowed()
+    own, to = credentials_of_drive()
     with StationEnd(own, *to) as station:
         told = lambda: station.status().status  # noqa: E731
         steer = partial(station.steer, CENTRED, True, True, Device.SCRIPT)
@@ -170,4 +170,4 @@ def test_when_its_robot_dies_it_says_so_and_ends(drive):
     last = drive.said.strip().splitlines()[-1]
     assert re.match("error: the robot's process has ended: killed by SIGKILL", last)
     with pytest.raises(CohelmError, match="no `cohelm drive` runs"):
-        borrowed()
+        credentials_of_drive()

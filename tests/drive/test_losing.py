@@ -115,7 +115,7 @@ def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
     session, operator = shared(SessionConfig(failing("", AT)), hand(2.0, 3.0))
     with session:
         drive(session, 3.0 - session.loop.keeper.now() - 0.02, Mode.SHARED)
-        assert session.loop.person.arming == Arming.ARMED
+        assert session.loop.stick_state.arming == Arming.ARMED
         assert session.loop.decision.authority_x < 0.2
         drive(session, 0.06)
         assert "the stick vanished" in session.loop.paused  # at once it brakes

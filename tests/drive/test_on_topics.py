@@ -197,7 +197,7 @@ def test_where_no_station_drives_it_stands_until_the_first_goal_and_then_drives_
 def test_what_only_a_ros2_robot_has_is_refused_for_others():
     made = simulated(CORRIDOR, real_time=False)
     with on_topics(made, TopicsConfig(), print) as topics:
-        assert topics.wishes() == ()
+        assert topics.path_requests() == ()
     for config in (
         TopicsConfig("earth"),
         TopicsConfig(ways=("/plan",)),

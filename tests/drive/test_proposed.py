@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.drive.proposed import ROOM, judged, planned
+from cohelm.drive.proposed import ROOM, checked_path, planned_path
 from cohelm.law.reference import demand
 from cohelm.plan.course import poses_along
 from cohelm.plan.distance_field import swept
@@ -17,7 +17,7 @@ HERE = Pose(0.0, 0.0, 0.0)
 
 
 def test_a_free_way_is_followed_from_where_the_robot_is_and_keeps_its_room() -> None:
-    said = judged(np.array([(1.0, 0.0), (2.0, 1.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    said = checked_path(np.array([(1.0, 0.0), (2.0, 1.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is not None
     assert said.why == ""
     poses = poses_along(said.reference, 0.05)
@@ -36,20 +36,20 @@ def test_a_free_way_is_followed_from_where_the_robot_is_and_keeps_its_room() -> 
     ],
 )
 def test_the_way_point_to_blame_is_named(points: list[tuple[float, float]], worst: int) -> None:
-    said = judged(np.array(points), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    said = checked_path(np.array(points), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is None
     assert said.worst == worst
     assert str(worst + 1) in said.why
 
 
 def test_two_equal_way_points_in_a_row_are_refused_in_words() -> None:
-    said = judged(np.array([(1.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    said = checked_path(np.array([(1.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is None
     assert said.why
 
 
 def test_the_first_way_point_may_be_where_the_robot_stands() -> None:
-    said = judged(np.array([(0.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    said = checked_path(np.array([(0.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is not None
 
 
@@ -57,7 +57,7 @@ DOOR = WALL[(WALL[:, 1] > 3.6) | (WALL[:, 1] < 2.4)]
 
 
 def test_a_goal_behind_a_wall_is_reached_through_the_door_with_the_room_that_ways_have() -> None:
-    said = planned(Goal(5.0, 0.0), HERE, 0.5, OUTLINE, DOOR, BOUNDS)
+    said = planned_path(Goal(5.0, 0.0), HERE, 0.5, OUTLINE, DOOR, BOUNDS)
     assert said.reference is not None, said.why
     poses = poses_along(said.reference, 0.05)
     assert poses[0, :2] == pytest.approx((0.0, 0.0))
@@ -67,7 +67,7 @@ def test_a_goal_behind_a_wall_is_reached_through_the_door_with_the_room_that_way
 
 def test_in_the_open_a_goal_is_straight_ahead() -> None:
     nothing = np.empty((0, 2))
-    said = planned(Goal(3.0, 4.0), HERE, 0.5, OUTLINE, nothing, nothing)
+    said = planned_path(Goal(3.0, 4.0), HERE, 0.5, OUTLINE, nothing, nothing)
     assert said.reference is not None
     assert demand(said.reference).length == pytest.approx(5.0, abs=0.05)
 
@@ -83,6 +83,6 @@ def test_in_the_open_a_goal_is_straight_ahead() -> None:
 )
 def test_a_goal_that_can_not_be_reached_is_refused_in_words(goal, why) -> None:
     shut = np.column_stack((np.full(300, 3.0), np.linspace(-6.5, 6.5, 300)))
-    said = planned(Goal(*goal), HERE, 0.5, OUTLINE, shut, BOUNDS)
+    said = planned_path(Goal(*goal), HERE, 0.5, OUTLINE, shut, BOUNDS)
     assert said.reference is None
     assert said.why == why

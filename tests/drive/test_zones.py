@@ -12,7 +12,7 @@ from PIL import Image
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed
 from cohelm.core.types import Pose, Stick
-from cohelm.drive.proposed import Judge
+from cohelm.drive.proposed import PathChecker
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode, Zone, ZoneMap
@@ -147,7 +147,7 @@ def test_no_way_leads_through_a_keep_out_zone_but_round_it(tmp_path):
     zones = read_zones(mask(tmp_path, ACROSS), None, START)
     outline = simulated(CORRIDOR).model.outline
     nothing = np.empty((0, 2))
-    judge = Judge(0.5, outline, nothing, nothing, zones.keep_out)
+    judge = PathChecker(0.5, outline, nothing, nothing, zones.keep_out)
     assert "something in the way" in judge(np.array([(6.0, -0.5)]), START).why
     assert judge(Goal(6.0, -0.5), START).reference is not None
     assert judge(Goal(1.9, -0.5), START).why == "the goal 1.9, -0.5 is in a keep-out zone"

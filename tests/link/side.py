@@ -8,7 +8,7 @@ from cohelm.core.types import Stick
 from cohelm.link.messages import Arming, Ask, Mode, Request
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.latency_limit import silent
-from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
+from cohelm.loop.stick_arming import CENTRED, ArmingParams, StickState, updated
 
 DT = 0.02
 
@@ -26,8 +26,8 @@ class Side:
 
     def __init__(self) -> None:
         # as fast as a hand: these tests ask which deflection was used, not how fast it came
-        self.manner = ArmingParams(hand_rate=1e9)
-        self.person = Person()
+        self.params = ArmingParams(hand_rate=1e9)
+        self.stick_state = StickState()
         self.mode = Mode.SHARED
         self.stopped = ""
         self.asked: list[Ask] = []
@@ -45,9 +45,9 @@ class Side:
 
     def step(self, heard: OperatorInput) -> Used:
         self._seen = self._seen or heard.command is not None
-        self.person = renewed(self.person, heard, self.manner, DT)
-        lost = self.person.lost or (silent(heard, self.manner.stale) if self._seen else "")
+        self.stick_state = updated(self.stick_state, heard, self.params, DT)
+        lost = self.stick_state.lost or (silent(heard, self.params.stale) if self._seen else "")
         if lost and not self.stopped:
             self.stopped = lost
         brake = bool(self.stopped)
-        return Used(CENTRED if brake else self.person.stick, brake, self.person.arming)
+        return Used(CENTRED if brake else self.stick_state.stick, brake, self.stick_state.arming)

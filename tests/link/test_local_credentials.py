@@ -6,7 +6,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.link.keys import home, pair_here
-from cohelm.link.local_credentials import borrowed, lent
+from cohelm.link.local_credentials import credentials_of_drive, shared_credentials
 
 
 @pytest.fixture(autouse=True)
@@ -16,41 +16,44 @@ def place(tmp_path, monkeypatch):
 
 def test_what_is_lent_is_borrowed_whole_and_gone_afterwards():
     _, _, stick = pair_here("station", "stick")
-    with lent(stick, "127.0.0.1", 41000):
-        assert borrowed() == (stick, ("127.0.0.1", 41000))
+    with shared_credentials(stick, "127.0.0.1", 41000):
+        assert credentials_of_drive() == (stick, ("127.0.0.1", 41000))
         for path in (home() / "drive").rglob("*"):
             assert stat.S_IMODE(path.stat().st_mode) & 0o077 == 0
     with pytest.raises(CohelmError, match="no `cohelm drive` runs"):
-        borrowed()
+        credentials_of_drive()
 
 
 def test_of_several_drives_one_must_be_named():
     _, stick = pair_here("stick")
     _, other = pair_here("stick")
-    with lent(stick, "127.0.0.1", 41000), lent(other, "127.0.0.1", 41001):
+    with (
+        shared_credentials(stick, "127.0.0.1", 41000),
+        shared_credentials(other, "127.0.0.1", 41001),
+    ):
         with pytest.raises(
             CohelmError, match=r"several drives run here.*41000, 127\.0\.0\.1:41001"
         ):
-            borrowed()
-        assert borrowed("127.0.0.1:41001") == (other, ("127.0.0.1", 41001))
+            credentials_of_drive()
+        assert credentials_of_drive("127.0.0.1:41001") == (other, ("127.0.0.1", 41001))
         with pytest.raises(CohelmError, match=r"no drive '127\.0\.0\.1:1' runs here"):
-            borrowed("127.0.0.1:1")
+            credentials_of_drive("127.0.0.1:1")
 
 
 def test_what_a_killed_drive_left_is_not_lent_and_the_next_drive_removes_it():
     _, stick = pair_here("stick")
-    with lent(stick, "127.0.0.1", 41000):
+    with shared_credentials(stick, "127.0.0.1", 41000):
         left = home() / "drive" / "40000"
         left.mkdir()
         (left / "address").write_text("127.0.0.1:40000")
-        assert borrowed()[1][1] == 41000
-        with lent(stick, "127.0.0.1", 41001):
+        assert credentials_of_drive()[1][1] == 41000
+        with shared_credentials(stick, "127.0.0.1", 41001):
             assert not left.exists()
 
 
 def test_nothing_is_borrowed_that_another_user_may_have_put_there():
     _, stick = pair_here("stick")
-    with lent(stick, "127.0.0.1", 41000):
+    with shared_credentials(stick, "127.0.0.1", 41000):
         for path, mode in [
             (home() / "drive", 0o777), (home() / "drive" / "41000", 0o770),
             (home() / "drive" / "41000" / "address", 0o622),
@@ -59,14 +62,17 @@ def test_nothing_is_borrowed_that_another_user_may_have_put_there():
             before = stat.S_IMODE(path.stat().st_mode)
             path.chmod(mode)
             with pytest.raises(CohelmError, match=rf"others may write.*chmod go-w {path}"):
-                borrowed()
+                credentials_of_drive()
             path.chmod(before)
-        assert borrowed()[1][1] == 41000
+        assert credentials_of_drive()[1][1] == 41000
 
 
 def test_a_drive_lends_nothing_in_a_folder_that_others_may_write():
     _, stick = pair_here("stick")
     (home() / "drive").mkdir(parents=True)
     (home() / "drive").chmod(0o777)
-    with pytest.raises(CohelmError, match="others may write"), lent(stick, "127.0.0.1", 41000):
+    with (
+        pytest.raises(CohelmError, match="others may write"),
+        shared_credentials(stick, "127.0.0.1", 41000),
+    ):
         pass

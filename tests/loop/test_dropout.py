@@ -13,7 +13,7 @@ from cohelm.link.messages import Command, Device
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, Then, followed
 from cohelm.loop.latency_limit import silent
-from cohelm.loop.stick_arming import ArmingParams, Person, renewed
+from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 
 DT = 0.02
 SILENCE = 0.26
@@ -50,16 +50,16 @@ class Period(NamedTuple):
 
 def lived(script: list[tuple[str, int]]) -> list[Period]:
     """A robot in shared mode, its driver armed, until it is stopped."""
-    person, dropout = Person(), Dropout()
+    stick_state, dropout = StickState(), Dropout()
     quiet, t, periods = 0.0, 100.0, []
     for what, count in [("centred", 2), *script]:
         for _ in range(count):
             t += DT
             quiet = quiet + DT if what in ("silent", "released") else 0.0
             heard = said(what, quiet + (SILENCE if quiet else 0.0))
-            person = renewed(person, heard, ArmingParams(), DT)
-            lost = person.lost or silent(heard, ArmingParams().stale)
-            dropout, then = followed(dropout, lost, heard, person, t)
+            stick_state = updated(stick_state, heard, ArmingParams(), DT)
+            lost = stick_state.lost or silent(heard, ArmingParams().stale)
+            dropout, then = followed(dropout, lost, heard, stick_state, t)
             periods.append(Period(t, what, then))
             if then is Then.STOP:
                 return periods
@@ -155,12 +155,12 @@ def test_what_somebody_does_is_no_dropout(what):
 def test_a_driver_without_a_stick_has_none_to_centre():
     dropout, now = Dropout(driver=1), 100.0
     heard = OperatorInput(1, "anna", None, 0.31, 0.0, ())
-    assert followed(dropout, "the driver is lost", heard, Person(), now)[1] is Then.STOP
+    assert followed(dropout, "the driver is lost", heard, StickState(), now)[1] is Then.STOP
 
 
 def test_an_age_that_is_not_known_gives_no_more_time():
     dropout = Dropout(driver=1, device=Device.GAMEPAD)
     heard = OperatorInput(1, "anna", None, math.nan, 0.0, ())
-    stood, then = followed(dropout, "the stick is lost", heard, Person(), 100.0)
+    stood, then = followed(dropout, "the stick is lost", heard, StickState(), 100.0)
     assert then is Then.STAND
-    assert followed(stood, "", heard, Person(), 101.01)[1] is Then.STOP
+    assert followed(stood, "", heard, StickState(), 101.01)[1] is Then.STOP

@@ -10,10 +10,10 @@ from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.driver import Driver
 from cohelm.loop.latency_limit import FREE, LOST, allowed, cap, crawl, far, silent
-from cohelm.loop.stick_arming import Person
+from cohelm.loop.stick_arming import StickState
 from tests.pilot.drives import SETTINGS
 
-ARMED = Person(Arming.ARMED)
+ARMED = StickState(Arming.ARMED)
 
 
 def received(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
@@ -47,7 +47,7 @@ def test_only_a_person_who_steers_with_delay_near_something_is_slowed_down():
     assert cap(late, 5.0, SETTINGS) == FREE
     assert cap(late, math.inf, SETTINGS) == FREE
     assert cap(far(received(round_trip=0.05), ARMED), 0.3, SETTINGS) == FREE
-    assert math.isnan(far(received(round_trip=0.6), Person()))
+    assert math.isnan(far(received(round_trip=0.6), StickState()))
 
 
 def test_clear_is_the_gap_of_the_outline_to_the_nearest_thing_of_any_kind():

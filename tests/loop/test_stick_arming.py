@@ -8,7 +8,7 @@ from cohelm.core.types import Stick
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.operator import NOBODY
-from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
+from cohelm.loop.stick_arming import CENTRED, ArmingParams, StickState, updated
 
 M = ArmingParams()
 
@@ -18,36 +18,36 @@ def received(x=0.0, psi=0.0, valid=True, armed=True, age=0.02):
     return OperatorInput(1, "anna", command, age, 0.0, ())
 
 
-def after(*said, start=Person(), dt=0.02):  # noqa: B008
-    person = start
+def after(*said, start=StickState(), dt=0.02):  # noqa: B008
+    stick_state = start
     for one in said:
-        person = renewed(person, one, M, dt)
-    return person
+        stick_state = updated(stick_state, one, M, dt)
+    return stick_state
 
 
 ARMED = after(received(), received())
 
 
 def test_nobody_there_is_no_stick_and_no_loss():
-    person = after(NOBODY)
-    assert (person.arming, person.stick, person.lost) == (Arming.ABSENT, CENTRED, "")
+    stick_state = after(NOBODY)
+    assert (stick_state.arming, stick_state.stick, stick_state.lost) == (Arming.ABSENT, CENTRED, "")
 
 
 def test_a_deflected_stick_waits_until_it_was_centred():
-    person = after(*[received(0.8)] * 50)
-    assert (person.arming, person.stick) == (Arming.WAITING, CENTRED)
-    person = after(received(0.05), received(0.8), start=person)
-    assert person.arming == Arming.ARMED
-    assert person.stick.x > 0.0
+    stick_state = after(*[received(0.8)] * 50)
+    assert (stick_state.arming, stick_state.stick) == (Arming.WAITING, CENTRED)
+    stick_state = after(received(0.05), received(0.8), start=stick_state)
+    assert stick_state.arming == Arming.ARMED
+    assert stick_state.stick.x > 0.0
 
 
 def test_the_deflection_in_use_moves_no_faster_than_a_hand():
-    person, last = ARMED, 0.0
+    stick_state, last = ARMED, 0.0
     for _ in range(30):
-        person = after(received(1.0, -1.0), start=person)
-        assert person.stick.x - last <= M.hand_rate * 0.02 + 1e-12
-        last = person.stick.x
-    assert person.stick == Stick(1.0, -1.0)
+        stick_state = after(received(1.0, -1.0), start=stick_state)
+        assert stick_state.stick.x - last <= M.hand_rate * 0.02 + 1e-12
+        last = stick_state.stick.x
+    assert stick_state.stick == Stick(1.0, -1.0)
 
 
 @pytest.mark.parametrize(
@@ -63,17 +63,17 @@ def test_the_deflection_in_use_moves_no_faster_than_a_hand():
     ],
 )
 def test_a_stick_in_use_that_can_not_be_believed_is_lost_once_and_says_why(said, why):
-    person = after(said, start=ARMED._replace(stick=Stick(0.8, 0.0)))
-    assert (person.arming, person.lost) == (Arming.ABSENT, why)
-    assert 0.0 < person.stick.x < 0.8  # let go no faster than a hand would
-    again = after(said, start=person)
+    stick_state = after(said, start=ARMED._replace(stick=Stick(0.8, 0.0)))
+    assert (stick_state.arming, stick_state.lost) == (Arming.ABSENT, why)
+    assert 0.0 < stick_state.stick.x < 0.8  # let go no faster than a hand would
+    again = after(said, start=stick_state)
     assert again.lost == ""
 
 
 def test_after_a_loss_it_must_be_centred_again():
-    person = after(received(valid=False), received(0.8), start=ARMED)
-    assert person.arming == Arming.WAITING
-    assert after(received(0.0), start=person).arming == Arming.ARMED
+    stick_state = after(received(valid=False), received(0.8), start=ARMED)
+    assert stick_state.arming == Arming.WAITING
+    assert after(received(0.0), start=stick_state).arming == Arming.ARMED
 
 
 def test_a_stick_that_only_waited_is_not_missed():
@@ -82,14 +82,18 @@ def test_a_stick_that_only_waited_is_not_missed():
 
 def test_another_drivers_stick_must_be_centred_itself():
     other = received(0.8)._replace(driver=2)
-    person = after(*[other] * 20, start=ARMED)
-    assert (person.arming, person.stick, person.lost) == (Arming.WAITING, CENTRED, "")
-    assert after(received(0.0)._replace(driver=2), start=person).arming == Arming.ARMED
+    stick_state = after(*[other] * 20, start=ARMED)
+    assert (stick_state.arming, stick_state.stick, stick_state.lost) == (
+        Arming.WAITING,
+        CENTRED,
+        "",
+    )
+    assert after(received(0.0)._replace(driver=2), start=stick_state).arming == Arming.ARMED
 
 
 def test_while_the_robot_is_stopped_a_stick_counts_only_as_long_as_it_is_centred():
-    held = renewed(ARMED, received(0.8), M, 0.02, stopped=True)
+    held = updated(ARMED, received(0.8), M, 0.02, stopped=True)
     assert held.arming == Arming.WAITING
     assert after(*[received(0.8)] * 20, start=held).stick == CENTRED
-    centred = renewed(held, received(0.0), M, 0.02, stopped=True)
+    centred = updated(held, received(0.0), M, 0.02, stopped=True)
     assert after(received(0.8), start=centred).arming == Arming.ARMED

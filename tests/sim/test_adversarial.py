@@ -5,11 +5,11 @@ import pytest
 
 from cohelm.law.guard.step import Rules
 from cohelm.study.campaign import adversary
-from cohelm.study.campaign.episode import fought, least_clearance
+from cohelm.study.campaign.episode import attacked, least_clearance
 from cohelm.study.campaign.scoring import run_episode
 
 SEED = 5
-pytestmark = pytest.mark.xdist_group("duel")  # which takes a worker 13 s to compile
+pytestmark = pytest.mark.xdist_group("adversarial")  # which takes a worker 13 s to compile
 
 
 @pytest.mark.parametrize("number", range(24))
@@ -28,9 +28,9 @@ def test_the_attacks_are_worth_the_name():
 @pytest.mark.parametrize("law", ["guard", "paper", "none"])
 def test_with_and_without_a_trace_it_is_the_same_drive(law):
     case = adversary.case(SEED, 3)
-    assert case.duel is not None
+    assert case.rollout is not None
     seen = run_episode(case, law)
-    assert least_clearance(case, law, case.duel) == pytest.approx(
+    assert least_clearance(case, law, case.rollout) == pytest.approx(
         seen.min_clearance_moving_m, abs=1e-12
     )
 
@@ -38,13 +38,13 @@ def test_with_and_without_a_trace_it_is_the_same_drive(law):
 def test_walkers_keep_to_their_speed_and_acceleration_to_the_last_digit():
     cases = [adversary.case(SEED, number) for number in range(2, 40, 4)]
     for case in cases:
-        assert case.duel is not None
-        moving = np.flatnonzero(case.duel.scene.agility)
-        discs = fought(case, "guard").discs[:, moving]
+        assert case.rollout is not None
+        moving = np.flatnonzero(case.rollout.scene.agility)
+        discs = attacked(case, "guard").discs[:, moving]
         speed = np.hypot(discs[:, :, 2], discs[:, :, 3])
         push = np.hypot(*np.diff(discs[:, :, 2:4], axis=0).transpose(2, 0, 1)) / 0.02
         assert moving.size
-        assert speed.max() <= case.duel.scene.walk + 1e-12
+        assert speed.max() <= case.rollout.scene.walk + 1e-12
         assert push.max() <= 1.0 + 1e-9
         mean = 0.5 * (discs[1:, :, 2:4] + discs[:-1, :, 2:4])
         assert np.abs(np.diff(discs[:, :, :2], axis=0) - 0.02 * mean).max() < 1e-12
@@ -56,9 +56,9 @@ def test_a_search_finds_the_same_every_time_and_worse_than_chance():
     assert case.kind.startswith("search")
     assert first.evaluations == 60
     again = adversary.searched(case, "guard", 60)
-    assert (first.clearance, first.case.duel.attack.script.tolist()) == (  # type: ignore[union-attr]
-        again.clearance, again.case.duel.attack.script.tolist())  # type: ignore[union-attr]  # fmt: skip
+    assert (first.clearance, first.case.rollout.attack.script.tolist()) == (  # type: ignore[union-attr]
+        again.clearance, again.case.rollout.attack.script.tolist())  # type: ignore[union-attr]  # fmt: skip
     still = adversary.scripted(case, [0.0] * 40)
-    assert still.duel is not None
-    assert first.clearance < least_clearance(still, "guard", still.duel)
+    assert still.rollout is not None
+    assert first.clearance < least_clearance(still, "guard", still.rollout)
     assert first.clearance >= Rules().hard_margin / 2

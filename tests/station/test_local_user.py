@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.link.local_credentials import borrowed, lent
+from cohelm.link.local_credentials import credentials_of_drive, shared_credentials
 from cohelm.station.serve import Server
 from tests.station.bare import Bare
 from tests.station.servers import served
@@ -132,7 +132,7 @@ def test_another_user_of_this_machine_gets_nothing_but_the_empty_page(
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
     shown = session(server)
     stick = bare.keys
-    with lent(stick, "127.0.0.1", bare.port):
+    with shared_credentials(stick, "127.0.0.1", bare.port):
         got = as_nobody(server.port, bare.port, tmp_path / "keys", os.getpid())
     assert got.pop("uid") == NOBODY
     seen = str(got.pop("seen"))
@@ -153,9 +153,9 @@ def test_keys_of_a_drive_that_another_user_holds_out_are_not_taken(
 ) -> None:
     """A folder of his own making, or his files in one of ours, and he drives our stick."""
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
-    with lent(bare.keys, "127.0.0.1", bare.port):
+    with shared_credentials(bare.keys, "127.0.0.1", bare.port):
         for path in (tmp_path / "keys", tmp_path / "keys" / "drive" / str(bare.port) / "address"):
             os.chown(path, NOBODY, NOBODY)
             with pytest.raises(CohelmError, match="belongs to another user"):
-                borrowed()
+                credentials_of_drive()
             os.chown(path, 0, 0)

@@ -40,7 +40,7 @@ class Measured(NamedTuple):
     off: float
 
 
-class Channel(NamedTuple):
+class AxisResponse(NamedTuple):
     """Straights, or turns: in m or rad."""
 
     rise: Measured
@@ -70,8 +70,8 @@ class Response(NamedTuple):
     """Time constant of the wheels [s]."""
     total: Measured
     """Both together, which are known better than each: what a guard has to foresee [s]."""
-    straight: Channel
-    turn: Channel
+    straight: AxisResponse
+    turn: AxisResponse
 
 
 class _Data(NamedTuple):
@@ -145,7 +145,7 @@ def response(model: RobotModel, ride: Ride) -> Response:
     times = [0, 1, 8]  # the model knows them by its steps
     half[times] = np.hypot(half[times], 0.5 * _STEP)
 
-    def channel(c: int) -> Channel:
+    def channel(c: int) -> AxisResponse:
         rise, brake, gain = (Measured(float(p[i]), float(half[i]))
                              for i in range(2 + 3 * c, 5 + 3 * c))  # fmt: skip
         if rise.value >= given[c]:  # more was not asked for, and is not known
@@ -153,7 +153,7 @@ def response(model: RobotModel, ride: Ride) -> Response:
         span, fitted = data[c].last - data[c].first, ways(p, c)
         held = np.abs(fitted / span) > _HELD * np.max(np.abs(fitted / span))
         noise = float(np.std((data[c].way - fitted)[held]))
-        return Channel(
+        return AxisResponse(
             rise, brake, gain, *reached[c], noise, data[c].last, data[c].way / span, fitted / span
         )
 

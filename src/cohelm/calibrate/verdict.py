@@ -25,7 +25,7 @@ _WHEEL = 0.01  # and a wheel or track within this share
 _EXACT = Measured(1.0, 0.0)
 
 
-class Finding(NamedTuple):
+class Comparison(NamedTuple):
     """One key of the robot's file."""
 
     key: str
@@ -41,7 +41,7 @@ class Finding(NamedTuple):
 
 def findings(
     model: RobotModel, response: Response, mount: Mount | None, added: float = 0.0
-) -> list[Finding]:
+) -> list[Comparison]:
     """Of a run. No limit is written larger than it was assumed.
 
     mount: None where the scans told nothing: then the odometry's own metres and radians count, and
@@ -128,15 +128,15 @@ def earlier_run(file: Path, robot: str) -> dict[str, Any]:
     return read
 
 
-def with_load(found: list[Finding], earlier: Mapping[str, Any]) -> list[Finding]:
+def with_load(found: list[Comparison], earlier: Mapping[str, Any]) -> list[Comparison]:
     """The worse of two runs for what a load changes; the rest is of the run without it.
 
     earlier: `as_dict` of that run.
     """
     loaded = {one.key: one for one in found}
-    made: list[Finding] = []
+    made: list[Comparison] = []
     for key, before in earlier.items():
-        was = Finding(
+        was = Comparison(
             key, before["assumed"], Measured(before["measured"], before["off"]),
             before["write"], before["verdict"], before["why"],
         )  # fmt: skip
@@ -150,7 +150,7 @@ def with_load(found: list[Finding], earlier: Mapping[str, Any]) -> list[Finding]
     return made + list(loaded.values())
 
 
-def as_dict(found: list[Finding]) -> dict[str, Any]:
+def as_dict(found: list[Comparison]) -> dict[str, Any]:
     """By key, for JSON."""
     return {
         one.key: {
@@ -161,64 +161,68 @@ def as_dict(found: list[Finding]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _delay(assumed: float, total: Measured, added: float) -> Finding:
+def _delay(assumed: float, total: Measured, added: float) -> Comparison:
     seen = Measured(total.value - added, total.off)
     write = round(max(seen.value, 0.0), 3)
     if seen.value - seen.off > assumed + _LATE:
-        return Finding("delay_s", assumed, seen, write, "unsafe",
+        return Comparison("delay_s", assumed, seen, write, "unsafe",
                        f"it obeys {1e3 * (seen.value - assumed):.0f} ms later: it stops farther on "
                        "than is foretold")  # fmt: skip
     if seen.value + seen.off < assumed - _DELAY:
-        return Finding("delay_s", assumed, seen, write, "wasteful",
+        return Comparison("delay_s", assumed, seen, write, "wasteful",
                        "it obeys earlier: it keeps away farther than it has to")  # fmt: skip
-    return Finding("delay_s", assumed, seen, assumed, "safe", "it obeys as foretold")
+    return Comparison("delay_s", assumed, seen, assumed, "safe", "it obeys as foretold")
 
 
 def _times(a: Measured, b: Measured) -> Measured:
     return Measured(a.value * b.value, math.hypot(a.off * b.value, a.value * b.off))
 
 
-def _limit(key: str, assumed: float | None, rise: Measured, brake: Measured) -> Finding:
+def _limit(key: str, assumed: float | None, rise: Measured, brake: Measured) -> Comparison:
     least = min(rise, brake)
     sure = _down(max(least.value - least.off, 0.5 * least.value))
     if assumed is None:
-        return Finding(key, None, least, sure, "unsafe", "no end of it is assumed")
+        return Comparison(key, None, least, sure, "unsafe", "no end of it is assumed")
     if least.value + least.off < _ALMOST * assumed:
         why = ("it can not stop where the guard counts on it" if least is brake
                else "it gains speed more slowly than the guard counts on")  # fmt: skip
-        return Finding(key, assumed, least, min(sure, assumed), "unsafe", why)
+        return Comparison(key, assumed, least, min(sure, assumed), "unsafe", why)
     if brake.value - brake.off > (1.0 + _WASTE) * assumed:
-        return Finding(key, assumed, brake, assumed, "wasteful", "it can brake harder")
-    return Finding(key, assumed, brake, assumed, "safe", "it does what is assumed")
+        return Comparison(key, assumed, brake, assumed, "wasteful", "it can brake harder")
+    return Comparison(key, assumed, brake, assumed, "safe", "it does what is assumed")
 
 
-def _speed(key: str, assumed: float, seen: float) -> Finding:
+def _speed(key: str, assumed: float, seen: float) -> Comparison:
     measured = Measured(seen, 0.01 * seen)
     if seen < _ALMOST * assumed:
-        return Finding(key, assumed, measured, _down(seen), "unsafe", "it is not reached")
+        return Comparison(key, assumed, measured, _down(seen), "unsafe", "it is not reached")
     if seen > 1.03 * assumed:
-        return Finding(key, assumed, measured, assumed, "unsafe", "it is faster than it is told: "
-                       "correct wheel_radius_m or track_m in its base")  # fmt: skip
-    return Finding(key, assumed, measured, assumed, "safe", "it is reached, and held")
+        return Comparison(
+            key, assumed, measured, assumed, "unsafe",
+            "it is faster than it is told: correct wheel_radius_m or track_m in its base",
+        )  # fmt: skip
+    return Comparison(key, assumed, measured, assumed, "safe", "it is reached, and held")
 
 
-def _exact(key: str, assumed: float, seen: Measured, room: float, unit: str) -> Finding:
+def _exact(key: str, assumed: float, seen: Measured, room: float, unit: str) -> Comparison:
     off = seen.value - assumed
     if abs(off) > room + seen.off:
-        return Finding(
+        return Comparison(
             key, assumed, seen, round(seen.value, 4), "unsafe", f"it is {off:+.3g} {unit} off"
         )
-    return Finding(key, assumed, seen, assumed, "safe", "it is as assumed")
+    return Comparison(key, assumed, seen, assumed, "safe", "it is as assumed")
 
 
-def _noise(assumed: float, seen: float) -> Finding:
+def _noise(assumed: float, seen: float) -> Comparison:
     measured = Measured(seen, 0.1 * seen)
     if seen > 1.2 * assumed + 1e-3:
-        return Finding("lidar.noise_m", assumed, measured, round(seen, 4), "unsafe",
+        return Comparison("lidar.noise_m", assumed, measured, round(seen, 4), "unsafe",
                        "the ranges scatter more: less is kept free than is needed")  # fmt: skip
     if seen < 0.5 * assumed:
-        return Finding("lidar.noise_m", assumed, measured, assumed, "wasteful", "they scatter less")
-    return Finding("lidar.noise_m", assumed, measured, assumed, "safe", "they scatter no more")
+        return Comparison(
+            "lidar.noise_m", assumed, measured, assumed, "wasteful", "they scatter less"
+        )
+    return Comparison("lidar.noise_m", assumed, measured, assumed, "safe", "they scatter no more")
 
 
 def _down(value: float) -> float:

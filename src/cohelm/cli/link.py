@@ -152,13 +152,13 @@ def stick(
         print(f"--device '{found}'")
         return
     from cohelm.link import keys
-    from cohelm.link.local_credentials import borrowed
+    from cohelm.link.local_credentials import credentials_of_drive
     from cohelm.link.sticks import at_helm
     from cohelm.link.sticks.terminal_buttons import TerminalButtons
     from cohelm.link.udp import PORT, address
 
     if drive:
-        own, to = borrowed(robot)
+        own, to = credentials_of_drive(robot)
     elif robot is None:
         raise CohelmError(
             "name a robot (--robot HOST), or join the drive on this machine (--drive), or list "

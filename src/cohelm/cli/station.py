@@ -136,7 +136,7 @@ def drive(
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
     from cohelm.link import keys
-    from cohelm.link.local_credentials import lent
+    from cohelm.link.local_credentials import shared_credentials
     from cohelm.station.app import pages
     from cohelm.station.linked import Linked
 
@@ -164,7 +164,7 @@ def drive(
             return Linked(of_station, robot.host, robot.port, lambda: robot.over)
 
         def ready() -> None:
-            joined.enter_context(lent(of_stick, robot.host, robot.port))
+            joined.enter_context(shared_credentials(of_stick, robot.host, robot.port))
             begun.over()
             say("the robot is ready; to join it with a stick of this machine: cohelm stick --drive")
             shown_at(view)

@@ -1,10 +1,10 @@
 """Where both ends are put together: robot, gate, loop, record, and who sits at the stick.
 
-`simulated` the robot of a scenario; `recorder` the record, in a process of its own; `session` all
-of it, started and ended in the right order; `operate` from the command line to a session; `served`
-a session driven over the link, `desk` what is asked of it beside driving; `beside` all that in a
-process beside the station's; `film` shows a record again; `factory` a robot by somebody else, and
-`library` driving it from a script.
+`simulated` makes the robot of a scenario, `factory` one by somebody else. `session` is all of a
+drive, started and ended in the right order; `operate` makes one of the command line, `library` of a
+Python script. `teleop_server` is a session driven over the link, `operator_requests` what is
+requested of it beside driving, `robot_process` all that in a process beside the station's.
+`recorder` writes the record, in a process of its own; `playback` shows one again.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose
 from cohelm.drive.jobs import InThread
-from cohelm.drive.proposed import NONE, Judge, Judged
+from cohelm.drive.proposed import NONE, CheckedPath, PathChecker
 from cohelm.plan.path_planner import Goal
 from cohelm.robot.keep.child import Child
 
@@ -36,7 +36,7 @@ class Checking(Protocol):
         """Check this, when it is ready. now: a clock that goes on [s]."""
         ...
 
-    def result(self, now: float) -> Judged | None:
+    def result(self, now: float) -> CheckedPath | None:
         """What came out, once; None: nothing yet."""
         ...
 
@@ -48,9 +48,9 @@ class Checking(Protocol):
 class CheckingHere:
     """Checks at once: for simulated time."""
 
-    def __init__(self, judge: Callable[[Floats | Goal, Pose], Judged]) -> None:
+    def __init__(self, judge: Callable[[Floats | Goal, Pose], CheckedPath]) -> None:
         self._judge = judge
-        self._made: Judged | None = None
+        self._made: CheckedPath | None = None
 
     @property
     def ready(self) -> bool:
@@ -61,7 +61,7 @@ class CheckingHere:
         """Check it now."""
         self._made = safely(self._judge, points, pose)
 
-    def result(self, now: float) -> Judged | None:
+    def result(self, now: float) -> CheckedPath | None:
         """What came out."""
         made, self._made = self._made, None
         return made
@@ -73,7 +73,7 @@ class CheckingHere:
 class CheckingElsewhere:
     """Checks in a process below all others. One that takes too long, or dies, is replaced."""
 
-    def __init__(self, judge: Judge) -> None:
+    def __init__(self, judge: PathChecker) -> None:
         self._judge = judge
         self._jobs = InThread("checking")
         self._child: Child | None = _started(judge)
@@ -98,16 +98,16 @@ class CheckingElsewhere:
             self._busy, self._since = True, now
             self._child.say((points, pose))
 
-    def result(self, now: float) -> Judged | None:
+    def result(self, now: float) -> CheckedPath | None:
         """What came back; or that nothing did in time."""
         child = self._child
         if not self._busy or child is None:
             return None
-        made: Judged | None = child.heard()
+        made: CheckedPath | None = child.heard()
         if made is None and child.gone:
-            made = Judged(None, "it could not be checked: send it again", NONE)
+            made = CheckedPath(None, "it could not be checked: send it again", NONE)
         elif made is None and now - self._since > WITHIN:
-            made = Judged(None, f"it could not be checked within {WITHIN:.0f} s", NONE)
+            made = CheckedPath(None, f"it could not be checked within {WITHIN:.0f} s", NONE)
             child.gone = True
         if made is not None:
             self._busy = False
@@ -140,22 +140,22 @@ class CheckingElsewhere:
 
 
 def safely(
-    judge: Callable[[Floats | Goal, Pose], Judged], points: Floats | Goal, pose: Pose
-) -> Judged:
+    judge: Callable[[Floats | Goal, Pose], CheckedPath], points: Floats | Goal, pose: Pose
+) -> CheckedPath:
     """What is thought of a way; a mistake in the check is no approval."""
     try:
         return judge(points, pose)
     except Exception as error:
-        return Judged(None, f"it could not be checked: {error}", NONE)
+        return CheckedPath(None, f"it could not be checked: {error}", NONE)
 
 
 class _Check:
     """What the process does with each way."""
 
-    def __init__(self, judge: Judge) -> None:
+    def __init__(self, judge: PathChecker) -> None:
         self._judge = judge
 
-    def __call__(self, asked: tuple[Floats | Goal, Pose]) -> Judged:
+    def __call__(self, asked: tuple[Floats | Goal, Pose]) -> CheckedPath:
         return safely(self._judge, *asked)
 
     def warm(self) -> str:
@@ -165,6 +165,6 @@ class _Check:
         return "up"
 
 
-def _started(judge: Judge) -> Child:
+def _started(judge: PathChecker) -> Child:
     check = _Check(judge)
     return Child("cohelm checking", check, check.warm)

@@ -121,10 +121,10 @@ def _show(
     """The other process. It ends when both lines are closed."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.nice(5)  # loop, keeper and recorder come first
-    asyncio.run(_shown(listening, Server(model, token), [loop, keeper]))
+    asyncio.run(_shown(listening, LiveServer(model, token), [loop, keeper]))
 
 
-async def _shown(listening: socket.socket, server: Server, lines: list[socket.socket]) -> None:
+async def _shown(listening: socket.socket, server: LiveServer, lines: list[socket.socket]) -> None:
     quiet = logging.Logger("cohelm.live", logging.CRITICAL)  # whoever knocks fills no terminal
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SENT)
     async with serve(
@@ -138,7 +138,7 @@ async def _shown(listening: socket.socket, server: Server, lines: list[socket.so
                 await server.said()
 
 
-async def _heard(server: Server, lines: list[socket.socket]) -> None:
+async def _heard(server: LiveServer, lines: list[socket.socket]) -> None:
     """Hear until all lines are closed. lines: the first one is the loop's."""
     turning, closed = asyncio.get_running_loop(), [asyncio.Event() for _ in lines]
 
@@ -160,7 +160,7 @@ async def _heard(server: Server, lines: list[socket.socket]) -> None:
     signs.cancel()
 
 
-async def _signs(server: Server, loop: socket.socket) -> None:
+async def _signs(server: LiveServer, loop: socket.socket) -> None:
     """Of life, to the loop; and whether anybody looks through the camera."""
     told = False
     while True:
@@ -173,7 +173,7 @@ async def _signs(server: Server, loop: socket.socket) -> None:
         await asyncio.sleep(_TICK)
 
 
-class Server:
+class LiveServer:
     """Has what is said passed on to who asked for it; what lasts also to who comes later."""
 
     def __init__(self, model: RobotModel, token: str) -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import OwnRobot, RobotFactory
 from cohelm.drive.operator_requests import SessionJobs, judge_of
-from cohelm.drive.rerouting import Rerouting, Wish, stands
+from cohelm.drive.rerouting import PathRequest, Rerouting, stands
 from cohelm.drive.session import Camera as Eye, Session, driver_of
 from cohelm.drive.shown import way
 from cohelm.law.reference import Reference
@@ -109,17 +109,17 @@ class OnTopics:
         if self._rerouting is not None:
             self._rerouting.turn(loop)
 
-    def wishes(self) -> Sequence[Wish]:
-        """See `rerouting.Wishes`."""
+    def path_requests(self) -> Sequence[PathRequest]:
+        """See `rerouting.PathRequests`."""
         made = None if self._goals is None else self._goals.way()
         if made is None:
             return ()
         self._count += 1
         self._asked = {self._count: made[0]}
-        return (Wish(TOPICS, self._count, made[1], False),)
+        return (PathRequest(TOPICS, self._count, made[1], False),)
 
     def reply(self, client: int, said: Checked) -> None:
-        """See `rerouting.Wishes`."""
+        """See `rerouting.PathRequests`."""
         topic = self._asked.pop(said.answer.number, "") if client == TOPICS else ""
         if topic and self._goals is not None:
             self._goals.tell(topic, said.answer.reason or "it is the robot's way from now on")
@@ -136,7 +136,7 @@ class OnTopics:
     def _hold(self, loop: Loop, joy: JoyOperator) -> None:
         """Until the joystick was seen once the robot stands; where it has to be held to run, also
         later whenever it is not."""
-        self._joy_armed = self._joy_armed or loop.person.arming == Arming.ARMED
+        self._joy_armed = self._joy_armed or loop.stick_state.arming == Arming.ARMED
         why = ""
         if not self._joy_armed:
             why = joy.problem() or f"waits for {joy.topic} to be centred"

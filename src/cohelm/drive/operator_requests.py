@@ -16,10 +16,10 @@ from cohelm.core.types import Floats
 from cohelm.drive.checking import Checking, CheckingElsewhere, CheckingHere
 from cohelm.drive.jobs import AtOnce, InThread, Jobs
 from cohelm.drive.over_link import OverLink
-from cohelm.drive.proposed import Judge
+from cohelm.drive.proposed import PathChecker
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
-from cohelm.drive.rerouting import Rerouting, Wishes
+from cohelm.drive.rerouting import PathRequests, Rerouting
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.shown import NO_ZONES, detour, drawn, told, way, zoned
 from cohelm.law.reference import Reference
@@ -37,7 +37,7 @@ _LEAVE = 5.0
 class SessionJobs:
     """What works beside the loop: in real time threads and a process, else at once."""
 
-    def __init__(self, judge: Judge, real_time: bool) -> None:
+    def __init__(self, judge: PathChecker, real_time: bool) -> None:
         self.checking: Checking = CheckingElsewhere(judge) if real_time else CheckingHere(judge)
         self.ways: Jobs = InThread("desk ways") if real_time else AtOnce()
         self.records: Jobs = InThread("desk records") if real_time else AtOnce()
@@ -49,15 +49,16 @@ class OperatorRequests:
 
     def __init__(
         self, session: Session, operator: OverLink, known: LocalizationMap | None, records: Path,
-        beside: Callable[[Judge, bool], SessionJobs] = SessionJobs, wishes: Sequence[Wishes] = (),
+        beside: Callable[[PathChecker, bool], SessionJobs] = SessionJobs,
+        path_requests: Sequence[PathRequests] = (),
     ) -> None:  # fmt: skip
-        """known: the map. records: the folder for records. wishes: of where to go, from others than
+        """known: the map. records: the folder for records. path_requests: of others than
         the operator."""
         self._session, self._operator = session, operator
         robot = session.plan.robot
         self._beside = beside(judge_of(session.plan, known), robot.real_time)
         self._rerouting = Rerouting(
-            (operator, *wishes),
+            (operator, *path_requests),
             self._beside.checking,
             self._beside.ways,
             self._build,
@@ -126,10 +127,10 @@ class OperatorRequests:
             self._operator.publish(one)
 
 
-def judge_of(plan: SessionConfig, known: LocalizationMap | None) -> Judge:
+def judge_of(plan: SessionConfig, known: LocalizationMap | None) -> PathChecker:
     """What ways of a robot at its site are held against."""
     robot, zones = plan.robot, plan.zones or Zones()
-    return Judge(
+    return PathChecker(
         robot.scenario.reference.speed_mps, robot.model.outline, *_occupied(known), zones.keep_out
     )
 

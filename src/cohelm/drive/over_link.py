@@ -10,7 +10,7 @@ import numpy as np
 
 from cohelm import __version__
 from cohelm.drive.pictures import Packed
-from cohelm.drive.rerouting import Wish
+from cohelm.drive.rerouting import PathRequest
 from cohelm.link.messages import (
     Ask,
     Checked,
@@ -90,9 +90,9 @@ class OverLink:
         """Say which records there are."""
         self.publish(Records(listed(self._records)))
 
-    def wishes(self) -> tuple[Wish, ...]:
+    def path_requests(self) -> tuple[PathRequest, ...]:
         """Way-points proposed since the last call."""
-        return tuple(Wish(one.client, *one.what) for one in self._bulk.proposed())
+        return tuple(PathRequest(one.client, *one.what) for one in self._bulk.proposed())
 
     def reply(self, client: int, said: Checked) -> None:
         """What is thought of them."""

@@ -22,7 +22,7 @@ from cohelm.link import messages as m
 from cohelm.link.recorded_status import StatusWords
 from cohelm.link.station_end import WholeScan
 from cohelm.loop.status import AHEAD, AHEAD_STEP, status
-from cohelm.record.read import Found, periods
+from cohelm.record.read import RecordedPeriods, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, ZONES, understood
 from cohelm.record.topics import IMAGE, scan_topic
@@ -218,7 +218,7 @@ def _untold(row: np.void) -> StatusWords:
     return _UNTOLD._replace(mode=mode, why=why)
 
 
-def _usual(path: Path, found: Found) -> float:
+def _usual(path: Path, found: RecordedPeriods) -> float:
     """The speed of which speed zones are percents [m/s]; NaN where a record does not say it."""
     try:
         return load.parse(found.scenario, Scenario, str(path)).reference.speed_mps
@@ -226,7 +226,7 @@ def _usual(path: Path, found: Found) -> float:
         return _NAN
 
 
-def _docks(path: Path, found: Found) -> m.Docks:
+def _docks(path: Path, found: RecordedPeriods) -> m.Docks:
     """Where the robot could dock; none where a record does not say it."""
     try:
         return told_docks(
@@ -236,7 +236,7 @@ def _docks(path: Path, found: Found) -> m.Docks:
         return m.Docks(())
 
 
-def _robot(path: Path, found: Found) -> RobotModel:
+def _robot(path: Path, found: RecordedPeriods) -> RobotModel:
     """The robot of a drive, or of a run's scenario."""
     if found.kind != "run":
         return recorded_model(path)

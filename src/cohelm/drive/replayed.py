@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from cohelm.core.types import Stick
 from cohelm.drive.playback import Playback
 from cohelm.link.messages import Answer, Ask, Checked, Device
-from cohelm.station.robot_link import News, Place, Quality
+from cohelm.station.robot_link import News, PlaybackPosition, Quality
 
 _EVERY = 0.03
 _NO = "this is a record; nothing can be done to it any more"
@@ -19,7 +19,7 @@ class Replaying:
 
     def __init__(self, played: Playback, clock: Callable[[], float] = time.monotonic) -> None:
         self._played, self._clock = played, clock
-        self._place = Place(0.0, True, 1.0)
+        self._place = PlaybackPosition(0.0, True, 1.0)
         self._since = clock()
         self._told_at = -1.0
         self._first = True
@@ -39,15 +39,15 @@ class Replaying:
         return self._played.start
 
     @property
-    def place(self) -> Place:
+    def place(self) -> PlaybackPosition:
         """Where it is now."""
         at, playing, speed = self._place
         if playing:
             at += (self._clock() - self._since) * speed
             if at >= self.duration:
-                self._place = Place(self.duration, False, speed)
+                self._place = PlaybackPosition(self.duration, False, speed)
                 return self._place
-        return Place(at, playing, speed)
+        return PlaybackPosition(at, playing, speed)
 
     def play(self, playing: bool | None, speed: float | None, at: float | None) -> None:
         """Go on from here, or from `at`; from the beginning where it was at the end."""
@@ -57,7 +57,7 @@ class Replaying:
         where = now.at if at is None else min(max(at, 0.0), self.duration)
         if playing and at is None and not now.playing and where >= self.duration:
             where = 0.0
-        self._place, self._since = Place(where, playing, speed), self._clock()
+        self._place, self._since = PlaybackPosition(where, playing, speed), self._clock()
         self._new = True
 
     def news(self) -> list[News]:

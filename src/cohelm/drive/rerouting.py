@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 from cohelm.core.types import Floats
 from cohelm.drive.checking import Checking
 from cohelm.drive.jobs import Jobs
-from cohelm.drive.proposed import NONE, Judged
+from cohelm.drive.proposed import NONE, CheckedPath
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Answer, Checked, Mode, Severity
 from cohelm.loop.driver import Driver
@@ -31,7 +31,7 @@ _DRIVES_NO_MORE = "who drove when it came drives no more"
 _log = logging.getLogger("cohelm.drive")
 
 
-class Wish(NamedTuple):
+class PathRequest(NamedTuple):
     """Where somebody wants the robot to go."""
 
     client: int
@@ -42,10 +42,10 @@ class Wish(NamedTuple):
     only_check: bool
 
 
-class Wishes(Protocol):
+class PathRequests(Protocol):
     """Where wishes come from. Calls return at once."""
 
-    def wishes(self) -> Sequence[Wish]:
+    def path_requests(self) -> Sequence[PathRequest]:
         """New since the last call."""
         ...
 
@@ -66,7 +66,7 @@ class _Waiting(NamedTuple):
     since: float
 
 
-class _Way:
+class _ProposedPath:
     """A way that was accepted, on its way to being driven."""
 
     def __init__(self, wish: _Waiting, now: float) -> None:
@@ -82,7 +82,7 @@ class Rerouting:
     """Of one session. All calls but the jobs come from the loop's thread and take no time."""
 
     def __init__(
-        self, sources: Sequence[Wishes], checking: Checking, jobs: Jobs,
+        self, sources: Sequence[PathRequests], checking: Checking, jobs: Jobs,
         build: Callable[[Reference], Driver], shown: Callable[[Loop, Reference], None],
     ) -> None:  # fmt: skip
         """build: makes a driver, beside the loop; raises what it likes. shown: told of a way that
@@ -91,21 +91,21 @@ class Rerouting:
         self._build, self._shown = build, shown
         self._wishes: dict[tuple[int, bool], _Waiting] = {}
         """Of each client the newest to check, and to go; longest waiting first."""
-        self._checked: _Waiting | _Way | None = None
+        self._checked: _Waiting | _ProposedPath | None = None
         """What is being checked."""
-        self._way: _Way | None = None
-        self._building: _Way | None = None
+        self._way: _ProposedPath | None = None
+        self._building: _ProposedPath | None = None
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
         now = loop.keeper.now()
         for source in self._sources:
-            for one in source.wishes():
+            for one in source.path_requests():
                 self._take(one, loop.lease, now)
         self._expire(now)
-        judged = self._checking.result(now) if self._checked is not None else None
-        if judged is not None:
-            self._conclude(loop, judged, now)
+        checked_path = self._checking.result(now) if self._checked is not None else None
+        if checked_path is not None:
+            self._conclude(loop, checked_path, now)
         self._collect()
         if self._way is not None:
             self._go_on(loop, self._way, now)
@@ -121,7 +121,7 @@ class Rerouting:
 
     # ---- proposals ----------------------------------------------------------------------
 
-    def _take(self, one: Wish, lease: tuple[int, int], now: float) -> None:
+    def _take(self, one: PathRequest, lease: tuple[int, int], now: float) -> None:
         self._wishes[one.client, one.only_check] = _Waiting(*one, lease, now)
 
     def _expire(self, now: float) -> None:
@@ -145,14 +145,14 @@ class Rerouting:
             return
         self._checking.begin(now, where, loop.seen.pose)
 
-    def _conclude(self, loop: Loop, judged: Judged, now: float) -> None:
+    def _conclude(self, loop: Loop, checked_path: CheckedPath, now: float) -> None:
         what, self._checked = self._checked, None
-        if isinstance(what, _Way):
+        if isinstance(what, _ProposedPath):
             if what is self._way:
                 what.checking = False
-                what.reference, what.made = judged.reference, judged.why or None
+                what.reference, what.made = checked_path.reference, checked_path.why or None
         elif what is not None:
-            ok, why = judged.reference is not None, judged.why
+            ok, why = checked_path.reference is not None, checked_path.why
             if ok and not what.only_check and what.lease != loop.lease:
                 ok = False
                 why = "you do not drive" if what.client > 0 else _DRIVES_NO_MORE
@@ -160,7 +160,7 @@ class Rerouting:
                 ok, why = False, f"it is {loop.docking.doing}: hold it first"
             if ok and not what.only_check:
                 self._accept(loop, what, now)
-            self._reply(what, ok, why, judged.worst)
+            self._reply(what, ok, why, checked_path.worst)
 
     def _reply(self, wish: _Waiting, ok: bool, why: str, worst: int = NONE) -> None:
         for source in self._sources:
@@ -170,10 +170,10 @@ class Rerouting:
 
     def _accept(self, loop: Loop, wish: _Waiting, now: float) -> None:
         """Stand, whatever the mode; one that was accepted before is forgotten."""
-        self._way = _Way(wish, now)
+        self._way = _ProposedPath(wish, now)
         loop.pause(_PAUSE, "a new way is being made")
 
-    def _go_on(self, loop: Loop, way: _Way, now: float) -> None:
+    def _go_on(self, loop: Loop, way: _ProposedPath, now: float) -> None:
         """Once it stands: check again from there, have a driver made, and go."""
         if loop.lease != way.wish.lease:
             self._give_up(loop, "who asked for it drives no more")
@@ -189,7 +189,7 @@ class Rerouting:
         elif way.reference is None and not way.checking and stands(loop):
             way.checking = True
 
-    def _make(self, way: _Way) -> None:
+    def _make(self, way: _ProposedPath) -> None:
         """Beside the loop."""
         try:
             if way.reference is not None:

@@ -56,8 +56,10 @@ def serve(
         with Session(plan, operator, None if topics is None else topics.camera) as session:
             if session.known is None:
                 _log.warning("neither map nor walls to localise by: the robot trusts its odometry")
-            wishes = () if topics is None else (topics,)
-            desk = OperatorRequests(session, operator, session.known, door.records, wishes=wishes)
+            path_requests = () if topics is None else (topics,)
+            desk = OperatorRequests(
+                session, operator, session.known, door.records, path_requests=path_requests
+            )
             try:
                 ready(operator.address)
                 said = ""

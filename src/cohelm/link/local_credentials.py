@@ -25,7 +25,7 @@ _ADDRESS = "address"
 
 
 @contextmanager
-def lent(own: Keys, host: str, port: int) -> Generator[None]:
+def shared_credentials(own: Keys, host: str, port: int) -> Generator[None]:
     """Let other programs here drive the robot at this address with `own`, meanwhile.
 
     Raises CohelmError where the folder can not be written.
@@ -49,7 +49,7 @@ def lent(own: Keys, host: str, port: int) -> Generator[None]:
         os.close(held)
 
 
-def borrowed(address: str | None = None) -> tuple[Keys, tuple[str, int]]:
+def credentials_of_drive(address: str | None = None) -> tuple[Keys, tuple[str, int]]:
     """Keys for, and address of, the drive on this machine; which one, where there are several.
 
     address: HOST:PORT. Raises CohelmError where there is no such drive, or more than one.

@@ -17,7 +17,7 @@ _FASTER, _SLOWER = 0.1, 0.3
 _EVERY = 0.1  # [s], between two changes; of the round trips in between the least is taken
 
 
-class Pace:
+class BulkPace:
     """Bytes that may leave now."""
 
     def __init__(self, now: float) -> None:

@@ -38,7 +38,7 @@ from cohelm.link.messages import (
     Waypoints,
     ZoneMap,
 )  # fmt: skip
-from cohelm.link.pace import Pace
+from cohelm.link.pace import BulkPace
 from cohelm.link.robot_end import STALE, RobotEnd
 from cohelm.link.robot_records import Digests, Wanted, listed, opened
 from cohelm.link.stream import Stream
@@ -68,7 +68,7 @@ class _Station:
         self.stream, self.address, self.since = stream, address, now
         self.session: int | None = None
         self.sequence = 0
-        self.pace = Pace(now)
+        self.pace = BulkPace(now)
         self.replies: deque[FromRobot] = deque(maxlen=64)
         self.slots: dict[object, FromRobot] = {}
         self.wanted: Wanted | None = None

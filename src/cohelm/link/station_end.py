@@ -58,7 +58,7 @@ _log = logging.getLogger("cohelm.link")
 NO_STICK = Command(Stick(0.0, 0.0), False, False, Device.NONE, 1.0, ())
 
 
-class Told(NamedTuple):
+class ReceivedStatus(NamedTuple):
     """The newest status."""
 
     status: Status
@@ -196,13 +196,13 @@ class StationEnd(IoThread):
         with self._lock:
             return self._answers.get(number)
 
-    def status(self) -> Told | None:
+    def status(self) -> ReceivedStatus | None:
         """The robot's newest status."""
         with self._lock:
             if self._status is None:
                 return None
             header, status = self._status
-            return Told(status, header.stamp, self._path.age(header.stamp, self.clock()))
+            return ReceivedStatus(status, header.stamp, self._path.age(header.stamp, self.clock()))
 
     def scans(self) -> list[WholeScan]:
         """The newest scan of each LiDAR."""

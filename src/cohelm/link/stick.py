@@ -39,7 +39,7 @@ _LARGEST = 500_000_000  # bytes, unpacked
 _ROUNDING = 1e-9  # a deflection this little beyond 1 is cut in silence: v / full_scale rounds
 
 
-class Recording(NamedTuple):
+class StickRecording(NamedTuple):
     """A recorded stick. times (n,) [s]; x fore-aft and psi left-right (n,), in [-1, 1]."""
 
     times: Floats
@@ -55,7 +55,7 @@ class _Row(NamedTuple):
 def read(
     path: str | Path, run: str | None = None, source: str | None = None,
     full_scale: tuple[float, float] | None = None, clip: bool = False,
-) -> Recording:  # fmt: skip
+) -> StickRecording:  # fmt: skip
     """The stick recorded in a file.
 
     path: the file, or `file#run`, or `file#run:source`. run, source: which of several, as the
@@ -91,7 +91,7 @@ def read(
         _deflections(file, rows, column, full, clip)
         for column, full in zip(columns, scale, strict=True)
     ]
-    return Recording(times, *deflections)
+    return StickRecording(times, *deflections)
 
 
 def runs(path: str | Path) -> list[str]:

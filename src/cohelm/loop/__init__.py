@@ -1,7 +1,7 @@
 """The one place where time passes on the robot: read, perceive, step, gate, send, record.
 
-`loop` one period after the other; `senses` whether what was read may be relied on; `person` whether
-the stick may; `driver` what to ask of the wheels; `leash` how fast for whom is far away; `planning`
-the slow part, elsewhere; `timing` how well time is kept; `alarms` and `telling` what the operator
-is told.
+`loop` is one period after the other. `sensor_watchdog` decides whether readings may be relied on,
+`stick_arming` whether the stick may, `authorization` whose request counts; `driver` makes the
+command, `latency_limit` slows it for an operator who is far away; `planning` runs the slow part
+elsewhere. `timing` measures how well time is kept; `alarms` and `status` are for the operator.
 """

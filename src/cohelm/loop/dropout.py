@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from cohelm.link.messages import Arming, Device
 from cohelm.link.operator_input import OperatorInput
-from cohelm.loop.stick_arming import Person
+from cohelm.loop.stick_arming import StickState
 
 BACK_WITHIN = 1.0
 """Since the last that was heard before it: a longer dropout is a loss [s]."""
@@ -56,16 +56,16 @@ class Dropout(NamedTuple):
 
 
 def followed(
-    dropout: Dropout, lost: str, received: OperatorInput, person: Person, now: float
+    dropout: Dropout, lost: str, received: OperatorInput, stick_state: StickState, now: float
 ) -> tuple[Dropout, Then]:
     """The dropout a period later, and what follows.
 
     lost: why the stick in use, or the driver who must be heard, is not to be believed any more;
-    empty: nothing new is lost. person: of this period; a stick that was lost is `ARMED` again only
+    empty: nothing new is lost. stick_state: of this period; one that was lost is `ARMED` again only
     after it was seen centred.
     """
     if dropout.why:
-        return _further(dropout, received, person, now)
+        return _further(dropout, received, stick_state, now)
     if not lost:
         return _known(dropout, received), Then.NOTHING
     silent = received.command is None or not received.command.valid
@@ -85,7 +85,7 @@ def _known(dropout: Dropout, received: OperatorInput) -> Dropout:
 
 
 def _further(
-    dropout: Dropout, received: OperatorInput, person: Person, now: float
+    dropout: Dropout, received: OperatorInput, stick_state: StickState, now: float
 ) -> tuple[Dropout, Then]:  # fmt: skip
     command = received.command
     if received.driver != dropout.driver:
@@ -96,7 +96,7 @@ def _further(
         return dropout._replace(back=math.nan), Then.NOTHING
     if command.device != dropout.device:
         return dropout.over, Then.STOP
-    if person.arming == Arming.ARMED:
+    if stick_state.arming == Arming.ARMED:
         return dropout.over, Then.GO_ON
     back = dropout.back if math.isfinite(dropout.back) else now
     if now - back > CENTRED_WITHIN:

@@ -7,7 +7,7 @@ import math
 from cohelm.link.latency_speed_limit import Cap, speed_cap
 from cohelm.link.messages import Arming
 from cohelm.link.operator_input import OperatorInput
-from cohelm.loop.stick_arming import Person
+from cohelm.loop.stick_arming import StickState
 from cohelm.pilot.step import Settings
 
 FREE = Cap(math.inf, "")
@@ -33,9 +33,9 @@ def allowed(received: OperatorInput, scale: float) -> float:
     return received.command.speed_scale if received.command is not None else scale
 
 
-def far(received: OperatorInput, person: Person) -> float:
+def far(received: OperatorInput, stick_state: StickState) -> float:
     """The delay over which a person steers [s]; NaN: nobody does, or it is not known."""
-    return received.round_trip if person.arming == Arming.ARMED else math.nan
+    return received.round_trip if stick_state.arming == Arming.ARMED else math.nan
 
 
 def cap(delay: float, clear: float, settings: Settings) -> Cap:

@@ -26,8 +26,8 @@ from cohelm.loop.dropout import WAITING, Dropout, Then, followed
 from cohelm.loop.latency_limit import FREE, allowed, cap, crawl, far, silent
 from cohelm.loop.operator import Operator
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
-from cohelm.loop.status import Report, known, predicted, scan_parts, status, unseen
-from cohelm.loop.stick_arming import CENTRED, ArmingParams, Person, renewed
+from cohelm.loop.status import PeriodReport, known, predicted, scan_parts, status, unseen
+from cohelm.loop.stick_arming import CENTRED, ArmingParams, StickState, updated
 from cohelm.loop.timing import Timing
 from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.pilot.step import Decision
@@ -83,7 +83,7 @@ class Loop:
         self.operator, self.params = operator, params
         self.timing, self.alarms = Timing(), Alarms()
         self.mode = Mode.HOLD
-        self.person = Person()
+        self.stick_state = StickState()
         self._dropout = Dropout()
         self._lines = Coalesced()  # of requests: a flood fills no record
         self.problem = ""
@@ -184,7 +184,7 @@ class Loop:
             return self.problem or "the robot has seen nothing yet"
         if self._pauses:
             return f"not while the robot waits: {self.paused}"
-        said = self.docking.refusal(number, self.seen, self.person.stick, backwards)
+        said = self.docking.refusal(number, self.seen, self.stick_state.stick, backwards)
         said = said or self.keeper.drive(GateMode.AUTOMATIC)
         if not said:
             self._over(Ended("another was asked for"))
@@ -208,7 +208,7 @@ class Loop:
             return
         told = self.keeper.gate.out
         paused = bool(self._pauses)
-        ended = docking.ended(now, seen, told, self.person.stick, paused, self._held)
+        ended = docking.ended(now, seen, told, self.stick_state.stick, paused, self._held)
         if ended is None:
             return
         if not ended.arrived:
@@ -299,17 +299,17 @@ class Loop:
         self._answer_requests(received)
         stopped = latched(self.keeper.gate.mode)
         arming, period = self.params.arming, self.params.period
-        self.person = renewed(self.person, received, arming, period, stopped)
+        self.stick_state = updated(self.stick_state, received, arming, period, stopped)
         self._watch_operator(now, received)
-        self._delay = far(received, self.person)
+        self._delay = far(received, self.stick_state)
 
     def _watch_operator(self, now: float, received: OperatorInput) -> None:
         """Is the stick in use there, and the driver?"""
         if not driving(self.keeper.gate.mode):
             self._forget_dropout()
-        stick = self.person.lost if self.keeper.gate.mode == GateMode.SHARED else ""
+        stick = self.stick_state.lost if self.keeper.gate.mode == GateMode.SHARED else ""
         quiet = silent(received, self.params.arming.stale) if self._operator_chose else ""
-        if self.person.arming == Arming.ARMED:
+        if self.stick_state.arming == Arming.ARMED:
             self.alarms.off("stick")
         if not quiet:
             self.alarms.off("driver")
@@ -323,7 +323,7 @@ class Loop:
             why = ""
         lost = f"the {name} is lost: {why}" if why else ""
         before = self._dropout
-        self._dropout, then = followed(before, lost, received, self.person, now)
+        self._dropout, then = followed(before, lost, received, self.stick_state, now)
         if then == Then.STOP:
             said = before.why or lost
             self.alarms.on("driver" if said.startswith("the driver") else "stick", said)
@@ -432,7 +432,7 @@ class Loop:
         docking = self.docking
         if docking.on:
             return self.driver.along(docking.pilot, now, seen.pose, obstacles, docking.backwards)
-        stick = self.person.stick if self.keeper.gate.mode == GateMode.SHARED else CENTRED
+        stick = self.stick_state.stick if self.keeper.gate.mode == GateMode.SHARED else CENTRED
         if self.mode == Mode.MANUAL:
             return self.driver.by_hand(now, seen.pose, stick, obstacles, gently=False)
         if seen.lost or self.driver.pilot is None:
@@ -499,7 +499,7 @@ class Loop:
             self.alarms.on(helper, trouble)
         self._event(trouble or f"over: {before}", bool(trouble))
 
-    def _report(self, now: float, readings: Readings, passed: Passed) -> Report | None:
+    def _report(self, now: float, readings: Readings, passed: Passed) -> PeriodReport | None:
         """What there is to say of this period; None before the robot has seen anything."""
         seen, driver = self.seen, self.driver
         new = self.log.readings(readings)
@@ -514,11 +514,18 @@ class Loop:
             self.operator.show(discs)
             self.log.show(discs)
         clearance = driver.clear(seen.pose, driver.around(seen), seen.blind)
-        return Report(
-            now, readings, seen, self.person, self.decision, passed.out, self._progress(), clearance
+        return PeriodReport(
+            now,
+            readings,
+            seen,
+            self.stick_state,
+            self.decision,
+            passed.out,
+            self._progress(),
+            clearance,
         )
 
-    def _record(self, report: Report) -> NDArray[np.void]:
+    def _record(self, report: PeriodReport) -> NDArray[np.void]:
         """The period's row, to the recorder, if it has room for it."""
         gate, (phase, dock) = self.keeper.gate, self.docking.phase(report.seen)
         return self.log.period(
@@ -537,7 +544,7 @@ class Loop:
         far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
         return rows[np.argsort(far)[:_MOST_DISCS]].astype(np.float32)
 
-    def _send_status(self, report: Report, row: NDArray[np.void], refusal: str) -> None:
+    def _send_status(self, report: PeriodReport, row: NDArray[np.void], refusal: str) -> None:
         """To the operator. refusal: why the gate did not pass what it was given."""
         if report.now - self._last_status < 1.0 / _MOST_STATUSES - 0.25 * self.params.period:
             return

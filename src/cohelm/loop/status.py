@@ -24,7 +24,7 @@ from cohelm.link.messages import (
     Verdict,
 )
 from cohelm.link.recorded_status import StatusWords
-from cohelm.loop.stick_arming import Person
+from cohelm.loop.stick_arming import StickState
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.kinematics import arc
@@ -44,14 +44,14 @@ _VERDICTS = {
 """What the link calls the verdicts of `law.verdict`."""
 
 
-class Report(NamedTuple):
+class PeriodReport(NamedTuple):
     """What the loop knows of a period when its command is out."""
 
     now: float
     """When the readings were taken [s]."""
     readings: Readings
     seen: Seen
-    person: Person
+    stick_state: StickState
     decision: Decision | None
     applied: Twist
     progress: float
@@ -60,9 +60,9 @@ class Report(NamedTuple):
     """Of the outline to anything that is seen [m]; inf: nothing is."""
 
 
-def known(r: Report) -> dict[str, Any]:
+def known(r: PeriodReport) -> dict[str, Any]:
     """Its numbers, by the names of `core.row.FIELDS`."""
-    d, seen, person = r.decision, r.seen, r.person
+    d, seen, stick_state = r.decision, r.seen, r.stick_state
     odometry, scan = r.readings.odometry, r.readings.scan
     fields = {"nominal_v": 0.0, "nominal_omega": 0.0} if d is None else d._asdict()
     at = (math.nan, math.nan) if d is None else limiting(d, seen)
@@ -72,8 +72,9 @@ def known(r: Report) -> dict[str, Any]:
         "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
         "e_p": _e_p(d, seen.pose), "progress": r.progress,
         "limiting_x": at[0], "limiting_y": at[1], "clearance_seen": r.clearance,
-        "stick_x": person.stick.x, "stick_psi": person.stick.psi, "stick_age": person.age,
-        "arming": person.arming, "applied_v": r.applied.v, "applied_omega": r.applied.omega,
+        "stick_x": stick_state.stick.x, "stick_psi": stick_state.stick.psi,
+        "stick_age": stick_state.age,
+        "arming": stick_state.arming, "applied_v": r.applied.v, "applied_omega": r.applied.omega,
         "odometry_age": r.now - odometry.stamp if odometry else math.nan,
         "scan_age": r.now - scan.stamp - scan.duration if scan else math.nan,
     }  # fmt: skip
@@ -176,7 +177,7 @@ def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
     return (place.x, place.y)
 
 
-def unseen(r: Report, nominal: Twist) -> str:
+def unseen(r: PeriodReport, nominal: Twist) -> str:
     """That the guard holds the robot back for what nothing shows: ground that may hold anything, or
     a keep-out zone; empty: it does not."""
     d, seen, applied = r.decision, r.seen, r.applied

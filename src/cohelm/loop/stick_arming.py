@@ -28,8 +28,8 @@ class ArmingParams(NamedTuple):
     """An older command is not used [s]."""
 
 
-class Person(NamedTuple):
-    """The person as of the last period."""
+class StickState(NamedTuple):
+    """The stick as of the last period."""
 
     arming: Arming = Arming.ABSENT
     stick: Stick = CENTRED
@@ -42,36 +42,40 @@ class Person(NamedTuple):
     """Why the stick, armed a period ago, is not to be believed any more; else empty."""
 
 
-def renewed(
-    person: Person, received: OperatorInput, manner: ArmingParams, dt: float, stopped: bool = False
-) -> Person:
-    """The person a period of `dt` later, with what was heard.
+def updated(
+    stick_state: StickState,
+    received: OperatorInput,
+    params: ArmingParams,
+    dt: float,
+    stopped: bool = False,
+) -> StickState:
+    """The stick a period of `dt` later, with what was received.
 
     stopped: the robot stays stopped until somebody resets it; a stick that is held through that
     must be seen centred again, or the robot would set off with the mode that is chosen next.
     """
-    command, why = _believed(received, manner)
+    command, why = _believed(received, params)
     if command is None:
-        lost = why if person.arming == Arming.ARMED else ""
-        stick = _towards(person.stick, CENTRED, manner.hand_rate * dt)
-        return Person(Arming.ABSENT, stick, received.age, received.driver, lost)
+        lost = why if stick_state.arming == Arming.ARMED else ""
+        stick = _towards(stick_state.stick, CENTRED, params.hand_rate * dt)
+        return StickState(Arming.ABSENT, stick, received.age, received.driver, lost)
     stick = command.stick
-    same = received.driver == person.driver  # another hand must be seen centred itself
-    arming = person.arming if same and not stopped else Arming.WAITING
+    same = received.driver == stick_state.driver  # another hand must be seen centred itself
+    arming = stick_state.arming if same and not stopped else Arming.WAITING
     if arming != Arming.ARMED:
-        centred = max(abs(stick.x), abs(stick.psi)) <= manner.centre
+        centred = max(abs(stick.x), abs(stick.psi)) <= params.centre
         arming = Arming.ARMED if centred else Arming.WAITING
     goal = stick if arming == Arming.ARMED else CENTRED
-    return Person(
+    return StickState(
         arming,
-        _towards(person.stick, goal, manner.hand_rate * dt),
+        _towards(stick_state.stick, goal, params.hand_rate * dt),
         received.age,
         received.driver,
         "",
     )
 
 
-def _believed(received: OperatorInput, manner: ArmingParams) -> tuple[Command | None, str]:
+def _believed(received: OperatorInput, params: ArmingParams) -> tuple[Command | None, str]:
     """The command, or why there is none to be believed."""
     command = received.command
     if command is None:
@@ -80,7 +84,7 @@ def _believed(received: OperatorInput, manner: ArmingParams) -> tuple[Command | 
             f"no command for {1000.0 * received.age:.0f} ms" if silent else "nobody drives any more"
         )
         return None, said
-    if not received.age <= manner.stale:
+    if not received.age <= params.stale:
         return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
     if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
         return None, "the stick vanished"

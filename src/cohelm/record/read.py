@@ -68,7 +68,7 @@ class Record(NamedTuple):
 
 
 @dataclass
-class Found:
+class RecordedPeriods:
     """The control periods of a record, and what it says of itself."""
 
     about: dict[str, str]
@@ -147,7 +147,7 @@ def read(path: Path) -> Trace:
     return trace
 
 
-def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> Found:
+def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> RecordedPeriods:
     """All control periods up to the end of the data, or to where it is damaged. heed: is told
     topic, time on the clock of the periods' `t` [s] and message of all on `topics`, as they come;
     a `*` in a topic stands for anything.
@@ -155,7 +155,7 @@ def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> F
     Raises CohelmError where there is no such file, it is no record of cohelm or one by another
     version, or has no period.
     """
-    found, library, damage = Found({}), "", list[str]()
+    found, library, damage = RecordedPeriods({}), "", list[str]()
     schemas: dict[int, Schema] = {}
     names: dict[int, str] = {}
     decoders: dict[int, Callable[[bytes], Any]] = {}

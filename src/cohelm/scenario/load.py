@@ -22,7 +22,7 @@ from cohelm.scenario.explain import sentences
 from cohelm.scenario.hand import StickFile
 from cohelm.scenario.model import Scenario, Start
 from cohelm.scenario.text import graft, plain, tree
-from cohelm.scenario.world import AnyWorld, GazeboWorld, course_of
+from cohelm.scenario.world import AnyWorld, GazeboWorld, route_of
 
 Model = TypeVar("Model", bound=Schema)
 
@@ -139,7 +139,7 @@ def _found(world: AnyWorld, folder: Path, asked_by: str) -> AnyWorld:
 
 def _on_course(made: Scenario, world: AnyWorld) -> dict[str, object]:
     """What the scenario leaves to the world's route."""
-    course = course_of(world)
+    course = route_of(world)
     if course is None:  # the model asks for way-points then
         raise TypeError("the world has no route")
     near = made.reference.arrive_m or course.near

@@ -23,7 +23,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.docks import DockModel
 from cohelm.scenario.hand import Stick, StickNone, StickOperator
 from cohelm.scenario.law import Law
-from cohelm.scenario.world import Read, WorldFile, has_course, read
+from cohelm.scenario.world import Read, WorldFile, has_route, read
 from cohelm.scenario.zones import ZonesModel
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import Body, World, world
@@ -220,7 +220,7 @@ class Scenario(Schema):
         for i, (x1, y1, x2, y2) in enumerate(self.walls_m):
             if x1 == x2 and y1 == y2:
                 problems.append((f"walls_m.{i}", "both ends are the same point; remove the wall"))
-        if not self.reference.waypoints_m and not has_course(self.world):
+        if not self.reference.waypoints_m and not has_route(self.world):
             said = "is missing: way-points [x, y], at least two"
             problems.append(("reference.waypoints_m", said))
         if self.senses == "lidar" and self.law.filter != "guard":

@@ -96,7 +96,7 @@ class Read(NamedTuple):
     """What of the file could not be read, a sentence each."""
 
 
-class Course(NamedTuple):
+class WorldRoute(NamedTuple):
     """The route that a world comes with."""
 
     start: Pose
@@ -107,14 +107,14 @@ class Course(NamedTuple):
     """[s]"""
 
 
-def has_course(world: AnyWorld | None) -> bool:
+def has_route(world: AnyWorld | None) -> bool:
     """Whether a world comes with a route."""
     return isinstance(world, BarnWorld) or (
         isinstance(world, GazeboWorld) and world.path_file is not None
     )
 
 
-def course_of(world: AnyWorld) -> Course | None:
+def route_of(world: AnyWorld) -> WorldRoute | None:
     """The route that a world comes with; None if it has none. CohelmError as in `read`."""
     barn = _barn(world, 0.0)
     if barn is None:
@@ -124,7 +124,7 @@ def course_of(world: AnyWorld) -> Course | None:
     at = np.linspace(0.0, float(along[-1]), n + 1)
     x, y = (np.interp(at, along, barn.route[:, c]) for c in (0, 1))
     waypoints = [(float(a), float(b)) for a, b in zip(x, y, strict=True)]
-    return Course(barn.start, waypoints, barn.near_goal, barn.time_limit)
+    return WorldRoute(barn.start, waypoints, barn.near_goal, barn.time_limit)
 
 
 def read(world: AnyWorld, reach: float, duration: float) -> Read:

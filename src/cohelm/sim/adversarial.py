@@ -61,7 +61,7 @@ class Attack(NamedTuple):
 
 
 @jit
-def duel(
+def rollout(
     start: Pose, scene: Scene, attack: Attack, law: int, gains: Gains, outline: Floats,
     limits: Limits, rules: Rules, steps: int, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> float:  # fmt: skip

@@ -20,7 +20,7 @@ from cohelm.link.station_end import WholeScan
 from cohelm.station import binary, messages as page, view
 from cohelm.station.doors import Rate
 from cohelm.station.outbox import Outbox
-from cohelm.station.robot_link import Connect, News, Replayed
+from cohelm.station.robot_link import Connect, News, ReplayLink
 
 BEAT = 0.04
 """Between two beats to a page [s]."""
@@ -195,7 +195,7 @@ class Operator:
             case page.Got():
                 self._outbox.credit(message.stream)
             case page.Play():
-                if isinstance(self.link, Replayed):
+                if isinstance(self.link, ReplayLink):
                     self.link.play(message.playing, message.speed, message.seek_s)
 
     def _stick(self, stick: page.Stick) -> None:
@@ -252,7 +252,7 @@ class Operator:
             age = now - self._status_at if self._status is not None else math.nan
             quality = view.link(self.link.quality(), timing, age, self._health)
             self._outbox.put("link", quality.model_dump_json())
-            if isinstance(self.link, Replayed):
+            if isinstance(self.link, ReplayLink):
                 at, playing, speed = self.link.place
                 self._say(page.Playing(at_s=at, playing=playing, speed=speed))
 

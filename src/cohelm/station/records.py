@@ -24,7 +24,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from cohelm.link.messages import Digest, Piece
-from cohelm.station.robot_link import Connect, Replayed, RobotLink
+from cohelm.station.robot_link import Connect, ReplayLink, RobotLink
 
 WINDOW = 131_072
 """Asked for at a time [byte]."""
@@ -129,7 +129,7 @@ def _part(request: Request, size: int, tag: str) -> tuple[int, int] | None:
 
 
 async def _about(link: RobotLink, name: str) -> Digest | Response:
-    if isinstance(link, Replayed):
+    if isinstance(link, ReplayLink):
         return PlainTextResponse("this is a record: there is no robot that has others", 404)
     began = time.monotonic()
     again = -math.inf

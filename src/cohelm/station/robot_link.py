@@ -78,7 +78,7 @@ class RobotLink(Protocol):
         ...
 
 
-class Place(NamedTuple):
+class PlaybackPosition(NamedTuple):
     """Where a replay is."""
 
     at: float
@@ -88,7 +88,7 @@ class Place(NamedTuple):
 
 
 @runtime_checkable
-class Replayed(Protocol):
+class ReplayLink(Protocol):
     """What a link to a record can do besides."""
 
     @property
@@ -102,7 +102,7 @@ class Replayed(Protocol):
         ...
 
     @property
-    def place(self) -> Place:
+    def place(self) -> PlaybackPosition:
         """Where it is now."""
         ...
 

@@ -11,7 +11,7 @@ from cohelm import __version__
 from cohelm.core.types import Pose
 from cohelm.link import messages as robot
 from cohelm.station import messages as page
-from cohelm.station.robot_link import Quality, Replayed
+from cohelm.station.robot_link import Quality, ReplayLink
 
 MOST_POINTS = 2000
 """Points of one line that a page is sent; a longer line is thinned out."""
@@ -36,7 +36,7 @@ def _ms(seconds: float) -> float | None:
 
 def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
     """The first message to a page."""
-    recorded = link if isinstance(link, Replayed) else None
+    recorded = link if isinstance(link, ReplayLink) else None
     return page.Welcome(
         you=name, key=key, version=__version__, stale_s=stale,
         replay_s=recorded.duration if recorded else None,

@@ -41,7 +41,7 @@ _SAME = 1e-6  # scans that end at times no farther apart are one [s]
 Told = Callable[[str, float], None]
 
 
-class Drive(NamedTuple):
+class RecordedDrive(NamedTuple):
     """What mapping needs of a record."""
 
     odometry: list[Odometry]
@@ -78,7 +78,7 @@ class Result:
         return asdict(self)
 
 
-def drive(path: Path, robot: RobotModel | None = None) -> Drive:
+def drive(path: Path, robot: RobotModel | None = None) -> RecordedDrive:
     """Odometry and scans of a record: our MCAP, any with /odom and /scan, or a CARMEN log.
 
     robot: whose LiDAR it was, where an MCAP record does not say. Raises CohelmError where the
@@ -91,12 +91,12 @@ def drive(path: Path, robot: RobotModel | None = None) -> Drive:
     except OSError as error:
         raise CohelmError(f"{path} can not be read ({error.strerror}): check the name") from error
     if not mcap:
-        return Drive(*read_log(path))
+        return RecordedDrive(*read_log(path))
     replayed = Replayed(path, robot)
     lidar = replayed.model.lidar
     if lidar is None:
         raise CohelmError(f"{path}: the robot {replayed.model.name} has no LiDAR to map with")
-    return Drive(replayed.odometry, replayed.scans, lidar, replayed.whole)
+    return RecordedDrive(replayed.odometry, replayed.scans, lidar, replayed.whole)
 
 
 class _BetweenScans:
@@ -221,7 +221,7 @@ def marked(
     return _finished(session, out, told, begun)
 
 
-def _go_on(session: MappingSession, given: Drive, path: Path) -> None:
+def _go_on(session: MappingSession, given: RecordedDrive, path: Path) -> None:
     """The same drive where it was interrupted, or another from where the last one ended."""
     if given.lidar != session.lidar:
         raise CohelmError(f"{path}: is of another LiDAR than the mapping: map it by itself")
@@ -261,7 +261,7 @@ def _finished(session: MappingSession, folder: Path, told: Told, begun: float) -
     return result
 
 
-def _begun(path: Path, robot: RobotModel | None) -> Drive:
+def _begun(path: Path, robot: RobotModel | None) -> RecordedDrive:
     """What is there of a record that is being written, as soon as something is."""
     end = time.monotonic() + _ENDED
     while True:
@@ -273,7 +273,7 @@ def _begun(path: Path, robot: RobotModel | None) -> Drive:
         time.sleep(_LOOK_AGAIN)
 
 
-def _new(given: Drive, session: MappingSession, live: bool) -> list[Glimpse]:
+def _new(given: RecordedDrive, session: MappingSession, live: bool) -> list[Glimpse]:
     later = [s for s in given.scans if s.stamp + s.duration > session.last + _SAME]
     if session.stamps and not later:
         return []

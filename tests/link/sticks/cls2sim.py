@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from cohelm.core.types import Stick
-from cohelm.link.sticks.cls2sim import Answer, Forces
+from cohelm.link.sticks.cls2sim import Forces, StickPositions
 
 STEP = 0.0005  # [s]
 
@@ -100,7 +100,7 @@ class SimulatedLine:
         self.dead = False
         self._random = random.Random(seed)
         self._down: list[tuple[float, int, Forces, float]] = []
-        self._up: list[tuple[float, int, Answer]] = []
+        self._up: list[tuple[float, int, StickPositions]] = []
         self._number = 0
 
     def clock(self) -> float:
@@ -118,7 +118,7 @@ class SimulatedLine:
                 elevator, aileron = self.stick.elevator.position, self.stick.aileron.position
                 heapq.heappush(
                     self._up,
-                    (due + self.delay, number, Answer(elevator, aileron, asked)),
+                    (due + self.delay, number, StickPositions(elevator, aileron, asked)),
                 )
         self.stick.advance(end - self.now)
         self.now = end
@@ -129,8 +129,8 @@ class SimulatedLine:
             self._number += 1
             heapq.heappush(self._down, (now + self.delay, self._number, forces, now))
 
-    def answers(self, now: float) -> list[Answer]:
-        came: list[Answer] = []
+    def answers(self, now: float) -> list[StickPositions]:
+        came: list[StickPositions] = []
         while self._up and self._up[0][0] <= now:
             _, _, answer = heapq.heappop(self._up)
             came.append(answer._replace(age=now - answer.age))

@@ -18,7 +18,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.link.sticks import trial
 from cohelm.link.sticks.brunner_stick import BrunnerStick, parameters
-from cohelm.link.sticks.cls2sim import Forces, Line, positions, request, unit
+from cohelm.link.sticks.cls2sim import Cls2SimLine, Forces, positions, request, unit
 from cohelm.link.sticks.feel import returning
 from cohelm.link.sticks.force import NO_FORCE, ForceRules, Swings, changed, wanted
 from cohelm.link.sticks.port import CENTRED, Feel
@@ -359,7 +359,7 @@ def test_garbage_counts_as_silence(server, mangle):
 
 
 def test_what_nobody_asked_for_is_not_believed(server):
-    line = Line("127.0.0.1", server.port, 10.0)
+    line = Cls2SimLine("127.0.0.1", server.port, 10.0)
     line.ask(Forces(0, 0), time.monotonic())
     until(lambda: line.answers(time.monotonic()), 2.0)
     for _ in range(10):  # duplicates and strays: more answers than requests
@@ -371,7 +371,7 @@ def test_what_nobody_asked_for_is_not_believed(server):
 
 def test_an_answer_that_is_too_late_is_not_believed(server):
     server.delay = 0.1
-    line = Line("127.0.0.1", server.port, 0.05)
+    line = Cls2SimLine("127.0.0.1", server.port, 0.05)
     line.ask(Forces(0, 0), time.monotonic())
     time.sleep(0.25)
     assert line.answers(time.monotonic()) == []

@@ -15,7 +15,7 @@ from cohelm.link import keys as pairing
 from cohelm.link.keys import pair_here
 from cohelm.link.messages import Device, Hello, Mode
 from cohelm.link.robot_bulk import both_ends
-from cohelm.link.stick import Recording
+from cohelm.link.stick import StickRecording
 from cohelm.link.sticks.at_helm import drive
 from cohelm.link.sticks.played import PlayedStick
 from cohelm.link.sticks.port import CENTRED, Button, Feel, Reading
@@ -49,7 +49,8 @@ class Robot:
                 self.hands.append(self.side.step(heard))
             self.end.tell(
                 STATUS._replace(
-                    mode=self.side.mode, stopped=self.side.stopped, arming=self.side.person.arming,
+                    mode=self.side.mode, stopped=self.side.stopped,
+                    arming=self.side.stick_state.arming,
                     nominal=Twist(1.0, 0.0), applied=Twist(0.5, 0.0),
                 )
             )  # fmt: skip
@@ -126,7 +127,7 @@ def test_a_stick_takes_the_lease_steers_is_felt_and_its_loss_stops_the_robot(rob
 
 def test_a_recorded_hand_drives_and_its_end_is_no_centred_stick(robot):
     robot, keys = robot
-    record = Recording(
+    record = StickRecording(
         np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.75, 0.75]), np.array([0.0, -0.5, -0.5])
     )
     played = PlayedStick(record, "record", time.monotonic)

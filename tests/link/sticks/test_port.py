@@ -10,7 +10,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.link.stick import Recording
+from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
 from cohelm.link.sticks.played import PlayedStick
 from cohelm.link.sticks.port import CENTRED, Button, Feel, StickDevice
@@ -33,7 +33,7 @@ class Played:
         self.steps = [CENTRED]
 
     def open(self) -> StickDevice:
-        record = Recording(
+        record = StickRecording(
             np.arange(100.0), np.linspace(0.0, 0.99, 100), np.linspace(0.0, -0.99, 100)
         )
         return PlayedStick(record, "played", lambda: self.now)

@@ -85,10 +85,10 @@ def test_the_attackers_walkers_are_after_the_robot_on_the_twin_too():
     case = suites.suite("adversary", 1, None, "twin").case(2)
     assert drive(case, row).same
     kinematic = suites.suite("adversary", 1, None).case(2)
-    assert case.duel is not None
-    assert case.duel.scene.discs.tolist() == kinematic.duel.scene.discs.tolist()
-    posts = case.setup.around.discs[len(case.duel.scene.discs) :]
-    assert posts[:, :2].tolist() == case.duel.scene.points.tolist()
+    assert case.rollout is not None
+    assert case.rollout.scene.discs.tolist() == kinematic.rollout.scene.discs.tolist()
+    posts = case.setup.around.discs[len(case.rollout.scene.discs) :]
+    assert posts[:, :2].tolist() == case.rollout.scene.points.tolist()
 
 
 @pytest.mark.parametrize(("plant", "degrees"), [("twin", 270.0), ("twin-all-round", 360.0)])

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Ask, Hello
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import StationEnd, Told
-from cohelm.link.sticks.helm import Helm, Limits
+from cohelm.link.station_end import ReceivedStatus, StationEnd
+from cohelm.link.sticks.helm import Helm, SpeedLimits
 from cohelm.link.sticks.port import CENTRED, Reading, StickDevice
 
 PERIOD = 0.01
 """[s]; the hand feels more than 50 Hz, and the link sends the newest."""
-_UNKNOWN = Limits(1.0, 1.0)
+_UNKNOWN = SpeedLimits(1.0, 1.0)
 
 
 def drive(
@@ -49,13 +49,13 @@ def drive(
         device.close()
 
 
-def _limits(bulk: StationBulk) -> Limits:
+def _limits(bulk: StationBulk) -> SpeedLimits:
     """What the robot says of itself; it is the first thing it says."""
     end = time.monotonic() + 2.0
     while time.monotonic() < end:
         for message in bulk.news():
             if isinstance(message, Hello) and message.v_max > 0.0 and message.omega_max > 0.0:
-                return Limits(message.v_max, message.omega_max)
+                return SpeedLimits(message.v_max, message.omega_max)
         time.sleep(0.02)
     return _UNKNOWN
 
@@ -67,7 +67,7 @@ class _Sayer:
         self._say = say
         self._last: dict[str, str] = {}
 
-    def changes(self, end: StationEnd, told: Told | None, reading: Reading) -> None:
+    def changes(self, end: StationEnd, told: ReceivedStatus | None, reading: Reading) -> None:
         """Compare with what was said last."""
         state = end.state()
         self._tell("link", "linked" if state.connected else f"no link: {state.why}")

@@ -19,7 +19,7 @@ from urllib.parse import parse_qsl, urlsplit
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.link.messages import Device
-from cohelm.link.sticks.cls2sim import PORT, Answer, Forces, Line, unit
+from cohelm.link.sticks.cls2sim import PORT, Cls2SimLine, Forces, StickPositions, unit
 from cohelm.link.sticks.force import NO_FORCE, ForceRules, Swings, changed, wanted
 from cohelm.link.sticks.force_watchdog import ForceWatchdog
 from cohelm.link.sticks.port import CENTRED, NOTHING, Feel, Reading
@@ -54,7 +54,7 @@ class BrunnerParams(NamedTuple):
 
 
 class CLS2Sim(Protocol):
-    """What a stick needs of its `Line`."""
+    """What a stick needs of its `Cls2SimLine`."""
 
     refused: int
 
@@ -62,7 +62,7 @@ class CLS2Sim(Protocol):
         """Send a request."""
         ...
 
-    def answers(self, now: float) -> list[Answer]:
+    def answers(self, now: float) -> list[StickPositions]:
         """Those that came."""
         ...
 
@@ -146,7 +146,7 @@ class BrunnerStick:
         self._rules = rules._replace(
             fresh=min(rules.fresh, 0.4 * params.silence), gone=min(rules.gone, params.silence)
         )
-        self._line = line or Line(params.host, params.port, params.silence)
+        self._line = line or Cls2SimLine(params.host, params.port, params.silence)
         self._why = ""
         self._stick, self._rate = CENTRED, CENTRED
         self._swings = Swings()
@@ -221,7 +221,7 @@ class BrunnerStick:
         elif not self._answered and now - self._questioned > silence:
             self._let_go(self._silent())
 
-    def _take(self, answer: Answer, now: float) -> None:
+    def _take(self, answer: StickPositions, now: float) -> None:
         forward, left = self._params.forward, self._params.left
         stick = Stick(_share(answer.elevator, forward), _share(answer.aileron, left))
         seen = now - answer.age

@@ -34,7 +34,7 @@ class Forces(NamedTuple):
     aileron: int
 
 
-class Answer(NamedTuple):
+class StickPositions(NamedTuple):
     """Where the axes stand, in [0, 1]."""
 
     elevator: float
@@ -60,7 +60,7 @@ def positions(data: bytes) -> tuple[float, float] | None:
     return min(max(elevator, 0.0), 1.0), min(max(aileron, 0.0), 1.0)
 
 
-class Line:
+class Cls2SimLine:
     """Requests to one CLS2Sim, and their answers; nothing here waits or raises once it is open.
 
     Answers have no numbers, so they are counted: each takes the oldest request that has none yet,
@@ -85,9 +85,9 @@ class Line:
         with contextlib.suppress(OSError):  # full, no route, nobody there: no answer tells it
             self._socket.send(request(forces))
 
-    def answers(self, now: float) -> list[Answer]:
+    def answers(self, now: float) -> list[StickPositions]:
         """Those that came, in their order."""
-        came: list[Answer] = []
+        came: list[StickPositions] = []
         with contextlib.suppress(ValueError):  # closed
             for data, _ in receive(self._socket, _MOST):
                 found = positions(data)
@@ -96,7 +96,7 @@ class Line:
                 if found is None:
                     self.refused += 1
                 elif self._asked:
-                    came.append(Answer(*found, now - self._asked.popleft()))
+                    came.append(StickPositions(*found, now - self._asked.popleft()))
         return came
 
     def close(self) -> None:

@@ -6,14 +6,14 @@ import math
 from typing import NamedTuple
 
 from cohelm.link.messages import Ask, Mode
-from cohelm.link.station_end import StationEnd, Told
+from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, returning, spring, wanted
 from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
 
 _CENTRED = 0.05
 
 
-class Limits(NamedTuple):
+class SpeedLimits(NamedTuple):
     """What the cue takes as the robot's whole speed."""
 
     speed: float
@@ -26,7 +26,7 @@ class Helm:
     """Passes a stick on, 50 times a second or faster, and lets it be felt."""
 
     def __init__(
-        self, end: StationEnd, device: StickDevice, limits: Limits, k_s: float,
+        self, end: StationEnd, device: StickDevice, limits: SpeedLimits, k_s: float,
         rules: CueRules | None = None,
     ) -> None:  # fmt: skip
         """k_s: constant of the spring (35)."""
@@ -50,7 +50,7 @@ class Helm:
         self._device.feel(self._felt(told, reading, now))
         return reading
 
-    def _felt(self, told: Told | None, reading: Reading, now: float) -> Feel:
+    def _felt(self, told: ReceivedStatus | None, reading: Reading, now: float) -> Feel:
         dt = now - self._last if now > self._last else 0.0
         self._last = now
         push = STILL
@@ -63,7 +63,7 @@ class Helm:
             return Feel(self._spring, self._push)
         return Feel(self._spring, returning(self._push, reading.stick, self._spring))
 
-    def _pressed(self, button: Button, told: Told | None) -> None:
+    def _pressed(self, button: Button, told: ReceivedStatus | None) -> None:
         if button is Button.STOP:
             self._end.ask(Ask.STOP)
         elif button is Button.RESET:

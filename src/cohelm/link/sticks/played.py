@@ -8,7 +8,7 @@ import numpy as np
 
 from cohelm.core.types import Stick
 from cohelm.link.messages import Device
-from cohelm.link.stick import Recording
+from cohelm.link.stick import StickRecording
 from cohelm.link.sticks.port import CENTRED, Feel, Reading
 
 
@@ -18,7 +18,7 @@ class PlayedStick:
     kind = Device.SCRIPT
     force = False
 
-    def __init__(self, record: Recording, name: str, clock: Callable[[], float]) -> None:
+    def __init__(self, record: StickRecording, name: str, clock: Callable[[], float]) -> None:
         """clock: seconds, steady."""
         self.name = name
         self._record = record

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 from cohelm.core.errors import CohelmError
 from cohelm.link.sticks.brunner_stick import SCHEME, CLS2Sim, Watchdog, numeric, parameters
-from cohelm.link.sticks.cls2sim import PORT, Forces, Line
+from cohelm.link.sticks.cls2sim import PORT, Cls2SimLine, Forces
 from cohelm.link.sticks.force_watchdog import ForceWatchdog
 
 _PERIOD = 0.01  # [s]
@@ -36,7 +36,7 @@ def run(
     """
     params = parameters(text, pushes=False)
     address = (numeric(params.host, params.port), params.port) if line is None else ("", 0)
-    line = line or Line(*address, 0.5)
+    line = line or Cls2SimLine(*address, 0.5)
     watchdog = watchdog or ForceWatchdog(*address)
     trial = _Trial(line, watchdog, say, clock, wait)
     try:

@@ -1,4 +1,1 @@
-"""The physics twin: the robot and its world in MuJoCo, behind the same port as the others.
-
-Needs the extra `twin`; `settings` and `cells` do without.
-"""
+"""The physics twin: the robot and its world in MuJoCo, behind the same port as the others."""

@@ -27,7 +27,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose, disc
 from cohelm.law.reference import through
-from cohelm.link.stick import Recording
+from cohelm.link.stick import StickRecording
 from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.scenario.load import robot
 from cohelm.sim.adversarial import BANG, RAM, SCRIPT, SPIN, Attack, Scene
@@ -58,7 +58,7 @@ _KINDS = ("ram", "bang", "spin", "human")
 
 
 def case(
-    seed: int, number: int, hands: tuple[Recording, ...] = (), search_every: int = SEARCH_EVERY
+    seed: int, number: int, hands: tuple[StickRecording, ...] = (), search_every: int = SEARCH_EVERY
 ) -> Episode:
     """Attack `number` of the campaign with this seed. hands: recorded people, for *human*."""
     rng = sequence(seed, "adversary", number)
@@ -90,7 +90,7 @@ def case(
     )  # fmt: skip
 
 
-class Found(NamedTuple):
+class WorstAttack(NamedTuple):
     """The worst that a search has found."""
 
     case: Episode
@@ -100,24 +100,24 @@ class Found(NamedTuple):
     evaluations: int
 
 
-def searched(case: Episode, law: Law, evaluations: int = EVALUATIONS) -> Found:
+def searched(case: Episode, law: Law, evaluations: int = EVALUATIONS) -> WorstAttack:
     """CMA-ES (Hansen 2016) for the sequence of deflections with the smallest clearance.
 
-    The same case and law give the same sequence. case: one with a duel.
+    The same case and law give the same sequence. case: one with an adversarial rollout.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of optional parts of cma that are not there
         cma: Any = importlib.import_module("cma")
-    duel = case.duel
-    assert duel is not None
+    rollout = case.rollout
+    assert rollout is not None
     knots = round(_LIMIT / _HOLD)
 
-    def fought(x: Floats) -> Episode:
+    def attacked(x: Floats) -> Episode:
         script = np.clip(np.asarray(x, dtype=np.float64).reshape(knots, 2), -1.0, 1.0)
-        return replace(case, duel=duel.scripted(script, _HOLD))
+        return replace(case, rollout=rollout.scripted(script, _HOLD))
 
     options = {
-        "seed": duel.attack.seed % 2**30 + 1,
+        "seed": rollout.attack.seed % 2**30 + 1,
         "maxfevals": evaluations,
         "verbose": -9,
         "verb_log": 0,
@@ -132,7 +132,9 @@ def searched(case: Episode, law: Law, evaluations: int = EVALUATIONS) -> Found:
     while count < evaluations:
         tried: list[Floats] = search.ask()[: evaluations - count]
         clearances = [
-            least_clearance(made, law, made.duel) for made in map(fought, tried) if made.duel
+            least_clearance(made, law, made.rollout)
+            for made in map(attacked, tried)
+            if made.rollout
         ]
         count += len(tried)
         for x, clearance in zip(tried, clearances, strict=True):
@@ -141,13 +143,13 @@ def searched(case: Episode, law: Law, evaluations: int = EVALUATIONS) -> Found:
         if len(tried) < search.popsize:
             break
         search.tell(tried, clearances)
-    return Found(fought(worst), least, count)
+    return WorstAttack(attacked(worst), least, count)
 
 
 def scripted(case: Episode, stick: list[float]) -> Episode:
     """The case with a sequence that a search found, as its row keeps it."""
-    assert case.duel is not None
-    return replace(case, duel=case.duel.scripted(np.array(stick).reshape(-1, 2), _HOLD))
+    assert case.rollout is not None
+    return replace(case, rollout=case.rollout.scripted(np.array(stick).reshape(-1, 2), _HOLD))
 
 
 def _six(row: Floats) -> tuple[float, float, float, float, float, float]:
@@ -197,7 +199,7 @@ def _scene(
     return Scene(np.array(discs), agility, _WALK, np.array(walls), np.array(points))
 
 
-def _flipped(rng: np.random.Generator, hand: Recording) -> Floats:
+def _flipped(rng: np.random.Generator, hand: StickRecording) -> Floats:
     """Ten seconds of a recorded hand from anywhere in it, one axis or both the wrong way round."""
     first, last = float(hand.times[0]), float(hand.times[-1])
     at = rng.uniform(first, max(last - _LIMIT, first)) + np.arange(0.0, _LIMIT, DT)

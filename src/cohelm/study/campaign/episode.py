@@ -16,7 +16,7 @@ from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules
 from cohelm.sim import adversarial
-from cohelm.sim.adversarial import SCRIPT, Attack, Scene, duel
+from cohelm.sim.adversarial import SCRIPT, Attack, Scene, rollout
 from cohelm.sim.heights import Heights
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup, with_pilot
@@ -95,7 +95,7 @@ class Episode:
     """One episode of a suite.
 
     setup: world, robot, limits, reference, hands; its law is that of `pieces`. goal: None if
-    nobody wants to get anywhere. duel: None if a controller drives.
+    nobody wants to get anywhere. rollout: None if a controller drives.
     """
 
     suite: str
@@ -104,7 +104,7 @@ class Episode:
     """What kind of episode this is, in a few words; the report counts by it."""
     setup: Setup
     goal: Goal | None
-    duel: AdversarialRollout | None = None
+    rollout: AdversarialRollout | None = None
     plant: Plant = "kinematic"
     robot: str = "sally"
     """Name of the robot that drives."""
@@ -132,8 +132,8 @@ def traced(case: Episode, law: Law, acted: Interventions) -> Iterator[Trace]:
 
     acted: where what gate and monitors did is counted, where there are any.
     """
-    if case.duel is not None:
-        return _fought_on_twin(case, acted) if case.setup.twin else iter((fought(case, law),))
+    if case.rollout is not None:
+        return _attacked_on_twin(case, acted) if case.setup.twin else iter((attacked(case, law),))
     if case.uneven is not None:
         from cohelm.study.campaign import heights_run  # needs MuJoCo, which is an extra
 
@@ -148,25 +148,25 @@ def traced(case: Episode, law: Law, acted: Interventions) -> Iterator[Trace]:
     return pieces(setup, _PIECE)
 
 
-def _fought_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
+def _attacked_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
     from cohelm.sim.twin.movers import Pursuers  # needs MuJoCo, which is an extra
     from cohelm.study.campaign import loop_run
 
-    assert case.duel is not None
-    scene, attack = case.duel.scene, case.duel.attack
+    assert case.rollout is not None
+    scene, attack = case.rollout.scene, case.rollout.attack
     agility = np.zeros(len(case.setup.around.discs))
     agility[: len(scene.agility)] = scene.agility
     pursuers = Pursuers(agility, scene.walk, attack.seed)
-    return loop_run.fought(case.setup, attack, pursuers, acted, _PIECE)
+    return loop_run.attacked(case.setup, attack, pursuers, acted, _PIECE)
 
 
-def fought(case: Episode, law: Law) -> Trace:
-    """The trace of a duel on exact arcs."""
-    assert case.duel is not None
-    chosen = case.duel
+def attacked(case: Episode, law: Law) -> Trace:
+    """The trace of an adversarial rollout on exact arcs."""
+    assert case.rollout is not None
+    chosen = case.rollout
     n, m = case.setup.steps, len(chosen.scene.discs) + len(chosen.scene.points)
     rows, h, discs = blank(n), np.empty((n, m)), np.empty((n, m, 6))
-    _duel(case, law, chosen, rows, h, discs)
+    _rollout(case, law, chosen, rows, h, discs)
     return Trace(rows, h, discs, tuple(f"thing_{i}" for i in range(m)), DT)
 
 
@@ -175,11 +175,11 @@ _NO_ROWS, _NO_H, _NO_DISCS = blank(0), np.empty((0, 0)), np.empty((0, 0, 6))
 
 
 def least_clearance(case: Episode, law: Law, chosen: AdversarialRollout) -> float:
-    """What a duel comes to, without a trace: the smallest clearance while the robot moved [m]."""
-    return _duel(case, law, chosen, _NO_ROWS, _NO_H, _NO_DISCS)
+    """The smallest clearance while the robot moved [m], of a rollout without a trace."""
+    return _rollout(case, law, chosen, _NO_ROWS, _NO_H, _NO_DISCS)
 
 
-def _duel(
+def _rollout(
     case: Episode,
     law: Law,
     chosen: AdversarialRollout,
@@ -189,7 +189,7 @@ def _duel(
 ) -> float:
     setup = case.setup
     code = {"guard": adversarial.GUARD, "paper": adversarial.PAPER}.get(law, adversarial.NO_LAW)
-    return duel(
+    return rollout(
         setup.start, chosen.scene, chosen.attack, code, setup.gains, setup.outline, setup.limits,
         _RULES, setup.steps, rows, h, discs,
     )  # fmt: skip

@@ -16,7 +16,7 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.link import stick as sticks
-from cohelm.link.stick import Recording
+from cohelm.link.stick import StickRecording
 from cohelm.scenario import build
 from cohelm.sim.operator_model import replay
 from cohelm.sim.setup import Setup
@@ -31,7 +31,7 @@ class Hands(NamedTuple):
 
     names: tuple[str, ...]
     """File and run."""
-    recordings: tuple[Recording, ...]
+    recordings: tuple[StickRecording, ...]
     left_out: tuple[str, ...]
     """Files that are no sticks, a sentence each."""
 
@@ -44,7 +44,7 @@ def read(folder: Path) -> Hands:
     inside = folder / "stick" if (folder / "stick").is_dir() else folder
     files = sorted([*inside.glob("*.csv"), *inside.glob("*.csv.gz")])
     names: list[str] = []
-    found: list[Recording] = []
+    found: list[StickRecording] = []
     left_out: list[str] = []
     for file in files:
         try:
@@ -63,7 +63,7 @@ def read(folder: Path) -> Hands:
     return Hands(tuple(names), tuple(found), tuple(left_out))
 
 
-def _runs(file: Path) -> tuple[list[str], list[Recording], list[str]]:
+def _runs(file: Path) -> tuple[list[str], list[StickRecording], list[str]]:
     """All runs of a file, however it numbers them, and a sentence for each that is none; of one
     that holds a single run, that."""
     called = sticks.runs(file)
@@ -74,7 +74,7 @@ def _runs(file: Path) -> tuple[list[str], list[Recording], list[str]]:
             f"{file}: holds {len(called)} runs, and {_MOST_RUNS} are the most: cut it"
         )
     names: list[str] = []
-    found: list[Recording] = []
+    found: list[StickRecording] = []
     left_out: list[str] = []
     for run in called:
         try:

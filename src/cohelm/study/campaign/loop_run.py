@@ -62,7 +62,7 @@ def pieces(setup: Setup, acted: Interventions, length: int) -> Iterator[Trace]:
     return stepped(Looped(setup, acted), length)
 
 
-def fought(
+def attacked(
     setup: Setup, attack: Attack, pursuers: Pursuers, acted: Interventions, length: int
 ) -> Iterator[Trace]:
     """The same with the stick in an attacker's hand; whom it drives among are after the robot."""
@@ -143,4 +143,4 @@ class _Attacked(Looped):
         self.held = deflection(
             self.attack, self.held, k, setup.dt, self.truth.pose, things, setup.around.walls
         )
-        return self.held if self.loop.person.arming == Arming.ARMED else CENTRED
+        return self.held if self.loop.stick_state.arming == Arming.ARMED else CENTRED

@@ -77,7 +77,7 @@ def on_twin(case: Episode, plant: Plant) -> Episode:
     model = carried(case.robot, plant)
     assert model.lidar is not None
     physics, setup, further = sensing(model), case.setup, model.further_lidars
-    if case.duel is not None:
+    if case.rollout is not None:
         field = _field(case)
         names = tuple(f"thing_{i}" for i in range(len(field.discs)))
         full = PAPER._replace(u_d=setup.limits.speed)
@@ -106,8 +106,8 @@ def _resting(setup: Setup) -> np.ndarray:
 
 def _field(case: Episode) -> World:
     """What there is to hit; points are thin posts, which a LiDAR can see."""
-    assert case.duel is not None
-    scene = case.duel.scene
+    assert case.rollout is not None
+    scene = case.rollout.scene
     reach = float(np.hypot(*case.setup.outline.T).max())
     bodies = [Body(tuple(row)) for row in scene.discs.tolist()]
     bodies += [Body(disc(x, y, POST, POST + reach)) for x, y in scene.points.tolist()]

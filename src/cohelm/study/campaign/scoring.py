@@ -96,7 +96,7 @@ def _row(
 ) -> EpisodeResult:  # fmt: skip
     duration = float(rows["t"][-1])
     back, unrecovered = recovery(rows, arrived)
-    measured = case.duel is None
+    measured = case.rollout is None
     return EpisodeResult(
         suite=case.suite,
         plant=case.plant,

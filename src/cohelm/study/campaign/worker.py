@@ -57,7 +57,7 @@ def _one(suite: Suite, law: Law, number: int) -> EpisodeResult:
             )
         if is_search(case):
             found = adversary.searched(case, law)
-            script = found.case.duel.attack.script if found.case.duel else None
+            script = found.case.rollout.attack.script if found.case.rollout else None
             stick = [] if script is None else script.ravel().tolist()
             return run_episode(found.case, law)._replace(stick=stick)
         return run_episode(case, law)
