@@ -128,21 +128,3 @@ class Doorkeeper:
         while tries and now - tries[0] > TRIES_IN:
             tries.popleft()
         return tries
-
-
-class Rate:
-    """A bucket of messages that fills up steadily; empty, no more are heard."""
-
-    def __init__(self, per_second: float, at_once: float) -> None:
-        self.per_second, self.at_once = per_second, at_once
-        self._left, self._at = at_once, time.monotonic()
-
-    def allows(self) -> bool:
-        """Take one out, if there is one."""
-        now = time.monotonic()
-        self._left = min(self._left + (now - self._at) * self.per_second, self.at_once)
-        self._at = now
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True

@@ -16,9 +16,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from cohelm.core.types import Stick
 from cohelm.link import messages as robot
+from cohelm.link.rate import TokenBucket
 from cohelm.link.station_end import WholeScan
 from cohelm.station import binary, messages as page, view
-from cohelm.station.doors import Rate
 from cohelm.station.outbox import Outbox
 from cohelm.station.robot_link import Connect, News, ReplayLink
 
@@ -160,10 +160,10 @@ class Operator:
                 self.watch(time.monotonic())
 
     async def _read(self, socket: WebSocket) -> None:
-        rate = Rate(per_second=200.0, at_once=200.0)
+        rate = TokenBucket(per_second=200.0, at_once=200.0, now=time.monotonic())
         while _open(socket):
             text = await socket.receive_text()
-            if not rate.allows():
+            if not rate.take(time.monotonic()):
                 _log.warning("%s says too much; let go", self.name)
                 await _let_go(socket, 1008, "too many messages")
                 return

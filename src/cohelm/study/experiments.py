@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from cohelm.core.trace import Trace
 from cohelm.robot.limits import Limits
 from cohelm.scenario import build, load
 from cohelm.sim.run import run
-from cohelm.sim.setup import Setup
+from cohelm.study.controlled import RunResult
 from cohelm.study.metrics import Metrics, measure, settling, spans
 
 SETTLED = 0.02
@@ -48,16 +46,8 @@ _LIMITED = ("track", "avoid", "shared", "recovery")
 
 
 @dataclass(frozen=True)
-class Run:
-    """One run: what was set up and what happened."""
-
-    setup: Setup
-    trace: Trace
-
-    @cached_property
-    def metrics(self) -> Metrics:
-        """How it scores."""
-        return measure(self.trace)
+class Run(RunResult):
+    """One run, to be drawn."""
 
     def step(self, t: float) -> int:
         """The step at time t [s], or the nearest there is."""

@@ -87,7 +87,7 @@ class Scanner:
 class Twin(Paced):
     """A robot of steel and rubber, as far as MuJoCo goes.
 
-    What it hits holds it back. MovingDiscs (index 0 of `around`) run with the robot's clock; who
+    What it hits holds it back. What moves in `around` goes with the robot's clock; who
     bumps into it finds the way round it, and is never pushed aside. Runs are equal to the last
     bit for equal seeds and calls, with the pace `AsFast`.
     """
