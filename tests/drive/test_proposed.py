@@ -5,9 +5,9 @@ import pytest
 
 from cohelm.core.types import Pose
 from cohelm.drive.proposed import ROOM, checked_path, planned_path
-from cohelm.law.reference import demand
 from cohelm.plan.course import poses_along
 from cohelm.plan.distance_field import swept
+from cohelm.plan.elastic_band import distances
 from cohelm.plan.path_planner import Goal
 
 OUTLINE = np.array([(-0.36, -0.29), (0.36, -0.29), (0.36, 0.29), (-0.36, 0.29)])
@@ -69,7 +69,7 @@ def test_in_the_open_a_goal_is_straight_ahead() -> None:
     nothing = np.empty((0, 2))
     said = planned_path(Goal(3.0, 4.0), HERE, 0.5, OUTLINE, nothing, nothing)
     assert said.reference is not None
-    assert demand(said.reference).length == pytest.approx(5.0, abs=0.05)
+    assert distances(poses_along(said.reference, 0.05))[-1] == pytest.approx(5.0, abs=0.05)
 
 
 @pytest.mark.parametrize(

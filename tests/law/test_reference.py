@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import wrap
-from cohelm.law.reference import demand, desired, evaluate, tabulate, through
+from cohelm.law.reference import desired, evaluate, tabulate, through
 from tests.oracle import lab, paper
 
 LAB = through(lab.WAYPOINTS, lab.SPEED)
@@ -160,23 +160,6 @@ def test_the_table_is_the_reference_step_by_step(own):
     assert table.shape == (300, 5)
     for k in (0, 1, 117, 234, 235, 299):
         assert tuple(table[k]) == pytest.approx(desired(LAB, k * 0.25, own), abs=1e-12)
-
-
-def test_the_demand_of_the_lab_is_what_its_samples_say():
-    d = demand(LAB)
-    t = np.linspace(0.0, LAB.duration, 40_001)[:-1]
-    twin = paper.Spline(lab.WAYPOINTS, lab.SPEED)
-    goals = [twin.goal(s, None) for s in t[::8]]
-    assert d.max_speed == pytest.approx(max(g.u for g in goals), rel=1e-4)
-    assert d.max_yaw_rate == pytest.approx(max(abs(g.r) for g in goals), rel=1e-3)
-    assert d.max_curvature == pytest.approx(max(abs(g.r) / g.u for g in goals), rel=1e-3)
-    chords = np.hypot(*np.diff(np.array([at(LAB, s)[:2] for s in t]), axis=0).T).sum()
-    assert d.length == pytest.approx(chords, rel=1e-3)
-
-
-def test_the_demand_of_a_straight_line_is_its_length_and_no_turning():
-    d = demand(through([(0, 0), (3, 4)], 0.5))
-    assert d == pytest.approx((5.0, 0.5, 0.0, 0.0), abs=1e-9)
 
 
 nan, inf = math.nan, math.inf

@@ -9,7 +9,7 @@ from shapely.affinity import rotate, translate
 from cohelm.core.types import Pose
 from cohelm.law.reference import evaluate, through
 from cohelm.plan.elastic_band import distances, spread, tangents
-from cohelm.plan.path_planner import PathParams, first_blocked, way
+from cohelm.plan.path_planner import PathParams, way
 from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, line, room, wall
 
 PATH_PARAMS = PathParams()
@@ -38,7 +38,7 @@ def test_where_nothing_is_in_the_way_it_is_straight():
 
 def test_it_goes_around_what_blocks_the_line():
     points = circle(4.0, 0.0, 0.6)
-    assert 0 < first_blocked(LINE, points, JACKAL, PATH_PARAMS.clearance) < len(LINE)
+    assert least_clearance(points, JACKAL, tangents(LINE)) < PATH_PARAMS.clearance
     found = way(AT, points, LINE, JACKAL)
     assert np.abs(found.points[:, 1]).max() > 0.7
     assert distances(found.points)[-1] < 8.8

@@ -77,7 +77,7 @@ got["seen"] = b"\\n".join(seen).decode(errors="replace")
 
 os.environ["COHELM_KEYS"] = keys
 try:
-    local_credentials.borrowed()
+    local_credentials.credentials_of_drive()
     got["borrowed"] = True
 except (CohelmError, PermissionError) as error:
     got["borrowed"] = False

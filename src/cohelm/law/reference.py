@@ -33,19 +33,6 @@ class Reference(NamedTuple):
         return float(self.knots[-1])
 
 
-class Demand(NamedTuple):
-    """What a reference asks of the robot, at its worst."""
-
-    length: float
-    """Length of the path [m]."""
-    max_speed: float
-    """Largest speed of the spline itself, which differs from u_d between way-points (E10) [m/s]."""
-    max_yaw_rate: float
-    """Largest |r_d| [rad/s]."""
-    max_curvature: float
-    """Largest |r_d| / ||S'|| [1/m]."""
-
-
 def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
     """Natural cubic splines through way-points, at chord length over speed apart in time (13).
 
@@ -149,23 +136,3 @@ def tabulate(reference: Reference, dt: float, steps: int, spline_speed: bool) ->
         d = desired(reference, k * dt, spline_speed)
         rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4] = d.x, d.y, d.psi, d.u, d.r
     return rows
-
-
-def demand(reference: Reference) -> Demand:
-    """What the reference asks of the robot, from 200 samples between each two way-points."""
-    t = np.unique(np.linspace(reference.knots[:-1], reference.knots[1:], 200))
-    index = np.clip(
-        np.searchsorted(reference.knots, t, side="right") - 1, 0, len(reference.coeffs) - 1
-    )
-    c = reference.coeffs[index]
-    s = t - reference.knots[index]
-    vx, vy = ((3 * c[:, j] * s + 2 * c[:, j + 1]) * s + c[:, j + 2] for j in (0, 4))
-    ax, ay = (6 * c[:, j] * s + 2 * c[:, j + 1] for j in (0, 4))
-    speed = np.maximum(np.hypot(vx, vy), _AT_REST)
-    yaw_rate = np.abs(vx * ay - vy * ax) / speed**2
-    return Demand(
-        length=float(np.trapezoid(speed, t)),
-        max_speed=float(speed.max()),
-        max_yaw_rate=float(yaw_rate.max()),
-        max_curvature=float((yaw_rate / speed).max()),
-    )

@@ -69,15 +69,6 @@ class Way(NamedTuple):
     """Least clearance of the outline along it, with the heading of the way [m]."""
 
 
-def first_blocked(line: Floats, points: Floats, outline: Floats, clearance: float) -> int:
-    """First row of a line, (k, 2) with k >= 2, at which the outline comes nearer than `clearance`.
-
-    len(line) if all of it is clear.
-    """
-    tight = swept(points, outline, tangents(line)) < clearance
-    return int(np.argmax(tight)) if tight.any() else len(line)
-
-
 def way(
     pose: Pose, points: Floats, line: Floats, outline: Floats,
     path_params: PathParams = _PATH_PARAMS, begin: int = 0, horizon: float = math.inf,

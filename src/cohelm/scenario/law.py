@@ -52,7 +52,7 @@ class Barrier(Schema):
 
 
 class Sharing(Schema):
-    """How the person's wish and the controller's are blended (34)-(48)."""
+    """How the operator's command and the controller's are blended (34)-(48)."""
 
     blend: Literal["joint", "per-axis"] = "joint"
     """One authority for both axes (47)(48), or one per axis (43)(44), found unstable (Remark 2)."""
@@ -227,11 +227,11 @@ class EvasionModel(Schema):
 
 
 class Law(Schema):
-    """What filters the wishes; gains of Table II, and the choices that the paper leaves open."""
+    """What filters the nominal command; gains of Table II, and choices that the paper leaves open."""
 
     filter: Literal["guard", "barrier", "none"] = "guard"
-    """What stands between wish and wheels: the guard, with a reference that waits and ways round;
-    the paper's barrier; or nothing. With the last two the reference runs on with time (E12)."""
+    """What stands between command and wheels: the guard, with a reference that waits and ways
+    round; the paper's barrier; or nothing. With the last two the reference runs on with time (E12)."""
     tracking: Tracking = Tracking()
     """Following the reference."""
     barrier: Barrier = Barrier()

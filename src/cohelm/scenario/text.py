@@ -17,7 +17,6 @@ from cohelm.core.errors import CohelmError
 Path = tuple[str | int, ...]
 
 _CORE = "tag:yaml.org,2002:"
-_STR = _CORE + "str"
 OVERRIDE = "--set "
 """How the origin of a value from the command line begins."""
 

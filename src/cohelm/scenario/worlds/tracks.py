@@ -34,12 +34,6 @@ class Track:
     points: Floats
     """(m, 2), world frame [m]."""
 
-    @property
-    def max_speed(self) -> float:
-        """Fastest step between two samples [m/s]; 0 for a single sample."""
-        steps = np.hypot(*np.diff(self.points, axis=0).T) / np.diff(self.times)
-        return float(steps.max(initial=0.0))
-
     def path(self) -> Reference:
         """Straight from sample to sample, at constant speed in between; ELSEWHERE around them.
 
