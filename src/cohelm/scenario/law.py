@@ -227,11 +227,12 @@ class EvasionModel(Schema):
 
 
 class Law(Schema):
-    """What filters the nominal command; gains of Table II, and choices that the paper leaves open."""
+    """What filters the command; gains of Table II, and the choices that the paper leaves open."""
 
     filter: Literal["guard", "barrier", "none"] = "guard"
     """What stands between command and wheels: the guard, with a reference that waits and ways
-    round; the paper's barrier; or nothing. With the last two the reference runs on with time (E12)."""
+    round; the paper's barrier; or nothing. With the last two the reference runs on with time
+    (E12)."""
     tracking: Tracking = Tracking()
     """Following the reference."""
     barrier: Barrier = Barrier()

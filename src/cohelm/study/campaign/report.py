@@ -88,6 +88,8 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("share of steps untouched", lambda s: _number(s.untouched_share, 5)),
         ("smallest clearance while moving [m]", lambda s: _least(s.spreads, "moving_")),
         ("closest: smallest clearance of all [m]", lambda s: _least(s.spreads, "")),
+        ("closest to who moves [m]", lambda s: _spread(s.spreads["closest_mover_m"], 2)),
+        ("within 0.45 m of who moves [s]", lambda s: _spread(s.spreads["near_movers_s"], 1)),
         ("limits exceeded by", lambda s: f"{s.limit_excess:g}"),
         ("BARN score (0.5 at most)", lambda s: _number(s.score, 4)),
         ("time to arrive [s]", lambda s: _spread(s.spreads["duration_s"], 1)),

@@ -41,6 +41,10 @@ class EpisodeResult(NamedTuple):
     """The same while the robot moved, but for what had walked into it while it stood."""
     min_clearance_at_s: float
     """When it was smallest while the robot moved; at all, where nothing was near then."""
+    closest_mover_m: float
+    """Smallest gap to who ever moves; at most `sim.judge.FAR`, NaN where nobody does."""
+    near_movers_s: float
+    """How long that gap was below `sim.proximity.INTIMATE`, 0.45 m."""
     nearest: str
     """What was near then: a disc's name, or "wall"; empty where nothing came near."""
     limit_excess: float

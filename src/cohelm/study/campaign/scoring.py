@@ -14,6 +14,7 @@ from cohelm.robot.limits import Limits
 from cohelm.scenario.worlds.barn import score
 from cohelm.sim.heights import fallen
 from cohelm.sim.judge import FAR, Judged, clearance_to, judge
+from cohelm.sim.proximity import Proximity, approached, movers
 from cohelm.sim.setup import Setup
 from cohelm.study.campaign.contact_analysis import NOTHING_TOUCHED, Touch, first_touch
 from cohelm.study.campaign.episode import DT, Episode, Law, traced
@@ -44,7 +45,7 @@ def scored(
     """
     setup = case.setup
     walls = setup.around.walls
-    seen = Judged()
+    seen, close, who = Judged(), Proximity(), movers(setup.around)
     kept: list[NDArray[np.void]] = []
     there: list[Floats] = []
     last: tuple[NDArray[np.void], Floats] | None = None
@@ -60,6 +61,7 @@ def scored(
         kept.append(rows)
         if setup.twin is not None:
             there.append(discs)
+        close = approached(close, rows, discs, setup.outline, who)
         if last is not None:
             rows = np.concatenate((last[0], rows))
             discs = np.concatenate((last[1], discs))
@@ -74,7 +76,9 @@ def scored(
     touched = NOTHING_TOUCHED
     if setup.twin is not None and seen.moving:
         touched = first_touch(setup, setup.twin, rows, np.concatenate(there), seen.first)
-    return _row(case, law, rows, seen, nearest, arrived, touched, acted)
+    return _row(
+        case, law, rows, seen, close if who.any() else None, nearest, arrived, touched, acted
+    )
 
 
 def _nearest(
@@ -91,8 +95,8 @@ def _nearest(
 
 
 def _row(
-    case: Episode, law: Law, rows: NDArray[np.void], seen: Judged, nearest: str, arrived: bool,
-    touched: Touch, acted: Interventions,
+    case: Episode, law: Law, rows: NDArray[np.void], seen: Judged, close: Proximity | None,
+    nearest: str, arrived: bool, touched: Touch, acted: Interventions,
 ) -> EpisodeResult:  # fmt: skip
     duration = float(rows["t"][-1])
     back, unrecovered = recovery(rows, arrived)
@@ -115,6 +119,8 @@ def _row(
         min_clearance_m=seen.clearance,
         min_clearance_moving_m=seen.clearance_moving,
         min_clearance_at_s=seen.at,
+        closest_mover_m=math.nan if close is None else close.closest,
+        near_movers_s=math.nan if close is None else close.near * case.setup.dt,
         nearest=nearest,
         limit_excess=seen.excess,
         score=_score(case, duration, arrived and seen.moving + seen.standing == 0),

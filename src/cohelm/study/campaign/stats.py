@@ -58,6 +58,8 @@ def spread(values: Sequence[float]) -> Spread:
 SPREADS: dict[str, Callable[[EpisodeResult], float]] = {
     "min_clearance_m": lambda r: r.min_clearance_m,
     "min_clearance_moving_m": lambda r: r.min_clearance_moving_m,
+    "closest_mover_m": lambda r: r.closest_mover_m,
+    "near_movers_s": lambda r: r.near_movers_s,
     "duration_s": lambda r: r.duration_s if r.arrived else math.nan,
     "time_ratio": lambda r: r.time_ratio,
     "path_length_m": lambda r: r.path_length_m,
