@@ -57,6 +57,12 @@ def test_the_summary_for_a_person_has_units_and_no_powers_of_ten():
     assert "record: a.mcap (whole)" in text
 
 
+def test_of_simulated_time_nothing_is_said_about_lateness():
+    found = dict(rows(SOUND | {"scheduling": "simulated time"}))
+    assert found["driven for"] == "40.0 s at 50 Hz"
+    assert not [name for name in found if "period" in name]
+
+
 def test_a_record_that_is_not_whole_says_so_in_the_table():
     text = dict(rows(SOUND | {"record_whole": False, "record_dropped": 7}))["record"]
     assert text == "a.mcap (NOT WHOLE, 7 messages dropped)"

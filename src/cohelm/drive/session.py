@@ -44,6 +44,8 @@ from cohelm.scenario.load import dump
 from cohelm.scenario.zones import check, given_first
 
 _BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
+SIMULATED_TIME = "simulated time"
+"""How a session is scheduled that no clock hurries."""
 _READY = 10.0  # the robot's sensors must speak within this [s]
 
 
@@ -98,7 +100,7 @@ class Session:
         """camera: gives the newest picture, told the robot's time; by default the robot's readings
         do. Raises CohelmError where something can not be started; nothing is left running then."""
         self.plan, self._camera = plan, camera
-        self.scheduling = "simulated time"
+        self.scheduling = SIMULATED_TIME
         self._urgent, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
         robot, real_time = plan.robot, plan.robot.real_time
         model = robot.model
