@@ -3,8 +3,10 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from cohelm.station import typescript
+from cohelm.link.messages import Localised
+from cohelm.station import typescript, view
 from cohelm.station.messages import Stick, from_page
+from tests.link.ends import STATUS
 
 WEB = Path(__file__).parents[2] / "src" / "cohelm" / "station" / "web" / "src"
 
@@ -38,3 +40,10 @@ def test_a_deflection_beyond_the_stick_is_refused() -> None:
     for x in ("1.001", "-2", "NaN", "Infinity", "1e400", '"1"', "null"):
         with pytest.raises(ValidationError):
             from_page(good.model_dump_json().replace('"x":1.0', f'"x":{x}'))
+
+
+def test_of_a_place_that_nobody_estimates_no_error_is_shown() -> None:
+    on_a_map = STATUS._replace(localised=Localised.GOOD, sigma=0.02)
+    assert view.state(on_a_map, 1.0, 0.01).sigma_m == pytest.approx(0.02)
+    by_odometry = STATUS._replace(localised=Localised.UNKNOWN, sigma=0.0)
+    assert view.state(by_odometry, 1.0, 0.01).sigma_m is None

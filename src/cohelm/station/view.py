@@ -78,9 +78,10 @@ def state(s: robot.Status, stamp: float, age: float) -> page.State:
     """The robot now. stamp: its clock [s]. age: how old that is [s]."""
     limiting = s.guarding.limiting
     reference = _where(s.reference) if all(map(math.isfinite, s.reference)) else None
+    sigma = None if s.localised == robot.Localised.UNKNOWN else known(s.sigma)
     return page.State(
         t_s=stamp, age_ms=_ms(age) or 0.0, pose=_where(s.pose), odometry=_where(s.odometry),
-        localised=_LOCALISED[s.localised], sigma_m=known(s.sigma), reference=reference,
+        localised=_LOCALISED[s.localised], sigma_m=sigma, reference=reference,
         twist=(_or_0(s.twist.v), _or_0(s.twist.omega)),
         nominal=(_or_0(s.nominal.v), _or_0(s.nominal.omega)),
         applied=(_or_0(s.applied.v), _or_0(s.applied.omega)),
