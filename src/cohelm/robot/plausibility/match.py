@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints
-from cohelm.robot.plausibility.sight import Eye, Sight, eye, foretold, normals, seen_by
+from cohelm.robot.plausibility.sight import BeamFrame, Sight, beam_frame, foretold, normals, seen_by
 from cohelm.robot.sensors import Lidar
 
 _WIDTHS = (0.5, 0.3, 0.15, 0.1, 0.08)
@@ -57,7 +57,7 @@ def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match 
     lines, where = normals(now, lidar, sigma)
     if len(where) < _LEAST or len(before.points) < _LEAST:
         return None
-    view = View(eye(lidar), now.ranges, now.points[where], lines)
+    view = Lines(beam_frame(lidar), now.ranges, now.points[where], lines)
     given, piece = foretold(before, now), _pieces(before.arc)
     table = _lines_by_beam(view, now.every)
     if least > 0.0 and _elsewhere(view, table, given, before.arc, piece, sigma) < least:
@@ -69,10 +69,10 @@ def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match 
     return Match(off, known, against, for_it)
 
 
-class View(NamedTuple):
+class Lines(NamedTuple):
     """What the later sight shows, as numbers."""
 
-    eye: Eye
+    frame: BeamFrame
     ranges: Floats
     """By beams, as of a `Sight`."""
     points: Floats
@@ -82,13 +82,13 @@ class View(NamedTuple):
 
 
 @jit
-def _lines_by_beam(view: View, every: int) -> Ints:
+def _lines_by_beam(view: Lines, every: int) -> Ints:
     """Which line each beam falls on, -1: none. A point that was kept stands for its neighbours,
     too, that were not; the nearest is written last."""
     n, k = len(view.ranges), len(view.points)
     table, beams = np.full(n, -1), np.empty(k, dtype=np.int64)
     for i in range(k):
-        beams[i] = round(seen_by(view.eye, view.points[i, 0], view.points[i, 1])[0])
+        beams[i] = round(seen_by(view.frame, view.points[i, 0], view.points[i, 1])[0])
     for far in range(every // 2, -1, -1):
         for side in (far, -far):
             for i in range(k):
@@ -98,7 +98,7 @@ def _lines_by_beam(view: View, every: int) -> Ints:
 
 
 @jit
-def _fitted(view: View, table: Ints, given: Floats) -> tuple[bool, Floats, Floats]:
+def _fitted(view: Lines, table: Ints, given: Floats) -> tuple[bool, Floats, Floats]:
     """Whether enough fell on lines, and `off` and `known` of the match. given: points of the
     earlier sight as odometry foretells them."""
     off, known, wanted, row = np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.empty(3)
@@ -108,7 +108,7 @@ def _fitted(view: View, table: Ints, given: Floats) -> tuple[bool, Floats, Float
         for i in range(len(given)):
             x = c * given[i, 0] - s * given[i, 1] + off[0]
             y = s * given[i, 0] + c * given[i, 1] + off[1]
-            at = round(seen_by(view.eye, x, y)[0])
+            at = round(seen_by(view.frame, x, y)[0])
             line = table[at] if 0 <= at < len(table) else -1
             if line < 0:
                 continue
@@ -153,9 +153,9 @@ def _solved(a: Floats, b: Floats) -> Floats:
 
 
 @jit_inline
-def _residual(view: View, table: Ints, x: float, y: float) -> float:
+def _residual(view: Lines, table: Ints, x: float, y: float) -> float:
     """Of a point from the line it falls on; NaN where there is none, or something before."""
-    beam, r = seen_by(view.eye, x, y)
+    beam, r = seen_by(view.frame, x, y)
     at = round(beam)
     if not 0 <= at < len(table):
         return math.nan
@@ -186,7 +186,7 @@ def _near(count: int, sigma: float) -> float:
 
 @jit
 def _elsewhere(
-    view: View, table: Ints, given: Floats, arc: Floats, piece: Ints, sigma: float
+    view: Lines, table: Ints, given: Floats, arc: Floats, piece: Ints, sigma: float
 ) -> float:
     """How much surface is not where it is foretold [m]; half as much doubt as `_votes` needs."""
     surface = 0.0
@@ -204,7 +204,7 @@ def _elsewhere(
 
 @jit
 def _votes(
-    view: View, table: Ints, given: Floats, off: Floats, arc: Floats, piece: Ints, sigma: float
+    view: Lines, table: Ints, given: Floats, off: Floats, arc: Floats, piece: Ints, sigma: float
 ) -> tuple[float, float]:
     """Surface that tells the two motions apart, and fits only one of them: piece by piece."""
     against = for_it = 0.0

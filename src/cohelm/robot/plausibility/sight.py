@@ -41,7 +41,7 @@ def sighted(
 ) -> Sight:  # fmt: skip
     """A scan's sight. The trail has to reach to its end."""
     pose, twist, points, seen, arc, every = _sighted(
-        eye(lidar), lidar.beams, np.array(ranges, dtype=np.float64), float(stamp),
+        beam_frame(lidar), lidar.beams, np.array(ranges, dtype=np.float64), float(stamp),
         float(duration), trail.rows,
     )  # fmt: skip
     return Sight(stamp + duration, pose, twist, points, seen, arc, every)
@@ -49,7 +49,7 @@ def sighted(
 
 @jit
 def _sighted(
-    of: Eye, beams: Floats, ranges: Floats, stamp: float, duration: float, rows: Floats
+    of: BeamFrame, beams: Floats, ranges: Floats, stamp: float, duration: float, rows: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, int]:  # fmt: skip
     """The same of numbers: those of the sight. beams: as of a `Lidar`; rows: of the trail."""
     n = len(ranges)
@@ -127,7 +127,7 @@ def _between(rows: Floats, j: int, column: int, time: float) -> float:
     return a[column] + (b[column] - a[column]) / (b[0] - a[0]) * (time - a[0])
 
 
-class Eye(NamedTuple):
+class BeamFrame(NamedTuple):
     """Where a LiDAR is in the body frame and where its beams look, as numbers."""
 
     x: float
@@ -142,14 +142,14 @@ class Eye(NamedTuple):
     """From beam to beam [rad]."""
 
 
-def eye(lidar: Lidar) -> Eye:
+def beam_frame(lidar: Lidar) -> BeamFrame:
     """A LiDAR's."""
     x, y, psi = lidar.mount
-    return Eye(x, y, math.cos(psi), math.sin(psi), lidar.first, lidar.step)
+    return BeamFrame(x, y, math.cos(psi), math.sin(psi), lidar.first, lidar.step)
 
 
 @jit_inline
-def seen_by(of: Eye, px: float, py: float) -> tuple[float, float]:
+def seen_by(of: BeamFrame, px: float, py: float) -> tuple[float, float]:
     """A point of the body frame: number of the beam, not whole, and range."""
     dx, dy = px - of.x, py - of.y
     x, y = of.c * dx + of.s * dy, -of.s * dx + of.c * dy
@@ -161,11 +161,11 @@ def seen_by(of: Eye, px: float, py: float) -> tuple[float, float]:
 
 def polar(lidar: Lidar, points: Floats) -> tuple[Floats, Floats]:
     """Points of the body frame as the sensor sees them: numbers of the beams and ranges."""
-    return _polar(eye(lidar), points)
+    return _polar(beam_frame(lidar), points)
 
 
 @jit
-def _polar(of: Eye, points: Floats) -> tuple[Floats, Floats]:
+def _polar(of: BeamFrame, points: Floats) -> tuple[Floats, Floats]:
     beams, far = np.empty(len(points)), np.empty(len(points))
     for i in range(len(points)):
         beams[i], far[i] = seen_by(of, points[i, 0], points[i, 1])
