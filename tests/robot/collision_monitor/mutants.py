@@ -134,6 +134,7 @@ _EQUAL = (
      "abs(along[0]) > abs(along[1])", "of a diagonal edge either side may be named"),
     ("monitor.py", "met", "outside(x, y, shape) > 0.0", "outside(x, y, shape) >= 0.0", _EDGE),
     ("monitor.py", "met", "out >= -ALONG", "out > -ALONG", _EDGE),
+    ("monitor.py", "met", "-1", "1", "read only where something is met"),
     ("monitor.py", "met", "time < anything", "time <= anything", _EITHER),
     ("monitor.py", "met", "time < solid", "time <= solid", _EITHER),
     ("monitor.py", "met", "if time == math.inf:", "if False:", "what is never met limits nothing"),
