@@ -26,13 +26,11 @@ from cohelm.ros.messages import command
 from cohelm.ros.mismatch import TWIST
 from cohelm.ros.port import COMMAND, SENSOR
 
-TICKS = os.sysconf("SC_CLK_TCK")
-
 
 def used(pid: int) -> float:
-    """Processor time of a process so far [s]."""
-    numbers = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(numbers[11]) + int(numbers[12])) / TICKS
+    """Processor time of a process so far, all its threads together [s]."""
+    threads = Path(f"/proc/{pid}/task").glob("*/schedstat")
+    return sum(1e-9 * int(thread.read_text().split()[0]) for thread in threads)
 
 
 def started(*arguments: str) -> subprocess.Popen[bytes]:
@@ -82,18 +80,21 @@ def main() -> None:
     took.clear()
     sent.clear()
     first = number
-    pids = [node.pid, *children(node.pid).values()]
-    before, begun = sum(map(used, pids)), time.monotonic()
+    pids = {"filter": node.pid, **children(node.pid)}
+    before, begun = {name: used(pid) for name, pid in pids.items()}, time.monotonic()
     while number - first < asked.count:
         time.sleep(0.1)
     time.sleep(0.2)
-    share = (sum(map(used, pids)) - before) / (time.monotonic() - begun)
+    wall = time.monotonic() - begun
+    shares = {name: (used(pid) - before[name]) / wall for name, pid in pids.items()}
     over.set()
     milliseconds = 1e3 * np.array(took)
     print(f"{len(took)} of {number - first} commands came out as they were")
     for name, q in (("median", 50.0), ("99 %", 99.0), ("most", 100.0)):
         print(f"{name}: {np.percentile(milliseconds, q):.2f} ms")
-    print(f"filter and gate use {share:.0%} of one core")
+    each = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
+    print(f"filter and gate use {sum(shares.values()):.1%} of one core ({each})")
+    print(f"load {os.getloadavg()[0]:.1f}")
     for process in (node, base):
         process.terminate()
         process.wait()

@@ -27,6 +27,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
+_NOBODY = np.empty((0, 6)), np.empty(0), np.empty((0, 6)), np.empty(0)
 _ON_WALL = 0.1  # what ends as near to a wall of the map as this stands [m]
 
 
@@ -145,6 +146,11 @@ class Perception:
 
         A reading seen before adds nothing; a scan that is older than all odometry is left out.
         """
+        self.hear(now, readings)
+        return self.seen(now)
+
+    def hear(self, now: float, readings: Readings) -> None:
+        """Take readings in, without asking yet what is known: `seen` tells."""
         if readings.odometry is not None:
             self._odometry(readings.odometry)
         if len(self._trail):
@@ -160,11 +166,10 @@ class Perception:
             self._located = self._locator.think()
             if not self._located.lost and len(self._trail):
                 self._map_odom = compose(self._located.pose, inverse(self._matched))
-        return self._said(now)
 
     def _odometry(self, odometry: Odometry) -> None:
         self._trail = extended(self._trail, odometry)
-        if np.isfinite(odometry.twist).all():
+        if all(map(math.isfinite, odometry.twist)):
             self._twist = odometry.twist
         if not self._placed and len(self._trail):
             first = Pose(*self._trail[-1, 1:4].tolist())
@@ -231,7 +236,8 @@ class Perception:
             return None
         return on_walls(known, compose(self._map_odom, pose), seen.points, _ON_WALL)
 
-    def _said(self, now: float) -> Seen:
+    def seen(self, now: float) -> Seen:
+        """What is known at `now` [s] from all that was heard."""
         if len(self._trail):
             here = pose_at(self._trail, now)
             stamp = float(self._trail[-1, 0])
@@ -270,6 +276,8 @@ def _movers(
     source: ObservationSource | RangeSource, now: float, watching: TrackerParams
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """The same of one LiDAR."""
+    if not len(source.movers.tracks) and not len(source.movers.loose):
+        return _NOBODY
     discs, agility = bodies(source.movers, now, watching)
     loose, agile = strays(source.movers, now, watching)
     return discs, agility, np.vstack((discs, loose)), np.concatenate((agility, agile))

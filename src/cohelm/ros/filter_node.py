@@ -129,7 +129,7 @@ class FilterNode:
         readings, now = self._readings, keeper.now()
         wrong = self._watchdog.wrong(now, readings)
         wrong = wrong and (self._transport.lost() or wrong)
-        seen = self._perception.take(now, readings)
+        seen = self._perception.seen(now)
         self._shape.take(readings.outline)
         self._report.outline = self._shape.outline
         result = self._filter(
@@ -167,7 +167,7 @@ class FilterNode:
         """Take in what the sensors have seen since: between two commands, so that none waits."""
         self._looked = time.monotonic()
         self._readings = self._keeper.read()
-        self._perception.take(self._keeper.now(), self._readings)
+        self._perception.hear(self._keeper.now(), self._readings)
 
     def _drive(self, nominal: Nominal, wrong: str) -> None:
         """The base may move as soon as a controller is there, and nothing is amiss."""
@@ -186,6 +186,8 @@ class FilterNode:
 
 def obstacles(seen: Seen) -> Obstacles:
     """What perception knows, for the filter, in the frame of the odometry."""
+    if not len(seen.mobile):
+        return Obstacles(seen.points)
     return Obstacles(
         seen.points, np.ascontiguousarray(seen.mobile[:, [X, Y, RADIUS, VX, VY]]),
         max_acceleration=seen.mobile_agility,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats, wrap
+from cohelm.core.types import Floats, Ints, wrap
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.transforms import Mount
 
@@ -110,22 +110,29 @@ class Ranges:
         numbers = model.lidar()
         self._first, self._step = numbers.first, numbers.step
         self._yaw = math.radians(model.mount_yaw_deg) - mount.pose.psi
+        self._layout: Layout | None = None
+        self._beams: Ints = np.empty(0, dtype=np.int64)
+        """Of scans with that layout, the model's beam of each of theirs."""
 
     def of(self, scan: Any) -> Floats:
         """(beams,) [m]: NaN where nothing was measured, which drivers also say as 0; -inf too near,
         inf nothing there. Several on one beam: the nearest. CohelmError for what is no scan."""
-        first, step, n = layout(scan, "the scan")
+        found = layout(scan, "the scan")
+        if found != self._layout:
+            self._layout, self._beams = found, self._beams_of(found)
         with np.errstate(invalid="ignore"):  # bytes may be any kind of NaN
             ranges: Floats = np.array(scan.ranges, dtype=np.float64)
         ranges[ranges == 0.0] = math.nan
         ranges[ranges < self._model.range_min_m] = -math.inf
-        bearings = first + step * np.arange(n)
+        made: Floats = np.full(self._model.beams, math.nan)
+        inside = self._beams < self._model.beams
+        np.fmin.at(made, self._beams[inside], ranges[inside])
+        return made
+
+    def _beams_of(self, found: Layout) -> Ints:
+        bearings = found.angle_min + found.increment * np.arange(found.beams)
         if self._mount.upside_down:
             bearings = -bearings
         turn = 2.0 * math.pi
         offset = np.mod(bearings - self._yaw - self._first + 0.5 * self._step, turn)
-        beams = (offset / self._step).astype(np.int64)
-        made: Floats = np.full(self._model.beams, math.nan)
-        inside = beams < self._model.beams
-        np.fmin.at(made, beams[inside], ranges[inside])
-        return made
+        return (offset / self._step).astype(np.int64)

@@ -11,7 +11,7 @@ from cohelm.robot.collision_monitor.returns import (
     PATCH,
     SURE,
     Sensor,
-    averaged,
+    averaged as averaged_of,
     returns,
 )
 
@@ -27,6 +27,10 @@ def wall(distance):
     with np.errstate(divide="ignore"):
         ranges = distance / np.cos(SENSOR.bearings)
     return np.where((ranges > 0.0) & (ranges < 12.0), ranges, math.inf)
+
+
+def averaged(ranges, beams, sensor):
+    return np.transpose([averaged_of(ranges, i, sensor.step, sensor.noise) for i in beams])
 
 
 def test_a_return_stands_where_its_beam_ends():

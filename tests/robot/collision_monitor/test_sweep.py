@@ -9,11 +9,12 @@ from hypothesis import given, strategies as st
 from cohelm.core.types import Twist
 from cohelm.robot.collision_monitor.sweep import (
     STRAIGHT,
-    contact_times,
+    contact_time,
     edge_distances,
     fastest,
     outline,
-    outwards,
+    outwards as outwards_of,
+    ring_of,
 )
 
 BOX = np.array([[0.36, 0.29], [-0.36, 0.29], [-0.36, -0.29], [0.36, -0.29]])
@@ -24,6 +25,16 @@ CORNERS = {"box": BOX, "wedge": WEDGE, "nose": NOSE}
 SHAPES = {name: outline(corners) for name, corners in CORNERS.items()}
 AHEAD = np.array([[1.0, 0.0]])
 NO = np.zeros(1)
+
+
+def contact_times(points, margins, twist, shape):
+    ring = ring_of(twist, shape)
+    each = zip(points, margins, strict=True)
+    return np.array([contact_time(x, y, margin, twist, shape, ring) for (x, y), margin in each])
+
+
+def outwards(points, twist, shape):
+    return np.array([outwards_of(x, y, twist, shape) for x, y in points])
 
 
 def stepped(point, margin, twist, shape, until, steps=4000):

@@ -15,6 +15,7 @@ from cohelm.robot.gate.modes import Mode
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.priority import urgent
 from cohelm.robot.keep.process import RemoteGatedRobot
+from cohelm.robot.keep.wire import readings_of
 from cohelm.robot.port import Readings
 from tests.robot.keep.robots import Traced
 
@@ -47,7 +48,8 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
             keeper._answer = before
             os.kill(os.getpid(), signal.SIGSTOP)
             answer = before(*given)
-            said.send((keeper.gate.mode.name, isinstance(answer, Readings)))
+            whole = what != "read" or isinstance(readings_of(answer), Readings)
+            said.send((keeper.gate.mode.name, whole))
             return answer
 
         keeper._answer = frozen

@@ -24,12 +24,15 @@ def extended(trail: Floats, odometry: Odometry) -> Floats:
 
     A clock that jumped back by more than a second starts a new trail.
     """
-    row = np.array([odometry.stamp, *odometry.pose, *odometry.twist])
-    if not np.isfinite(row).all():
+    row = (odometry.stamp, *odometry.pose, *odometry.twist)
+    if not all(map(math.isfinite, row)):
         return trail
     if len(trail) and odometry.stamp <= trail[-1, 0]:
-        return trail if trail[-1, 0] - odometry.stamp < 1.0 else row[None]
-    return np.vstack((trail[-(KEPT - 1) :], row))
+        return trail if trail[-1, 0] - odometry.stamp < 1.0 else np.array([row])
+    kept = trail[-(KEPT - 1) :]
+    longer = np.empty((len(kept) + 1, len(row)))
+    longer[:-1], longer[-1] = kept, row
+    return longer
 
 
 @jit

@@ -166,6 +166,8 @@ def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Flo
     t = movers.tracks
     perhaps = (t[:, PROOF] > 0.0) & (t[:, RADIUS] > care.body)
     t = t[(t[:, MOVES] > 0.0) | perhaps]
+    if not len(t):
+        return np.empty((0, 6)), np.empty(0)
     ahead = _ahead(movers, now)
     discs = np.zeros((len(t), 6))
     discs[:, 0] = t[:, TX] + ahead * t[:, TVX]
@@ -180,6 +182,8 @@ def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Flo
 
 def strays(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
     """What is loose at `now` [s], as discs that may go anywhere, (l, 6), and their agility (l,)."""
+    if not len(movers.loose):
+        return np.empty((0, 6)), np.empty(0)
     return wild(movers.loose, _ahead(movers, now), care.agility, care.wary)
 
 

@@ -14,11 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
 from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
-from cohelm.robot.collision_monitor.odometry import PoseHistory, seen_from
-from cohelm.robot.collision_monitor.returns import Sensor
+from cohelm.robot.collision_monitor.odometry import PoseHistory
+from cohelm.robot.collision_monitor.returns import Sensor, returns
 from cohelm.robot.collision_monitor.runaway import Runaway
 from cohelm.robot.collision_monitor.source import Source
 from cohelm.robot.collision_monitor.surroundings import (
@@ -28,12 +29,15 @@ from cohelm.robot.collision_monitor.surroundings import (
     joined,
 )  # fmt: skip
 from cohelm.robot.collision_monitor.sweep import (
+    Outline,
     around,
-    contact_times,
+    contact_time,
     edge_distances,
     fastest,
     outline,
+    outside,
     outwards,
+    ring_of,
 )  # fmt: skip
 from cohelm.robot.gate.bounds import Bounds, needed
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
@@ -129,6 +133,7 @@ class CollisionMonitor:
         """What is wrong with the readings; empty: nothing."""
         self._words: dict[str, tuple[str, float]] = {}
         """Of each kind of restriction: how it was told, and when last."""
+        self._rehearse()
 
     def observe(self, now: float, readings: Readings, applied: Twist) -> Restriction:
         """Take in odometry and scan; a fault where the robot moves and nobody wants it to."""
@@ -167,6 +172,14 @@ class CollisionMonitor:
             return self._told(now, field.share, "slow", f"slower, {where}")
         return self._told(now, 0.0, "stop", f"{where} on the braking path")
 
+    def _rehearse(self) -> None:
+        """What has to be compiled is not when the gate's process is waited for."""
+        here, sensor = Pose(0.0, 0.0, 0.0), self._robot.sensors[0]
+        found = returns(np.ones(len(sensor.bearings)), sensor, math.inf)
+        seen = Surroundings(found.points, found.errors, found.margins, found.passed)
+        met(seen_by(seen, here, math.inf), _NONE, self._shape)
+        edge_distances(seen.points, self._shape)
+
     def _farthest(self) -> float:
         """What is farther beyond the turning circle can not matter [m]."""
         return (self._top.v + self._top.omega * self._shape.reach) * self._stopping
@@ -175,7 +188,7 @@ class CollisionMonitor:
         """Another outline, if the robot says one: at once, and the one before too, until a motion
         is let through with both, or the robot stands."""
         if told is not None and not np.array_equal(told, self._outline):
-            self._outline, self._free = told, False
+            self._outline, self._free = np.array(told, dtype=np.float64), False
             self._become(around(np.vstack((self._shape.corners, told))))
         elif self._shape.corners is not self._outline and (
             self._free or (applied == _NONE and self._speed() <= CRAWL)
@@ -200,9 +213,7 @@ class CollisionMonitor:
             for motion, brakes in ((twist, 1.0 - RESERVE), (self._commanded.twist, 1.0))
         )
         measured, commanded = self._measured.at(when), self._commanded.at(when)
-        return joined(
-            seen_by(self._all, measured, within), seen_by(self._by_command, commanded, within)
-        )
+        return seen_by_both(self._all, measured, self._by_command, commanded, within)
 
     def _take(self, odometry: Odometry | None) -> str:
         """Remember where the robot says it is; what is wrong with that, or nothing."""
@@ -216,7 +227,8 @@ class CollisionMonitor:
             for source in self._sources:
                 source.forget()
         if odometry.stamp > history.stamp:
-            history.add(odometry.stamp, odometry.pose, odometry.twist)
+            pose, twist = map(float, odometry.pose), map(float, odometry.twist)
+            history.add(odometry.stamp, Pose(*pose), Twist(*twist))  # as compiled code is made for
         return ""
 
     def _reckon(self, now: float, applied: Twist) -> None:
@@ -305,29 +317,9 @@ class CollisionMonitor:
         return needed(twist, self._robot.bounds) / brakes
 
     def _met(self, things: Surroundings, twist: Twist) -> Met:
-        """What a motion meets. What is in the outline may be left. What is beside it, but may be
-        nearer by its error, may be passed along too, and so may unknown ground, as that takes in
-        no more of it."""
-        if twist == _NONE or not len(things.points):
+        if twist == _NONE:
             return NEVER
-        points, errors, margins, _ = things
-        times = contact_times(points, margins, twist, self._shape)
-        met = np.flatnonzero(times < math.inf)
-        solid = errors[met] > -math.inf
-        out = np.full(len(met), -math.inf)
-        inside = times[met] == 0.0
-        out[inside] = outwards(points[met[inside]], twist, self._shape)
-        times[met[~solid & (out >= -ALONG)]] = math.inf
-        point = int(times.argmin())
-        hard = met[solid]
-        if not len(hard):
-            return NEVER._replace(anything=float(times[point]), point=point)
-        to_stop = contact_times(points[hard], errors[hard], twist, self._shape)
-        beside = edge_distances(points[hard], self._shape).max(axis=1) > 0.0
-        free = np.where(beside, out[solid] >= -ALONG, out[solid] > 0.0)
-        to_stop[(to_stop == 0.0) & free] = math.inf
-        first = int(to_stop.argmin())
-        return Met(float(to_stop[first]), int(hard[first]), float(times[point]), point)
+        return met(things, Twist(float(twist.v), float(twist.omega)), self._shape)
 
     def _where(self, things: Surroundings, which: int) -> str:
         """In words: what it is, how far from the outline, and on which side."""
@@ -357,10 +349,49 @@ def all_of(parts: list[Surroundings]) -> Surroundings:
 
 def seen_by(things: Surroundings, pose: Pose, within: float) -> Surroundings:
     """In the body frame at a pose, those that are so near to its origin, with their margins [m]."""
-    points = things.points - (pose.x, pose.y)
-    squares = points * points
-    far = squares[:, 0] + squares[:, 1]
-    near = np.flatnonzero(far <= (within + things.margins) ** 2)
-    _, errors, margins, seen = (column[near] for column in things)
-    here = Pose(0.0, 0.0, pose.psi)
-    return Surroundings(seen_from(points[near], here), errors, margins, seen)
+    return seen_by_both(things, pose, NOTHING, pose, within)
+
+
+@jit
+def seen_by_both(
+    things: Surroundings, pose: Pose, others: Surroundings, other_pose: Pose, within: float
+) -> Surroundings:
+    """The same, and of others in the frame of another pose."""
+    n, k = len(things.points) + len(others.points), 0
+    points, errors, margins, seen = np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n)
+    for of, at in ((things, pose), (others, other_pose)):
+        c, s = math.cos(at.psi), math.sin(at.psi)
+        for i in range(len(of.points)):
+            x, y, margin = of.points[i, 0] - at.x, of.points[i, 1] - at.y, of.margins[i]
+            if x * x + y * y <= (within + margin) ** 2:
+                points[k, 0], points[k, 1] = c * x + s * y, c * y - s * x
+                errors[k], margins[k], seen[k] = of.errors[i], margin, of.seen[i]
+                k += 1
+    return Surroundings(points[:k], errors[:k], margins[:k], seen[:k])
+
+
+@jit
+def met(things: Surroundings, twist: Twist, shape: Outline) -> Met:
+    """What a motion meets. What is in the outline may be left. What is beside it, but may be nearer
+    by its error, may be passed along too, and so may unknown ground, as that takes in no more of
+    it."""
+    solid, solid_point, anything, point = math.inf, -1, math.inf, -1
+    ring = ring_of(twist, shape)
+    for i in range(len(things.points)):
+        x, y, error = things.points[i, 0], things.points[i, 1], things.errors[i]
+        time = contact_time(x, y, things.margins[i], twist, shape, ring)
+        if time == math.inf:
+            continue
+        out = outwards(x, y, twist, shape) if time == 0.0 else -math.inf
+        known = error > -math.inf
+        if time < anything and (known or not out >= -ALONG):
+            anything, point = time, i
+        if not known:
+            continue
+        time = contact_time(x, y, error, twist, shape, ring)
+        beside = outside(x, y, shape) > 0.0
+        if time == 0.0 and (out >= -ALONG if beside else out > 0.0):
+            continue
+        if time < solid:
+            solid, solid_point = time, i
+    return Met(solid, solid_point, anything, point)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.types import Floats, Ints, Pose
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats, Pose
 
 PATCH = 0.015
 """Returns of one surface within this of a return, on either side, are averaged with it [m]: over
@@ -79,40 +80,52 @@ class Returns(NamedTuple):
 def returns(ranges: Floats, sensor: Sensor, within: float) -> Returns:
     """The returns of one scan, but of those farther than `within` [m]. NaN and inf are none; -inf
     (REP-117) is something between the sensor and its least range, and stands at both."""
-    close = np.flatnonzero(ranges < 0.0)
-    hit = np.flatnonzero((ranges >= 0.0) & (ranges <= within) & np.isfinite(ranges))
-    distances, counts = averaged(ranges, hit, sensor)
-    if sensor.forgets < math.inf:
-        counts = np.ones(len(hit))
-    which = np.concatenate((hit, close, close))
-    distances = np.concatenate(
-        (distances, np.full(len(close), sensor.range_min), np.zeros(len(close)))
-    )
-    errors = np.concatenate((sensor.noise / np.sqrt(counts), np.zeros(2 * len(close))))
-    bearings = sensor.mount.psi + sensor.bearings[which]
-    points = np.empty((len(which), 2))
-    points[:, 0] = sensor.mount.x + distances * np.cos(bearings)
-    points[:, 1] = sensor.mount.y + distances * np.sin(bearings)
-    margins = SURE * errors + distances * sensor.step
-    return Returns(points, errors, margins, which / max(len(ranges) - 1, 1))
+    return Returns(*_returns(
+        np.array(ranges, dtype=np.float64), sensor.bearings, *sensor.mount, sensor.step,
+        sensor.range_min, sensor.noise, sensor.forgets < math.inf, within,
+    ))  # fmt: skip
 
 
-def averaged(ranges: Floats, hit: Ints, sensor: Sensor) -> tuple[Floats, Floats]:
-    """Some ranges, each averaged over the patch of surface around it, and over how many beams."""
-    own = np.where(np.isfinite(ranges), ranges, _NOWHERE)
-    total, count = own.copy(), np.ones(len(own))
+@jit
+def _returns(
+    ranges: Floats, bearings: Floats, x: float, y: float, psi: float, step: float, least: float,
+    noise: float, alone: bool, within: float,
+) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
+    """The same of numbers. x, y, psi: of the mount; least: the least range; alone: whether each
+    beam is a measurement of its own, with which no other is averaged."""
+    n, hits, close = len(ranges), 0, 0
+    for i in range(n):
+        hits += 0.0 <= ranges[i] <= within and ranges[i] < math.inf
+        close += ranges[i] < 0.0
+    m, k = hits + 2 * close, 0
+    points, errors, margins, passed = np.empty((m, 2)), np.empty(m), np.empty(m), np.empty(m)
+    for part in range(3):  # what is hit, and what is too near: at the least range, and at none
+        for i in range(n):
+            hit = 0.0 <= ranges[i] <= within and ranges[i] < math.inf
+            if (part == 0 and not hit) or (part > 0 and not ranges[i] < 0.0):
+                continue
+            far, error = (least if part == 1 else 0.0), 0.0
+            if part == 0:
+                far, count = averaged(ranges, i, step, noise)
+                error = noise / math.sqrt(1.0 if alone else count)
+            bearing = psi + bearings[i]
+            points[k, 0], points[k, 1] = x + far * math.cos(bearing), y + far * math.sin(bearing)
+            errors[k], margins[k] = error, SURE * error + far * step
+            passed[k] = i / max(n - 1, 1)
+            k += 1
+    return points, errors, margins, passed
+
+
+@jit
+def averaged(ranges: Floats, i: int, step: float, noise: float) -> tuple[float, float]:
+    """The range of a beam that returned, averaged over the patch of surface around it, and over how
+    many beams."""
+    own, total, count = ranges[i], ranges[i], 1.0
     for apart in range(1, NEIGHBOURS + 1):
-        patch = PATCH / (apart * sensor.step)
-        before, after = own[:-apart], own[apart:]
-        same = np.abs(after - before) <= SAME * sensor.noise
-        forth, back = same & (before <= patch), same & (after <= patch)
-        np.add(total[:-apart], after, out=total[:-apart], where=forth)
-        np.add(total[apart:], before, out=total[apart:], where=back)
-        count[:-apart] += forth
-        count[apart:] += back
-    count = count[hit]
-    return total[hit] / count, count
-
-
-_NOWHERE = 1e6
-"""The range of a beam without a return, where only differences count [m]."""
+        if own > PATCH / (apart * step):
+            break
+        for j in (i + apart, i - apart):
+            if 0 <= j < len(ranges) and abs(ranges[j] - own) <= SAME * noise:  # not for NaN, inf
+                total += ranges[j]
+                count += 1.0
+    return total / count, count

@@ -106,7 +106,8 @@ def out_of_sight(
     here = seen_from(old.points[hidden], last)
     near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
     kept = hidden[near]
-    _, one = np.unique(np.round(old.points[kept] / GRAIN), axis=0, return_index=True)
+    grains = np.round(old.points[kept] / GRAIN).astype(np.int64)
+    _, one = np.unique((grains[:, 0] << 32) + grains[:, 1], return_index=True)
     left = Surroundings(*(column[kept[one]] for column in old))
     left.errors[now - left.seen >= REMEMBERED] = -math.inf
     return left

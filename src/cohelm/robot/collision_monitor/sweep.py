@@ -10,8 +10,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Twist
 
 STRAIGHT = 1000.0
@@ -46,6 +46,7 @@ class Outline(NamedTuple):
 
 def outline(corners: Floats) -> Outline:
     """With all that the sweep needs. corners: (k, 2), convex, counter-clockwise [m]."""
+    corners = np.require(corners, np.float64, ("C", "W"))  # compiled code is made for one kind
     after = np.roll(corners, -1, axis=0)
     edges = after - corners
     tangents = edges / np.hypot(edges[:, 0], edges[:, 1])[:, None]
@@ -89,84 +90,118 @@ def fastest(twist: Twist, shape: Outline) -> float:
     return abs(twist.v) + abs(twist.omega) * shape.reach
 
 
+@jit
 def edge_distances(points: Floats, shape: Outline) -> Floats:
     """Of points of the body frame from the line of each edge, positive outside, (n, k) [m]."""
-    return points @ shape.normals.T - shape.offsets
+    out = np.empty((len(points), len(shape.offsets)))
+    for i in range(len(points)):
+        for edge in range(len(shape.offsets)):
+            out[i, edge] = _distance(points[i, 0], points[i, 1], edge, shape)
+    return out
 
 
-def contact_times(points: Floats, margins: Floats, twist: Twist, shape: Outline) -> Floats:
-    """How long `twist` has to be held until the outline, grown by a margin, meets each point.
-
-    points: (n, 2) in the body frame [m]; margins: (n,) [m]. Returns (n,) [s], infinite where it
-    never does, 0 for a point inside.
+@jit_inline
+def contact_time(
+    x: float, y: float, margin: float, twist: Twist, shape: Outline, ring: Ring
+) -> float:
+    """How long `twist` has to be held until the outline, grown by a margin [m], meets a point of
+    the body frame [s]: infinite where it never does, 0 for a point inside. ring: as of `ring_of`.
     """
-    outside = edge_distances(points, shape) - margins[:, None]
-    if abs(twist.v) > STRAIGHT * abs(twist.omega):
-        times = _straight(outside, twist, shape)
-    elif twist.omega != 0.0:
-        times = _turning(points, margins, twist, shape)
-    else:
-        times = np.full(len(points), math.inf)
-    return np.where(outside.max(axis=1) <= 0.0, 0.0, times)
+    if outside(x, y, shape) <= margin:
+        return 0.0
+    if math.isnan(ring.centre):
+        return _straight(x, y, margin, twist, shape)
+    return _turning(x, y, margin, twist, shape, ring)
 
 
-def outwards(points: Floats, twist: Twist, shape: Outline) -> Floats:
-    """By how much points come farther out of the outline, or less deep in it, within a stride of
-    the motion, (n,) [m]; below 0 for those that it takes in."""
-    outside = edge_distances(points, shape)
-    speeds = np.column_stack((twist.omega * points[:, 1] - twist.v, -twist.omega * points[:, 0]))
-    stride = STRIDE / fastest(twist, shape)
-    after = outside + stride * (speeds @ shape.normals.T)
-    return after.max(axis=1) - outside.max(axis=1)
+@jit_inline
+def outside(x: float, y: float, shape: Outline) -> float:
+    """How far a point is out of the outline, below 0 within it: at most so far [m]."""
+    most = -math.inf
+    for edge in range(len(shape.offsets)):
+        most = max(most, _distance(x, y, edge, shape))
+    return most
 
 
-def _straight(outside: Floats, twist: Twist, shape: Outline) -> Floats:
-    """The points run along x, with -v: in where all edges are passed, out where any is."""
-    speeds = -twist.v * shape.normals[:, 0]
-    enter, leave = np.zeros(len(outside)), np.full(len(outside), math.inf)
-    for distance, speed in zip(outside.T, speeds, strict=True):
+@jit_inline
+def outwards(x: float, y: float, twist: Twist, shape: Outline) -> float:
+    """By how much a point comes farther out of the outline, or less deep in it, within a stride of
+    the motion [m]; below 0 for one that it takes in."""
+    stride = STRIDE / (abs(twist.v) + abs(twist.omega) * shape.reach)
+    speed_x, speed_y = twist.omega * y - twist.v, -twist.omega * x
+    after = -math.inf
+    for edge in range(len(shape.offsets)):
+        speed = speed_x * shape.normals[edge, 0] + speed_y * shape.normals[edge, 1]
+        after = max(after, _distance(x, y, edge, shape) + stride * speed)
+    return after - outside(x, y, shape)
+
+
+@jit_inline
+def _distance(x: float, y: float, edge: int, shape: Outline) -> float:
+    return x * shape.normals[edge, 0] + y * shape.normals[edge, 1] - shape.offsets[edge]
+
+
+@jit_inline
+def _straight(x: float, y: float, margin: float, twist: Twist, shape: Outline) -> float:
+    """The point runs along x, with -v: in where all edges are passed, out where any is."""
+    enter, leave = 0.0, math.inf
+    for edge in range(len(shape.offsets)):
+        distance = _distance(x, y, edge, shape) - margin
+        speed = -twist.v * shape.normals[edge, 0]
         if speed < 0.0:
-            enter = np.maximum(enter, distance / -speed)
+            enter = max(enter, distance / -speed)
         elif speed > 0.0:
-            leave = np.minimum(leave, distance / -speed)
-        else:
-            leave = np.where(distance > 0.0, -math.inf, leave)
-    return np.where(enter <= leave, enter, math.inf)
+            leave = min(leave, distance / -speed)
+        elif distance > 0.0:
+            leave = -math.inf
+    return enter if enter <= leave else math.inf
 
 
-def _turning(points: Floats, margins: Floats, twist: Twist, shape: Outline) -> Floats:
-    """The points run round the centre of the turn, with -omega: where does that circle cross the
+class Ring(NamedTuple):
+    """Round the centre of a turn: what is not in it can not meet the outline, but for margins."""
+
+    centre: float
+    """So far to the left [m]."""
+    nearest: float
+    farthest: float
+
+
+@jit_inline
+def ring_of(twist: Twist, shape: Outline) -> Ring:
+    """Of a turn; NaN of a straight motion, and of none."""
+    if twist.omega == 0.0 or abs(twist.v) > STRAIGHT * abs(twist.omega):
+        return Ring(math.nan, math.nan, math.nan)
+    centre = twist.v / twist.omega
+    nearest = farthest = -math.inf
+    for i in range(len(shape.offsets)):
+        x, y = shape.corners[i, 0], shape.corners[i, 1] - centre
+        farthest = max(farthest, math.sqrt(x * x + y * y))
+        nearest = max(nearest, centre * shape.normals[i, 1] - shape.offsets[i])  # at least
+    return Ring(centre, nearest, farthest)
+
+
+@jit_inline
+def _turning(x: float, y: float, margin: float, twist: Twist, shape: Outline, ring: Ring) -> float:
+    """The point runs round the centre of the turn, with -omega: where does that circle cross the
     line of an edge, and is that on the edge?"""
-    centre = twist.v / twist.omega  # to the left
-    radii = np.sqrt(points[:, 0] ** 2 + (points[:, 1] - centre) ** 2)
-    times = np.full(len(points), math.inf)
-    ring = np.flatnonzero(_in_ring(radii, margins, centre, shape))
-    if not len(ring):
-        return times
-    points, radius, grown = points[ring], radii[ring, None], margins[ring, None]
-    normals = shape.normals
-    away = shape.offsets - centre * normals[:, 1] + grown  # of the edge's line from the centre
-    half = np.sqrt(np.maximum((radius - away) * (radius + away), 0.0))
-    crosses = radius >= np.abs(away)
-    middle = centre * normals[:, 0]  # of the chord, along the edge
-    first = shape.first + grown * shape.first_grows - middle
-    last = shape.last + grown * shape.last_grows - middle
-    least = np.full(len(ring), math.inf)
-    for side in (-1.0, 1.0):
-        i, edge = np.nonzero(crosses & (side * half >= first) & (side * half <= last))
-        begins = np.arctan2(points[i, 1] - centre, points[i, 0])
-        out, along = away[i, edge], side * half[i, edge]
-        x = out * normals[edge, 0] - along * normals[edge, 1]
-        y = out * normals[edge, 1] + along * normals[edge, 0]
-        angle = math.copysign(1.0, twist.omega) * (begins - np.arctan2(y, x))
-        np.minimum.at(least, i, np.remainder(angle, 2.0 * math.pi))
-    times[ring] = least / abs(twist.omega)
-    return times
-
-
-def _in_ring(radii: Floats, margins: Floats, centre: float, shape: Outline) -> NDArray[np.bool_]:
-    """Which circles round the centre of a turn, so far to the left, may meet the outline."""
-    away = shape.corners - (0.0, centre)
-    farthest = math.sqrt(float((away * away).sum(axis=1).max()))
-    nearest = float((centre * shape.normals[:, 1] - shape.offsets).max())  # at least
-    return (radii <= farthest + shape.spread * margins) & (radii >= nearest - margins)
+    centre = ring.centre
+    radius = math.sqrt(x * x + (y - centre) ** 2)
+    if radius > ring.farthest + shape.spread * margin or radius < ring.nearest - margin:
+        return math.inf
+    begins = math.atan2(y - centre, x)
+    least = math.inf
+    for edge in range(len(shape.offsets)):
+        nx, ny = shape.normals[edge, 0], shape.normals[edge, 1]
+        away = shape.offsets[edge] - centre * ny + margin  # of the edge's line from the centre
+        if radius < abs(away):
+            continue
+        half = math.sqrt(max((radius - away) * (radius + away), 0.0))
+        middle = centre * nx  # of the chord, along the edge
+        first = shape.first[edge] + margin * shape.first_grows[edge] - middle
+        last = shape.last[edge] + margin * shape.last_grows[edge] - middle
+        for along in (-half, half):
+            if first <= along <= last:
+                ends = math.atan2(away * ny + along * nx, away * nx - along * ny)
+                angle = math.copysign(1.0, twist.omega) * (begins - ends)
+                least = min(least, angle % (2.0 * math.pi))
+    return least / abs(twist.omega)

@@ -15,7 +15,7 @@ from typing import Any
 
 from cohelm.robot.keep.record_pipe import LARGEST, line
 
-_HANDLES = 1  # open files that travel with a message, at most
+_HANDLE = socket.CMSG_LEN(array.array("i").itemsize)  # room for one open file beside a message
 
 
 class Control:
@@ -26,6 +26,7 @@ class Control:
         end.setblocking(False)
         self._poll = select.poll()
         self._poll.register(end.fileno(), select.POLLIN)
+        self._room = memoryview(bytearray(LARGEST))
 
     def __reduce__(self) -> tuple[type[Control], tuple[socket.socket]]:
         """Into another process, while that is started."""
@@ -40,10 +41,11 @@ class Control:
         data = pickle.dumps(message, protocol=5)
         if len(data) > LARGEST:
             raise ValueError(f"a message of {len(data)} bytes is too long for the control line")
-        files = [] if handle is None else [handle]
-        rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", files))] if files else []
         try:
-            self._end.sendmsg([data], rights)
+            if handle is None:
+                self._end.send(data)
+            else:
+                socket.send_fds(self._end, [data], [handle])
         except BlockingIOError:
             return False
         return True
@@ -54,10 +56,13 @@ class Control:
 
     def hear(self) -> tuple[Any, int | None]:
         """The next message, which is there, and the open file that came with it."""
-        data, files, _, _ = socket.recv_fds(self._end, LARGEST, _HANDLES)
-        if not data:
+        size, came, _, _ = self._end.recvmsg_into([self._room], _HANDLE)
+        if not size:
             raise EOFError("the other end of the control line is gone")
-        return pickle.loads(data), files[0] if files else None
+        files = array.array("i")
+        for _, _, data in came:
+            files.frombytes(data)
+        return pickle.loads(self._room[:size]), files[0] if files else None
 
     def close(self) -> None:
         """Nothing more is said or heard."""

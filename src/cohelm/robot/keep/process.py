@@ -19,6 +19,7 @@ from cohelm.robot.keep.control import control
 from cohelm.robot.keep.processes import left_alone, started
 from cohelm.robot.keep.serve import BRAKING, Begun, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
+from cohelm.robot.keep.wire import gate_of, packed_proposal, passed_of, readings_of
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, Robot, Scan
 
@@ -92,7 +93,7 @@ class RemoteGatedRobot:
             {name: scan.number for name, scan in self._further.items()},
             self._frame.number if self._frame else -1,
         )
-        readings = self._memory.take(self._ask("read", have))
+        readings = self._memory.take(readings_of(self._ask("read", have)))
         self._scan = readings.scan or self._scan
         self._further |= {scan.sensor: scan for scan in readings.further}
         self._frame = readings.frame or self._frame
@@ -101,7 +102,7 @@ class RemoteGatedRobot:
 
     def propose(self, proposal: Proposal) -> Passed:
         """Through the gate to the wheels."""
-        return self._ask("propose", proposal)
+        return passed_of(self._ask("propose", packed_proposal(proposal)))
 
     def stop(self, reason: str) -> None:
         """Latched, and at once."""
@@ -159,7 +160,9 @@ class RemoteGatedRobot:
                 if not self._line.wait(end - time.monotonic()):
                     raise _silent()
                 (number, answer, gate, theirs, then), _ = self._line.hear()
-                self._gate, self._offset = gate, theirs - then
+                self._offset = theirs - then
+                if gate is not None:
+                    self._gate = gate_of(gate)
         except (EOFError, OSError) as error:
             raise _gone() from error
         if isinstance(answer, CohelmError):

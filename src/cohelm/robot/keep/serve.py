@@ -25,6 +25,7 @@ from cohelm.robot.keep.priority import urgent, with_its_threads
 from cohelm.robot.keep.processes import bound
 from cohelm.robot.keep.record_pipe import Line
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
+from cohelm.robot.keep.wire import packed_gate, packed_passed, packed_readings, proposal_of
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings, Robot
 
@@ -87,13 +88,13 @@ def serve(
 
 def _attend(line: Control, kept: GatedRobot, memory: SharedMemory, rules: Rules) -> None:
     """Answer the loop; look after the gate whether or not it says anything."""
-    garbage = Sweeper()
+    garbage, told = Sweeper(), kept.gate
     while True:
         bark = gates.due(kept.gate, rules)
         if line.wait(min(max(bark - kept.now(), 0.0) + 0.0005, _TICK)):
             (number, what, with_), handle = line.hear()
             answer = _answered(kept, memory, what, with_, handle)
-            _say(line, number, answer, kept)
+            told = _say(line, number, answer, kept, told)
             if what == "close":
                 return
             if kept.now() > bark:  # a loop that only asks is no loop that drives
@@ -109,9 +110,9 @@ def _answered(
     kept: GatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
 ) -> Any:
     if what == "read":
-        return memory.put(_news(kept.read(), *with_))
+        return packed_readings(memory.put(_news(kept.read(), *with_)))
     if what == "propose":
-        return kept.propose(with_)
+        return packed_passed(kept.propose(proposal_of(with_)))
     if what == "stop":
         return kept.stop(with_)
     if what == "fault":
@@ -125,12 +126,16 @@ def _answered(
     return kept.truth() if what == "truth" else None
 
 
-def _say(line: Control, number: int, answer: Any, kept: GatedRobot) -> None:
-    """Where there is no room the loop does not listen, and the watchdog deals with it."""
+def _say(line: Control, number: int, answer: Any, kept: GatedRobot, told: Gate) -> Gate:
+    """The gate as the loop knows it by now, from which it is told what is new. Where there is no
+    room the loop does not listen, and the watchdog deals with it."""
+    gate = kept.gate
+    news = None if gate is told else packed_gate(gate)
     try:
-        line.say((number, answer, kept.gate, kept.now(), time.monotonic()))
+        said = line.say((number, answer, news, kept.now(), time.monotonic()))
     except ValueError as error:
-        line.say((number, CohelmError(str(error)), kept.gate, kept.now(), time.monotonic()))
+        said = line.say((number, CohelmError(str(error)), news, kept.now(), time.monotonic()))
+    return gate if said else told
 
 
 def _news(readings: Readings, scan: int, further: dict[str, int], frame: int) -> Readings:

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints
-from cohelm.robot.plausibility.sight import Sight, foretold, normals, polar
+from cohelm.robot.plausibility.sight import BeamFrame, Sight, beam_frame, foretold, normals, seen_by
 from cohelm.robot.sensors import Lidar
 
 _WIDTHS = (0.5, 0.3, 0.15, 0.1, 0.08)
@@ -56,130 +57,172 @@ def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match 
     lines, where = normals(now, lidar, sigma)
     if len(where) < _LEAST or len(before.points) < _LEAST:
         return None
-    table = _lines_by_beam(lidar, now, where)
-    given = foretold(before, now)
-    if least > 0.0:
-        away = _residuals(lidar, given, now, lines, where, table)
-        if _elsewhere(away, before.arc, sigma) < least:
-            return None
-    off = np.zeros(3)
-    known = np.zeros((3, 3))
-    for width in _WIDTHS:
-        p = _moved(given, off)
-        at, which = _paired(lidar, p, table)
-        if len(at) < _LEAST:
-            return None
-        q, n, p = now.points[where[which]], lines[which], p[at]
-        d = ((q - p) * n).sum(axis=1)
-        apart = np.hypot(*(q - p).T)
-        w = np.clip(1.0 - (d / width) ** 2, 0.0, None) ** 2
-        w[apart > 4.0 * width + 0.2] = 0.0
-        jacobian = np.column_stack((n, p[:, 0] * n[:, 1] - p[:, 1] * n[:, 0]))
-        known = (jacobian * w[:, None]).T @ jacobian
-        wanted: Floats = jacobian.T @ (w * d)
-        step = _solved(known + _PRIOR, wanted)
-        off = _added(off, step)
-        if np.abs(step).max() < 1e-4 and width < 0.2:
-            break
-    against, for_it = _votes(lidar, given, off, now, lines, where, table, before.arc, sigma)
+    view = Lines(beam_frame(lidar), now.ranges, now.points[where], lines)
+    given, piece = foretold(before, now), _pieces(before.arc)
+    table = _lines_by_beam(view, now.every)
+    if least > 0.0 and _elsewhere(view, table, given, before.arc, piece, sigma) < least:
+        return None
+    enough, off, known = _fitted(view, table, given)
+    if not enough:
+        return None
+    against, for_it = _votes(view, table, given, off, before.arc, piece, sigma)
     return Match(off, known, against, for_it)
 
 
-def _lines_by_beam(lidar: Lidar, now: Sight, where: Ints) -> Ints:
+class Lines(NamedTuple):
+    """What the later sight shows, as numbers."""
+
+    frame: BeamFrame
+    ranges: Floats
+    """By beams, as of a `Sight`."""
+    points: Floats
+    """Those that have a normal, (k, 2)."""
+    lines: Floats
+    """Their normals, (k, 2)."""
+
+
+@jit
+def _lines_by_beam(view: Lines, every: int) -> Ints:
     """Which line each beam falls on, -1: none. A point that was kept stands for its neighbours,
     too, that were not; the nearest is written last."""
-    beams, _ = polar(lidar, now.points[where])
-    index = np.rint(beams).astype(np.int64)
-    table = np.full(len(lidar.beams), -1, dtype=np.int64)
-    for far in range(now.every // 2, -1, -1):
-        for at in (index + far, index - far):
-            inside = np.flatnonzero((at >= 0) & (at < len(table)))
-            table[at[inside]] = inside
+    n, k = len(view.ranges), len(view.points)
+    table, beams = np.full(n, -1), np.empty(k, dtype=np.int64)
+    for i in range(k):
+        beams[i] = round(seen_by(view.frame, view.points[i, 0], view.points[i, 1])[0])
+    for far in range(every // 2, -1, -1):
+        for side in (far, -far):
+            for i in range(k):
+                if 0 <= beams[i] + side < n:
+                    table[beams[i] + side] = i
     return table
 
 
-def _solved(matrix: Floats, wanted: Floats) -> Floats:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64) @ wanted
+@jit
+def _fitted(view: Lines, table: Ints, given: Floats) -> tuple[bool, Floats, Floats]:
+    """Whether enough fell on lines, and `off` and `known` of the match. given: points of the
+    earlier sight as odometry foretells them."""
+    off, known, wanted, row = np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.empty(3)
+    for width in _WIDTHS:
+        known[:], wanted[:], k = 0.0, 0.0, 0
+        c, s = math.cos(off[2]), math.sin(off[2])
+        for i in range(len(given)):
+            x = c * given[i, 0] - s * given[i, 1] + off[0]
+            y = s * given[i, 0] + c * given[i, 1] + off[1]
+            at = round(seen_by(view.frame, x, y)[0])
+            line = table[at] if 0 <= at < len(table) else -1
+            if line < 0:
+                continue
+            k += 1
+            nx, ny = view.lines[line]
+            dx, dy = view.points[line, 0] - x, view.points[line, 1] - y
+            d = dx * nx + dy * ny
+            if abs(d) >= width or math.hypot(dx, dy) > 4.0 * width + 0.2:
+                continue
+            w = (1.0 - (d / width) ** 2) ** 2
+            row[0], row[1], row[2] = nx, ny, x * ny - y * nx
+            for a in range(3):
+                wanted[a] += w * d * row[a]
+                for b in range(3):
+                    known[a, b] += w * row[a] * row[b]
+        if k < _LEAST:
+            return False, off, known
+        step = _solved(known + _PRIOR, wanted)
+        c, s = math.cos(step[2]), math.sin(step[2])
+        x, y = off[0], off[1]
+        off[0], off[1] = c * x - s * y + step[0], s * x + c * y + step[1]
+        off[2] += step[2]
+        if np.abs(step).max() < 1e-4 and width < 0.2:
+            break
+    return True, off, known
 
 
-def _moved(points: Floats, by: Floats) -> Floats:
-    c, s = math.cos(float(by[2])), math.sin(float(by[2]))
-    return np.column_stack((
-        c * points[:, 0] - s * points[:, 1] + by[0], s * points[:, 0] + c * points[:, 1] + by[1],
-    ))  # fmt: skip
+@jit
+def _solved(a: Floats, b: Floats) -> Floats:
+    """x of a x = b, for a symmetric positive (3, 3) matrix: by its Cholesky factor."""
+    p = math.sqrt(a[0, 0])
+    q, r = a[1, 0] / p, a[2, 0] / p
+    s = math.sqrt(a[1, 1] - q * q)
+    t = (a[2, 1] - q * r) / s
+    u = math.sqrt(a[2, 2] - r * r - t * t)
+    x = b[0] / p
+    y = (b[1] - q * x) / s
+    z = (b[2] - r * x - t * y) / u
+    z /= u
+    y = (y - t * z) / s
+    return np.array([(x - q * y - r * z) / p, y, z])
 
 
-def _added(a: Floats, b: Floats) -> Floats:
-    c, s = math.cos(float(b[2])), math.sin(float(b[2]))
-    return np.array([c * a[0] - s * a[1] + b[0], s * a[0] + c * a[1] + b[1], a[2] + b[2]])
+@jit_inline
+def _residual(view: Lines, table: Ints, x: float, y: float) -> float:
+    """Of a point from the line it falls on; NaN where there is none, or something before."""
+    beam, r = seen_by(view.frame, x, y)
+    at = round(beam)
+    if not 0 <= at < len(table):
+        return math.nan
+    line = table[at]
+    if line < 0 or view.ranges[at] < r - 0.2:
+        return math.nan
+    dx, dy = view.points[line, 0] - x, view.points[line, 1] - y
+    return dx * view.lines[line, 0] + dy * view.lines[line, 1]
 
 
-def _paired(lidar: Lidar, points: Floats, table: Ints) -> tuple[Ints, Ints]:
-    """Which of the points fall on a beam with a line, and on which."""
-    beams, _ = polar(lidar, points)
-    index = np.rint(beams)
-    inside = np.flatnonzero((index >= 0) & (index < len(table)))
-    line = table[index[inside].astype(np.int64)]
-    return inside[line >= 0], line[line >= 0]
-
-
-def _residuals(
-    lidar: Lidar, points: Floats, now: Sight, lines: Floats, where: Ints, table: Ints
-) -> Floats:
-    """Of each point from the line it falls on; NaN where there is none, or something before."""
-    beams, r = polar(lidar, points)
-    index = np.rint(beams)
-    inside = (index >= 0) & (index < len(lidar.beams))
-    index = np.where(inside, index, 0).astype(np.int64)
-    line = np.where(inside, table[index], -1)
-    out = np.full(len(points), math.nan)
-    at = np.flatnonzero((line >= 0) & ~(now.ranges[index] < r - 0.2))
-    line = line[at]
-    out[at] = ((now.points[where[line]] - points[at]) * lines[line]).sum(axis=1)
-    return out
-
-
+@jit
 def _pieces(arc: Floats) -> Ints:
     """Over a piece of half a metre the noise of its points averages out; far away, where points
     are farther apart, over _FEW of them."""
-    return (np.cumsum(np.minimum(arc, _PIECE / _FEW)) / _PIECE + 1e-9).astype(np.int64)
+    piece = np.empty(len(arc), dtype=np.int64)
+    so_far = 0.0
+    for i in range(len(arc)):
+        so_far += min(arc[i], _PIECE / _FEW)
+        piece[i] = int(so_far / _PIECE + 1e-9)
+    return piece
 
 
-def _near(count: Floats | Ints, sigma: float) -> Floats:
+@jit_inline
+def _near(count: int, sigma: float) -> float:
     """The mean residual of a piece with so many points is noise, up to so much [m]."""
-    return np.maximum(3.0 * math.sqrt(2.0) * sigma / np.sqrt(count), 0.015)
+    return max(3.0 * math.sqrt(2.0) * sigma / math.sqrt(count), 0.015)
 
 
-def _elsewhere(residuals: Floats, arc: Floats, sigma: float) -> float:
+@jit
+def _elsewhere(
+    view: Lines, table: Ints, given: Floats, arc: Floats, piece: Ints, sigma: float
+) -> float:
     """How much surface is not where it is foretold [m]; half as much doubt as `_votes` needs."""
-    told = ~np.isnan(residuals)
-    piece, arc = _pieces(arc)[told], arc[told]
-    if len(piece) == 0:
-        return 0.0
-    count = np.maximum(np.bincount(piece), 1)
-    off = np.abs(np.bincount(piece, residuals[told])) / count
-    return float(np.bincount(piece, arc)[off > 0.5 * _near(count, sigma)].sum())
+    surface = 0.0
+    count, off, length = 0, 0.0, 0.0
+    for i in range(len(given)):
+        d = _residual(view, table, given[i, 0], given[i, 1])
+        if not math.isnan(d):
+            count, off, length = count + 1, off + d, length + arc[i]
+        if i + 1 == len(given) or piece[i + 1] != piece[i]:
+            if count > 0 and abs(off) / count > 0.5 * _near(count, sigma):
+                surface += length
+            count, off, length = 0, 0.0, 0.0
+    return surface
 
 
+@jit
 def _votes(
-    lidar: Lidar, given: Floats, off: Floats, now: Sight, lines: Floats, where: Ints,
-    table: Ints, arc: Floats, sigma: float,
-) -> tuple[float, float]:  # fmt: skip
+    view: Lines, table: Ints, given: Floats, off: Floats, arc: Floats, piece: Ints, sigma: float
+) -> tuple[float, float]:
     """Surface that tells the two motions apart, and fits only one of them: piece by piece."""
-    piece = _pieces(arc)
-    points = np.bincount(piece)
-    a = _residuals(lidar, given, now, lines, where, table)
-    b = _residuals(lidar, _moved(given, off), now, lines, where, table)
-    told = ~np.isnan(a) & ~np.isnan(b)
-    piece, a, b, arc = piece[told], a[told], b[told], arc[told]
-    if len(a) == 0:
-        return 0.0, 0.0
-    count = np.maximum(np.bincount(piece), 1)
-    a = np.abs(np.bincount(piece, a)) / count
-    b = np.abs(np.bincount(piece, b)) / count
-    length = np.bincount(piece, arc)
-    near = _near(count, sigma)
-    enough = count >= np.maximum(_FEW, _WHOLE * points[: len(count)])
-    against = float(length[enough & (b < 2.0 * near) & (a > b + near)].sum())
-    for_it = float(length[enough & (a < 2.0 * near) & (b > a + near)].sum())
+    against = for_it = 0.0
+    points, count, first, second, length = 0, 0, 0.0, 0.0, 0.0
+    c, s = math.cos(off[2]), math.sin(off[2])
+    for i in range(len(given)):
+        x, y = given[i]
+        d = _residual(view, table, x, y)
+        e = _residual(view, table, c * x - s * y + off[0], s * x + c * y + off[1])
+        points += 1
+        if not (math.isnan(d) or math.isnan(e)):
+            count, length = count + 1, length + arc[i]
+            first, second = first + d, second + e
+        if i + 1 == len(given) or piece[i + 1] != piece[i]:
+            if count >= max(_FEW, _WHOLE * points):
+                near = _near(count, sigma)
+                a, b = abs(first) / count, abs(second) / count
+                against += length if b < 2.0 * near and a > b + near else 0.0
+                for_it += length if a < 2.0 * near and b > a + near else 0.0
+            points, count, first, second, length = 0, 0, 0.0, 0.0, 0.0
     return against, for_it

@@ -16,6 +16,7 @@ from cohelm.core.types import Twist
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.plausibility.finding import Action, Finding, fault
+from cohelm.robot.plausibility.rehearsal import rehearse
 from cohelm.robot.plausibility.source import Source
 from cohelm.robot.plausibility.trail import Trail, extended
 from cohelm.robot.plausibility.wheels import Following, consistent
@@ -32,6 +33,7 @@ class PlausibilityMonitor:
     """A `robot.monitor.Monitor`."""
 
     def __init__(self, model: RobotModel) -> None:
+        rehearse()
         self._reach = model.reach
         self._trail, self._commands = Trail(5), Trail(2)
         self._following = Following(model)

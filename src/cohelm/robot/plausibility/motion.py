@@ -162,10 +162,12 @@ class Motion:
         if made is None:
             return []
         self._add_lag(before, now, made)
+        if made.against < max(t.surface, t.majority * made.for_it):
+            return []
         way, turn = made.way(_TOLD), abs(float(made.off[2]))
         much = way > t.way + t.share * math.hypot(told[0], told[1])
         much |= turn > t.turn + t.share * abs(float(told[2]))
-        if not much or made.against < max(t.surface, t.majority * made.for_it):
+        if not much:
             return []
         seen = _scans(made.off, told)
         dt = now.stamp - before.stamp

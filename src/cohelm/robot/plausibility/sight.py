@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints
 from cohelm.robot.plausibility.trail import Trail
 from cohelm.robot.sensors import Lidar
@@ -40,65 +40,136 @@ def sighted(
     lidar: Lidar, ranges: Floats, stamp: float, duration: float, trail: Trail
 ) -> Sight:  # fmt: skip
     """A scan's sight. The trail has to reach to its end."""
+    pose, twist, points, seen, arc, every = _sighted(
+        beam_frame(lidar), lidar.beams, np.array(ranges, dtype=np.float64), float(stamp),
+        float(duration), trail.rows,
+    )  # fmt: skip
+    return Sight(stamp + duration, pose, twist, points, seen, arc, every)
+
+
+@jit
+def _sighted(
+    of: BeamFrame, beams: Floats, ranges: Floats, stamp: float, duration: float, rows: Floats
+) -> tuple[Floats, Floats, Floats, Floats, Floats, int]:  # fmt: skip
+    """The same of numbers: those of the sight. beams: as of a `Lidar`; rows: of the trail."""
     n = len(ranges)
+    sweeps = duration > 0.0 and n > 1
     end = stamp + duration
-    now = trail.at(np.array([end]))[0]
-    finite = np.isfinite(ranges)
-    r = ranges[finite]
-    local = r[:, None] * lidar.beams[finite]
-    mount = lidar.mount
-    body = turned(local, mount.psi) + np.array([mount.x, mount.y])
-    seen = np.where(np.isnan(ranges), math.inf, ranges)
-    seen[ranges == -math.inf] = 0.0
-    if duration > 0.0 and n > 1:
-        times = stamp + duration * np.arange(n) / (n - 1)
-        poses = trail.at(times)[:, :3]
-        at = poses[finite]
-        dx, dy = at[:, 0] - now[0], at[:, 1] - now[1]
-        c, s = math.cos(now[2]), math.sin(now[2])
-        turn = at[:, 2] - now[2]
-        ct, st = np.cos(turn), np.sin(turn)
-        body = np.column_stack((
-            ct * body[:, 0] - st * body[:, 1] + c * dx + s * dy,
-            st * body[:, 0] + ct * body[:, 1] - s * dx + c * dy,
-        ))  # fmt: skip
-        seen = _binned(lidar, seen, poses[:, 2] - now[2], finite, body)
-    every = -(-len(r) // _POINTS) or 1
-    arc = every * lidar.step * r[::every]
-    return Sight(end, now[:3], now[3:5], body[::every], seen, arc, every)
+    j = int(np.searchsorted(rows[:, 0], end, "right"))
+    now = np.array([_between(rows, j, column, end) for column in range(1, 6)])
+    c, s = math.cos(now[2]), math.sin(now[2])
+    body, real = np.empty((n, 2)), np.empty(n)  # of the beams that returned
+    seen = np.full(n, math.nan)
+    near = np.full(n, math.inf)  # of a beam the nearest return that falls on it
+    j = k = 0
+    turn, t = 0.0, end
+    for i in range(n):
+        r = ranges[i]
+        if sweeps:
+            t = stamp + duration * i / (n - 1)
+            while j < len(rows) and rows[j, 0] <= t:
+                j += 1
+            turn = _between(rows, j, 3, t) - now[2]
+        if not math.isfinite(r):
+            at = round(i + turn / of.step)
+            if 0 <= at < n:
+                seen[at] = 0.0 if r == -math.inf else math.inf
+            continue
+        along, across = r * beams[i, 0], r * beams[i, 1]
+        px, py = of.c * along - of.s * across + of.x, of.s * along + of.c * across + of.y
+        if sweeps:
+            dx, dy = _between(rows, j, 1, t) - now[0], _between(rows, j, 2, t) - now[1]
+            ct, st = math.cos(turn), math.sin(turn)
+            px, py = ct * px - st * py + c * dx + s * dy, st * px + ct * py - s * dx + c * dy
+            beam, far = seen_by(of, px, py)
+            at = round(beam)
+            if 0 <= at < n:
+                near[at] = min(near[at], far)
+        else:
+            seen[i] = r
+        body[k, 0], body[k, 1], real[k] = px, py, r
+        k += 1
+    if sweeps:
+        for i in range(n):
+            if near[i] < math.inf:
+                seen[i] = near[i]
+        _filled(seen)
+    every = max(-(-k // _POINTS), 1)
+    m = -(-k // every)
+    points, arc = np.empty((m, 2)), np.empty(m)
+    for j in range(m):
+        points[j] = body[j * every]
+        arc[j] = every * of.step * real[j * every]
+    return now[:3].copy(), now[3:5].copy(), points, seen, arc, every
 
 
-def _binned(
-    lidar: Lidar, seen: Floats, turn: Floats, finite: NDArray[np.bool_], body: Floats
-) -> Floats:
-    """Ranges by the beams at the end of the sweep, the nearest of those that fall on one."""
-    n = len(seen)
-    out = np.full(n, math.nan)
-    far = np.flatnonzero(~finite)
-    beam = np.rint(far + turn[far] / lidar.step).astype(np.int64)
-    there = (beam >= 0) & (beam < n)
-    out[beam[there]] = seen[far[there]]
-    beam, r = polar(lidar, body)
-    index = np.rint(beam).astype(np.int64)
-    there = (index >= 0) & (index < n)
-    order = np.argsort(-r[there])  # the nearest is written last
-    out[index[there][order]] = r[there][order]
-    gap = np.isnan(out)
-    gap[[0, -1]] = False
-    inside = np.flatnonzero(gap)
-    out[inside] = np.fmin(out[inside - 1], out[inside + 1])
-    return out
+@jit
+def _filled(seen: Floats) -> None:
+    """A single beam that nothing fell on sees what the nearer of its neighbours does."""
+    before = seen[0]
+    for i in range(1, len(seen) - 1):
+        own = seen[i]
+        if math.isnan(own):
+            after = seen[i + 1]
+            seen[i] = before if math.isnan(after) or before < after else after
+        before = own
+
+
+@jit_inline
+def _between(rows: Floats, j: int, column: int, time: float) -> float:
+    """Of rows in the order of time, which comes first: a column then, linear between two rows, held
+    at both ends. j: the first row that is later."""
+    if j == 0:
+        return rows[0, column]
+    if j == len(rows):
+        return rows[j - 1, column]
+    a, b = rows[j - 1], rows[j]
+    return a[column] + (b[column] - a[column]) / (b[0] - a[0]) * (time - a[0])
+
+
+class BeamFrame(NamedTuple):
+    """Where a LiDAR is in the body frame and where its beams look, as numbers."""
+
+    x: float
+    y: float
+    c: float
+    """Cosine of its heading..."""
+    s: float
+    """... and sine."""
+    first: float
+    """Bearing of its first beam [rad]."""
+    step: float
+    """From beam to beam [rad]."""
+
+
+def beam_frame(lidar: Lidar) -> BeamFrame:
+    """A LiDAR's."""
+    x, y, psi = lidar.mount
+    return BeamFrame(x, y, math.cos(psi), math.sin(psi), lidar.first, lidar.step)
+
+
+@jit_inline
+def seen_by(of: BeamFrame, px: float, py: float) -> tuple[float, float]:
+    """A point of the body frame: number of the beam, not whole, and range."""
+    dx, dy = px - of.x, py - of.y
+    x, y = of.c * dx + of.s * dy, -of.s * dx + of.c * dy
+    bearing = math.atan2(y, x) - of.first
+    if bearing < -0.5 * of.step:
+        bearing += 2.0 * math.pi
+    return bearing / of.step, math.hypot(x, y)
 
 
 def polar(lidar: Lidar, points: Floats) -> tuple[Floats, Floats]:
-    """Body-frame points as the sensor sees them: number of the beam, not whole, and range."""
-    mount = lidar.mount
-    c, s = math.cos(mount.psi), math.sin(mount.psi)
-    dx, dy = points[:, 0] - mount.x, points[:, 1] - mount.y
-    x, y = c * dx + s * dy, -s * dx + c * dy
-    bearing = np.arctan2(y, x) - lidar.first
-    bearing = np.where(bearing < -0.5 * lidar.step, bearing + 2.0 * math.pi, bearing)
-    return bearing / lidar.step, np.hypot(x, y)
+    """Points of the body frame as the sensor sees them: numbers of the beams and ranges."""
+    return _polar(beam_frame(lidar), points)
+
+
+@jit
+def _polar(of: BeamFrame, points: Floats) -> tuple[Floats, Floats]:
+    beams, far = np.empty(len(points)), np.empty(len(points))
+    for i in range(len(points)):
+        beams[i], far[i] = seen_by(of, points[i, 0], points[i, 1])
+    return beams, far
 
 
 def turned(points: Floats, psi: float) -> Floats:
@@ -112,10 +183,20 @@ def turned(points: Floats, psi: float) -> Floats:
 def foretold(before: Sight, now: Sight) -> Floats:
     """An earlier sight's points in the body frame of a later one, if all stood still and odometry
     is right, (m, 2)."""
-    dx, dy = now.pose[:2] - before.pose[:2]
-    c, s = math.cos(float(now.pose[2])), math.sin(float(now.pose[2]))
-    moved = turned(before.points, float(before.pose[2] - now.pose[2]))
-    return moved - (c * dx + s * dy, -s * dx + c * dy)
+    return _foretold(before.points, before.pose, now.pose)
+
+
+@jit
+def _foretold(points: Floats, before: Floats, now: Floats) -> Floats:
+    dx, dy = now[0] - before[0], now[1] - before[1]
+    c, s = math.cos(now[2]), math.sin(now[2])
+    away, aside = c * dx + s * dy, -s * dx + c * dy
+    c, s = math.cos(before[2] - now[2]), math.sin(before[2] - now[2])
+    out = np.empty_like(points)
+    for i in range(len(points)):
+        x, y = points[i]
+        out[i, 0], out[i, 1] = c * x - s * y - away, s * x + c * y - aside
+    return out
 
 
 def motion(before: Sight, now: Sight) -> Floats:
@@ -131,21 +212,27 @@ def normals(sight: Sight, lidar: Lidar, sigma: float) -> tuple[Floats, Ints]:
     A chord of half a metre across each point, so that noise turns it little and no person has one;
     a point that is off its chord's line is on an edge or a small thing, and has none.
     """
-    p, m = sight.points, len(sight.points)
-    if m < 9:
-        return np.empty((0, 2)), np.empty(0, dtype=np.int64)
-    spread = np.clip(np.rint(_HALF / np.maximum(sight.arc, 1e-3)), 3, 40).astype(np.int64)
-    index = np.arange(m)
-    a, b = index - spread, index + spread
-    inside = (a >= 0) & (b < m)
-    index, a, b = index[inside], a[inside], b[inside]
-    chord = p[b] - p[a]
-    length = np.hypot(chord[:, 0], chord[:, 1])
-    unit = chord / np.maximum(length, 1e-9)[:, None]
-    normal = np.column_stack((-unit[:, 1], unit[:, 0]))
-    middle = 0.5 * (p[a] + p[b])
-    off = np.abs(((p[index] - middle) * normal).sum(axis=1))
-    half = np.abs(((p[(a + index) // 2] - middle) * normal).sum(axis=1))
+    return _normals(sight.points, sight.arc, float(sigma))
+
+
+@jit
+def _normals(p: Floats, arc: Floats, sigma: float) -> tuple[Floats, Ints]:
+    m, k = len(p), 0
+    found, which = np.empty((m, 2)), np.empty(m, dtype=np.int64)
     near = 0.02 + 3.0 * sigma
-    flat = (off < near) & (half < near) & (length < 3.0) & (length > 0.3)
-    return normal[flat], index[flat]
+    for i in range(m if m >= 9 else 0):
+        spread = min(max(round(_HALF / max(arc[i], 1e-3)), 3), 40)
+        a, b = i - spread, i + spread
+        if a < 0 or b >= m:
+            continue
+        dx, dy = p[b, 0] - p[a, 0], p[b, 1] - p[a, 1]
+        length = math.hypot(dx, dy)
+        nx, ny = -dy / max(length, 1e-9), dx / max(length, 1e-9)
+        x, y = 0.5 * (p[a, 0] + p[b, 0]), 0.5 * (p[a, 1] + p[b, 1])
+        h = (a + i) // 2
+        off = abs((p[i, 0] - x) * nx + (p[i, 1] - y) * ny)
+        half = abs((p[h, 0] - x) * nx + (p[h, 1] - y) * ny)
+        if off < near and half < near and 0.3 < length < 3.0:
+            found[k, 0], found[k, 1], which[k] = nx, ny, i
+            k += 1
+    return found[:k].copy(), which[:k].copy()

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.types import Floats, Ints
+from cohelm.core.jit import jit
+from cohelm.core.types import Floats
 from cohelm.robot.plausibility.sight import Sight, foretold, normals, polar
 from cohelm.robot.sensors import Lidar
 
@@ -36,29 +37,47 @@ class Vanished(NamedTuple):
 
 def vanished(before: Sight, now: Sight, lidar: Lidar, slack: float) -> Vanished:
     """slack: how far odometry may be off meanwhile [m]."""
-    points = foretold(before, now)
-    beams, r = polar(lidar, points)
-    index = np.rint(beams)
-    n = len(now.ranges)
-    inside = (index >= 2) & (index < n - 2) & (r < _FAR * lidar.range_max) & (r > lidar.range_min)
-    index = np.where(inside, index, 2).astype(np.int64)
-    around = np.stack([now.ranges[index + k] for k in (-2, -1, 0, 1, 2)])
-    nearest = np.fmin.reduce(around)  # edges move by a beam or two; NaN: no beam looked
-    room = slack + 0.03 * r + 5.0 * lidar.noise
-    gone = inside & (nearest > r + room)
-    nothing = gone & (nearest == math.inf)
-    where = np.zeros(n, dtype=np.bool_)
-    where[index[nothing]] = True
-    apart = np.concatenate(([True], np.hypot(*np.diff(before.points, axis=0).T) > _APART))
-    surface = np.cumsum(apart)[inside]
-    arc = before.arc[inside]
-    behind = gone & ~nothing
-    return Vanished(
-        _widest(gone[inside], surface, arc),
-        _widest(nothing[inside], surface, arc),
-        where,
-        float(np.median((nearest - r)[behind])) if behind.any() else math.inf,
-    )
+    beams, r = polar(lidar, foretold(before, now))
+    return Vanished(*_vanished(
+        beams, r, before.points, before.arc, now.ranges, lidar.range_min,
+        _FAR * lidar.range_max, slack, 5.0 * lidar.noise,
+    ))  # fmt: skip
+
+
+@jit
+def _vanished(
+    beams: Floats, r: Floats, points: Floats, arc: Floats, ranges: Floats, least: float,
+    most: float, slack: float, noise: float,
+) -> tuple[float, float, NDArray[np.bool_], float]:  # fmt: skip
+    """beams, r: where the points of the earlier sight are foretold; ranges: of the later one."""
+    n, k = len(ranges), 0
+    width = empty = gone_so_far = empty_so_far = 0.0
+    where, deeper = np.zeros(n, dtype=np.bool_), np.empty(len(points))
+    apart = True  # whether a surface has ended since the last point in view
+    for i in range(len(points)):
+        if i > 0:
+            dx, dy = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
+            apart = apart or math.hypot(dx, dy) > _APART
+        at = round(beams[i])
+        if not (2 <= at < n - 2 and least < r[i] < most):
+            continue
+        if apart:
+            gone_so_far, empty_so_far, apart = 0.0, 0.0, False
+        nearest = math.nan  # edges move by a beam or two; NaN: no beam looked
+        for j in range(at - 2, at + 3):
+            if not (nearest <= ranges[j] or math.isnan(ranges[j])):
+                nearest = ranges[j]
+        gone = nearest > r[i] + (slack + 0.03 * r[i] + noise)
+        nothing = gone and nearest == math.inf
+        gone_so_far = gone_so_far + arc[i] if gone else 0.0
+        empty_so_far = empty_so_far + arc[i] if nothing else 0.0
+        width, empty = max(width, gone_so_far), max(empty, empty_so_far)
+        if nothing:
+            where[at] = True
+        elif gone:
+            deeper[k] = nearest - r[i]
+            k += 1
+    return width, empty, where, float(np.median(deeper[:k])) if k > 0 else math.inf
 
 
 def farther(before: Sight, now: Sight, lidar: Lidar) -> tuple[float, float]:
@@ -70,26 +89,28 @@ def farther(before: Sight, now: Sight, lidar: Lidar) -> tuple[float, float]:
     """
     _, flat = normals(before, lidar, max(lidar.noise, 0.005))
     beams, r = polar(lidar, foretold(before, now)[flat])
-    index = np.rint(beams)
-    there = (index >= 0) & (index < len(now.ranges)) & (r < _FAR * lidar.range_max)
-    seen = now.ranges[index[there].astype(np.int64)]
-    told = np.isfinite(seen) & (seen > lidar.range_min)
-    off, arc = (seen - r[there])[told], before.arc[flat][there][told]
-    surface = float(arc.sum())
+    return _farther(beams, r, before.arc[flat], now.ranges, lidar.range_min, _FAR * lidar.range_max)
+
+
+@jit
+def _farther(
+    beams: Floats, r: Floats, arc: Floats, ranges: Floats, least: float, most: float
+) -> tuple[float, float]:
+    """beams, r: where flat points of the earlier sight are foretold; ranges: of the later one."""
+    k, surface, alike = 0, 0.0, 0.0
+    off, of = np.empty(len(r)), np.empty(len(r))
+    for i in range(len(r)):
+        at = round(beams[i])
+        if 0 <= at < len(ranges) and r[i] < most and least < ranges[at] < math.inf:
+            off[k], of[k] = ranges[at] - r[i], arc[i]
+            surface += arc[i]
+            k += 1
     if surface == 0.0:
         return 0.0, 0.0
-    middle = float(np.median(off))
-    alike = float(arc[off > 0.5 * middle].sum()) > _ALL * surface
-    return (middle, surface) if middle > 0.0 and alike else (0.0, surface)
-
-
-def _widest(gone: NDArray[np.bool_], surface: Ints, arc: Floats) -> float:
-    """Of the runs of points of one surface that are gone, the longest."""
-    if not gone.any():
-        return 0.0
-    new = np.concatenate(([True], (np.diff(surface) != 0) | (np.diff(gone.astype(np.int8)) != 0)))
-    run = np.cumsum(new) - 1
-    return float(np.bincount(run, np.where(gone, arc, 0.0)).max())
+    middle = float(np.median(off[:k]))
+    for i in range(k):
+        alike += of[i] if off[i] > 0.5 * middle else 0.0
+    return (middle, surface) if middle > 0.0 and alike > _ALL * surface else (0.0, surface)
 
 
 class View:
@@ -108,6 +129,9 @@ class View:
         """Returns nothing now."""
         self._blinded = np.zeros(self._count, dtype=np.bool_)
         self._scans = 0
+        self._cones: dict[float, tuple[bool, bool]] = {}
+        """Of bearings that were asked about since the newest scan: what `looks` and `vouches` said.
+        """
 
     def take(self, ranges: Floats, gone: NDArray[np.bool_] | None) -> float:
         """A scan more. gone: beams in which what stood there has vanished.
@@ -117,6 +141,7 @@ class View:
         """
         returns = ~np.isnan(ranges) if self._floor else np.isfinite(ranges) | (ranges < 0.0)
         seen = np.bincount(self._bin[returns], minlength=self._count)
+        self._cones.clear()
         self.empty = seen == 0
         self.proven |= seen >= np.minimum(2, self._size)
         if gone is not None and gone.any():
@@ -135,18 +160,21 @@ class View:
     def vouches(self, bearing: float) -> bool:
         """Whether anything in the cone about a bearing in the body frame sees, or has seen; yes
         where the LiDAR does not look."""
-        cone = self._cone(bearing)
-        return bool((self.proven | ~self.empty)[cone].any()) if cone.any() else True
+        return self._cone(bearing)[1]
 
     def looks(self, bearing: float) -> bool:
         """Whether the LiDAR looks anywhere in that cone."""
-        return bool(self._cone(bearing).any())
+        return self._cone(bearing)[0]
 
-    def _cone(self, bearing: float) -> NDArray[np.bool_]:
-        first = self._lidar.mount.psi + self._lidar.first
-        middles = first + _BIN * (np.arange(self._count) + 0.5)
-        off = np.abs(np.remainder(middles - bearing + math.pi, 2.0 * math.pi) - math.pi)
-        return off <= _CONE
+    def _cone(self, bearing: float) -> tuple[bool, bool]:
+        if bearing not in self._cones:
+            first = self._lidar.mount.psi + self._lidar.first
+            middles = first + _BIN * (np.arange(self._count) + 0.5)
+            off = np.abs(np.remainder(middles - bearing + math.pi, 2.0 * math.pi) - math.pi)
+            cone = off <= _CONE
+            looks, sees = bool(cone.any()), bool((self.proven | ~self.empty)[cone].any())
+            self._cones[bearing] = looks, sees or not looks
+        return self._cones[bearing]
 
     @property
     def blank(self) -> bool:

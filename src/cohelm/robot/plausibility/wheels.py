@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
+from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Twist
 from cohelm.robot.model import RobotModel
 from cohelm.robot.plausibility.finding import Finding, fault, hold
@@ -54,10 +53,11 @@ def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
         if step > (1.0 + t.share) * max(a, b) + t.step:
             return fault(f"the odometry jumped by {step:.2f} {unit} against its speed")
     for window in t.windows:
-        since = trail.since(trail.newest - window)
-        gone, turned = _gone(since)
-        for what, went, column in (("speed", gone, 4), ("yaw rate", turned, 5)):
-            low, high = _added_up(since, column)
+        gone, turned, *sums = added_up(rows, trail.newest - window)
+        for what, went, (one, other) in (
+            ("speed", gone, sums[:2]), ("yaw rate", turned, sums[2:]),
+        ):  # fmt: skip
+            low, high = min(one, other), max(one, other)
             room = t.drift + t.share * max(abs(low), abs(high), abs(went))
             if not low - room <= went <= high + room:
                 said = f"{went:.2f} against {0.5 * (low + high):.2f} in {window} s"
@@ -65,19 +65,24 @@ def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
     return None
 
 
-def _added_up(rows: Floats, column: int) -> tuple[float, float]:
-    """What a speed adds up to, whether it is of the instant, or the mean since the last one."""
-    dt = np.diff(rows[:, 0])
-    sums = (float(rows[1:, column] @ dt), float(rows[:-1, column] @ dt))
-    return min(sums), max(sums)
-
-
-def _gone(rows: Floats) -> tuple[float, float]:
-    """Along the headings it had, and round [m, rad]."""
-    middle = 0.5 * (rows[1:, 3] + rows[:-1, 3])
-    dx, dy = np.diff(rows[:, 1]), np.diff(rows[:, 2])
-    along = np.cos(middle) * dx + np.sin(middle) * dy
-    return float(along.sum()), float(rows[-1, 3] - rows[0, 3])
+@jit
+def added_up(rows: Floats, since: float) -> tuple[float, float, float, float, float, float]:
+    """Of the newest rows: the way along the headings there were, and round [m, rad]; and what speed
+    and yaw rate add up to, each if they are the mean since the last row, and if of the instant."""
+    gone = turned = way = way_before = turn = turn_before = 0.0
+    for i in range(len(rows) - 1, 0, -1):
+        if rows[i - 1, 0] < since:
+            break
+        a, b = rows[i - 1], rows[i]
+        dt = b[0] - a[0]
+        middle = 0.5 * (b[3] + a[3])
+        gone += math.cos(middle) * (b[1] - a[1]) + math.sin(middle) * (b[2] - a[2])
+        turned = rows[-1, 3] - a[3]
+        way += b[4] * dt
+        way_before += a[4] * dt
+        turn += b[5] * dt
+        turn_before += a[5] * dt
+    return gone, turned, way, way_before, turn, turn_before
 
 
 class Following:
@@ -90,11 +95,11 @@ class Following:
 
     def watch(self, now: float, twist: Twist, commands: Trail) -> Finding | None:
         """A finding when they have been apart for long enough."""
-        rows = commands.since(now - self._late)
-        if not len(rows) or now - commands.rows[0, 0] < self._late:
+        told = commanded(commands.rows, now - self._late)
+        if not told.rows or now - commands.rows[0, 0] < self._late:
             self._apart = math.nan
             return None
-        why = self._wrong(twist, rows)
+        why = self._wrong(twist, told)
         if not why:
             self._apart = math.nan
             return None
@@ -102,22 +107,56 @@ class Following:
             self._apart = now
         if now - self._apart < self._t.patience:
             return None
-        driven = bool((np.abs(rows[:, 1:3]).max(axis=1) > 0.02).all())
-        return fault(why) if driven else hold(why)
+        return fault(why) if told.least > 0.02 else hold(why)
 
-    def _wrong(self, twist: Twist, rows: Floats) -> str:
+    def _wrong(self, twist: Twist, told: Commanded) -> str:
         t = self._t
-        if _outside(twist.v, rows[:, 1], t.speed, t.ratio):
-            told = float(rows[:, 1].mean())
-            return f"the odometry says {twist.v:.2f} m/s where {told:.2f} m/s is commanded"
-        if _outside(twist.omega, rows[:, 2], t.yaw_rate, t.ratio):
-            told = float(rows[:, 2].mean())
-            return f"the odometry says {twist.omega:.2f} rad/s where {told:.2f} rad/s is commanded"
+        if outside(twist.v, told.low_v, told.high_v, t.speed, t.ratio):
+            return f"the odometry says {twist.v:.2f} m/s where {told.v:.2f} m/s is commanded"
+        if outside(twist.omega, told.low_omega, told.high_omega, t.yaw_rate, t.ratio):
+            is_ = f"{told.omega:.2f} rad/s"
+            return f"the odometry says {twist.omega:.2f} rad/s where {is_} is commanded"
         return ""
 
 
-def _outside(measured: float, told: Floats, room: float, ratio: float) -> bool:
+class Commanded(NamedTuple):
+    """What the wheels were told over some time."""
+
+    rows: int
+    """How often."""
+    low_v: float
+    high_v: float
+    v: float
+    """The mean [m/s]."""
+    low_omega: float
+    high_omega: float
+    omega: float
+    """The mean [rad/s]."""
+    least: float
+    """In each row v or omega was so large at least, without signs."""
+
+
+@jit
+def commanded(rows: Floats, since: float) -> Commanded:
+    """By rows of time, v and omega, of those not older than since."""
+    n = 0
+    low_v, high_v, v = math.inf, -math.inf, 0.0
+    low_omega, high_omega, omega = math.inf, -math.inf, 0.0
+    least = math.inf
+    for i in range(len(rows) - 1, -1, -1):
+        if rows[i, 0] < since:
+            break
+        n += 1
+        v += rows[i, 1]
+        omega += rows[i, 2]
+        low_v, high_v = min(low_v, rows[i, 1]), max(high_v, rows[i, 1])
+        low_omega, high_omega = min(low_omega, rows[i, 2]), max(high_omega, rows[i, 2])
+        least = min(least, max(abs(rows[i, 1]), abs(rows[i, 2])))
+    some = max(n, 1)
+    return Commanded(n, low_v, high_v, v / some, low_omega, high_omega, omega / some, least)
+
+
+def outside(measured: float, low: float, high: float, room: float, ratio: float) -> bool:
     """Beyond all that was told in that time."""
-    low, high = float(told.min()), float(told.max())
     slack = room + ratio * max(abs(low), abs(high))
     return not low - slack <= measured <= high + slack
