@@ -188,7 +188,7 @@ class Perception:
             self._points = self._standing()
             self._look_at_ground(source, pose)
             if source is self._first and self._locator is not None:
-                self._located = self._locator.correct(seen, pose)
+                self._located = self._locator.correct(seen, pose, source.stamp)
                 self._map_odom = compose(self._located.pose, inverse(pose))
                 self._matched = pose
         self._tell()

@@ -94,6 +94,10 @@ class Caution(NamedTuple):
     turned: float = 0.5
     """Who is pushed or dragged is turned by this, one sigma [rad]; where he was turned farther, a
     place must make up for it by a quarter of `margin`, as of some five one is carried."""
+    pace: float = 1.6
+    """Nobody carries the robot faster than a man walks: ISO 13855's speed of approach [m/s]."""
+    gap: float = 0.5
+    """In so long without a scan it may have been carried as well [s]."""
     near: float = 3.0
     """After having been lost, the robot is looked for within this first [m]."""
     hypotheses: int = 40

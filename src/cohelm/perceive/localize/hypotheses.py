@@ -104,7 +104,8 @@ class Hypotheses:
         self._past: list[tuple[Pose, Floats, float]] = []  # the last, from here, and their weights
         self._seen: Floats = np.empty(0)  # ranges of the scan before
         self._answered = False  # whether they are those of a whole search,
-        self._whole = False  # and that of the whole map
+        self._whole = False  # and of the whole map,
+        self._jolted = False  # and scans that contradicted what was seen came since
         self._tried: list[float] = []  # likelihoods of all that were matched
         self._full = False  # whether there may have been more
         self._behind: list[_View] = []  # of the last metres, the newest last; while cold only
@@ -115,7 +116,8 @@ class Hypotheses:
         self._led = 0  # scans in which it led well
         self._left: Pose | None = None  # where it would be by odometry, since it is lost
         self._left_joint: Floats = np.empty((0, 0))  # and how sure that place is
-        self._odds = 0.0  # log odds that the robot is where it left off, since it is lost
+        self._odds = 0.0  # log odds that the robot is where it left off, since it is lost,
+        self._knew = False  # and whether it knew that place
 
     def forget(self) -> None:
         """Drop all places and any search."""
@@ -131,11 +133,12 @@ class Hypotheses:
         """A place is believed: where the robot was before counts no more."""
         self.cold, self.before = False, None
         self._behind, self._earlier = [], []
-        self._left, self._odds = None, 0.0
+        self._left, self._odds, self._knew = None, 0.0, False
 
-    def leave(self, pose: Pose, joint: Floats, odds: float) -> None:
-        """Keep where it was when it became lost, and the log odds that it still is."""
-        self._left, self._left_joint, self._odds = pose, joint, odds
+    def leave(self, pose: Pose, joint: Floats, odds: float, knew: bool) -> None:
+        """Keep where it was when it became lost, the log odds that it still is, and whether it knew
+        that place before."""
+        self._left, self._left_joint, self._odds, self._knew = pose, joint, odds, knew
 
     def add(self, pose: Pose) -> None:
         """One more place for a search that goes on."""
@@ -169,6 +172,7 @@ class Hypotheses:
     def compared(self) -> None:
         """The newest scan was compared with those before."""
         self._odds = 0.0 if self.alarm.raised else self._odds
+        self._jolted = self._jolted or self.alarm.jolted
 
     def carried(self, step: Pose, joint: Floats) -> None:
         """Lead places that a check has found on by odometry, and no more. joint: covariance of the
@@ -246,7 +250,9 @@ class Hypotheses:
         if self._found:
             return False
         self._searched, self._answered, self._waited = None, True, 0
-        self._whole = self.everywhere
+        # places of the whole map are followed on, unless the robot may have been carried on
+        self._whole = self.everywhere or (self._whole and bool(self.all) and not self._jolted)
+        self._jolted = self._jolted and not self.everywhere
         if self.cold:
             self._views = len(self._earlier)
             self._weight = float(self._views)
@@ -313,6 +319,8 @@ class Hypotheses:
             close = kept and kept[0].total - one.total > self.caution.refuted
             if not close and not any(same(one.pose, other.pose) for other in kept):
                 kept.append(one)
+        if not kept:  # what is found from now on has held from no place, and beside no other, yet
+            self._views, self._whole = 0, False
         self.all = kept[: self.caution.followed]
         self._complete = self._complete and len(kept) <= self.caution.followed
         return kept
@@ -320,11 +328,12 @@ class Hypotheses:
     def verdict(self, kept: list[Hypothesis]) -> Verdict:
         """Whether the best of those that are ranked can be believed."""
         c, fair = self.caution, self.judge.fair
+        kept = self._rivalled(kept)
         best = kept[0] if kept else None
         unsure = self.cold or not self._whole
         if best is None or not fair(best.judged, c.fair if unsure else c.poor):
             if self._searched is None:  # else what a search has found so far is kept for its end
-                self.all = []
+                self.all, self._whole = [], False
             why = "no place on the map looks like what the LiDAR sees"
             return Verdict(None, 0.0, False, why)
         lead = best.total - kept[1].total if len(kept) > 1 else math.inf
@@ -338,7 +347,7 @@ class Hypotheses:
         # the map may be wrong here, where all of it has been searched and nothing comes near
         only = self._whole and not far and lead >= 2.0 * c.margin
         # or nobody moved it, and nothing that was found elsewhere makes up for that
-        stayed = self._odds > 0.0 and lead >= c.margin and self._strayed(best) < 9.0
+        stayed = lead >= c.margin and self._stays(best)
         poor = only or (stayed and self._whole)
         strange = far or self._odds > 0.0
         glimpsed = far and (self._views < c.views or not self._complete)
@@ -426,15 +435,44 @@ class Hypotheses:
         spread = self._left_joint[:3, :3] + one.covariance + np.diag([0.1, 0.1, 0.05]) ** 2
         return float(off @ np.linalg.solve(spread, off))
 
+    def _rivalled(self, kept: list[Hypothesis]) -> list[Hypothesis]:
+        """Of those that are ranked, without any that explains less of the scan than the place where
+        the robot left off, while no scan shows that it was moved: where the map knows little,
+        little speaks against a place."""
+        own = next((h for h in kept if self._strayed(h) < 9.0), None)
+        if own is None or self._odds == 0.0:
+            return kept
+        least = own.judged.agree * own.judged.told
+        return [h for h in kept if h is own or h.judged.agree * h.judged.told >= least]
+
+    def _stays(self, one: Hypothesis) -> bool:
+        """Whether it is where the robot left off, and that can be: no scan has contradicted another
+        since it knew that place, or none of it but a thing, and then the whole map was searched."""
+        if self._strayed(one) >= 9.0:
+            return False
+        if self._odds > 0.0:
+            return True
+        c = self.caution
+        alike = one.judged.agree >= c.seen and one.witnessed > 2.0 * c.contradicted
+        return self._knew and self._whole and alike
+
     def _prior(self, one: Hypothesis) -> float:
-        """What where the robot was says to a hypothesis: that it stayed, or that who is pushed or
-        dragged is hardly turned round."""
+        """What where the robot was says to a hypothesis: that it stayed, that nobody carries it far
+        in no time, and that who is pushed or dragged is hardly turned round."""
         c = self.caution
         if self._odds > 0.0:
             return -min(0.5 * self._strayed(one), self._odds)
-        if self._left is None or self.everywhere:
+        if self._left is None:
             return 0.0
-        return -min(0.5 * (wrap(one.pose.psi - self._left.psi) / c.turned) ** 2, 0.25 * c.margin)
+        left, carried = self._left, 0.0
+        if self._knew:
+            farthest = c.near + 0.5 + c.pace * self.alarm.carried
+            beyond = math.hypot(one.pose.x - left.x, one.pose.y - left.y) - farthest
+            carried = min(0.5 * (max(beyond, 0.0) / c.put) ** 2, c.unmoved)
+        if self.everywhere:
+            return -carried
+        turned = wrap(one.pose.psi - left.psi) / c.turned
+        return -carried - min(0.5 * turned**2, 0.25 * c.margin)
 
     def _far(self, pose: Pose) -> bool:
         """Whether the robot can hardly have been moved there: then nothing else speaks for it."""

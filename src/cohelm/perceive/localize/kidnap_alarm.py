@@ -36,6 +36,8 @@ class KidnapAlarm:
         self._witness: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
         self._left = 0  # scans for which the alarm lasts
         self._jolts = 0  # scans in a row that contradict the keyframe
+        self.carried = 0.0  # how long nothing shows that the robot was not being moved [s]
+        self._stamp = math.nan  # of the newest scan [s]
         self._fallen = 0  # scans in a row that are much less likely on the map than those before,
         self._level = -math.inf  # and the log likelihood of those
 
@@ -49,8 +51,13 @@ class KidnapAlarm:
         """Whether scans go on to contradict what was seen, or the map since all at once."""
         return self._jolts >= self.caution.settled or self._fallen >= self.caution.patience
 
+    @property
+    def jolted(self) -> bool:
+        """Whether the newest scan contradicts what was seen."""
+        return self._jolts > 0
+
     def compare(
-        self, odometry: Pose, ranges: Floats, moved_by: Pose, pose: Pose, lost: bool
+        self, odometry: Pose, stamp: float, ranges: Floats, moved_by: Pose, pose: Pose, lost: bool
     ) -> None:  # fmt: skip
         """Ask whether this scan contradicts the keyframe; take a newer one where it does not.
         moved_by: since the scan before. pose: that was believed there."""
@@ -66,6 +73,7 @@ class KidnapAlarm:
             elif not self._left and not lost:
                 self._witness = None
             self._left = c.alarmed if self._jolts >= c.jolts else max(self._left - 1, 0)
+        self._carry(stamp, lost)
         self._aged += 1
         near = math.hypot(step.x, step.y) < 0.3 and abs(step.psi) < 0.3
         gone = key is None or not near or self._aged > c.aged
@@ -75,6 +83,15 @@ class KidnapAlarm:
             self._keyframe = Keyframe(odometry, ranges)
             self._there = compose(pose, moved_by)
             self._jolts = self._aged = 0
+
+    def _carry(self, stamp: float, lost: bool) -> None:
+        """Whoever is carried sees scans that contradict each other, nothing, or has no scans."""
+        gap = 0.0 if math.isnan(self._stamp) else stamp - self._stamp
+        self._stamp = stamp
+        if self._jolts or gap > self.caution.gap or not usable(self.lidar, self._ranges):
+            self.carried += gap
+        elif not self.raised and not lost:
+            self.carried = 0.0
 
     def fall(self, log: float) -> None:
         """Scans that are much less likely on the map, all at once: a robot that was moved along a
@@ -92,6 +109,7 @@ class KidnapAlarm:
             if not self._left and key is not None:
                 self._witness = (key, self._there) if self._aged > c.patience else self._older
             self._left = c.alarmed
+            self.carried = math.inf  # it may have been pushed for long, along what looks alike
 
     def refuted(self, pose: Pose) -> bool:
         """Whether the newest scan contradicts what was seen before the alarm, at a pose; nobody

@@ -93,8 +93,8 @@ class Locator:
         self._believe(pose, wide, 0.0, 0.0)
         self._hypotheses.before, self._judge.usual, self._told = before, usual, True
 
-    def correct(self, sweep: DeskewedScan, odometry: Pose) -> Located:
-        """Take in a sweep. odometry: the odometry pose at its instant."""
+    def correct(self, sweep: DeskewedScan, odometry: Pose, stamp: float) -> Located:
+        """Take in a sweep. odometry: the odometry pose at its instant, `stamp` [s]."""
         step = between(self._odometry, odometry) if self._odometry else Pose(0.0, 0.0, 0.0)
         self._odometry = odometry
         step = self._wheels.corrected(step)
@@ -107,7 +107,9 @@ class Locator:
         mount = self.lidar.mount
         across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
         self._hypotheses.look_back(step, sweep)
-        self._alarm.compare(odometry, sweep.ranges, step, self.located.pose, self.located.lost)
+        self._alarm.compare(
+            odometry, stamp, sweep.ranges, step, self.located.pose, self.located.lost
+        )
         self._hypotheses.compared()
         if self.located.lost:
             self._follow(step, sweep, points, across)
@@ -164,7 +166,7 @@ class Locator:
             self._forget()
             self._hypotheses.everywhere = False
             why = "what the LiDAR sees is not what the map shows here"
-            self._hypotheses.leave(foretold, told, check.trust)
+            self._hypotheses.leave(foretold, told, check.trust, check.knew)
             self._joint = self._told_joint = joint
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
             self._seek(points, across, sweep)
@@ -239,7 +241,7 @@ class Locator:
             given_up = check.given_up(best, pose, self._likely)
             left = given_up and check.movable
         if left:
-            self._hypotheses.leave(pose, self._told_joint, 0.0)
+            self._hypotheses.leave(pose, self._told_joint, 0.0, check.knew)
         if not given_up:
             self._hypotheses.drop()
         return not given_up

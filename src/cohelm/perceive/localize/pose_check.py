@@ -68,6 +68,11 @@ class PoseCheck:
         return self._unheld > self.caution.unheld
 
     @property
+    def knew(self) -> bool:
+        """Whether the robot has shown that it knows its place, and the map has fitted lately."""
+        return self.fitting >= self.caution.proven and not self.astray
+
+    @property
     def movable(self) -> bool:
         """Whether the robot may have been moved, or has not yet shown that it knows its place."""
         return self.alarm.raised or self.fitting < self.caution.proven

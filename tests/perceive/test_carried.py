@@ -1,0 +1,104 @@
+"""How far a robot can have been carried since it knew its place, and what may be where it stood."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.hypotheses import Hypotheses, Hypothesis
+from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
+from cohelm.perceive.localize.localization_map import Judgement, known
+from cohelm.perceive.localize.scan_judge import ScanJudge
+from tests.perceive.drives import LIDAR
+from tests.perceive.test_keyframe import HERE, seen
+from tests.perceive.test_places import room
+
+NOWHERE = Pose(0.0, 0.0, 0.0)
+AWAY = Pose(HERE.x + 2.0, HERE.y, 0.0)
+C = Caution()
+
+
+def after(scans, every=0.1, lost=True):
+    """The alarm of a robot whose wheels stand, after these scans."""
+    alarm = KidnapAlarm(LIDAR.lidar(), C)
+    for k, ranges in enumerate(scans):
+        alarm.compare(NOWHERE, every * k, ranges, NOWHERE, HERE, lost and k > 0)
+    return alarm
+
+
+def test_while_scans_agree_nobody_carries_the_robot():
+    assert after([seen(HERE, k) for k in range(20)]).carried == 0.0
+
+
+@pytest.mark.parametrize("scans", [5, 15])
+def test_for_as_long_as_scans_contradict_each_other_it_may_be_carried(scans):
+    moved = [seen(HERE), seen(HERE, 1), *(seen(AWAY, 2 + k) for k in range(scans))]
+    assert after(moved).carried == pytest.approx(0.1 * scans)
+
+
+def test_what_one_jolt_leaves_is_forgotten_once_the_robot_goes_on_knowing_its_place():
+    scans = [seen(HERE), seen(AWAY, 1), *(seen(HERE, 2 + k) for k in range(5))]
+    assert after(scans, lost=True).carried == pytest.approx(0.1)
+    assert after(scans, lost=False).carried == 0.0
+
+
+def test_under_a_cover_and_without_scans_it_may_be_carried_as_well():
+    covered = np.full(LIDAR.beams, -math.inf)
+    assert after([seen(HERE), *[covered] * 30]).carried == pytest.approx(3.0)
+    assert after([seen(HERE), seen(HERE, 1)], every=4.0).carried == pytest.approx(4.0)
+
+
+def lost_at(pose, odds=0.0, knew=True):
+    """What is followed by a robot that became lost there."""
+    drawn, free = room(0.05)
+    lidar, made = LIDAR.lidar(), known(drawn, free, 0.05, NOWHERE)
+    judge, alarm = ScanJudge(made, lidar, C), KidnapAlarm(lidar, C)
+    found = Hypotheses(made, lidar, C, judge, alarm, False)
+    found.leave(pose, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, odds, knew)
+    found.everywhere = True
+    return found
+
+
+def at(x, log, agree=0.9, told=700):
+    judged = Judgement(agree, 0.0, 1.0 - agree, log, told, log, 0.0)
+    return Hypothesis(Pose(x, 0.0, 0.0), np.diag([0.02, 0.02, 0.01]) ** 2, 0.0, log, judged)
+
+
+def test_a_place_to_which_nobody_can_have_carried_it_is_unlikely():
+    found, far, near = lost_at(NOWHERE), at(9.0, -5.0), at(2.0, -5.0)
+    assert [h.prior for h in found_ranked(found, far, near)] == [0.0, -C.unmoved]
+    found.alarm.carried = 4.0  # at 1.6 m/s
+    assert [h.prior for h in found_ranked(found, far, near)] == [0.0, 0.0]
+
+
+def test_who_did_not_know_where_it_was_may_be_anywhere():
+    assert found_ranked(lost_at(NOWHERE, knew=False), at(9.0, -5.0))[0].prior == 0.0
+
+
+def found_ranked(found, *places):
+    """Of places, by how far off they are."""
+    for one in places:
+        one.prior = found._prior(one)
+    return sorted(places, key=lambda h: h.pose.x)
+
+
+def test_where_it_left_off_is_believed_though_a_third_of_the_map_is_wrong():
+    """The next place is as likely by the map, and 9 m off; it stood still throughout."""
+    found = lost_at(NOWHERE)
+    found._whole = True
+    own, far = at(0.0, -28.0, agree=0.79), at(9.0, -28.5, agree=0.76)
+    for one in (own, far):
+        one.prior = found._prior(one)
+    verdict = found.verdict([own, far])
+    assert verdict.best is own
+    assert verdict.why == ""
+
+
+def test_while_nothing_shows_that_it_was_moved_a_place_that_explains_less_is_no_rival():
+    """Where the map knows little, little speaks against a place."""
+    own, little, as_much = at(0.0, -25.0, 0.52), at(25.0, -6.0, 1.0, 225), at(20.0, -18.0, 0.8)
+    found = lost_at(NOWHERE, odds=C.unmoved)
+    assert found._rivalled([little, as_much, own]) == [as_much, own]
+    assert lost_at(NOWHERE)._rivalled([little, own]) == [little, own]
