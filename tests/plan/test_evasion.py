@@ -17,7 +17,7 @@ from cohelm.plan.evasion.case import case_at
 from cohelm.plan.evasion.foretold import Foretold, leg
 from cohelm.plan.evasion.movers import foreseen, nobody_watched, noted
 from cohelm.plan.evasion.params import EvasionParams
-from cohelm.plan.evasion.risk import risk_at
+from cohelm.plan.evasion.risk import risk_at, trajectories
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.sim.run import run
@@ -190,7 +190,10 @@ def _foretold_and_driven(rng):
     movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay, 0.8, 2.0, 1.5]])
     around, reach = surroundings(np.empty((0, 6))), farthest(ON.outline)
     e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
-    case = case_at(movers, around, start, way, Clock(), ON.outline, reach, e)
+    case = case_at(
+        trajectories(movers, reach, e), movers, around, start, way, Clock(), ON.outline, reach,
+        ON.limits, e,
+    )  # fmt: skip
     went = leg(case, Foretold(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9)
     pose, twist = start, before
     for k in range(40):
@@ -263,6 +266,9 @@ def test_an_overlap_has_a_risk_like_any_other(v):
     movers = np.array([[0.3, 0.0, v, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 2.0 * v, 1.5]])
     here, course_ = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace)
     around, reach, e = surroundings(np.empty((0, 6))), farthest(ON.outline), EvasionParams()
-    case = case_at(movers, around, here, course_, Clock(), ON.outline, reach, e)
-    risk, gap = risk_at(case, here, 0.0, e)
+    case = case_at(
+        trajectories(movers, reach, e), movers, around, here, course_, Clock(), ON.outline, reach,
+        ON.limits, e,
+    )  # fmt: skip
+    risk, gap = risk_at(case, here, 0, e)
     assert gap < 0.0 < risk < math.inf
