@@ -232,6 +232,24 @@ def test_who_rests_for_a_moment_is_still_made_way_for():
     assert set(minded[20:]) == {0}
 
 
+def test_who_sets_off_to_another_side_is_soon_foreseen_to_go_on_doing_so():
+    """He walked east, came to rest, and sets off to the north. Three looks later only half of that
+    was believed, and for 0.8 s: the robot drove on in front of him."""
+    watched, e, x, y = nobody_watched(), EvasionParams(), 0.0, 0.0
+    for k in range(24):
+        t = 0.1 * k + 0.05
+        vx, vy = min(max(2.0 - t, 0.0), 1.0), max(t - 2.0, 0.0)
+        around = surroundings([disc(x, y, 0.3, 0.8, vx, vy)], [1.0])
+        seen = noted(watched, around, 0.1)
+        watched[: len(seen)], watched[len(seen) :] = seen, math.nan
+        x, y = x + 0.1 * vx, y + 0.1 * vy
+    movers, _ = foreseen(around, seen, Pose(1.0, 3.0, 0.0), 0.46, ON.limits, e)
+    ahead = trajectories(movers, 0.46, e)[:, 0, :2]
+    dx, dy = ahead[15] - ahead[0]
+    assert dx == pytest.approx(0.0, abs=0.1)
+    assert dy == pytest.approx(0.35 * 1.5 + 0.5 * 1.5 * 1.5, abs=0.2)
+
+
 def test_who_seems_to_walk_for_a_moment_is_soon_forgotten():
     """What stands, and moves by noise, is told by a LiDAR as one who walks, for a scan or two."""
     watched, minded = nobody_watched(), []
