@@ -49,13 +49,16 @@ ENCOUNTERS = {
 @pytest.mark.parametrize("name", ENCOUNTERS)
 def test_nobody_who_keeps_his_way_touches_a_robot_that_has_room(name):
     done = drive(WAY, [ENCOUNTERS[name]], seconds=40.0, settings=ON)
-    assert done.gaps.min() > 0.05
+    assert done.clearances.min() > 0.05
     assert done.arrived
 
 
 def test_without_evasion_the_same_encounters_end_in_a_touch():
     """The tests above can fail."""
-    gaps = [drive(WAY, [who], seconds=20.0, settings=OFF).gaps.min() for who in ENCOUNTERS.values()]
+    gaps = [
+        drive(WAY, [who], seconds=20.0, settings=OFF).clearances.min()
+        for who in ENCOUNTERS.values()
+    ]
     assert min(gaps) < 0.0
 
 
