@@ -7,11 +7,14 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Stick, Twist
+from cohelm.law.govern import Clock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.verdict import INVALID
-from cohelm.pilot.pilot import NOTHING_NEAR, Pilot
+from cohelm.pilot.pilot import NOTHING_NEAR, Pilot, taken
+from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import FOLLOWING, LED
+from cohelm.plan.course import course
 from cohelm.scenario.law import Law, PlanModel
 from tests.pilot.drives import DT, SETTINGS, drive
 
@@ -42,6 +45,17 @@ def test_a_closed_road_is_not_forced():
     assert d.clearances.min() > 0.0075
     assert d.poses[-1][0] < 2.7
     assert abs(d.twists[-1]).max() < 0.5
+
+
+@pytest.mark.parametrize(("waited", "then"), [(0.8, 0.8), (1.2, 0.0)])
+def test_who_is_held_up_does_not_lose_count_by_planning_anew(waited, then):
+    """Another course every 0.6 s kept the robot from ever looking for a way out. But a plan that
+    was made because it had waited for long enough gets its time."""
+    pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
+    held = pilot.state._replace(clock=Clock(0.0, 0.0, waited))
+    other = Plan(course(through(STRAIGHT, 0.5), 1, True, SETTINGS.pace), True, None, False, 9.0)
+    now = taken(held, other, pilot.planner, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
+    assert now.clock.waited == then
 
 
 def test_the_reference_waits_for_a_person_who_leads_and_takes_over_without_a_jump():

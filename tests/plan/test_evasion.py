@@ -17,7 +17,7 @@ from cohelm.plan.evasion.case import case_at
 from cohelm.plan.evasion.foretold import Foretold, leg
 from cohelm.plan.evasion.movers import foreseen, nobody_watched, noted
 from cohelm.plan.evasion.params import EvasionParams
-from cohelm.plan.evasion.risk import risk_at
+from cohelm.plan.evasion.risk import risk_at, trajectories
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import achievable
 from cohelm.sim.run import run
@@ -49,13 +49,16 @@ ENCOUNTERS = {
 @pytest.mark.parametrize("name", ENCOUNTERS)
 def test_nobody_who_keeps_his_way_touches_a_robot_that_has_room(name):
     done = drive(WAY, [ENCOUNTERS[name]], seconds=40.0, settings=ON)
-    assert done.gaps.min() > 0.05
+    assert done.clearances.min() > 0.05
     assert done.arrived
 
 
 def test_without_evasion_the_same_encounters_end_in_a_touch():
     """The tests above can fail."""
-    gaps = [drive(WAY, [who], seconds=20.0, settings=OFF).gaps.min() for who in ENCOUNTERS.values()]
+    gaps = [
+        drive(WAY, [who], seconds=20.0, settings=OFF).clearances.min()
+        for who in ENCOUNTERS.values()
+    ]
     assert min(gaps) < 0.0
 
 
@@ -190,7 +193,10 @@ def _foretold_and_driven(rng):
     movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay, 0.8, 2.0, 1.5]])
     around, reach = surroundings(np.empty((0, 6))), farthest(ON.outline)
     e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
-    case = case_at(movers, around, start, way, Clock(), ON.outline, reach, e)
+    case = case_at(
+        trajectories(movers, reach, e), movers, around, start, way, Clock(), ON.outline, reach,
+        ON.limits, e,
+    )  # fmt: skip
     went = leg(case, Foretold(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9)
     pose, twist = start, before
     for k in range(40):
@@ -229,6 +235,24 @@ def test_who_rests_for_a_moment_is_still_made_way_for():
     assert set(minded[20:]) == {0}
 
 
+def test_who_sets_off_to_another_side_is_soon_foreseen_to_go_on_doing_so():
+    """He walked east, came to rest, and sets off to the north. Three looks later only half of that
+    was believed, and for 0.8 s: the robot drove on in front of him."""
+    watched, e, x, y = nobody_watched(), EvasionParams(), 0.0, 0.0
+    for k in range(24):
+        t = 0.1 * k + 0.05
+        vx, vy = min(max(2.0 - t, 0.0), 1.0), max(t - 2.0, 0.0)
+        around = surroundings([disc(x, y, 0.3, 0.8, vx, vy)], [1.0])
+        seen = noted(watched, around, 0.1)
+        watched[: len(seen)], watched[len(seen) :] = seen, math.nan
+        x, y = x + 0.1 * vx, y + 0.1 * vy
+    movers, _ = foreseen(around, seen, Pose(1.0, 3.0, 0.0), 0.46, ON.limits, e)
+    ahead = trajectories(movers, 0.46, e)[:, 0, :2]
+    dx, dy = ahead[15] - ahead[0]
+    assert dx == pytest.approx(0.0, abs=0.1)
+    assert dy == pytest.approx(0.35 * 1.5 + 0.5 * 1.5 * 1.5, abs=0.2)
+
+
 def test_who_seems_to_walk_for_a_moment_is_soon_forgotten():
     """What stands, and moves by noise, is told by a LiDAR as one who walks, for a scan or two."""
     watched, minded = nobody_watched(), []
@@ -263,6 +287,9 @@ def test_an_overlap_has_a_risk_like_any_other(v):
     movers = np.array([[0.3, 0.0, v, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 2.0 * v, 1.5]])
     here, course_ = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace)
     around, reach, e = surroundings(np.empty((0, 6))), farthest(ON.outline), EvasionParams()
-    case = case_at(movers, around, here, course_, Clock(), ON.outline, reach, e)
-    risk, gap = risk_at(case, here, 0.0, e)
+    case = case_at(
+        trajectories(movers, reach, e), movers, around, here, course_, Clock(), ON.outline, reach,
+        ON.limits, e,
+    )  # fmt: skip
+    risk, gap = risk_at(case, here, 0, e)
     assert gap < 0.0 < risk < math.inf

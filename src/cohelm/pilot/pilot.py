@@ -110,7 +110,7 @@ class Pilot:
 
     def take(self, made: Plan, pose: Pose, twist: Twist) -> None:
         """Follow a plan from now on; pose and twist are those of now, not those of its making."""
-        self.state = taken(self.state, made, self.planner.route, pose, twist)
+        self.state = taken(self.state, made, self.planner, pose, twist)
         self.course = made.course
         if made.new:
             self._taken = self.state.time
@@ -121,11 +121,16 @@ class Pilot:
         return self.course.last and self.state.clock.tau >= self.course.reference.duration
 
 
-def taken(state: PilotState, made: Plan, route: Route, pose: Pose, twist: Twist) -> PilotState:
-    """The state with which a plan is taken up."""
-    clock = state.clock
+def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Twist) -> PilotState:
+    """The state with which a plan is taken up.
+
+    How long the robot has been held up is not forgotten, unless it was for long enough to be acted
+    upon: what was made then gets its time.
+    """
+    clock, waited = state.clock, state.clock.waited
     if made.new:
-        clock = entered(made.course, route, state.row, pose, twist)
+        clock = entered(made.course, planner.route, state.row, pose, twist)
+        clock = clock._replace(waited=waited if waited <= planner.replan_params.waits else 0.0)
     if made.move is not None and state.left == NO_MOVE:
         return state._replace(clock=clock._replace(rate=0.0, waited=0.0), left=made.move)
     return state._replace(clock=clock)

@@ -245,8 +245,17 @@ def _along(
     """The clearances of the outline along an arc, and how far it has driven there, signed [m]."""
     step = _LOOK / (1.0 + abs(curvature) * reach)
     ways = np.arange(1, math.ceil(far / step) + 1, dtype=np.float64) * (sign * step)
-    poses = np.array([arc(pose, Twist(float(d), float(d) * curvature), 1.0) for d in ways])
-    return swept(points, outline, poses), ways
+    return swept(points, outline, _arcs(pose, ways, curvature)), ways
+
+
+@jit
+def _arcs(pose: Pose, ways: Floats, curvature: float) -> Floats:
+    """The poses so far along an arc, (k, 3)."""
+    poses = np.empty((len(ways), 3))
+    for i in range(len(ways)):
+        there = arc(pose, Twist(ways[i], ways[i] * curvature), 1.0)
+        poses[i, 0], poses[i, 1], poses[i, 2] = there.x, there.y, there.psi
+    return poses
 
 
 @jit

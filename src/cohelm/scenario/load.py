@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from difflib import get_close_matches
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
@@ -162,7 +163,7 @@ def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
     asked_by: where the name stands, for the error's beginning.
     """
     if name in SHIPPED:
-        return read(shipped_path(name), RobotModel)
+        return _shipped(name).model_copy(deep=True)
     file = folder / name
     if not file.exists() and Path(name).suffix not in (".yaml", ".yml"):
         raise CohelmError(
@@ -173,6 +174,12 @@ def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
         close = _meant(file.name, _names(file.parent))
         raise CohelmError(f"{asked_by}robot: {file}: no such file{close}")
     return read(file, RobotModel)
+
+
+@cache
+def _shipped(name: str) -> RobotModel:
+    """As its file says, read once: campaigns ask for it in every episode."""
+    return read(shipped_path(name), RobotModel)
 
 
 def load_robot(name: str | Path) -> RobotModel:

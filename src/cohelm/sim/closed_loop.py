@@ -156,7 +156,7 @@ def stretches(
             waiting = planner(task)
         if waiting is not None and k % period == thinking:
             here, applied = now.robot.pose, now.robot.applied
-            now = now._replace(pilot=taken(now.pilot, waiting, planner.route, here, applied))
+            now = now._replace(pilot=taken(now.pilot, waiting, planner, here, applied))
             current = waiting.course
             if waiting.new:
                 number, since = number + 1 if current.row else 0, k

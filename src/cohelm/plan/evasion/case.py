@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
 from cohelm.law.govern import Clock
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.plan.course import Course, window
 from cohelm.plan.evasion.params import EvasionParams
 from cohelm.plan.evasion.standing import CELL, Field, distance_at, field_about, outline_points
+from cohelm.robot.limits import Limits
 
 _FARTHEST = 6.0  # what stands farther away than this is not looked at [m]
 
@@ -21,6 +22,8 @@ _FARTHEST = 6.0  # what stands farther away than this is not looked at [m]
 class Case(NamedTuple):
     """All that candidates are held against."""
 
+    ahead: Floats
+    """(k, m, 7), the movers as they are foretold; see `risk.trajectories`."""
     movers: Floats
     """(m, 12): x, y, vx, vy, radius, the acceleration that the filter takes it to be capable of,
     how fast doubt of where it is grows, the acceleration that it has and for how long, the speed
@@ -39,19 +42,20 @@ class Case(NamedTuple):
 
 @jit
 def case_at(
-    movers: Floats, around: Surroundings, pose: Pose, course: Course, clock: Clock, outline: Floats,
-    reach: float, e: EvasionParams,
+    ahead: Floats, movers: Floats, around: Surroundings, pose: Pose, course: Course, clock: Clock,
+    outline: Floats, reach: float, limits: Limits, e: EvasionParams,
 ) -> Case:  # fmt: skip
     """All that candidates are held against, for a robot at this pose."""
     edge = outline_points(outline)
     inner = math.inf
     for i in range(len(edge)):
         inner = min(inner, math.hypot(edge[i, 0], edge[i, 1]))
-    field = field_about(around, pose, min(e.speed * e.horizon, _FARTHEST) + reach + 2.0 * CELL)
-    case = Case(movers, field, _way(course, clock), outline, edge, reach, inner, 0.0)
+    fast = min(e.speed, limits.speed)
+    field = field_about(around, pose, min(fast * e.horizon, _FARTHEST) + reach + 2.0 * CELL)
+    case = Case(ahead, movers, field, _way(course, clock), outline, edge, reach, inner, 0.0)
     now = _room(case, pose)
     still = min(e.static_clearance + CELL, now - 0.25 * CELL)
-    return Case(movers, field, case.way, outline, edge, reach, inner, still)
+    return Case(ahead, movers, field, case.way, outline, edge, reach, inner, still)
 
 
 @jit
@@ -72,7 +76,7 @@ def _way(course: Course, clock: Clock) -> Floats:
     return way[: k + 1]
 
 
-@jit
+@jit_inline
 def _room(case: Case, pose: Pose) -> float:
     """Clearance of the outline to what stands, by the grid; no more than 1 m is told apart [m]."""
     least = 1.0
@@ -85,7 +89,7 @@ def _room(case: Case, pose: Pose) -> float:
     return least
 
 
-@jit
+@jit_inline
 def blocked(case: Case, pose: Pose) -> bool:
     """Whether something stands in the way of the outline."""
     middle = distance_at(case.field, pose.x, pose.y)
@@ -94,11 +98,13 @@ def blocked(case: Case, pose: Pose) -> bool:
     return middle < 0.9 * case.inner or _room(case, pose) < case.still
 
 
-@jit
+@jit_inline
 def to_go(case: Case, pose: Pose) -> float:
     """About how far it is from there to the end of the course ahead [m]."""
     least = math.inf
-    for i in range(len(case.way)):
+    for i in range(len(case.way) - 1, -1, -1):
+        if case.way[i, 2] >= least:
+            break
         dx, dy = case.way[i, 0] - pose.x, case.way[i, 1] - pose.y
         least = min(least, case.way[i, 2] + 1.2 * math.sqrt(dx * dx + dy * dy))
     return least

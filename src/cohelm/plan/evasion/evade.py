@@ -30,7 +30,7 @@ from cohelm.plan.evasion.case import Case, case_at
 from cohelm.plan.evasion.foretold import Foretold, leg, whole
 from cohelm.plan.evasion.movers import foreseen, noted
 from cohelm.plan.evasion.params import STEP, Evasion, EvasionParams
-from cohelm.plan.evasion.risk import clearance_at, spare_at
+from cohelm.plan.evasion.risk import clearance_at, spare_at, trajectories
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, achievable
 
@@ -56,11 +56,13 @@ def evade(
     watched[: len(seen)] = seen
     watched[len(seen) :] = math.nan
     movers, who = foreseen(around, seen, pose, reach, limits, e)
+    ahead = trajectories(movers, reach, e)
+    they, go = movers[:who], ahead[:, :who]
     if who == 0 or _follows(
-        movers, who, pose, twist, course, clock, outline, reach, limits, gains, pace, e
+        go, they, pose, twist, course, clock, outline, reach, limits, gains, pace, e
     ):
         return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, _steps(e, rules) - 1)
-    case = case_at(movers, around, pose, course, clock, outline, reach, e)
+    case = case_at(ahead, movers, around, pose, course, clock, outline, reach, limits, e)
     return _best(was, case, pose, twist, around, limits, rules, e)
 
 
@@ -72,24 +74,24 @@ def _steps(e: EvasionParams, rules: Rules) -> int:
 
 @jit
 def _follows(
-    movers: Floats, who: int, pose: Pose, twist: Twist, course: Course, clock: Clock,
+    ahead: Floats, movers: Floats, pose: Pose, twist: Twist, course: Course, clock: Clock,
     outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams, e: EvasionParams,
 ) -> bool:  # fmt: skip
     """Whether following the course as it is meets nobody who moves within the horizon."""
-    movers, t = movers[:who], 0.0
+    t, k = 0.0, 0
     while t < e.horizon:
-        near = clearance_at(movers, outline, reach, pose, t, 9.0, 1.0, 0.0)
+        near = clearance_at(ahead[k], movers, outline, reach, pose, t, 9.0, 1.0, 0.0)
         if near < e.social_clearance:
             return False
         if t <= e.certified_for:
-            spare = spare_at(movers, outline, reach, pose, twist, t, limits, e)
+            spare = spare_at(ahead[k], movers, outline, reach, pose, twist, t, limits, e)
             if spare <= e.static_clearance:
                 return False
         clock = govern(clock, pose, course.reference, course.paced, False, pace, STEP)
         wish = track(pose, governed(course.reference, clock, pose, pace), gains)
         twist = achievable(wish, twist, limits, STEP)
         pose = arc(pose, twist, STEP)
-        t += STEP
+        t, k = t + STEP, k + 1
     return True
 
 

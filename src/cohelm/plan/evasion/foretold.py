@@ -38,20 +38,23 @@ def leg(
     """The motion with a twist asked for until then; it ends with a touch, or where it can not go
     on. What risks more than `most` ends too."""
     pose, twist, t, risk = way.pose, way.twist, way.t, way.risk
+    k = int(t / STEP + 0.5)
     while t < until - 0.5 * STEP:
         before, here, spare = twist, pose, 1.0
         twist = achievable(to, before, limits, STEP)
         pose = arc(here, twist, STEP)
-        t += STEP
+        t, k = t + STEP, k + 1
         if t <= e.certified_for:
-            spare = spare_at(case.movers, case.outline, case.reach, pose, twist, t, limits, e)
+            spare = spare_at(
+                case.ahead[k], case.movers, case.outline, case.reach, pose, twist, t, limits, e
+            )
             spare -= e.static_clearance
             if spare <= 0.0:  # the filter brakes, for now
                 twist = braked(before, limits, STEP)
                 pose = arc(here, twist, STEP)
         if blocked(case, pose):  # it stops before, and is stood there when others come
             return Foretold(here, twist, t, risk, waiting(case, here, t - STEP, risk, e) + 0.5)
-        uneasy, g = risk_at(case, pose, t, e)
+        uneasy, g = risk_at(case, pose, k, e)
         risk += e.risk_weight * STEP * uneasy
         if g <= 0.0:
             cost = _TOUCH * (e.horizon - t + 2.0 * STEP) + 10.0 * abs(twist.v) + risk
@@ -69,10 +72,10 @@ def leg(
 @jit
 def waiting(case: Case, pose: Pose, since: float, risk: float, e: EvasionParams) -> float:
     """The cost of standing from then on."""
-    t = since
+    t, k = since, int(since / STEP + 0.5)
     while t < e.horizon:
-        t += STEP
-        uneasy, g = risk_at(case, pose, t, e)
+        t, k = t + STEP, k + 1
+        uneasy, g = risk_at(case, pose, k, e)
         risk += e.risk_weight * STEP * uneasy
         if g <= 0.0:
             return _TOUCH * (e.horizon - t + 2.0 * STEP) + risk

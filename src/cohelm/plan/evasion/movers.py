@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps
 from cohelm.law.guard.surroundings import Surroundings
@@ -19,23 +19,25 @@ _SAME = 0.5  # who is farther from where he should be by now is somebody else [m
 _LASTS = 0.5  # of a change of velocity, share that is taken from the newest look
 _WALKS, _LATELY = 0.3, 1.0  # who was faster so lately may set off again at any moment [m/s, s]
 _KNOWN = 0.5  # who has walked for less may be noise, and none of whom to expect it [s]
-_BRAKES = 0.5  # of what he is capable of, from which on who slows down is taken to stop
-_FASTER = 2.0  # times as fast as he was ever seen is who sets off next
+_HARD = 0.5  # of what he is capable of, from which on who slows down is taken to stop
+_AGREE = 0.8  # two accelerations, as a share of the larger one, that are no noise
+_FASTER = 2.0  # times as fast as he was ever seen may who sets off become
 _NOTICED = 0.3  # until it is seen that somebody sets off: three looks [s]
 
 
 def nobody_watched() -> Floats:
-    """Memory of how movers change their velocities, for `evade`: (64, 10), as many rows of x, y,
+    """Memory of how movers change their velocities, for `evade`: (64, 12), as many rows of x, y,
     vx, vy, ax, ay, the mean square of what they were taken from (-1: not known yet), the largest
-    speed so far, the time since he was last faster than `_WALKS` and for how long he has been, as
-    there were movers at the last look, then NaN."""
-    return np.full((_WATCHED, 10), math.nan)
+    speed so far, the time since he was last faster than `_WALKS`, for how long he has been, and
+    the acceleration since the last look but one, as there were movers at the last look, then NaN.
+    """
+    return np.full((_WATCHED, 12), math.nan)
 
 
 @jit
 def noted(seen: Floats, around: Surroundings, period: float) -> Floats:
     """Those that move, and how they change their velocities, as `nobody_watched` says."""
-    found = np.empty((min(len(around.discs), _WATCHED), 10))
+    found = np.empty((min(len(around.discs), _WATCHED), 12))
     n = 0
     for i in range(len(around.discs)):
         d = around.discs[i]
@@ -46,6 +48,7 @@ def noted(seen: Floats, around: Surroundings, period: float) -> Floats:
         one[4], one[5], one[6], one[7] = 0.0, 0.0, -1.0, math.hypot(d[VX], d[VY])
         walks = one[7] > _WALKS
         one[8], one[9] = (0.0, period) if walks else (math.inf, 0.0)
+        one[10], one[11] = 0.0, 0.0
         best, before = _SAME, -1
         for j in range(len(seen)):
             far = math.hypot(
@@ -59,7 +62,8 @@ def noted(seen: Floats, around: Surroundings, period: float) -> Floats:
             push = math.hypot(ax, ay)
             share = min(1.0, most / push) if push > 0.0 else 1.0
             ax, ay = ax * share, ay * share
-            new = 1.0 if seen[before, 6] < 0.0 else _LASTS
+            new = 1.0 if seen[before, 6] < 0.0 or _turned(seen[before], ax, ay, most) else _LASTS
+            one[10], one[11] = ax, ay
             one[4] = seen[before, 4] + new * (ax - seen[before, 4])
             one[5] = seen[before, 5] + new * (ay - seen[before, 5])
             one[6] = max(seen[before, 6], 0.0)
@@ -69,6 +73,16 @@ def noted(seen: Floats, around: Surroundings, period: float) -> Floats:
             one[9] += seen[before, 9]
         n += 1
     return found[:n]
+
+
+@jit_inline
+def _turned(was: Floats, ax: float, ay: float, most: float) -> bool:
+    """Whether who is known to walk accelerates as he did a look ago, and hard: what he did before
+    says no more what he will do. most: of what he is capable [m/s^2]."""
+    larger = max(ax * ax + ay * ay, was[10] * was[10] + was[11] * was[11])
+    hard = larger > _HARD * _HARD * most * most
+    agree = ax * was[10] + ay * was[11] > _AGREE * larger
+    return was[9] > _KNOWN and was[8] < _LATELY and hard and agree
 
 
 @jit
@@ -116,9 +130,12 @@ def _gathered(
             continue
         if speed > 0.0:  # who slows down, stops; he does not go back
             brakes = -(ax * vx + ay * vy) / speed
-            if brakes > max(_BRAKES * agility, 0.9 * math.hypot(ax, ay)):
+            straight = max(_HARD * agility, 0.9 * math.hypot(ax, ay))
+            if brakes > straight:
                 turning = speed / brakes
                 ax, ay = -brakes * vx / speed, -brakes * vy / speed
+            elif -brakes > straight:  # who gets faster does so for as long as he may
+                turning = max((_FASTER * top - speed) / -brakes, turning)
             else:
                 back = min(speed / e.turning - brakes, 0.0) / speed
                 ax, ay = ax - back * vx, ay - back * vy

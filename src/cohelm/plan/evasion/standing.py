@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
 from cohelm.law.guard.surroundings import Surroundings
 
 CELL = 0.06  # of the grid of what stands [m]
+_SIDE, _ACROSS = 0.95 * CELL, 0.95 * CELL * math.sqrt(2.0)  # at most 5 % too far, so [m]
 _EDGE = 0.08  # between two points of the outline that are held against it [m]
 
 
@@ -52,32 +53,28 @@ def field_about(around: Surroundings, pose: Pose, half: float) -> Field:
             for j in range(m):
                 a = 2.0 * math.pi * j / m
                 _mark(d, disc[X] + r * math.cos(a) - x0, disc[Y] + r * math.sin(a) - y0)
-    side, across = 0.95 * CELL, 0.95 * CELL * math.sqrt(2.0)  # at most 5 % too far, so
-    for i in range(n):
-        for j in range(n):
-            b = d[i, j]
-            if i > 0:
-                b = min(b, d[i - 1, j] + side)
-                if j > 0:
-                    b = min(b, d[i - 1, j - 1] + across)
-                if j + 1 < n:
-                    b = min(b, d[i - 1, j + 1] + across)
-            if j > 0:
-                b = min(b, d[i, j - 1] + side)
-            d[i, j] = b
-    for i in range(n - 1, -1, -1):
-        for j in range(n - 1, -1, -1):
-            b = d[i, j]
-            if i + 1 < n:
-                b = min(b, d[i + 1, j] + side)
-                if j > 0:
-                    b = min(b, d[i + 1, j - 1] + across)
-                if j + 1 < n:
-                    b = min(b, d[i + 1, j + 1] + across)
-            if j + 1 < n:
-                b = min(b, d[i, j + 1] + side)
-            d[i, j] = b
+    _spread(d, 0, n, 1)
+    _spread(d, n - 1, -1, -1)
     return Field(d, x0, y0)
+
+
+@jit
+def _spread(d: Floats, first: int, end: int, step: int) -> None:
+    """One sweep, row after row, each from the one before it and from one side to the other.
+
+    Two loops: of the first no cell needs another, so it is done some at a time.
+    """
+    n = len(d)
+    before, mixed = np.full(n + 2, 1e3), np.empty(n)
+    for i in range(first, end, step):
+        row = d[i]
+        for j in range(n):
+            least = min(before[j + 1] + _SIDE, before[j] + _ACROSS)
+            mixed[j] = min(min(row[j], before[j + 2] + _ACROSS), least)
+        b = 1e3
+        for j in range(first, end, step):
+            b = min(b + _SIDE, mixed[j])
+            row[j] = before[j + 1] = b
 
 
 @jit
@@ -88,7 +85,7 @@ def _mark(d: Floats, x: float, y: float) -> None:
             d[i, j] = 0.0
 
 
-@jit
+@jit_inline
 def distance_at(f: Field, x: float, y: float) -> float:
     """Of a point from what stands, by the cell that it is in, or the nearest one [m]."""
     n = len(f.distance)
