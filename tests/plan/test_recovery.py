@@ -11,11 +11,13 @@ from shapely.affinity import rotate, translate
 from cohelm.core.types import Pose, Twist, wrap
 from cohelm.plan.distance_field import swept
 from cohelm.plan.recovery import (
+    BACKWARDS,
     FORWARDS,
     LEFT,
     RIGHT,
     Choices,
     RecoveryMove,
+    back_off,
     kind,
     recovery_move,
     rest,
@@ -158,6 +160,26 @@ def test_a_kind_of_move_that_led_nowhere_is_not_begun_with_again(heading):
     assert away is not None
     assert away.distance < 0.0
     assert recovery_move(AT, heading, NOTHING, JACKAL, refused=15) is None
+
+
+def test_it_backs_off_as_it_came_where_nothing_known_holds_it():
+    assert back_off(AT, NOTHING, JACKAL) == RecoveryMove(-0.3, 0.0, 0.0)
+    assert back_off(AT, NOTHING, JACKAL, refused=BACKWARDS) == RecoveryMove(0.3, 0.0, 0.0)
+    assert back_off(AT, NOTHING, JACKAL, refused=BACKWARDS | FORWARDS) is None
+
+
+def test_it_backs_off_no_farther_than_there_is_room():
+    back = JACKAL[:, 0].min()
+    post = circle(back - 0.15, 0.0, 0.02)
+    move = back_off(AT, post, JACKAL)
+    assert move is not None
+    pose, least = drive(AT, move, JACKAL, post)
+    assert math.hypot(pose.x, pose.y) > 0.05
+    assert least > 0.017
+    shut_in = room(back - 0.03, -0.6, 0.6, 0.6)
+    move = back_off(AT, shut_in, JACKAL)
+    assert move is not None
+    assert move.distance > 0.0
 
 
 def test_a_few_small_moves_lead_out_of_a_corner():

@@ -109,6 +109,19 @@ def test_what_stands_is_seen_where_it_is_and_hides_the_floor_behind_it():
         assert ranges * np.cos(bearings(model)) == pytest.approx(x, abs=0.02)
 
 
+@pytest.mark.parametrize("left", [-0.3, -0.15, -0.05, 0.02, 0.11])
+def test_a_thing_before_the_first_floor_is_why_that_is_not_seen(left):
+    """Beside it, in a sector that it hides in part, nothing is too near."""
+    thing = (0.42, left, 0.0, 0.47, left + 0.1, 0.3)
+    model, _, ranges = of_camera(room(BODY, [thing], CAM), noise=0.01)
+    hit = ranges < math.inf
+    assert np.isfinite(ranges[hit]).all()
+    assert (ranges[hit] * np.cos(bearings(model))[hit] > 0.38).all()
+    beside = np.tan(bearings(model)) * 0.45
+    assert not hit[(beside < left - 0.06) | (beside > left + 0.16)].any()
+    assert hit[(beside > left + 0.01) & (beside < left + 0.09)].all()
+
+
 def test_a_low_thing_before_a_drop_does_not_hide_it():
     """A sill of 7 cm, below the band, and nothing behind it."""
     depth = room(BODY, [slab(0.9), (0.85, -5.0, 0.0, 0.9, 5.0, 0.07)], CAM, floor=-1.0)

@@ -95,6 +95,8 @@ class Driver:
     def given(self, twist: Twist) -> None:
         """What the robot was told in this period."""
         self._given.append(twist)
+        if self.pilot is not None:
+            self.pilot.applied(twist)
 
     def around(self, seen: Seen) -> Surroundings:
         """What is seen, in the map's frame as the pose has it now: pose and things in it jump

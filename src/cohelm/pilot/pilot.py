@@ -14,10 +14,21 @@ from cohelm.law.reference import Reference
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.flat import Flat, step_of
 from cohelm.pilot.replanning import Plan, ReplanParams, Task, entered, plan
-from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE, START, Decision, PilotState, Settings
+from cohelm.pilot.step import (
+    FOLLOWING,
+    LED,
+    NO_MOVE,
+    PATIENCE,
+    START,
+    Decision,
+    PilotState,
+    Settings,
+    still,
+)
 from cohelm.plan.course import Course, Route, course, route
 from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams
+from cohelm.plan.recovery import kind
 
 _CENTRED = Stick(0.0, 0.0)
 NOTHING_NEAR = surroundings()
@@ -66,6 +77,11 @@ class Pilot:
         self.sent: Floats = np.zeros((whole, 2))
         self.watched: Floats = nobody_watched()
         self.behavior = FOLLOWING
+        self._safe: Twist | None = None
+        self.barred = 0.0
+        """How long nothing has come of what was asked for since it last moved, by `applied` [s]."""
+        self._bars = 0
+        """Kinds of moves of which nothing came either."""
         self._now = -math.inf
         self._taken = 0.0
         self._step: Flat = step_of(settings, self.planner.route.line)
@@ -97,12 +113,31 @@ class Pilot:
             min(fastest, self.settings.fastest),
         )
         self.behavior = decision.behavior
+        self._safe = Twist(decision.safe_v, decision.safe_omega)
         return decision
+
+    def applied(self, command: Twist) -> None:
+        """What gate and monitors let through in this period. A move of which they let nothing
+        through is given up."""
+        safe, self._safe = self._safe, None
+        left = self.state.left
+        if safe is None or not still(command):
+            self.barred = 0.0
+            self._bars = 0 if left == NO_MOVE else self._bars
+            return
+        if still(safe):
+            return
+        self.barred += self.settings.rules.dt
+        if left != NO_MOVE and self.barred > PATIENCE:
+            self._bars |= kind(left)
+            self.state = self.state._replace(left=NO_MOVE)
 
     def task(self, pose: Pose, twist: Twist, seen: Surroundings) -> Task:
         """A snapshot to plan from."""
         since = self.state.time - self._taken
-        return Task(self.state, pose, twist, seen, self.course, since, self.behavior == LED)
+        led = self.behavior == LED
+        state = self.state._replace(refused=self.state.refused | self._bars)
+        return Task(state, pose, twist, seen, self.course, since, led, self.barred)
 
     def plan(self, pose: Pose, twist: Twist, seen: Surroundings) -> Plan:
         """The slow part here and now: `planner` on a snapshot. `take` it afterwards."""
@@ -110,7 +145,10 @@ class Pilot:
 
     def take(self, made: Plan, pose: Pose, twist: Twist) -> None:
         """Follow a plan from now on; pose and twist are those of now, not those of its making."""
+        before = self.state.left
         self.state = taken(self.state, made, self.planner, pose, twist)
+        if self.state.left != before:
+            self.barred = 0.0  # a move has its own time to begin
         self.course = made.course
         if made.new:
             self._taken = self.state.time

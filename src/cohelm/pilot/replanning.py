@@ -19,7 +19,7 @@ from cohelm.plan.distance_field import swept
 from cohelm.plan.elastic_band import distances
 from cohelm.plan.path_planner import PathParams, way
 from cohelm.plan.prediction import Foresight, met
-from cohelm.plan.recovery import Choices, RecoveryMove, kind, recovery_move, wriggle
+from cohelm.plan.recovery import Choices, RecoveryMove, back_off, kind, recovery_move, wriggle
 
 _ROUND = 24  # points around a disc, at least
 _FINE = 0.03  # between points around a disc that is near [m]
@@ -73,6 +73,8 @@ class Task(NamedTuple):
     """How long the course has been followed [s]."""
     led: bool
     """Whether the person leads."""
+    barred: float = 0.0
+    """How long gate and monitors have let nothing through of what was asked for [s]."""
 
 
 class Plan(NamedTuple):
@@ -135,7 +137,7 @@ def _course(
     on_route = now.row == 0
     at = governed(now.reference, state.clock, pose, settings.pace)
     astray = math.hypot(at.x - pose.x, at.y - pose.y) > replan_params.max_cross_track_error
-    held = state.clock.waited > replan_params.waits
+    held = _held(task, replan_params)
     if on_route and kept.clearance >= replan_params.accept and not astray and not held:
         return kept
     if not on_route and not held:
@@ -162,6 +164,11 @@ def _course(
         nearer = found.course.poses[-1, :2] - route.line[-1]
         found = found if math.hypot(*nearer) < math.hypot(*off) - 0.1 else None
     return kept._replace(failed=not ended) if found is None else found
+
+
+def _held(task: Task, replan_params: ReplanParams) -> bool:
+    """Whether the robot does not get on."""
+    return max(task.state.clock.waited, task.barred) > replan_params.waits
 
 
 def _taken_up(
@@ -255,7 +262,7 @@ def _way_out(
     """A move out of a tight spot, if one is needed and there is one."""
     pose = task.pose
     clock, to, off = _taken_up(made, task, route, settings)
-    held = task.state.clock.waited > replan_params.waits
+    held = _held(task, replan_params)
     over = clock.tau >= made.course.reference.knots[-1]
     if over or (abs(off) <= replan_params.turned and not held):
         return None
@@ -267,6 +274,9 @@ def _way_out(
         ),
         least=min(1.2 * settings.rules.hard_margin, settings.rules.soft_margin),
     )
+    if task.barred > replan_params.waits:  # by what is not among the points
+        move = back_off(pose, points, settings.outline, choices, refused)
+        return move or back_off(pose, points, settings.outline, choices)
     move = recovery_move(pose, to.psi, points, settings.outline, choices, refused)
     if move is None and refused:
         move = recovery_move(pose, to.psi, points, settings.outline, choices)

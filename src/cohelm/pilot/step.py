@@ -234,10 +234,17 @@ def _capped(e: EvasionParams, fastest: float) -> EvasionParams:
     )  # fmt: skip
 
 
-_PATIENCE = 0.4  # a move held up for longer is given up [s]
+PATIENCE = 0.4
+"""A move held up for longer is given up [s]."""
 _STILL = 0.01  # slower than this it is held up [m/s, rad/s]
 _GETS_ON = 0.5  # from this rate of the clock on the robot gets on
 _AHEAD = 20  # rows of the route within which the nearest is looked for
+
+
+@jit_inline
+def still(command: Twist) -> bool:
+    """Whether it moves nothing."""
+    return abs(command.v) < _STILL and abs(command.omega) < _STILL
 
 
 @jit
@@ -247,9 +254,8 @@ def _given_up(
     """What is left of a move, how long it has been held up, and the kinds that led nowhere."""
     if left.distance == 0.0 and left.turn == 0.0:
         return NO_MOVE, 0.0, 0 if rate > _GETS_ON else state.refused
-    still = abs(command.v) < _STILL and abs(command.omega) < _STILL
-    held = state.held + dt if still else 0.0
-    if held > _PATIENCE:
+    held = state.held + dt if still(command) else 0.0
+    if held > PATIENCE:
         return NO_MOVE, 0.0, state.refused | kind(left)
     return left, held, state.refused
 

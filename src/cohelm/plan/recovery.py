@@ -68,9 +68,35 @@ class Choices(NamedTuple):
     """Of arcs that lead away from what the robot stands along [1/m]."""
     least: float = 0.018
     """Least clearance on those, a little more than the guard's hard margin [m]."""
+    off: float = 0.3
+    """Away from what holds the robot and is not known, as far as that [m]."""
 
 
 _CHOICES = Choices()
+
+
+def back_off(
+    pose: Pose, points: Floats, outline: Floats, choices: Choices = _CHOICES, refused: int = 0
+) -> RecoveryMove | None:
+    """As it came, away from what holds the robot though nothing known is in its way: straight back,
+    or along the arc that leads farthest; where backwards is refused, forwards; None if none leads
+    anywhere.
+
+    No nearer to anything than `choices.least`, or than it is.
+    """
+    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    now = float(swept(points, outline, np.array([pose]))[0]) - 1e-6
+    clearance = min(choices.least, now)
+    for sign in (-1.0, 1.0):
+        if kind(RecoveryMove(sign, 0.0, 0.0)) & refused:
+            continue
+        best = 0.0, 0.0
+        for k in choices.curvatures:  # the straightest first
+            far = _clear_distance(pose, sign, k, choices.off, points, outline, reach, clearance)
+            best = max(best, (min(far, choices.off), k), key=lambda way: way[0])
+        if best[0] > 2.0 * _LOOK:
+            return RecoveryMove(sign * best[0], best[1], 0.0)
+    return None
 
 
 def recovery_move(

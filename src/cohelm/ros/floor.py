@@ -55,7 +55,8 @@ class Floor:
     def stood(self, beams: Ints, far: Floats, heights: Floats, ranges: Floats) -> Floats:
         """(beams,), the ranges [m], and where the floor ends before them that instead: a cell
         before its last point, along each beam; -inf where none is seen, as what begins nearer than
-        the first can not be seen.
+        the first can not be seen. What stands nearer than the first cell is why a sector does not
+        show it: there it ends where that thing is.
 
         Not the cell's end: that would be the same for many beams and scans, as of a sensor that
         hangs, and would jump as the robot moves.
@@ -90,9 +91,18 @@ class Floor:
         np.maximum.at(ends, beams[last], far[last])
         beside = np.maximum(ends[2:], ends[:-2])
         ends[1:-1] = np.maximum(ends[1:-1], np.minimum(beside, hides[1:-1]))
-        ends = np.where(first, -math.inf, ends - self._long)
+        ends = np.where(first, self._hidden(ranges), ends - self._long)
         self.edges = ~(ranges < hides) & np.isfinite(hides)
         made: Floats = np.where(self.edges, ends, ranges)
+        return made
+
+    def _hidden(self, ranges: Floats) -> Floats:
+        """(beams,), how far away it is what hides the first cell of each one's sector [m]; -inf
+        where nothing does."""
+        starts = np.arange(0, len(ranges), self._wide)
+        nearest: Floats = np.fmin.reduceat(ranges, starts)
+        hides = np.where(nearest < self._floor.from_m, nearest, -math.inf)
+        made: Floats = hides[self._beams]
         return made
 
     def _counted(self, beams: Ints, far: Floats, which: NDArray[np.bool_]) -> Floats:

@@ -88,6 +88,18 @@ def test_an_edge_that_left_the_view_beneath_the_camera_stops_it_still():
     assert it.restrict(t, Twist(-0.3, 0.0)) == UNRESTRICTED
 
 
+def test_what_was_too_near_is_not_where_the_robot_has_turned_to_since():
+    """It saw something too near to be measured while it turned; that may have been anywhere up to
+    the lens, but for where the robot is itself now."""
+    near = np.full(BEAMS, math.inf)
+    near[50:60] = -math.inf
+    poses = [Pose(0.0, 0.0, math.radians(a)) for a in (0, 40)]
+    it, t = after([*poses, poses[-1]], [near, None, None])
+    assert it.restrict(t, Twist(-0.1, 0.0)) == UNRESTRICTED
+    it, t = after(poses[:1], [near])
+    assert it.restrict(t, Twist(0.0, 0.3)).share == 0.0
+
+
 def test_a_load_that_sticks_out_over_floor_that_nothing_has_seen_keeps_it_from_nothing_else():
     """What is under the robot is not driven onto: a stern that is 0.3 m longer all at once."""
     poses = backed(0.64)

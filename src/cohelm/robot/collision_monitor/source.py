@@ -10,7 +10,7 @@ import math
 
 from cohelm.core.types import Pose
 from cohelm.robot.collision_monitor.free_space import FreeSpace
-from cohelm.robot.collision_monitor.odometry import PoseHistory
+from cohelm.robot.collision_monitor.odometry import PoseHistory, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor, returns
 from cohelm.robot.collision_monitor.surroundings import (
     BESIDE,
@@ -24,7 +24,7 @@ from cohelm.robot.collision_monitor.surroundings import (
     of_scan,
     out_of_sight,
 )
-from cohelm.robot.collision_monitor.sweep import Outline
+from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
 from cohelm.robot.port import Readings, Scan
 from cohelm.robot.sensors import of_sensor
 
@@ -45,7 +45,7 @@ class Source:
         self._sensor, self._first, self._shape = sensor, first, shape
         usual = MISSED / sensor.rate + sensor.sweep + sensor.latency
         self._patience = usual if math.isnan(sensor.timeout) else sensor.timeout
-        self._around = all_round(sensor)
+        self._around, self._own = all_round(sensor), shape
         self._near = 0.0
         """Returns farther from the sensor than this can not matter [m]."""
         vouches = sensor.forgets == math.inf
@@ -97,6 +97,11 @@ class Source:
         before = out_of_sight(
             self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach, scan.ranges
         )  # fmt: skip
+        # What was too near to be measured may have been as near as the sensor itself, but not where
+        # the robot is now.
+        here = seen_from(before.points, last)
+        ended = (before.margins == 0.0) & (edge_distances(here, self._own).max(axis=1) < 0.0)
+        before = Surroundings(*(column[~ended] for column in before))
         if sensor.forgets < math.inf:
             lately = scan.stamp - before.seen <= sensor.forgets
             before = Surroundings(*(column[lately] for column in before))
