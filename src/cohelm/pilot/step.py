@@ -14,7 +14,7 @@ from cohelm.law.govern import Clock, PaceParams, govern, governed
 from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
-from cohelm.law.step import avoidance, decided, hand_of
+from cohelm.law.step import control_step, decided, hand_of
 from cohelm.law.track import track
 from cohelm.pilot.delay_compensation import foreseen, moved_on, stopping
 from cohelm.plan.course import Course, nearest_row
@@ -169,9 +169,9 @@ def pilot_step(
         tau_c = wish(left, s.recovery_speed, s.recovery_yaw_rate, s.rules.dt)
     else:
         tau_c = track(then, target, s.gains)
-    tau = _slowed(blend(tau_c, hand.wish, hand.share), s.fastest)
     clearance, change = math.inf, 0.0
     if s.guarded:
+        tau = _slowed(blend(tau_c, hand.wish, hand.share), s.fastest)
         asked = tau if hand.sound else Twist(math.nan, math.nan)  # not a centred stick: brake
         rules = _nearer(s.rules) if recovering else s.rules
         passed = guard(then, before, asked, things, s.outline, s.limits, rules)
@@ -183,7 +183,7 @@ def pilot_step(
         )  # fmt: skip
         v, omega = passed.v, passed.omega  # also when a number was none: it brakes
     else:
-        step = decided(tau_c, hand, tau, avoidance(then, tau, things.discs, s.gains))
+        step = control_step(then, target, stick, things.discs, s.gains)
         v, omega = step.safe_v, step.safe_omega
     d = len(sent)
     if d > 0:
