@@ -36,7 +36,7 @@ from cohelm.perceive.localize.localization_map import LocalizationMap  # noqa: E
 from cohelm.plan.distance_field import swept  # noqa: E402
 from cohelm.plan.elastic_band import tangents  # noqa: E402
 from cohelm.plan.path_planner import PathParams  # noqa: E402
-from cohelm.robot.gate.modes import Mode as GateMode  # noqa: E402
+from cohelm.robot.gate.modes import GateMode  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.model import Scenario  # noqa: E402
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, write_map  # noqa: E402

@@ -18,7 +18,7 @@ from cohelm.drive.simulated import Kind, simulated
 from cohelm.law.verdict import UNTOUCHED
 from cohelm.link.messages import Mode
 from cohelm.pilot.step import FOLLOWING
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.study.campaign.plant import looking_round
 
 FREE = 0.5

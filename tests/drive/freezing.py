@@ -35,7 +35,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.planning import ANSWER
-from cohelm.robot.gate.modes import Mode as GateMode, latched
+from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.processes import children
 from cohelm.robot.keep.record_pipe import MUTE
 from cohelm.robot.port import Readings

@@ -18,7 +18,7 @@ from cohelm.loop.docking import Docking
 from cohelm.plan.docks import Dock
 from cohelm.record.write import Recorder
 from cohelm.robot.collision_monitor.fields import CRAWL
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.scenario import build, load
 from cohelm.sim.run import pieces
 from cohelm.study.single import scene

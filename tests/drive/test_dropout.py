@@ -9,7 +9,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Arming, Ask, Command, Device, Mode
 from cohelm.loop.dropout import CENTRED_WITHIN, WAITING
 from cohelm.loop.operator import Scripted
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import failing
 from tests.drive.test_losing import BRAKING, drive, speed
 from tests.few import first

@@ -9,7 +9,7 @@ from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import CORRIDOR
 from tests.ros.test_joy import Topic
 

@@ -31,7 +31,7 @@ from cohelm.loop.drive_log import DriveLog
 from cohelm.record.messages import records
 from cohelm.record.topics import IMAGE, LASTING, Photo, definitions
 from cohelm.robot.keep.gated_robot import GatedRobot, rules
-from cohelm.robot.keep.record_pipe import Line, line
+from cohelm.robot.keep.record_pipe import RecordLine, line
 from cohelm.sim.kinematic import Kinematic
 from tests import own_loop
 from tests.drive.onlooker import HEAD, Onlooker
@@ -150,11 +150,11 @@ def test_a_live_view_that_dies_stops_nothing_and_is_said(drive):
 def test_recording_begins_and_ends_while_it_is_shown():
     """As somebody at the link asks for: whatever is recorded, all of it is shown."""
     (loop, hears), shown = line(), []
-    log = DriveLog(Line(None), lambda: 1.0, Line(loop))
+    log = DriveLog(RecordLine(None), lambda: 1.0, RecordLine(loop))
     gated = GatedRobot(Kinematic(SALLY, seed=1), rules(SALLY, 0.02), shown=shown.append)
     for turn in range(3):
         (of_loop, hears_loop), (of_gate, hears_gate) = line(), line()
-        log.into(Line(of_loop if turn == 1 else None))
+        log.into(RecordLine(of_loop if turn == 1 else None))
         gated.record_into(of_gate if turn == 1 else None)
         log.event(f"event {turn}")
         gated.say(f"gate {turn}")
@@ -178,7 +178,7 @@ def live():
 
 
 def test_pictures_are_asked_for_only_while_somebody_looks(live):
-    loop = Line(live.loop)
+    loop = RecordLine(live.loop)
 
     def asked() -> object:
         end = time.monotonic() + 30.0
@@ -199,7 +199,7 @@ def of_memory(pid: int) -> int:
 
 
 def test_who_never_reads_costs_no_memory_and_holds_nobody_up(live):
-    photo, camera = os.urandom(100_000), Line(live.loop)
+    photo, camera = os.urandom(100_000), RecordLine(live.loop)
     reads = Onlooker(live.address, [IMAGE])
     lazy = [
         Onlooker(live.address, max_queue=1, close_timeout=0.1) for _ in range(3)

@@ -10,7 +10,7 @@ from cohelm.link.messages import Arming, Ask, Mode
 from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import standing
 from tests.drive.faults import FAULTS, HELD_UP, NOTICED, REAR_FAULTS, failing
 from tests.few import first

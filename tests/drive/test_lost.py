@@ -13,7 +13,7 @@ from cohelm.link.messages import Localised, Mode
 from cohelm.loop.latency_limit import LOST
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import CORRIDOR
 
 ROOM = [[-2.5, 17.2, 4.5, 20.0], [4.5, 20.0, -2.5, 22.8], [-2.5, 22.8, -2.5, 17.2]]

@@ -16,7 +16,7 @@ from cohelm.drive.simulated import simulated
 from cohelm.link.messages import (
     Ask,
     Discs,
-    Line,
+    LineKind,
     Map,
     Mode,
     Picture,
@@ -91,8 +91,8 @@ def test_map_way_scan_and_obstacles_are_those_of_the_drive(driven):
     path, _, (grid, line, points) = driven
     seen = at(Playback(path), 2.0)
     assert seen[Map] == grid
-    assert np.array_equal(seen[Line.REFERENCE].points, line.points)
-    assert np.array_equal(seen[Line.WAYPOINTS].points, points.points)
+    assert np.array_equal(seen[LineKind.REFERENCE].points, line.points)
+    assert np.array_equal(seen[LineKind.WAYPOINTS].points, points.points)
     scan = seen[WholeScan]
     assert 1.8 < scan.taken <= 2.0
     known = scan.ranges[(scan.ranges > 0) & (scan.ranges < 65535)] / 1000.0

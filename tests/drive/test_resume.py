@@ -11,7 +11,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Ask, Mode
 from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import failing
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import CENTRED

@@ -5,7 +5,7 @@ import pytest
 
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
-from cohelm.link.messages import Ask, Health, Line, Mode, Polyline
+from cohelm.link.messages import Ask, HealthReport, LineKind, Mode, Polyline
 from cohelm.loop.operator import Scripted
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
@@ -33,7 +33,7 @@ def test_the_detour_that_is_driven_is_shown_and_taken_away_when_it_is_over(tmp_p
         yield from range(5)
         anna.ask(Ask.MODE, int(Mode.AUTOMATIC))
         for _ in range(1500):
-            line = seen(anna, Line.DETOUR)
+            line = seen(anna, LineKind.DETOUR)
             if line is not None:
                 shown.append(line)
             if drive.loop.driver.arrived:
@@ -56,7 +56,7 @@ def test_what_the_robot_says_is_wrong_with_it_comes_to_the_station(tmp_path):
         yield from range(5)
         drive.wheels.bumped = True
         for _ in range(10):
-            said.extend(m for m in anna.bulk.slots.values() if isinstance(m, Health))
+            said.extend(m for m in anna.bulk.slots.values() if isinstance(m, HealthReport))
             yield
 
     with Drive(tmp_path) as drive:

@@ -19,7 +19,7 @@ from cohelm.loop.planning import InProcessPlanner
 from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.pilot import Pilot
 from cohelm.robot.keep.gated_robot import GatedRobot, rules
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.sensors import OdometryModel
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -68,7 +68,13 @@ def looped(model, setup, steps: int) -> np.ndarray:
     perception = Perception(model, watching=pilot.watching)
     keeper = GatedRobot(plant, rules(model, DT))
     loop = Loop(
-        keeper, perception, driver, NullOperator(), Line(None), LoopParams(period=DT), has_map=False
+        keeper,
+        perception,
+        driver,
+        NullOperator(),
+        RecordLine(None),
+        LoopParams(period=DT),
+        has_map=False,
     )
     rows = []
 

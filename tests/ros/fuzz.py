@@ -40,7 +40,7 @@ from cohelm.ros.robot import Ros2Robot
 from cohelm.ros.served import ServedRobot
 from cohelm.ros.types import packed, unpacked
 from cohelm.scenario.load import robot as load_robot
-from cohelm.sim.kinematic import Kinematic, Truth
+from cohelm.sim.kinematic import Kinematic, KinematicTruth
 from cohelm.sim.world import world
 from tests.link.fuzz import mutated, resident
 from tests.ros.stage import HALL, until
@@ -118,7 +118,7 @@ class Shared(Kinematic):
         with self.lock:
             super().stop()
 
-    def truth(self) -> Truth:
+    def truth(self) -> KinematicTruth:
         with self.lock:
             return super().truth()
 

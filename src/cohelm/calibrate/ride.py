@@ -12,7 +12,7 @@ from cohelm.calibrate.excitation import Excitation, Segment, on_the_floor
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Twist
 from cohelm.robot.gate.gate import Proposal
-from cohelm.robot.gate.modes import Mode, latched
+from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.gated_robot import Keeper, standing
 from cohelm.robot.port import Odometry
 
@@ -200,7 +200,7 @@ class _Rider:
                 break
 
     def _go(self) -> None:
-        if refused := self.keeper.drive(Mode.AUTOMATIC):
+        if refused := self.keeper.drive(GateMode.AUTOMATIC):
             raise _EndedError(
                 f"the gate does not let it drive: {self.keeper.gate.reason or refused}"
             )
@@ -222,7 +222,7 @@ class _Rider:
                 self._resting.scans.append(scan.ranges.copy())
         reason = self._propose(twist, odometry.stamp)
         gate = keeper.gate
-        if gate.mode == Mode.FAULTED or (latched(gate.mode) and not stopped):
+        if gate.mode == GateMode.FAULTED or (latched(gate.mode) and not stopped):
             raise _EndedError(f"the robot was stopped: {gate.reason}")
         if twist != _STILL and reason not in _USUAL:
             raise _EndedError(f"the robot was slowed down ({reason}): more free floor is needed")

@@ -32,7 +32,7 @@ from websockets.typing import Subprotocol
 from cohelm.core.errors import CohelmError
 from cohelm.drive.recorder import Listening, received
 from cohelm.link.udp import resolved
-from cohelm.record.topics import IMAGE, LASTING, Topics, definitions
+from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions
 from cohelm.robot.keep.record_pipe import ALIVE
 from cohelm.robot.model import RobotModel
 
@@ -178,7 +178,7 @@ class LiveServer:
 
     def __init__(self, model: RobotModel, token: str) -> None:
         self._model, self._path = model, f"/{token}".encode()
-        self._topics: Topics | None = None
+        self._topics: RecordTopics | None = None
         self._viewers: set[_Viewer] = set()
         self._last: dict[str, tuple[int, bytes]] = {}
         made = definitions(model)
@@ -199,7 +199,7 @@ class LiveServer:
     def take(self, message: Any) -> None:
         """One message of loop or keeper; first the time stamp of t = 0 [ns]."""
         if isinstance(message, int):
-            self._topics = Topics(message, self.put, self._model, self.wanted)
+            self._topics = RecordTopics(message, self.put, self._model, self.wanted)
             self._topics.begin()
         elif self._topics is not None:
             self._topics.write(message)

@@ -19,7 +19,7 @@ from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
 from cohelm.link.messages import Map, Polyline, ZoneMap
 from cohelm.loop.loop import Loop
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import dump
 
@@ -72,7 +72,7 @@ class RecordSwitch:
             self._jobs.do(lambda: self._finish(made, _FINISH))
         elif made is not None and not self._spoken:
             self._spoken = True
-            loop.record_into(Line(made.loop))
+            loop.record_into(RecordLine(made.loop))
             loop.keeper.record_into(made.keeper)
             for one in self._drawn():
                 loop.log.show(one)
@@ -89,7 +89,7 @@ class RecordSwitch:
         """Nobody may speak into a line that is closed."""
         if self._spoken:
             self._spoken = False
-            loop.record_into(Line(None))
+            loop.record_into(RecordLine(None))
             with contextlib.suppress(CohelmError):  # there may be no keeper any more
                 loop.keeper.record_into(None)
 

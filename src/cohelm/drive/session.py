@@ -32,11 +32,11 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import Zones
 from cohelm.record.topics import Photo
-from cohelm.robot.gate.modes import Mode as GateMode, latched
+from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.limits import checked_braking
 from cohelm.robot.port import Encoded, Frame
 from cohelm.scenario.docks import checked
@@ -141,7 +141,7 @@ class Session:
             if real_time:
                 self.keeper = RemoteGatedRobot(robot, gate, *ends)
             else:
-                lines = [Line(end, waits=True) for end in ends]
+                lines = [RecordLine(end, waits=True) for end in ends]
                 self.keeper = GatedRobot(robot(), gate, lines[0], shown=lines[1])
             epoch = time.time_ns() - round(self.keeper.now() * 1e9)
             for one in self._recorders():
@@ -323,9 +323,9 @@ class Session:
         loop.timing = Timing()
 
 
-def _line(listener: Listening | None, real_time: bool) -> Line:
+def _line(listener: Listening | None, real_time: bool) -> RecordLine:
     """From the loop."""
-    return Line(None if listener is None else listener.loop, waits=not real_time)
+    return RecordLine(None if listener is None else listener.loop, waits=not real_time)
 
 
 def _in_thread(what: Callable[[], None]) -> Callable[[], None]:

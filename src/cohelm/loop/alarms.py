@@ -7,7 +7,7 @@ from cohelm.link.messages import Alarm, Severity
 _MOST = 65535  # the number has two bytes on the link
 
 
-class Alarms:
+class ActiveAlarms:
     """A few alarms by name; the same thing happening again is a new number."""
 
     def __init__(self) -> None:

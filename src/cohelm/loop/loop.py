@@ -17,7 +17,7 @@ from cohelm.link.messages import Arming, Ask, Discs, Mode, Severity
 from cohelm.link.operator_input import ClientRequest, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
 from cohelm.link.recorded_status import StatusWords
-from cohelm.loop.alarms import Alarms
+from cohelm.loop.alarms import ActiveAlarms
 from cohelm.loop.authorization import Authorization
 from cohelm.loop.docking import Docking, Ended
 from cohelm.loop.drive_log import DriveLog
@@ -33,10 +33,10 @@ from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.pilot.step import Decision
 from cohelm.plan.docks import Dock
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
-from cohelm.robot.gate.modes import Mode as GateMode, driving, latched
+from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.gated_robot import Keeper
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.port import Readings
 
 _GATE = {
@@ -75,13 +75,13 @@ class Loop:
 
     def __init__(
         self, keeper: Keeper, perception: Perception, driver: Driver, operator: Operator,
-        record: Line, params: LoopParams, has_map: bool, live: Line | None = None,
+        record: RecordLine, params: LoopParams, has_map: bool, live: RecordLine | None = None,
         docks: Sequence[Dock] = (),
     ) -> None:  # fmt: skip
         """has_map: whether `perception` localises on one. live: to who looks on. docks: on it."""
         self.keeper, self.perception, self.driver = keeper, perception, driver
         self.operator, self.params = operator, params
-        self.timing, self.alarms = Timing(), Alarms()
+        self.timing, self.alarms = Timing(), ActiveAlarms()
         self.mode = Mode.HOLD
         self.stick_state = StickState()
         self._dropout = Dropout()
@@ -151,7 +151,7 @@ class Loop:
             if self._garbage is not None:
                 self._garbage.end()
 
-    def record_into(self, line: Line) -> None:
+    def record_into(self, line: RecordLine) -> None:
         """Another recorder from now on, or none; the one before is not closed."""
         self.log.into(line)
         self._trouble.pop("recorder", "")

@@ -20,8 +20,8 @@ from cohelm.law.verdict import Verdict
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
 from cohelm.perceive.pipeline import Perception, Seen, rehearse
 from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
-from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
-from cohelm.robot.gate.modes import Mode, driving, latched
+from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
+from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.gated_robot import Keeper, rules, standing
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
@@ -58,7 +58,7 @@ class FilterParams(NamedTuple):
     """A command counts for so long [s]."""
 
 
-def gate_rules(model: RobotModel, period: float) -> Rules:
+def gate_rules(model: RobotModel, period: float) -> GateRules:
     """The gate's, for readings as seldom as this robot's."""
     may = patience(model, period)
     made = rules(model, period, WATCHDOG)
@@ -177,8 +177,8 @@ class FilterNode:
             if latched(gate.mode):
                 said = self._keeper.reset()
                 self._report.note(f"reset: {said}" if said else "reset")
-        elif gate.mode == Mode.IDLE and nominal.fresh and not wrong and self.may_drive:
-            self._keeper.drive(Mode.AUTOMATIC)
+        elif gate.mode == GateMode.IDLE and nominal.fresh and not wrong and self.may_drive:
+            self._keeper.drive(GateMode.AUTOMATIC)
 
     def _asked_to_reset(self, _: object) -> None:
         self._reset_asked = True

@@ -24,7 +24,7 @@ import numpy as np
 
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
 from cohelm.robot.gate.gate import Proposal
-from cohelm.robot.gate.modes import Mode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import GatedRobot, rules
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
@@ -137,7 +137,7 @@ def drive(
         passed = kept.propose(Proposal(k, readings.odometry.stamp, asked))
         acted += passed.reason.startswith("collision monitor")
         if k == 10:
-            assert kept.drive(Mode.SHARED) == ""
+            assert kept.drive(GateMode.SHARED) == ""
     return Driven(
         number, kind, hit, at, truth.least_moving, acted, n, way, kept.gate.reason
     )  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any
 
 from cohelm.core.types import Twist
 from cohelm.robot.gate.gate import Proposal
-from cohelm.robot.gate.modes import Mode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.priority import urgent
 from cohelm.robot.keep.process import RemoteGatedRobot
@@ -62,7 +62,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
         keeper.propose(Proposal(number, readings.odometry.stamp, Twist(SPEED, 0.0)))
         keeper.truth()
         if number == 10:
-            assert not keeper.drive(Mode.AUTOMATIC)
+            assert not keeper.drive(GateMode.AUTOMATIC)
         if number == 70:
             said.send("drives")
         wanted = wanted or number == 80

@@ -17,17 +17,17 @@ from typing import Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
 from cohelm.robot.gate import gate as gates
-from cohelm.robot.gate.gate import Gate, Rules
+from cohelm.robot.gate.gate import Gate, GateRules
 from cohelm.robot.keep.control import Control
 from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.gated_robot import GatedRobot, standing
 from cohelm.robot.keep.priority import urgent, with_its_threads
 from cohelm.robot.keep.processes import bound
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
 from cohelm.robot.keep.wire import packed_gate, packed_passed, packed_readings, proposal_of
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Readings, Robot
+from cohelm.robot.port import Readings, RobotPort
 
 BRAKING = 5.0
 """A robot that does not stand by then is let go all the same [s]."""
@@ -51,13 +51,13 @@ class Begun(NamedTuple):
 
 
 def serve(
-    line: Control, make: Callable[[], Robot], rules: Rules, record: socket.socket | None,
+    line: Control, make: Callable[[], RobotPort], rules: GateRules, record: socket.socket | None,
     live: socket.socket | None = None,
 ) -> None:  # fmt: skip
     """The other process, from its beginning to its end."""
     let_go = bound()  # nothing reaches the wheels before the loop knows of the robot
     try:
-        kept = GatedRobot(make(), rules, Line(record), shown=Line(live))
+        kept = GatedRobot(make(), rules, RecordLine(record), shown=RecordLine(live))
         memory = shared(kept.model)
         kept.read()
     except CohelmError as error:
@@ -86,7 +86,7 @@ def serve(
     kept.close()
 
 
-def _attend(line: Control, kept: GatedRobot, memory: SharedMemory, rules: Rules) -> None:
+def _attend(line: Control, kept: GatedRobot, memory: SharedMemory, rules: GateRules) -> None:
     """Answer the loop; look after the gate whether or not it says anything."""
     garbage, told = Sweeper(), kept.gate
     while True:

@@ -28,7 +28,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.robot.gate.gate import Passed, Proposal
 from cohelm.robot.gate.modes import driving, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, rules
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.sim.adversarial import Attack, deflection
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.drive import TwinRun, stepped
@@ -91,7 +91,7 @@ class Looped(TwinRun):
                 self.pilot, self.settings, self.delay, InProcessPlanner(self.pilot.planner),
                 self.piloted.zones,
             ),
-            Scripted(lambda _: self.now, self.keeper.now), Line(None),
+            Scripted(lambda _: self.now, self.keeper.now), RecordLine(None),
             LoopParams(period=setup.dt), has_map=known is not None,
         )  # fmt: skip
         self.course = self.pilot.course
