@@ -123,7 +123,7 @@ def _drive(line: Connection, made: Traced, record: Path) -> None:
             if wanted and latched(gate.mode):
                 loop.keeper.reset()
             elif wanted:
-                wanted = bool(loop.choose(Mode.AUTOMATIC))
+                wanted = bool(loop.supervisor.choose(Mode.AUTOMATIC))
             told = tuple(alarm.text for alarm in loop.alarms.worst() if alarm.active)
             state = State(gate.mode.name, gate.reason, told)
             if state != last:

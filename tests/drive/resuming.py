@@ -261,7 +261,7 @@ class Drive:
         self.desk.turn(loop)
         if self.topics is not None:
             self.topics.turn(loop)
-        on = self.loop.docking.on
+        on = self.loop.supervisor.docking.on
         self.rule.follow(self.keeper.now(), self.link.log, self.keeper.gate, on)
         self.docked += on
         self.link.log.clear()

@@ -58,7 +58,7 @@ def drive(tmp_path):
 
 
 def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
-    loop, docking, told = drive.loop, drive.loop.docking, events(drive)
+    loop, docking, told = drive.loop, drive.loop.supervisor.docking, events(drive)
     fastest, clear = [0.0], [math.inf]
 
     def here() -> tuple[DockPhase, int]:
@@ -94,7 +94,7 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         assert drive.moved == 0
         anna.ask(Ask.DOCK)
         yield from until(drive, lambda: goes(True))
-        assert loop.mode == Mode.AUTOMATIC
+        assert loop.supervisor.mode == Mode.AUTOMATIC
         assert drive.keeper.gate.mode == GateMode.AUTOMATIC
         assert here() == (DockPhase.DOCKING, 1)
         anna.propose([(4.0, 0.3), (6.0, 0.0)])
@@ -103,7 +103,7 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         assert said.answer.reason == "it is docking at short: hold it first"
         yield from until(drive, lambda: goes(False))
         assert here() == (DockPhase.DOCKED, 1)
-        assert loop.mode == Mode.HOLD
+        assert loop.supervisor.mode == Mode.HOLD
         yield from waits(60)
         at = drive.keeper.truth().pose
         assert at == pytest.approx((0.45, 0.0, 0.0), abs=0.03)
@@ -118,7 +118,7 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         yield from waits(40)
         assert here() == (DockPhase.STAGED, 1)
         assert drive.keeper.truth().pose == pytest.approx((0.0, 0.0, 0.0), abs=0.07)
-        assert loop.mode == Mode.HOLD
+        assert loop.supervisor.mode == Mode.HOLD
         assert fastest[0] == pytest.approx(0.3, abs=0.02)
 
     drive.run(script())
@@ -149,7 +149,7 @@ def test_whatever_ends_docking_ends_it_for_good(drive, ends, said):
         yield from waits(10)
         anna.ask(Ask.DOCK)
         yield from waits(40)
-        assert loop.docking.on
+        assert loop.supervisor.docking.on
         match ends:
             case "hold" | "automatic":
                 anna.ask(Ask.MODE, Mode[ends.upper()])
@@ -162,8 +162,8 @@ def test_whatever_ends_docking_ends_it_for_good(drive, ends, said):
             case "stick":
                 anna.stick = Stick(0.0, 0.3)
         yield from waits(10)
-        assert not loop.docking.on
-        assert loop.mode == (Mode.AUTOMATIC if ends == "automatic" else Mode.HOLD)
+        assert not loop.supervisor.docking.on
+        assert loop.supervisor.mode == (Mode.AUTOMATIC if ends == "automatic" else Mode.HOLD)
         anna.stick, drive.wheels.bumped = CENTRED, False
         yield from waits(60)
         assert (drive.keeper.truth().twist.v == 0.0) is (ends != "automatic")
@@ -324,15 +324,17 @@ def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
     made = simulated("dock", kind, real_time=False, seed=seed)
     with Session(SessionConfig(made)) as session:
         loop = session.loop
-        session.run(lambda _: bool(loop.docking.last.why), dock=1)
+        session.run(lambda _: bool(loop.supervisor.docking.last.why), dock=1)
         assert session.summary()["docked"] is True
         truth = loop.keeper.truth()
         assert truth.least_moving > 0.0355  # half of the hard margin is the promise
-        assert loop.docking.docks[0].off(truth.pose) == pytest.approx((0.0, 0.0, 0.0), abs=0.04)
-        loop.docking.last = loop.docking.last._replace(why="")
-        assert loop.dock(backwards=True) == ""
-        session.run(lambda _: bool(loop.docking.last.why))
-        assert loop.docking.last == ("charger is left", True)
+        assert loop.supervisor.docking.docks[0].off(truth.pose) == pytest.approx(
+            (0.0, 0.0, 0.0), abs=0.04
+        )
+        loop.supervisor.docking.last = loop.supervisor.docking.last._replace(why="")
+        assert loop.supervisor.dock(backwards=True) == ""
+        session.run(lambda _: bool(loop.supervisor.docking.last.why))
+        assert loop.supervisor.docking.last == ("charger is left", True)
         assert loop.keeper.truth().least_moving > 0.0355
 
 

@@ -42,7 +42,7 @@ def driven(mode: Mode, hand, seconds: float, **params) -> Seen:
                 joy.say(said[0], 1e-9 * t, said[1])  # a hand trembles
             topics.turn(loop)
             seen.speeds[t] = keeper.truth().twist.v
-            seen.reasons[t] = loop.paused
+            seen.reasons[t] = loop.supervisor.paused
             return t >= seconds
 
         session.run(until, mode)

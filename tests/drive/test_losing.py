@@ -40,7 +40,7 @@ def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
         assert FAULTS[fault] in session.keeper.gate.reason
         drive(session, BRAKING)
         assert speed(session) == 0.0
-        assert session.loop.mode == Mode.HOLD
+        assert session.loop.supervisor.mode == Mode.HOLD
         assert session.loop.alarms.worst()[0].active
         drive(session, 1.0)
         assert speed(session) == 0.0
@@ -64,7 +64,7 @@ def test_a_broken_rear_lidar_stops_the_robot_too_and_is_named(fault):
 def test_a_loop_that_is_held_up_while_it_reads_takes_nothing_to_be_from_the_future():
     with Session(SessionConfig(failing(HELD_UP, AT))) as session:
         drive(session, AT + 0.2, Mode.AUTOMATIC)
-        assert session.loop.problem == ""
+        assert session.loop.supervisor.problem == ""
         assert "future" not in session.keeper.gate.reason
 
 
@@ -115,10 +115,10 @@ def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
     session, operator = shared(SessionConfig(failing("", AT)), hand(2.0, 3.0))
     with session:
         drive(session, 3.0 - session.loop.keeper.now() - 0.02, Mode.SHARED)
-        assert session.loop.stick_state.arming == Arming.ARMED
+        assert session.loop.supervisor.stick_state.arming == Arming.ARMED
         assert session.loop.decision.authority_x < 0.2
         drive(session, 0.06)
-        assert "the stick vanished" in session.loop.paused  # at once it brakes
+        assert "the stick vanished" in session.loop.supervisor.paused  # at once it brakes
         drive(session, BRAKING)
         assert speed(session) == 0.0
         drive(session, BACK_WITHIN + 0.06 - BRAKING)

@@ -58,11 +58,11 @@ def test_a_new_way_is_taken_up_in_the_mode_it_is_and_nobody_remembers_one(drive)
         anna = yield from driving(drive)
         anna.propose(BACK)
         yield from waits(10)
-        assert drive.loop.paused
-        assert drive.loop.mode == Mode.AUTOMATIC
+        assert drive.loop.supervisor.paused
+        assert drive.loop.supervisor.mode == Mode.AUTOMATIC
         yield from waits(40)
         assert drive.loop.driver is not drive.first
-        assert not drive.loop.paused
+        assert not drive.loop.supervisor.paused
         yield from waits(40)
         assert speed(drive) > 0.1
         assert [(c.answer.granted, c.answer.reason) for c in anna.bulk.replies] == [(True, "")]
@@ -97,8 +97,8 @@ def test_what_ends_a_mode_while_a_way_is_made_is_not_undone(drive, ends, after):
             anna.ask(Ask.RESET)
         yield from waits(120)
         assert drive.rule.mode == Mode.HOLD
-        assert drive.loop.mode == Mode.HOLD
-        assert not drive.loop.paused
+        assert drive.loop.supervisor.mode == Mode.HOLD
+        assert not drive.loop.supervisor.paused
         assert speed(drive) == 0.0
         if ends == "stop and reset":
             assert drive.keeper.gate.mode == GateMode.IDLE
@@ -116,11 +116,11 @@ def test_a_way_that_can_not_be_made_ends_in_hold_and_the_driver_is_told(drive, f
         drive.beside.ways.takes = 10**9 if fails == "takes for ever" else 5
         anna.propose(BACK)
         yield from waits(6)
-        assert drive.loop.paused
+        assert drive.loop.supervisor.paused
         drive.beside.fails = fails
         yield from waits(1100 if fails == "takes for ever" else 80)
-        assert drive.loop.mode == Mode.HOLD
-        assert not drive.loop.paused
+        assert drive.loop.supervisor.mode == Mode.HOLD
+        assert not drive.loop.supervisor.paused
         assert any("no new way, the robot holds" in a.text for a in drive.loop.alarms.worst())
         drive.beside.fails, drive.beside.ways.takes = "", 0  # and the next one is made
         if fails == "takes for ever":
@@ -130,7 +130,7 @@ def test_a_way_that_can_not_be_made_ends_in_hold_and_the_driver_is_told(drive, f
         assert speed(drive) > 0.1
         anna.propose(BACK)
         yield from waits(60)
-        assert drive.loop.mode == Mode.AUTOMATIC
+        assert drive.loop.supervisor.mode == Mode.AUTOMATIC
         assert drive.loop.driver is not drive.first
         yield from waits(20)
         assert speed(drive) > 0.1
@@ -176,7 +176,7 @@ def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
         anna.ask(Ask.GIVE, bert.number)
         yield from waits(60)
         assert drive.rule.driver == bert.number
-        assert drive.loop.mode == Mode.HOLD
+        assert drive.loop.supervisor.mode == Mode.HOLD
         assert speed(drive) == 0.0
 
     drive.run(script())
@@ -198,7 +198,7 @@ def test_carrying_on_alone_is_for_a_driver_who_is_lost_not_for_one_who_gives_up(
         yield from waits(5)
         bert.ask(Ask.TAKE)  # and with another driver it is over
         yield from waits(60)
-        assert drive.loop.mode == Mode.HOLD
+        assert drive.loop.supervisor.mode == Mode.HOLD
         assert speed(drive) == 0.0
 
     with Drive(tmp_path, LoopParams(carry_on=True)) as made:
@@ -275,7 +275,7 @@ def test_a_mode_asked_for_with_the_release_behind_it_is_not_done(drive):
         yield from waits(60)
         assert anna.answers[2] == (False, "you do not drive any more")
         assert drive.rule.driver == anna.number
-        assert drive.loop.mode == Mode.HOLD
+        assert drive.loop.supervisor.mode == Mode.HOLD
         assert drive.moved == 0
 
     drive.run(script())
@@ -309,7 +309,7 @@ def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
         periods = iter(range(10))
         session.run(lambda _: next(periods, None) is None)
         assert session.keeper.gate.mode == GateMode.STOPPED
-        assert session.loop.mode == Mode.HOLD
+        assert session.loop.supervisor.mode == Mode.HOLD
 
 
 def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
@@ -345,7 +345,7 @@ def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():
         session.run(until, Mode.AUTOMATIC)
         assert [answer[1] for answer in operator.answers] == [True, True]
         assert session.keeper.gate.mode == GateMode.IDLE
-        assert loop.mode == Mode.HOLD
+        assert loop.supervisor.mode == Mode.HOLD
         assert session.keeper.truth().pose.x == pytest.approx(0.0, abs=1e-3)
 
 

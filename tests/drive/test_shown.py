@@ -78,5 +78,5 @@ def test_how_near_the_nearest_thing_is_is_shown_whether_the_filter_minds_it_or_n
             return loop.keeper.now() > 4.0
 
         session.run(look, mode)
-        assert session.loop.mode == mode
+        assert session.loop.supervisor.mode == mode
     assert np.abs(off).max() < 0.08  # what is shown is a scan older

@@ -83,11 +83,11 @@ def looped(model, setup, steps: int) -> np.ndarray:
         rows.append(
             (*truth.pose, *keeper.gate.out, loop.decision.behavior if loop.decision else -1)
         )
-        assert loop.mode == Mode.AUTOMATIC, keeper.gate.reason
+        assert loop.supervisor.mode == Mode.AUTOMATIC, keeper.gate.reason
         return len(rows) == steps
 
     loop.period()  # the gate wants to have heard from the loop before it lets it drive
-    assert loop.choose(Mode.AUTOMATIC) == ""
+    assert loop.supervisor.choose(Mode.AUTOMATIC) == ""
     try:
         loop.run(until)
     finally:

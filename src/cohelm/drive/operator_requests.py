@@ -74,7 +74,7 @@ class OperatorRequests:
         session.shown = operator.picture
         for none in NO_ZONES:
             operator.publish(none)
-        operator.publish(told(session.loop.docking.docks))
+        operator.publish(told(session.loop.supervisor.docking.docks))
         zones = zoned(session.plan.zones, robot.scenario.reference.speed_mps)
         self._map = zones if known is None else (drawn(known), *zones)
         self._show(*self._map, *way(robot.scenario.reference.spline()))

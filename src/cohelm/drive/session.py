@@ -183,20 +183,23 @@ class Session:
         dock: dock there instead, from 1. A stop, hold or fault meanwhile ends the wish, and so does
         a mode that a person chooses.
         """
-        keeper, begun = self.loop.keeper, self.loop.keeper.now()
+        keeper, supervisor = self.loop.keeper, self.loop.supervisor
+        begun, ended = keeper.now(), supervisor.rights.ended
         self._to_dock = dock > 0
-        wanted, ended = (Mode.AUTOMATIC if dock else mode), self.loop.rights.ended
+        wanted = Mode.AUTOMATIC if dock else mode
 
         def chosen(loop: Loop) -> bool:
             nonlocal wanted
             if wanted != Mode.HOLD:
-                over = loop.rights.ended != ended or loop.mode not in (Mode.HOLD, wanted)
-                over = over or latched(keeper.gate.mode)
+                over = supervisor.rights.ended != ended or latched(keeper.gate.mode)
+                over = over or supervisor.mode not in (Mode.HOLD, wanted)
                 late = keeper.now() - begun > _READY
-                said = "" if over else loop.dock(dock) if dock else loop.choose(wanted)
-                if late and said and dock:
-                    loop.docking.over(Ended(said))
-                if over or late or not said:
+                refusal = ""
+                if not over:
+                    refusal = supervisor.dock(dock) if dock else supervisor.choose(wanted)
+                if late and refusal and dock:
+                    supervisor.docking.over(Ended(refusal))
+                if over or late or not refusal:
                     wanted = Mode.HOLD
             self._look()
             self._periods += 1
@@ -245,7 +248,7 @@ class Session:
         loop, kept = self.loop, self.loop.timing.kept()
         gate, seen = loop.keeper.gate, loop.seen
         where = f"at {seen.pose.x:.2f} {seen.pose.y:.2f}" if seen else "nowhere yet"
-        said = f"{loop.mode.name} {gate.mode.name} {gate.reason} {where}"
+        said = f"{loop.supervisor.mode.name} {gate.mode.name} {gate.reason} {where}"
         return (
             f"{said} | {kept.periods} periods, {100.0 * kept.within_2ms:.2f} % within 2 ms, worst "
             f"{1e3 * kept.late_worst:.1f} ms, work {1e3 * kept.took_median:.1f} ms, "
@@ -266,8 +269,8 @@ class Session:
             "reason": gate.reason,
             "faulted": gate.mode == GateMode.FAULTED,
             "arrived": loop.driver.arrived,
-            "docking": loop.docking.last.why or None,
-            "docked": loop.docking.last.arrived if self._to_dock else None,
+            "docking": loop.supervisor.docking.last.why or None,
+            "docked": loop.supervisor.docking.last.arrived if self._to_dock else None,
             "least_clearance_moving_m": least if math.isfinite(least) else None,
             "lost_share": self._lost / self._periods if self._periods else None,
             "lost": bool(loop.seen is not None and loop.seen.lost),

@@ -50,7 +50,7 @@ def drive_here(
                 if topics is not None:
                     topics.turn(loop)
                 over = clock() >= end or (arrive and loop.driver.arrived)
-                over = over or bool(number and loop.docking.last.why)
+                over = over or bool(number and loop.supervisor.docking.last.why)
                 return over or stop.reason != ""
 
             session.run(until, mode, number)

@@ -134,7 +134,7 @@ class _Uneven(Looped):
             self.held = deflection(
                 self.attack, self.held, k, self.setup.dt, pose, _NO_DISCS, given.edges
             )
-        return self.held if self.loop.stick_state.arming == Arming.ARMED else CENTRED
+        return self.held if self.loop.supervisor.stick_state.arming == Arming.ARMED else CENTRED
 
     def step(self, k: int, row: Any) -> None:
         """As any; it ends with the first row in which it has fallen, or touches something."""

@@ -125,7 +125,7 @@ class Looped(TwinRun):
                 return
         self.latched_at = math.nan
         if not driving(self.keeper.gate.mode) and self.loop.seen is not None:
-            self.loop.choose(self.mode)
+            self.loop.supervisor.choose(self.mode)
 
 
 class _Attacked(Looped):
@@ -143,4 +143,4 @@ class _Attacked(Looped):
         self.held = deflection(
             self.attack, self.held, k, setup.dt, self.truth.pose, things, setup.around.walls
         )
-        return self.held if self.loop.stick_state.arming == Arming.ARMED else CENTRED
+        return self.held if self.loop.supervisor.stick_state.arming == Arming.ARMED else CENTRED
