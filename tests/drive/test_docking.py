@@ -65,7 +65,7 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         return docking.phase(loop.seen)
 
     def goes(on: bool) -> bool:
-        fastest[0] = max(fastest[0], abs(drive.keeper.truth().twist.v))
+        fastest[0] = max(fastest[0], abs(drive.gated.truth().twist.v))
         clear[0] = min(clear[0], loop.seen.pose.x)
         return docking.on is on
 
@@ -95,7 +95,7 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         anna.ask(Ask.DOCK)
         yield from until(drive, lambda: goes(True))
         assert loop.supervisor.mode == Mode.AUTOMATIC
-        assert drive.keeper.gate.mode == GateMode.AUTOMATIC
+        assert drive.gated.gate.mode == GateMode.AUTOMATIC
         assert here() == (DockPhase.DOCKING, 1)
         anna.propose([(4.0, 0.3), (6.0, 0.0)])
         yield from waits(10)
@@ -105,19 +105,19 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         assert here() == (DockPhase.DOCKED, 1)
         assert loop.supervisor.mode == Mode.HOLD
         yield from waits(60)
-        at = drive.keeper.truth().pose
+        at = drive.gated.truth().pose
         assert at == pytest.approx((0.45, 0.0, 0.0), abs=0.03)
         again = anna.ask(Ask.DOCK)
         yield from waits(50)
         assert anna.answers[again] == (False, "it is docked at short already")
-        assert drive.keeper.truth().pose == at
+        assert drive.gated.truth().pose == at
         anna.ask(Ask.UNDOCK)
         yield from until(drive, lambda: goes(True))
         assert here() == (DockPhase.UNDOCKING, 1)
         yield from until(drive, lambda: goes(False))
         yield from waits(40)
         assert here() == (DockPhase.STAGED, 1)
-        assert drive.keeper.truth().pose == pytest.approx((0.0, 0.0, 0.0), abs=0.07)
+        assert drive.gated.truth().pose == pytest.approx((0.0, 0.0, 0.0), abs=0.07)
         assert loop.supervisor.mode == Mode.HOLD
         assert fastest[0] == pytest.approx(0.3, abs=0.02)
 
@@ -166,7 +166,7 @@ def test_whatever_ends_docking_ends_it_for_good(drive, ends, said):
         assert loop.supervisor.mode == (Mode.AUTOMATIC if ends == "automatic" else Mode.HOLD)
         anna.stick, drive.wheels.bumped = CENTRED, False
         yield from waits(60)
-        assert (drive.keeper.truth().twist.v == 0.0) is (ends != "automatic")
+        assert (drive.gated.truth().twist.v == 0.0) is (ends != "automatic")
 
     drive.run(script())
     assert f"docking at short ended: {said}" in told
@@ -326,7 +326,7 @@ def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
         loop = session.loop
         session.run(lambda _: bool(loop.supervisor.docking.last.why), dock=1)
         assert session.summary()["docked"] is True
-        truth = loop.keeper.truth()
+        truth = loop.gated.truth()
         assert truth.least_moving > 0.0355  # half of the hard margin is the promise
         assert loop.supervisor.docking.docks[0].off(truth.pose) == pytest.approx(
             (0.0, 0.0, 0.0), abs=0.04
@@ -335,7 +335,7 @@ def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
         assert loop.supervisor.dock(backwards=True) == ""
         session.run(lambda _: bool(loop.supervisor.docking.last.why))
         assert loop.supervisor.docking.last == ("charger is left", True)
-        assert loop.keeper.truth().least_moving > 0.0355
+        assert loop.gated.truth().least_moving > 0.0355
 
 
 def test_a_replay_shows_the_docks_there_were(tmp_path):

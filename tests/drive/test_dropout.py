@@ -85,7 +85,7 @@ def test_a_moment_of_silence_is_no_stop_and_nothing_goes_on_uncentred(session, a
     drive(session, 1.5)
     assert speed(session) > 0.15
     assert session.loop.supervisor.mode == mode
-    assert session.keeper.gate.mode == GateMode.SHARED
+    assert session.gated.gate.mode == GateMode.SHARED
     assert not anna.statuses[-1].stopped
     assert not session.loop.alarms.worst()
 
@@ -111,10 +111,10 @@ def test_more_than_a_second_latches_a_stop(session, anna, how, monkeypatch):
     lead(session, anna, Mode.SHARED)
     away(anna, how, True)
     drive(session, 0.9)
-    assert session.keeper.gate.mode == GateMode.SHARED
+    assert session.gated.gate.mode == GateMode.SHARED
     drive(session, 0.3)
-    assert session.keeper.gate.mode == GateMode.STOPPED
-    assert "the stick is lost" in session.keeper.gate.reason
+    assert session.gated.gate.mode == GateMode.STOPPED
+    assert "the stick is lost" in session.gated.gate.reason
     away(anna, how, False)
     anna.stick = Stick(0.0, 0.0)
     drive(session, 1.0)
@@ -131,7 +131,7 @@ def test_a_stick_that_is_not_let_go_of_latches_a_stop(session, anna):
     drive(session, 0.4)
     away(anna, "page", False)
     drive(session, CENTRED_WITHIN + 0.1)
-    assert session.keeper.gate.mode == GateMode.STOPPED
+    assert session.gated.gate.mode == GateMode.STOPPED
 
 
 @pytest.mark.parametrize("what", ["disarmed", "released", "given away", "another device"])
@@ -146,7 +146,7 @@ def test_what_somebody_does_meanwhile_is_no_short_gap(session, anna, what):
     anna.device = Device.KEYBOARD if what == "another device" else Device.GAMEPAD
     anna.stick = Stick(0.0, 0.0)
     drive(session, 0.06)
-    assert session.keeper.gate.mode == GateMode.STOPPED
+    assert session.gated.gate.mode == GateMode.STOPPED
     drive(session, 1.0)
     assert speed(session) == 0.0
 
@@ -175,7 +175,7 @@ def test_a_stop_meanwhile_wins(session, anna):
     away(anna, "page", False)
     anna.stick = Stick(0.0, 0.0)
     drive(session, 1.0)
-    assert session.keeper.gate.reason == "stop by script"
+    assert session.gated.gate.reason == "stop by script"
     assert session.loop.supervisor.paused == ""
     anna.ask(Ask.RESET)
     drive(session, 1.0)
@@ -187,7 +187,7 @@ def test_a_stop_is_done_before_whatever_came_with_it(session, anna):
     anna.ask(Ask.MODE, Mode.HOLD)
     anna.ask(Ask.STOP)
     drive(session, 0.04)
-    assert session.keeper.gate.reason == "stop by script"
+    assert session.gated.gate.reason == "stop by script"
     assert [number for number, _, _ in anna.answers][-2:] == [3, 2]
 
 

@@ -70,7 +70,7 @@ def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(
         assert not alarms(loop)
         assert loop.supervisor.mode == Mode.AUTOMATIC
         session.end("enough")
-        assert loop.keeper.gate.reason == "enough"
+        assert loop.gated.gate.reason == "enough"
     log = (tmp_path / "drive.log").read_text()
     for helper in ("the path planner does not answer", "the recorder does not answer"):
         assert f"! loop: {helper}" in log

@@ -30,7 +30,7 @@ from cohelm.link.messages import Mode
 from cohelm.loop.drive_log import DriveLog
 from cohelm.record.messages import records
 from cohelm.record.topics import IMAGE, LASTING, Photo, definitions
-from cohelm.robot.keep.gated_robot import GatedRobot, rules
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.keep.record_pipe import RecordLine, line
 from cohelm.sim.kinematic import Kinematic
 from tests import own_loop
@@ -70,8 +70,8 @@ def drive(tmp_path_factory):
         marks = itertools.count()
 
         def on(seconds: float) -> int:
-            until, before = session.loop.keeper.now() + seconds, session.loop.timing.kept().periods
-            session.run(lambda loop: loop.keeper.now() >= until, Mode.AUTOMATIC)
+            until, before = session.loop.gated.now() + seconds, session.loop.timing.kept().periods
+            session.run(lambda loop: loop.gated.now() >= until, Mode.AUTOMATIC)
             return session.loop.timing.kept().periods - before
 
         def all_shown(to: Onlooker) -> None:
@@ -151,7 +151,7 @@ def test_recording_begins_and_ends_while_it_is_shown():
     """As somebody at the link asks for: whatever is recorded, all of it is shown."""
     (loop, hears), shown = line(), []
     log = DriveLog(RecordLine(None), lambda: 1.0, RecordLine(loop))
-    gated = GatedRobot(Kinematic(SALLY, seed=1), rules(SALLY, 0.02), shown=shown.append)
+    gated = LocalGatedRobot(Kinematic(SALLY, seed=1), rules(SALLY, 0.02), shown=shown.append)
     for turn in range(3):
         (of_loop, hears_loop), (of_gate, hears_gate) = line(), line()
         log.into(RecordLine(of_loop if turn == 1 else None))

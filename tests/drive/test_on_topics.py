@@ -171,13 +171,13 @@ def test_where_no_station_drives_it_stands_until_the_first_goal_and_then_drives_
     topics = OnTopics(None, told)
     with Session(SessionConfig(made, localise=True)) as session:
         topics.begin(session, SessionJobs)
-        begun = session.loop.keeper.now()
+        begun = session.loop.gated.now()
         stood: list[bool] = []
 
         def until(loop) -> bool:
             topics._jobs.turn()
             topics.turn(loop)
-            now = loop.keeper.now() - begun
+            now = loop.gated.now() - begun
             if 1.0 <= now < 1.02:
                 told.newest = IN_WALL
             if 2.0 <= now < 2.02:

@@ -40,11 +40,11 @@ def driven(tmp_path_factory):
     robot = simulated(CORRIDOR, real_time=False)
     operator = Scripted(lambda t: Stick(0.0, 0.6 if 2.0 < t < 3.0 else 0.0), lambda: 0.0)
     with Session(SessionConfig(robot, record=path), operator) as session:
-        keeper = session.loop.keeper
-        operator._clock = keeper.now
-        session.run(lambda loop: keeper.now() >= 4.0, Mode.SHARED)
+        gated = session.loop.gated
+        operator._clock = gated.now
+        session.run(lambda loop: gated.now() >= 4.0, Mode.SHARED)
         operator.ask(Ask.STOP)
-        session.run(lambda loop: keeper.now() >= 5.0)
+        session.run(lambda loop: gated.now() >= 5.0)
         told = list(operator.statuses)
         known = map_from_geometry(robot.scenario.walls(), robot.start)
         shown = [drawn(known), *way(robot.scenario.reference.spline())]

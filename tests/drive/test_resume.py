@@ -33,7 +33,7 @@ def drive(tmp_path):
 
 
 def speed(drive: Drive) -> float:
-    return abs(drive.keeper.truth().twist.v)
+    return abs(drive.gated.truth().twist.v)
 
 
 def waits(periods: int):
@@ -101,7 +101,7 @@ def test_what_ends_a_mode_while_a_way_is_made_is_not_undone(drive, ends, after):
         assert not drive.loop.supervisor.paused
         assert speed(drive) == 0.0
         if ends == "stop and reset":
-            assert drive.keeper.gate.mode == GateMode.IDLE
+            assert drive.gated.gate.mode == GateMode.IDLE
             anna.ask(Ask.MODE, Mode.AUTOMATIC)
             yield from waits(60)
             assert speed(drive) > 0.1
@@ -229,7 +229,7 @@ def test_a_mode_asked_for_before_somebody_elses_stop_is_not_done_after_it(drive)
         yield from waits(16)
         anna.silent = False
         yield from waits(60)
-        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert drive.gated.gate.mode == GateMode.STOPPED
         late = [answer for answer in anna.answers.values() if not answer[0]]
         assert late[0][1] == "the robot was told to stand after you asked: ask again"
         anna.ask(Ask.RESET)
@@ -258,7 +258,7 @@ def test_who_stops_together_with_the_driver_is_not_overlooked(drive):
         assert anna.answers[mode] == (
             False, "the robot was told to stand after you asked: ask again",
         )  # fmt: skip
-        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert drive.gated.gate.mode == GateMode.STOPPED
 
     drive.run(script())
 
@@ -287,11 +287,11 @@ def test_stop_and_mode_in_one_datagram_end_in_a_stop(drive):
         anna.ask(Ask.STOP)
         anna.ask(Ask.MODE, Mode.MANUAL)
         yield from waits(5)
-        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert drive.gated.gate.mode == GateMode.STOPPED
         anna.ask(Ask.MODE, Mode.MANUAL)
         anna.ask(Ask.STOP)
         yield from waits(60)
-        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert drive.gated.gate.mode == GateMode.STOPPED
         assert speed(drive) == 0.0
 
     drive.run(script())
@@ -301,14 +301,14 @@ def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
     """The link hands stops over before all else."""
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 1e9)), operator) as session:
-        session.keeper.stop("for a start")
+        session.gated.stop("for a start")
         operator.ask(Ask.RESET)
         operator.ask(Ask.MODE, Mode.AUTOMATIC)
         operator.ask(Ask.STOP)
         operator._asked.reverse()
         periods = iter(range(10))
         session.run(lambda _: next(periods, None) is None)
-        assert session.keeper.gate.mode == GateMode.STOPPED
+        assert session.gated.gate.mode == GateMode.STOPPED
         assert session.loop.supervisor.mode == Mode.HOLD
 
 
@@ -319,7 +319,7 @@ def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
             operator.ask(Ask.MODE, Mode.AUTOMATIC)
         operator.ask(Ask.STOP)
         session.run(lambda _: True)
-        assert session.keeper.gate.mode == GateMode.STOPPED
+        assert session.gated.gate.mode == GateMode.STOPPED
         assert operator.answers[0][:2] == (101, True)  # the stop, before all that came with it
         assert sum(granted for _, granted, _ in operator.answers) == 1
         assert operator.answers[50][2] == "too many requests: wait a moment and ask again"
@@ -329,13 +329,13 @@ def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():
     """The robot can not drive at once; somebody stops it meanwhile, and has it let go."""
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 0.0)), operator) as session:
-        loop, end = session.loop, session.loop.keeper.now()
-        robot = session.keeper._robot
+        loop, end = session.loop, session.loop.gated.now()
+        robot = session.gated._robot
         robot._fault = "odometry is gone"
         asked = {1.0: Ask.STOP, 2.0: Ask.RESET}
 
         def until(_) -> bool:
-            now = loop.keeper.now() - end
+            now = loop.gated.now() - end
             for at in [at for at in asked if now >= at]:
                 operator.ask(asked.pop(at))
             if now > 1.2:
@@ -344,9 +344,9 @@ def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():
 
         session.run(until, Mode.AUTOMATIC)
         assert [answer[1] for answer in operator.answers] == [True, True]
-        assert session.keeper.gate.mode == GateMode.IDLE
+        assert session.gated.gate.mode == GateMode.IDLE
         assert loop.supervisor.mode == Mode.HOLD
-        assert session.keeper.truth().pose.x == pytest.approx(0.0, abs=1e-3)
+        assert session.gated.truth().pose.x == pytest.approx(0.0, abs=1e-3)
 
 
 # ---- any sequence ---------------------------------------------------------------------------
@@ -452,7 +452,7 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
             for person in people:
                 person.silent, person.valid, person.armed = False, True, True
         said = does(what)
-        history.append(f"{drive.keeper.now():.2f} {what} {said}")
+        history.append(f"{drive.gated.now():.2f} {what} {said}")
         yield from waits(rng.choice([1, 1, 1, 1, 1, 1, 1, 1, 3, 3, 10]))
 
 

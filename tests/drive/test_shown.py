@@ -74,8 +74,8 @@ def test_how_near_the_nearest_thing_is_is_shown_whether_the_filter_minds_it_or_n
         def look(loop) -> bool:
             if operator.statuses:
                 shown = operator.statuses[-1].guarding.clearance
-                off.append(shown - session.keeper.truth().clearance)
-            return loop.keeper.now() > 4.0
+                off.append(shown - session.gated.truth().clearance)
+            return loop.gated.now() > 4.0
 
         session.run(look, mode)
         assert session.loop.supervisor.mode == mode

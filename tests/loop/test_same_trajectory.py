@@ -18,7 +18,7 @@ from cohelm.loop.operator import NullOperator
 from cohelm.loop.planning import InProcessPlanner
 from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.robot.keep.gated_robot import GatedRobot, rules
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.sensors import OdometryModel
 from cohelm.scenario.load import robot
@@ -66,9 +66,9 @@ def looped(model, setup, steps: int) -> np.ndarray:
     planning = InProcessPlanner(driver_pilot.planner, pilot.thinking)
     driver = Driver(driver_pilot, settings, setup.delay, planning)
     perception = Perception(model, watching=pilot.watching)
-    keeper = GatedRobot(plant, rules(model, DT))
+    gated = LocalGatedRobot(plant, rules(model, DT))
     loop = Loop(
-        keeper,
+        gated,
         perception,
         driver,
         NullOperator(),
@@ -80,10 +80,8 @@ def looped(model, setup, steps: int) -> np.ndarray:
 
     def until(loop: Loop) -> bool:
         truth = plant.truth()
-        rows.append(
-            (*truth.pose, *keeper.gate.out, loop.decision.behavior if loop.decision else -1)
-        )
-        assert loop.supervisor.mode == Mode.AUTOMATIC, keeper.gate.reason
+        rows.append((*truth.pose, *gated.gate.out, loop.decision.behavior if loop.decision else -1))
+        assert loop.supervisor.mode == Mode.AUTOMATIC, gated.gate.reason
         return len(rows) == steps
 
     loop.period()  # the gate wants to have heard from the loop before it lets it drive
@@ -92,7 +90,7 @@ def looped(model, setup, steps: int) -> np.ndarray:
         loop.run(until)
     finally:
         driver.close()
-        keeper.close()
+        gated.close()
     return np.array(rows)
 
 

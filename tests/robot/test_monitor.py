@@ -9,7 +9,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import GateRules, Proposal
 from cohelm.robot.gate.modes import GateMode
-from cohelm.robot.keep.gated_robot import GatedRobot
+from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.monitor import UNRESTRICTED, Restriction, strictest
 from cohelm.robot.port import Odometry, Readings
 from cohelm.scenario import load
@@ -38,7 +38,7 @@ def kept(*monitors):
     alone = load.standing_alone(made, Path())
     robot = Kinematic(alone.robot, Pose(0.0, 0.0, 0.0), alone.around(), seed=0)
     events = []
-    it = GatedRobot(robot, RULES, events.append, monitors)
+    it = LocalGatedRobot(robot, RULES, events.append, monitors)
     it.wait(0.1)
     it.read()
     it.propose(Proposal(0, it.now(), Twist(0.0, 0.0)))

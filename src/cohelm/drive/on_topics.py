@@ -97,7 +97,7 @@ class OnTopics:
             return
         if self._localized is not None and loop.has_map:
             line = None if pilot is None else pilot.course.poses
-            self._localized.take(seen, readings.odometry, loop.keeper.now(), line)
+            self._localized.take(seen, readings.odometry, loop.gated.now(), line)
         if self._goals is not None:
             if pilot is not None and not loop.supervisor.paused:
                 self._goals.route = pilot.planner.route.line

@@ -98,7 +98,7 @@ class Rerouting:
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
-        now = loop.keeper.now()
+        now = loop.gated.now()
         for source in self._sources:
             for one in source.path_requests():
                 self._take(one, loop.supervisor.lease, now)
@@ -228,4 +228,4 @@ class Rerouting:
 def stands(loop: Loop) -> bool:
     """Whether the robot does, and is not told otherwise."""
     seen = loop.seen
-    return seen is not None and standing(seen.twist) and loop.keeper.gate.out == STANDING
+    return seen is not None and standing(seen.twist) and loop.gated.gate.out == STANDING

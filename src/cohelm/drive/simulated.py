@@ -1,4 +1,4 @@
-"""The robot of a scenario, simulated: what the keeper's process is handed to make it there."""
+"""The robot of a scenario, simulated: what the gate process is handed to make it there."""
 
 from __future__ import annotations
 

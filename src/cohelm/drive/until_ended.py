@@ -39,7 +39,7 @@ def drive_here(
     number = dock_of(plan, dock)
     with Session(plan, operator, None if topics is None else topics.camera) as session:
         stop.heed()
-        clock = session.loop.keeper.now
+        clock = session.loop.gated.now
         with begun(session):
             if topics is not None:
                 topics.begin(session)

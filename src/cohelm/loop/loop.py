@@ -28,7 +28,7 @@ from cohelm.plan.docks import Dock
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.gated_robot import Keeper
+from cohelm.robot.keep.gated_robot import GatedRobot
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.port import Readings
 
@@ -56,23 +56,23 @@ class Loop:
     """One robot's loop. `period()` is one turn; `run` turns until it is told to end."""
 
     def __init__(
-        self, keeper: Keeper, perception: Perception, driver: Driver, operator: Operator,
+        self, gated: GatedRobot, perception: Perception, driver: Driver, operator: Operator,
         record: RecordLine, params: LoopParams, has_map: bool, live: RecordLine | None = None,
         docks: Sequence[Dock] = (),
     ) -> None:  # fmt: skip
         """has_map: whether `perception` localises on one. live: to who looks on. docks: on it."""
-        self.keeper, self.perception, self.driver = keeper, perception, driver
+        self.gated, self.perception, self.driver = gated, perception, driver
         self.operator, self.params = operator, params
         self.timing, self.alarms = Timing(), ActiveAlarms()
-        self.log = DriveLog(record, keeper.now, live)
-        lidars = [one.lidar() for one in keeper.model.lidars]
+        self.log = DriveLog(record, gated.now, live)
+        lidars = [one.lidar() for one in gated.model.lidars]
         docking = Docking(docks, driver.settings, driver.delay, lidars)
         self.supervisor = Supervisor(
-            keeper, driver, operator, docking, self.alarms, self.log, params.arming,
+            gated, driver, operator, docking, self.alarms, self.log, params.arming,
             params.period, params.carry_on,
         )  # fmt: skip
         self._reporter = Reporter(
-            self.log, operator, driver, keeper.model, perception.lidar, has_map, params.period
+            self.log, operator, driver, gated.model, perception.lidar, has_map, params.period
         )
         self.cap = FREE
         """On the speed, by the driver's delay, zones, docking, or while lost."""
@@ -84,7 +84,7 @@ class Loop:
         self.has_map = has_map
         """Whether the pose is that of a map, and not the odometry's."""
         self._senses = SensorWatchdog(
-            keeper.model, patience(keeper.model, params.period + params.patience)
+            gated.model, patience(gated.model, params.period + params.patience)
         )
         self._number = 0
         self._due = -math.inf
@@ -103,13 +103,13 @@ class Loop:
         switch = sys.getswitchinterval()
         sys.setswitchinterval(5e-4)  # another thread may not keep the loop waiting for long
         try:
-            self._due = self.keeper.now()
+            self._due = self.gated.now()
             self.turning = True
             while True:
                 self.period()
                 if until(self):
                     return
-                self.keeper.wait(self._due)
+                self.gated.wait(self._due)
         finally:
             self.turning = False
             sys.setswitchinterval(switch)
@@ -123,11 +123,11 @@ class Loop:
 
     def period(self) -> None:
         """One turn: read, perceive, step, gate, send; then record and report."""
-        keeper = self.keeper
-        began = keeper.now()
+        gated = self.gated
+        began = gated.now()
         late = began - self._due if self._due > -math.inf else 0.0
-        readings = self.readings = keeper.read()
-        now = keeper.now()  # after them: what a held-up loop reads is not from the future
+        readings = self.readings = gated.read()
+        now = gated.now()  # after them: what a held-up loop reads is not from the future
         seen = self._perceive(now, readings)
         supervisor = self.supervisor
         supervisor.follow_gate()
@@ -137,7 +137,7 @@ class Loop:
         if decision is None:
             self.cap = FREE
         passed = self._propose(readings, decision)
-        self._late, self._took = late, keeper.now() - began
+        self._late, self._took = late, gated.now() - began
         self._raise_alarms(seen)
         report = self._reporter.report(
             now, readings, seen, supervisor.stick_state, decision, passed.out
@@ -150,11 +150,11 @@ class Loop:
         """Are the readings to be relied on, and what do they say?"""
         problem, before = self._senses.wrong(now, readings), self.supervisor.problem
         if problem and not before:
-            self.log.event(problem, serious=driving(self.keeper.gate.mode))
+            self.log.event(problem, serious=driving(self.gated.gate.mode))
         elif before and not problem:
             self.log.event("the readings are sound")
-        if problem and driving(self.keeper.gate.mode):
-            self.keeper.fault(problem)
+        if problem and driving(self.gated.gate.mode):
+            self.gated.fault(problem)
         seen = self.perception.take(now, readings)
         if seen.lost != self._lost:
             self._lost = seen.lost
@@ -175,7 +175,7 @@ class Loop:
         supervisor, docking = self.supervisor, self.supervisor.docking
         if docking.on:
             return self.driver.along(docking.pilot, now, seen.pose, obstacles, docking.backwards)
-        by_stick = self.keeper.gate.mode == GateMode.SHARED
+        by_stick = self.gated.gate.mode == GateMode.SHARED
         stick = supervisor.stick_state.stick if by_stick else CENTRED
         if supervisor.mode == Mode.MANUAL:
             return self.driver.by_hand(now, seen.pose, stick, obstacles, gently=False)
@@ -201,18 +201,18 @@ class Loop:
         """To the gate; but with readings that are wrong nothing, and the watchdog counts."""
         safe = Twist(decision.safe_v, decision.safe_omega) if decision is not None else STANDING
         self._safe = safe
-        gate, problem = self.keeper.gate, self.supervisor.problem
+        gate, problem = self.gated.gate, self.supervisor.problem
         if problem or readings.odometry is None:
             self.driver.given(STANDING)
             return Passed(gate.out, gate.reason or problem)
         self._number += 1
-        passed = self.keeper.propose(Proposal(self._number, readings.odometry.stamp, safe))
-        self.driver.given(STANDING if latched(self.keeper.gate.mode) else passed.out)
+        passed = self.gated.propose(Proposal(self._number, readings.odometry.stamp, safe))
+        self.driver.given(STANDING if latched(self.gated.gate.mode) else passed.out)
         return passed
 
     def _raise_alarms(self, seen: Seen) -> None:
         """Follow what the gate did by itself, and whether what works for the loop lives."""
-        gate, alarms = self.keeper.gate, self.alarms
+        gate, alarms = self.gated.gate, self.alarms
         self.supervisor.follow_gate()
         if latched(gate.mode):
             alarms.on("stopped", gate.reason)
@@ -243,7 +243,7 @@ class Loop:
 
     def _own(self, seen: Seen) -> dict[str, Any]:
         """What the loop adds to a period's row."""
-        gate, (phase, dock) = self.keeper.gate, self.supervisor.docking.phase(seen)
+        gate, (phase, dock) = self.gated.gate, self.supervisor.docking.phase(seen)
         return {
             "mode": gate.mode, "refused": gate.refused,
             "safe_v": self._safe.v, "safe_omega": self._safe.omega,
@@ -253,7 +253,7 @@ class Loop:
 
     def _keep_time(self, now: float) -> None:
         """When the next period is due. Missed ones are counted, never made up for in a burst."""
-        end, period = self.keeper.now(), self.params.period
+        end, period = self.gated.now(), self.params.period
         if self._due == -math.inf:
             self._due = now
         following = self._due + period

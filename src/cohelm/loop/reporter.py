@@ -82,7 +82,7 @@ class Reporter:
         nominal = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
         self.held = unseen(report, nominal)
         words = StatusWords(
-            *supervisor.driven_by, supervisor.mode, supervisor.keeper.gate.reason,
+            *supervisor.driven_by, supervisor.mode, supervisor.gated.gate.reason,
             refusal or supervisor.paused or self.held, *cap, supervisor.alarms.worst(),
         )  # fmt: skip
         self._log.words(words)

@@ -18,7 +18,7 @@ from cohelm.loop.operator import Operator
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 from cohelm.perceive.pipeline import Seen
 from cohelm.robot.gate.modes import GateMode, driving, latched
-from cohelm.robot.keep.gated_robot import Keeper
+from cohelm.robot.keep.gated_robot import GatedRobot
 
 _GATE = {
     Mode.HOLD: GateMode.IDLE, Mode.AUTOMATIC: GateMode.AUTOMATIC,
@@ -35,12 +35,12 @@ class Supervisor:
     """Of one loop. What it did not see to itself, a latched gate above all, it follows."""
 
     def __init__(
-        self, keeper: Keeper, driver: Driver, operator: Operator, docking: Docking,
+        self, gated: GatedRobot, driver: Driver, operator: Operator, docking: Docking,
         alarms: ActiveAlarms, log: DriveLog, arming: ArmingParams, period: float,
         carry_on: bool,
     ) -> None:  # fmt: skip
         """arming, period, carry_on: see `LoopParams`."""
-        self.keeper, self.driver, self.operator, self.docking = keeper, driver, operator, docking
+        self.gated, self.driver, self.operator, self.docking = gated, driver, operator, docking
         self.alarms, self._log = alarms, log
         self._arming, self._period, self._carry_on = arming, period, carry_on
         self.mode = Mode.HOLD
@@ -74,7 +74,7 @@ class Supervisor:
         self.allowed_share = allowed(received, self.allowed_share)
         self._heed_lease(received)
         self._answer_requests(received)
-        stopped = latched(self.keeper.gate.mode)
+        stopped = latched(self.gated.gate.mode)
         self.stick_state = updated(self.stick_state, received, self._arming, self._period, stopped)
         self._watch_operator(now, received)
         self.delay = far(received, self.stick_state)
@@ -89,14 +89,14 @@ class Supervisor:
             return self.problem
         if mode in PLANNED and self.driver.pilot is None:
             return "there is no route to follow"
-        refusal = self.keeper.drive(_GATE[mode])
+        refusal = self.gated.drive(_GATE[mode])
         if not refusal:
             self._over(Ended(f"mode {mode.name}"))
             self.mode = mode
             self._forget_dropout()
             self._log.event(f"mode {mode.name}")
             if mode == Mode.HOLD:
-                self.rights.end(who, self.keeper.now())
+                self.rights.end(who, self.gated.now())
         return refusal
 
     def dock(self, number: int = 0, backwards: bool = False) -> str:
@@ -107,12 +107,12 @@ class Supervisor:
         if self._pauses:
             return f"not while the robot waits: {self.paused}"
         refusal = self.docking.refusal(number, self.seen, self.stick_state.stick, backwards)
-        refusal = refusal or self.keeper.drive(GateMode.AUTOMATIC)
+        refusal = refusal or self.gated.drive(GateMode.AUTOMATIC)
         if not refusal:
             self._over(Ended("another was asked for"))
             self.mode = Mode.AUTOMATIC
             self._forget_dropout()
-            self.docking.begin(self.keeper.now(), number, self.seen, backwards)
+            self.docking.begin(self.gated.now(), number, self.seen, backwards)
             self._log.event(self.docking.doing)
         return refusal
 
@@ -128,7 +128,7 @@ class Supervisor:
         docking = self.docking
         if not docking.on:
             return
-        applied = self.keeper.gate.out
+        applied = self.gated.gate.out
         paused = bool(self._pauses)
         ended = docking.ended(now, seen, applied, self.stick_state.stick, paused, held)
         if ended is None:
@@ -159,19 +159,19 @@ class Supervisor:
     @property
     def free(self) -> bool:
         """Whether it may drive now."""
-        return driving(self.keeper.gate.mode) and not self.problem and not self._pauses
+        return driving(self.gated.gate.mode) and not self.problem and not self._pauses
 
     def _watch_operator(self, now: float, received: OperatorInput) -> None:
         """Is the stick in use there, and the driver?"""
-        if not driving(self.keeper.gate.mode):
+        if not driving(self.gated.gate.mode):
             self._forget_dropout()
-        stick = self.stick_state.lost if self.keeper.gate.mode == GateMode.SHARED else ""
+        stick = self.stick_state.lost if self.gated.gate.mode == GateMode.SHARED else ""
         quiet = silent(received, self._arming.stale) if self._operator_chose else ""
         if self.stick_state.arming == Arming.ARMED:
             self.alarms.off("stick")
         if not quiet:
             self.alarms.off("driver")
-        if not driving(self.keeper.gate.mode):
+        if not driving(self.gated.gate.mode):
             return
         name = "stick" if stick else "driver"
         why = stick or quiet
@@ -185,7 +185,7 @@ class Supervisor:
         if then == Then.STOP:
             lost = before.why or lost
             self.alarms.on("driver" if lost.startswith("the driver") else "stick", lost)
-            self.keeper.stop(lost)
+            self.gated.stop(lost)
             self._pauses.pop("stick", "")  # it does not go on
         elif then == Then.GO_ON:
             self.go_on("stick")
@@ -201,7 +201,7 @@ class Supervisor:
     def _heed_lease(self, received: OperatorInput) -> None:
         """A mode lives no longer than the lease in which it was chosen."""
         before, self.lease = self.lease, (received.driver, received.term)
-        theirs = self._operator_chose and driving(self.keeper.gate.mode)
+        theirs = self._operator_chose and driving(self.gated.gate.mode)
         if before[1] == received.term or not theirs:
             return
         if received.driver == 0 and not self._carry_on:
@@ -212,7 +212,7 @@ class Supervisor:
     def _answer_requests(self, received: OperatorInput) -> None:
         """Do or refuse each, and answer."""
         done: dict[int, int] = {}
-        for line in self._lines.due(self.keeper.now()):
+        for line in self._lines.due(self.gated.now()):
             self._log.event(line)
         requests = stops_first(received.requests)
         if requests and requests[0].request.what == Ask.STOP:
@@ -229,11 +229,11 @@ class Supervisor:
         what, value = requested.request.what, requested.request.value
         refusal = "the loop does not do that"
         if what == Ask.STOP:
-            self.rights.end(requested.client, self.keeper.now())
+            self.rights.end(requested.client, self.gated.now())
             self.rights.stand(requested)
             refusal = ""
         elif what == Ask.RESET:
-            refusal = self._refusal(requested, driver) or self.problem or self.keeper.reset()
+            refusal = self._refusal(requested, driver) or self.problem or self.gated.reset()
         elif what == Ask.ACKNOWLEDGE:
             refusal = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == Ask.MODE:
@@ -241,14 +241,14 @@ class Supervisor:
         elif what in (Ask.DOCK, Ask.UNDOCK):
             refusal = self._dock(requested, driver)
         text = f"{requested.name} asks for {what.name} {value}: {refusal or 'done'}"
-        for line in self._lines.add(self.keeper.now(), text, text):
+        for line in self._lines.add(self.gated.now(), text, text):
             self._log.event(line)
         return not refusal, refusal
 
     def _stop(self, name: str) -> None:
-        before = self.keeper.gate
-        self.keeper.stop(f"stop by {name}")
-        gate = self.keeper.gate
+        before = self.gated.gate
+        self.gated.stop(f"stop by {name}")
+        gate = self.gated.gate
         if not latched(before.mode) and gate.mode == GateMode.STOPPED:
             self._latched = (gate.mode, gate.reason)  # this person's, not the robot's
 
@@ -270,16 +270,16 @@ class Supervisor:
         return refusal
 
     def _refusal(self, requested: ClientRequest, driver: int, hold: bool = False) -> str:
-        return self.rights.refusal(requested, driver, self.keeper.now(), hold)
+        return self.rights.refusal(requested, driver, self.gated.now(), hold)
 
     def follow_gate(self) -> None:
         """What the gate latched by itself ends all modes; it is heeded before any request."""
-        gate = self.keeper.gate
+        gate = self.gated.gate
         state = (gate.mode, gate.reason) if latched(gate.mode) else (GateMode.IDLE, "")
         if state != self._latched:
             self._latched = state
             if latched(gate.mode):
-                self.rights.end(0, self.keeper.now())
+                self.rights.end(0, self.gated.now())
         if not driving(gate.mode) and self.mode != Mode.HOLD:
             self._over(Ended(gate.reason))
             self.mode = Mode.HOLD

@@ -1,4 +1,4 @@
-"""What loop and keeper tell each other in every period comes out as it went in."""
+"""What loop and gate process tell each other in every period comes out as it went in."""
 
 import math
 import pickle

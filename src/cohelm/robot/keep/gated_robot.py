@@ -39,7 +39,7 @@ class Event(NamedTuple):
     """Whether somebody should look at it."""
 
 
-class Keeper(Protocol):
+class GatedRobot(Protocol):
     """What the loop is given instead of a robot. One thread; only `wait` takes time."""
 
     @property
@@ -85,8 +85,8 @@ class Keeper(Protocol):
         ...
 
     def record_into(self, end: socket.socket | None) -> None:
-        """Tell another recorder from now on what the gate does, or none. The end is the keeper's,
-        which closes it when the next one comes."""
+        """Tell another recorder from now on what the gate does, or none. The end is the
+        gate process's, which closes it when the next one comes."""
         ...
 
     def close(self) -> None:
@@ -103,7 +103,7 @@ def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> GateRules:
     )  # fmt: skip
 
 
-class GatedRobot:
+class LocalGatedRobot:
     """A robot and its gate in this process. In simulated time its watchdog is as good as one in
     a process of its own; in real time it can not outlive this process."""
 

@@ -1,6 +1,6 @@
 """The robot and its gate in a process of their own: the loop's side of it.
 
-Loop and keeper speak over a `control` line that nobody waits at; scans and frames go by
+Loop and gate process speak over a `control` line that nobody waits at; scans and frames go by
 `shared_memory`. What the other process does is in `serve`.
 """
 
@@ -24,14 +24,14 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, RobotPort, Scan
 
 _START = 600.0  # a robot may take this long to be made, compiling included [s]
-_ANSWER = 2.0  # the keeper answers within this, or is gone [s]
+_ANSWER = 2.0  # the gate process answers within this, or is gone [s]
 _WATCHDOGS = 10.0  # ... or within so many times the patience of the watchdog, if that is longer
 
 Make = Callable[[], RobotPort]
 
 
 class RemoteGatedRobot:
-    """A `Keeper` whose robot lives in another process. In real time only."""
+    """A `GatedRobot` whose robot lives in another process. In real time only."""
 
     def __init__(
         self, make: Make, rules: GateRules, record: socket.socket | None = None,
@@ -42,7 +42,7 @@ class RemoteGatedRobot:
         Raises CohelmError if the robot can not be made.
         """
         self._line, theirs = control()
-        self._process = started("cohelm keeper", serve, theirs, make, rules, record, live)
+        self._process = started("cohelm gate", serve, theirs, make, rules, record, live)
         theirs.close()
         self._scan: Scan | None = None
         self._further: dict[str, Scan] = {}
@@ -125,7 +125,7 @@ class RemoteGatedRobot:
         return self._ask("truth", None)
 
     def record_into(self, end: socket.socket | None) -> None:
-        """The recorder's end goes over to the keeper's process, and is closed here."""
+        """The recorder's end goes over to the gate process, and is closed here."""
         self._ask("record", None, None if end is None else end.fileno())
         if end is not None:
             end.close()
@@ -170,7 +170,7 @@ class RemoteGatedRobot:
         return answer
 
     def _begun(self) -> tuple[Begun, int]:
-        """What the keeper says once it has made the robot."""
+        """What the gate process says once it has made the robot."""
         try:
             if not self._line.wait(_START):
                 raise CohelmError(

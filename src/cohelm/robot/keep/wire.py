@@ -1,4 +1,4 @@
-"""What loop and keeper tell each other in every period, as plain tuples of numbers.
+"""What loop and gate process tell each other in every period, as plain tuples of numbers.
 
 A class goes over the control line by its name, which is looked up for each one that comes: of what
 travels a hundred times a second that is most of the work.
