@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
-from cohelm.law.govern import Clock
+from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.replanning import ReplanParams, Task, plan
@@ -51,7 +51,9 @@ def test_a_robot_that_was_kept_from_the_end_of_its_course_goes_there_after_all(o
     """Beside its end, and looking along: the tracking law asks for nothing there."""
     line = through([[0, 0], [2, 0], [4, 0]], 0.5)
     way, followed = route(line), course(line, 0, True, SETTINGS.pace)
-    state = START._replace(clock=Clock(line.duration, 0.0, 0.0), row=len(way.line) - 1, time=0.9)
+    state = START._replace(
+        clock=CourseClock(line.duration, 0.0, 0.0), row=len(way.line) - 1, time=0.9
+    )
     here = Pose(4.0, off, 0.0)
     task = Task(state, here, Twist(0.0, 0.0), surroundings(), followed, 9.0, False)
     made = plan(task, way, SETTINGS, PathParams(), ReplanParams())

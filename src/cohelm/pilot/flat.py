@@ -10,7 +10,7 @@ import numpy as np
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, PaceParams, Profile
+from cohelm.law.govern import CourseClock, PaceParams, Profile
 from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference
@@ -55,7 +55,8 @@ def step_of(settings: Settings, line: Floats) -> Flat:
             watched, float(fastest),
         )  # fmt: skip
         after = PilotState(
-            n[0], n[1], Clock(n[2], n[3], n[4]), RecoveryMove(n[5], n[6], n[7]), n[8], n[9], n[10],
+            n[0], n[1], CourseClock(n[2], n[3], n[4]), RecoveryMove(n[5], n[6], n[7]), n[8],
+            n[9], n[10],
             Evasion(n[11], n[12], n[13], n[14], n[15], n[16], n[17]),
         )  # fmt: skip
         return after, Decision._make(n[_STATE:])
@@ -95,7 +96,7 @@ def _flat(
     before = PilotState(
         k,
         time,
-        Clock(tau, rate, waited),
+        CourseClock(tau, rate, waited),
         RecoveryMove(distance, curvature, turn),
         at,
         held,
