@@ -39,8 +39,8 @@ def campaign(
         str | None,
         typer.Option(
             metavar="LAW,LAW",
-            help="Several laws on the same episodes, e.g. guard,paper,none; in random also rvo "
-            "and vo, controllers of ir-sim; PACKAGE:FACTORY is a law of your own.",
+            help="Several laws on the same episodes, e.g. guard,paper,none; in random and "
+            "movers also rvo and vo, controllers of ir-sim; PACKAGE:FACTORY is a law of your own.",
         ),
     ] = None,
     n: Annotated[

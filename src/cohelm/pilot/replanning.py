@@ -13,7 +13,7 @@ from cohelm.law.govern import CourseClock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.rollout import ahead
-from cohelm.pilot.step import NO_MOVE, PilotState, Settings
+from cohelm.pilot.step import NO_MOVE, PilotState, Settings, still
 from cohelm.plan.course import Course, Route, course, nearest_row, paced, window
 from cohelm.plan.distance_field import swept
 from cohelm.plan.elastic_band import distances
@@ -52,7 +52,8 @@ class ReplanParams(NamedTuple):
     patience: float = 0.6
     """Between two looks for a way that is not needed but might be better [s]."""
     beside: float = 0.15
-    """Where a way ends farther from the route's end than this, a better one is looked for [m]."""
+    """Where a way ends farther from the route's end than this, or the robot has come to rest
+    farther from the way's end, a better one is looked for [m]."""
     waits: float = 1.0
     """How long the robot is held up before it looks for a way out [s]."""
     turned: float = 1.2
@@ -136,7 +137,10 @@ def _course(
     state, pose, now = task.state, task.pose, task.course
     on_route = now.row == 0
     at = governed(now.reference, state.clock, pose, settings.pace)
-    astray = math.hypot(at.x - pose.x, at.y - pose.y) > replan_params.max_cross_track_error
+    short_of = math.hypot(at.x - pose.x, at.y - pose.y)
+    # At the end of a course nothing is tracked that would bring the robot across to it.
+    missed = _remaining(now, state.clock.tau) <= 0.0 and still(task.twist)
+    astray = short_of > (replan_params.beside if missed else replan_params.max_cross_track_error)
     held = _held(task, replan_params)
     if on_route and kept.clearance >= replan_params.accept and not astray and not held:
         return kept

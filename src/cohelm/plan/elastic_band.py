@@ -27,13 +27,28 @@ def distances(line: Floats) -> Floats:
     return np.concatenate((np.zeros(1), np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
 
 
+@jit
 def spread(line: Floats, spacing: float) -> Floats:
     """A polyline (m, 2), m >= 1, as points evenly along it, at most `spacing` apart [m]."""
-    along = distances(line)
-    length = float(along[-1])
-    n = max(math.ceil(length / spacing), 1) + 1
-    at = np.linspace(0.0, length, n)
-    return np.column_stack((np.interp(at, along, line[:, 0]), np.interp(at, along, line[:, 1])))
+    m = len(line)
+    along = np.zeros(m)
+    for i in range(1, m):
+        step = math.hypot(line[i, 0] - line[i - 1, 0], line[i, 1] - line[i - 1, 1])
+        along[i] = along[i - 1] + step
+    n = max(math.ceil(along[m - 1] / spacing), 1)
+    points = np.empty((n + 1, 2))
+    j = 0
+    for i in range(n + 1):
+        at = along[m - 1] if i == n else i * (along[m - 1] / n)
+        while j < m - 2 and along[j + 1] <= at:
+            j += 1
+        for c in range(2):
+            if at >= along[m - 1]:
+                points[i, c] = line[m - 1, c]
+            else:
+                slope = (line[j + 1, c] - line[j, c]) / (along[j + 1] - along[j])
+                points[i, c] = slope * (at - along[j]) + line[j, c]
+    return points
 
 
 def band(

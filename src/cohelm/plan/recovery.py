@@ -244,13 +244,24 @@ def _turn(
     for angle in (short, short - math.copysign(2.0 * math.pi, short)):
         if kind(RecoveryMove(0.0, 0.0, angle)) & refused:
             continue
-        n = max(math.ceil(abs(angle) * reach / _LOOK), 1) + 1
-        poses = np.column_stack(
-            (np.full(n, pose.x), np.full(n, pose.y), pose.psi + np.linspace(0.0, angle, n))
-        )
-        if swept(points, outline, poses).min() >= clearance:
+        if _turns(pose, angle, points, outline, reach, clearance):
             return angle
     return None
+
+
+@jit
+def _turns(
+    pose: Pose, angle: float, points: Floats, outline: Floats, reach: float, clearance: float
+) -> bool:
+    """Whether the outline stays clear all through a turn on the spot."""
+    n = max(math.ceil(abs(angle) * reach / _LOOK), 1)
+    one = np.empty((1, 3))
+    one[0, 0], one[0, 1] = pose.x, pose.y
+    for i in range(n + 1):
+        one[0, 2] = pose.psi + (angle if i == n else i * (angle / n))
+        if not swept(points, outline, one)[0] >= clearance:
+            return False
+    return True
 
 
 def _clear_distance(

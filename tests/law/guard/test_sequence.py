@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist, disc
-from cohelm.law.guard.step import guard_step
+from cohelm.law.guard.step import guard_planned, guard_step
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from tests.law.guard.scenes import (
     HERE,
@@ -81,7 +81,9 @@ def walk(rng: np.random.Generator, around: Surroundings, pose: Pose, dt: float) 
         d[i, 2:4] += push * dt
 
 
-def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[float, float]:
+def drive(
+    seed: int, robot: str, kind: str, walkers: int, steps: int, planned: bool = False
+) -> tuple[float, float]:
     """Smallest gap to what rests, and to walkers while the robot moves."""
     outline, lim = ROBOTS[robot]
     rng = np.random.default_rng(seed)
@@ -92,7 +94,10 @@ def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[f
     who[: len(around.discs)] = around.max_acceleration > 0.0
     for _ in range(steps):
         nominal = attack(kind, rng, pose, nominal, around)
-        got = guard_step(pose, before, nominal, around, outline, lim)
+        if planned:
+            got = guard_planned(pose, before, nominal, around, outline, lim, RULES)
+        else:
+            got = guard_step(pose, before, nominal, around, outline, lim)
         after = Twist(got.v, got.omega)
         assert inside_limits(after, before, lim, RULES.dt)
         before = after
@@ -109,8 +114,9 @@ def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[f
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("kind", ["bang", "ram", "spin"])
 @pytest.mark.parametrize("walkers", [0, 4])
-def test_no_stick_motion_reaches_an_obstacle(robot, kind, walkers):
-    still, moving = drive(walkers, robot, kind, walkers, 400)
+@pytest.mark.parametrize("planned", [False, True])
+def test_no_stick_motion_reaches_an_obstacle(robot, kind, walkers, planned):
+    still, moving = drive(walkers, robot, kind, walkers, 400, planned)
     assert still >= RULES.hard_margin / 2
     assert moving >= RULES.hard_margin / 2
 
@@ -119,9 +125,10 @@ def test_no_stick_motion_reaches_an_obstacle(robot, kind, walkers):
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("kind", ["bang", "ram", "spin"])
 @pytest.mark.parametrize("walkers", [0, 4])
-def test_no_stick_motion_reaches_an_obstacle_in_many_drives(robot, kind, walkers):
+@pytest.mark.parametrize("planned", [False, True])
+def test_no_stick_motion_reaches_an_obstacle_in_many_drives(robot, kind, walkers, planned):
     for seed in range(40):
-        still, moving = drive(seed, robot, kind, walkers, 1000)
+        still, moving = drive(seed, robot, kind, walkers, 1000, planned)
         assert still >= RULES.hard_margin / 2, seed
         assert moving >= RULES.hard_margin / 2, seed
 

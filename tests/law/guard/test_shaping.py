@@ -8,11 +8,21 @@ from hypothesis import assume, given, strategies as st
 
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.approach import approach
-from cohelm.law.guard.step import BRAKING, SHAPED, STANDING, Rules, guard_step
+from cohelm.law.guard.step import (
+    BRAKING,
+    INVALID,
+    SHAPED,
+    STANDING,
+    UNTOUCHED,
+    Rules,
+    guard_planned,
+    guard_step,
+)
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.robot.limits import Limits, achievable
 from tests.law.guard.scenes import (
     HERE,
+    REST,
     RULES,
     SALLY,
     SALLY_LIMITS,
@@ -176,3 +186,29 @@ def test_standing_is_told_from_braking():
 def test_with_nothing_near_the_gap_is_infinite_and_the_wish_passes(far):
     got = guard_step(HERE, Twist(0.5, 0.0), Twist(0.52, 0.0), far, SALLY, SALLY_LIMITS)
     assert (got.v, got.omega, got.clearance, got.change) == (0.52, 0.0, math.inf, 0.0)
+
+
+def crossing(x: float) -> Surroundings:
+    """Somebody who walks across, ahead of the robot."""
+    return surroundings([disc(x, -0.5, 0.25, 0.3, -1.0, 1.5)], [1.0])
+
+
+def test_a_motion_that_was_planned_is_not_slowed_down_while_it_can_still_stop():
+    args = HERE, Twist(0.8, 0.0), Twist(0.8, 0.0), crossing(1.6)
+    assert guard_step(*args, SALLY, SALLY_LIMITS).v < 0.8
+    got = guard_planned(*args, SALLY, SALLY_LIMITS, RULES)
+    assert (got.v, got.omega, got.verdict) == (0.8, 0.0, UNTOUCHED)
+
+
+def test_a_planned_motion_that_can_not_be_certified_is_shaped_as_any_other():
+    args = HERE, Twist(0.8, 0.0), Twist(0.8, 0.0), crossing(0.9)
+    plain = guard_step(*args, SALLY, SALLY_LIMITS)
+    assert plain.v < 0.8
+    assert guard_planned(*args, SALLY, SALLY_LIMITS, RULES) == plain
+
+
+def test_nothing_is_planned_beside_a_disc_that_is_not_a_number():
+    bad = surroundings([disc(2.0, 0.0, 0.25, 0.3, 0.0, 0.0)])
+    bad.discs[0, 4] = math.nan
+    got = guard_planned(HERE, REST, Twist(0.5, 0.0), bad, SALLY, SALLY_LIMITS, RULES)
+    assert (got.v, got.omega, got.verdict) == (0.0, 0.0, INVALID)

@@ -52,7 +52,7 @@ def guard(
     pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: Floats,
     limits: Limits, rules: Rules,
 ) -> Guarded:  # fmt: skip
-    """The command nearest to `wish` after which the robot can still stop clear of everything.
+    """The command nearest to `nominal` after which the robot can still stop clear of everything.
 
     pose: where the robot will be when the command takes effect, after any delay, in the frame of
     `around`, which is as of then too. before: the twist it will have then. outline: (k, 2),
@@ -67,6 +67,28 @@ def guard(
        of the way from full braking to it.
     4. Otherwise full braking, which the certificate of the step before has covered.
     """
+    return _guarded(pose, before, nominal, around, outline, limits, rules, False)
+
+
+@jit
+def guard_planned(
+    pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: Floats,
+    limits: Limits, rules: Rules,
+) -> Guarded:  # fmt: skip
+    """As `guard`, but a nominal command that can be certified as it is passes without the bounds.
+
+    They slow down who comes near others and has not looked ahead. Who has planned against where
+    everybody will be, as an evasion, would be slowed down by them in somebody's way. The
+    certificate, which is what the promise rests on, is the same.
+    """
+    return _guarded(pose, before, nominal, around, outline, limits, rules, True)
+
+
+@jit
+def _guarded(
+    pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: Floats,
+    limits: Limits, rules: Rules, planned: bool,
+) -> Guarded:  # fmt: skip
     moving = is_finite(before.v) and is_finite(before.omega)
     stop = braked(before, limits, rules.dt) if moving else Twist(0.0, 0.0)
     sound = moving and is_finite(pose.x) and is_finite(pose.y) and is_finite(pose.psi)
@@ -82,6 +104,11 @@ def guard(
     if n < 0:
         return Guarded(stop.v, stop.omega, INVALID, 0.0, math.inf, NOTHING)
     asked = Twist(_sane(nominal.v), _sane(nominal.omega))
+    if planned:
+        goal = achievable(asked, before, limits, rules.dt)
+        m = manoeuvre(pose, goal, limits, rules.dt, reach)
+        if in_the_way(m, outline, reach, around, rules.hard_margin) == CLEAR:
+            return _passed(goal, asked, rules.steer_weight, least, NOTHING)
     nearest = project(asked, rows, n, rules.steer_weight)
     limiting = nearest.owner
     if nearest.feasible and is_finite(nearest.twist.v) and is_finite(nearest.twist.omega):

@@ -4,10 +4,10 @@
 to give way by half; `vo` its plain ones, which do not, and so suit people who mind nobody better.
 It knows every disc with its velocity. It is not told of the walls: in a closed room its way of
 treating segments leaves no velocity admissible, and it drives worse than without; contacts with
-walls are judged all the same. It is asked every 0.1 s, its usual step,
-wants the same 0.5 m/s, and is told what its wheels can do (`acce` is its largest change of speed
-in a step). It takes the robot for a circle, 0.1 m larger than the outline's farthest corner, as it
-always does. The robot then moves as ours does: wheel limits, exact arcs, 50 steps a second.
+walls are judged all the same. It is asked every 0.1 s, its usual step, wants the reference's speed,
+as ours does, and is told what its wheels can do (`acce` is its largest change of speed in a step).
+It takes the robot for a circle, 0.1 m larger than the outline's farthest corner, as it always does.
+The robot then moves as ours does: wheel limits, exact arcs, 50 steps a second.
 
 ir-sim runs in a process of its own, for the same reasons as the peers of `cohelm bench`: each
 worker keeps one. This module is also what that process runs.
@@ -41,7 +41,6 @@ from cohelm.study.controlled import Observation, driven
 PEERS: tuple[Law, ...] = ("rvo", "vo")
 
 _HOLD = 5  # control steps for which one of its commands is held: 0.1 s
-_SPEED = 0.5  # [m/s]
 
 
 def peer_trace(case: Episode, law: Law) -> Trace:
@@ -124,7 +123,7 @@ def _world(irsim: Any, case: Episode, discs: Floats, mode: str) -> Any:
     setup, goal = case.setup, case.goal
     assert goal is not None
     size = np.ptp(setup.outline, axis=0)
-    window = setup.limits.wheel_acceleration * DT * _HOLD
+    speed, window = setup.reference.speed, setup.limits.wheel_acceleration * DT * _HOLD
     scene = {
         "world": {
             "width": 40.0, "height": 40.0, "offset": [-20.0, -20.0], "step_time": DT * _HOLD,
@@ -135,9 +134,9 @@ def _world(irsim: Any, case: Episode, discs: Floats, mode: str) -> Any:
             "shape": {"name": "rectangle", "length": float(size[0]), "width": float(size[1])},
             "state": list(setup.start), "goal": [goal.x, goal.y, 0.0],
             "goal_threshold": goal.near,
-            "vel_min": [-_SPEED, -setup.limits.yaw_rate],
-            "vel_max": [_SPEED, setup.limits.yaw_rate],
-            "behavior": {"name": "rvo", "mode": mode, "vxmax": _SPEED, "vymax": _SPEED,
+            "vel_min": [-speed, -setup.limits.yaw_rate],
+            "vel_max": [speed, setup.limits.yaw_rate],
+            "behavior": {"name": "rvo", "mode": mode, "vxmax": speed, "vymax": speed,
                          "acce": window},
         }],
         "obstacle": [

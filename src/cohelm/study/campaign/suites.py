@@ -45,7 +45,7 @@ class Suite:
             return ("guard",)
         if self.plant != "kinematic":
             return ("guard",) if self.name == "adversary" else ("guard", "paper", "none")
-        return LAWS if self.name == "random" else ("guard", "paper", "none")
+        return LAWS if self.name in ("random", "movers") else ("guard", "paper", "none")
 
     @property
     def chunk(self) -> int:
