@@ -15,10 +15,11 @@ from cohelm.perceive.pipeline import Seen
 from cohelm.record.markers import header
 from cohelm.robot.port import Odometry
 from cohelm.ros.clock import Clock, seconds
+from cohelm.ros.found import Found
 from cohelm.ros.localized import PATH, POSE, Localized, transform
-from cohelm.ros.look import Found, Topics
 from cohelm.ros.mismatch import TF, TWIST
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received
+from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import yaw_of
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.stage import until

@@ -25,7 +25,8 @@ from cohelm.record.markers import header
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import look as looking, rendered
 from cohelm.ros.clock import TYPE
-from cohelm.ros.look import Allowed, Topics, look
+from cohelm.ros.found import Allowed
+from cohelm.ros.look import look
 from cohelm.ros.mismatch import (
     CAMERA_INFO,
     CLOUD,
@@ -40,6 +41,7 @@ from cohelm.ros.mismatch import (
 from cohelm.ros.port import Endpoint, Qos, Received
 from cohelm.ros.robot import Ros2Robot, topics_of
 from cohelm.ros.served import mounts, odometry, scan
+from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import StaticTransforms
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.test_cloud import cloud

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cohelm.drive.operate import Ros2Config
-    from cohelm.ros.look import Found
+    from cohelm.ros.found import Found
 
 TopicNames = Annotated[
     list[str] | None,
@@ -132,8 +132,10 @@ def filter_(
     """
     from cohelm.drive.operate import ended
     from cohelm.ros.connection import connection
-    from cohelm.ros.look import Allowed, Topics, look
+    from cohelm.ros.found import Allowed
+    from cohelm.ros.look import look
     from cohelm.ros.report import NODE
+    from cohelm.ros.topics import Topics
     from cohelm.scenario.load import load_robot
 
     model = load_robot(robot)
@@ -214,8 +216,8 @@ def base(
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.model import SHIPPED
     from cohelm.ros.dds import DdsTransport
-    from cohelm.ros.look import Topics
     from cohelm.ros.served import ServedRobot, asked_for, wanting
+    from cohelm.ros.topics import Topics
 
     changes = [f"robot={name}"] if name in SHIPPED else []
     named = scenario if name in SHIPPED else name

@@ -28,7 +28,7 @@ from cohelm.perceive.pipeline import Seen
 from cohelm.record.markers import header, pose as pose_message
 from cohelm.robot.port import Odometry
 from cohelm.ros.clock import SimulatedClock
-from cohelm.ros.look import Found
+from cohelm.ros.found import Found
 from cohelm.ros.mismatch import TF
 from cohelm.ros.names import resolved
 from cohelm.ros.port import COMMAND, LATCHED, Qos, Received, Transport

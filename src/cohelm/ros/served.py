@@ -45,12 +45,13 @@ from cohelm.ros import clock, rendered
 from cohelm.ros.camera import COMPRESSED
 from cohelm.ros.contact import contact_topics, said
 from cohelm.ros.depth import info_topic
+from cohelm.ros.inspection import kind_of
 from cohelm.ros.localized import transform
-from cohelm.ros.look import Topics, kind_of
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import CAMERA_INFO, IMAGE, ODOMETRY, STAMPED, TF, TWIST
 from cohelm.ros.names import resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received, Transport
+from cohelm.ros.topics import Topics
 
 _LOOKS = 0.004
 """The robot is looked at so often [s]."""
