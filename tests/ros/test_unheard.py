@@ -286,6 +286,23 @@ def test_a_robot_that_is_all_there_is_found_as_it_is():
     assert found.odom_clock.ahead == 0.0
 
 
+def test_mounts_are_taken_from_the_axle_where_that_is_not_the_bases_origin():
+    model, images, info = with_camera()
+    ends = [*ENDS, out("/scan_rear", IMAGE, BEST_EFFORT)]
+    messages = [(("/tf_static", TF), mounts(model)), *readings(), *images, *info]
+
+    def of(axle):
+        robot = model.model_copy(update={"axle_x_m": axle})
+        return look(Pretended(ends, messages), robot, Topics(), Allowed(), 0.06)
+
+    there, here = of(0.0), of(0.1)
+    for a, b in zip(there.model.lidars, here.model.lidars, strict=True):
+        assert b.mount_x_m == pytest.approx(a.mount_x_m - 0.1)
+        assert b.mount_y_m == pytest.approx(a.mount_y_m)
+    assert here.lidars[0].mount.pose.x == pytest.approx(there.lidars[0].mount.pose.x - 0.1)
+    assert here.lidars[1].cloud[0, 3] == pytest.approx(there.lidars[1].cloud[0, 3] - 0.1)
+
+
 MISSING = [
     ([], "no node of ROS is seen (pretended): is ROS_DOMAIN_ID the robot's"),
     ([into("/cmd_vel", TWIST)],

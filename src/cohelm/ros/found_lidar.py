@@ -139,7 +139,7 @@ def _placed(heard: Inspection, topic: str, given: LidarModel | None, allowed: Al
             Pose(given.mount_x_m, given.mount_y_m, math.radians(given.mount_yaw_deg)),
             False, math.nan if given.mount_z_m is None else given.mount_z_m,
         )  # fmt: skip
-    mount = heard.transforms.mount(heard.frame(topic), heard.body())
+    mount = heard.mount(topic)
     if mount is None or allowed.mount_from_model:
         raise _unplaced(heard, topic)
     return mount
@@ -147,7 +147,7 @@ def _placed(heard: Inspection, topic: str, given: LidarModel | None, allowed: Al
 
 def _into_body(heard: Inspection, topic: str) -> Floats:
     """From the frame of its messages into the body's, (4, 4)."""
-    matrix = heard.transforms.between(heard.frame(topic), heard.body())
+    matrix = heard.into_body(topic)
     if matrix is None:
         raise _unplaced(heard, topic)
     return matrix

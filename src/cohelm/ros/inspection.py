@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, depth
@@ -30,7 +31,7 @@ from cohelm.ros.mismatch import (
 from cohelm.ros.names import resolved
 from cohelm.ros.port import LATCHED, SENSOR, Received, Transport
 from cohelm.ros.topics import Topics
-from cohelm.ros.transforms import StaticTransforms
+from cohelm.ros.transforms import Mount, StaticTransforms
 
 _READINGS, _SCANS = 15, 6
 """So many odometry readings and scans are looked at before anything moves."""
@@ -53,7 +54,7 @@ class Inspection:
     """One look at a robot: what has come so far."""
 
     def __init__(self, transport: Transport, topics: Topics, model: RobotModel) -> None:
-        self.topics = topics
+        self.topics, self.axle = topics, model.axle_x_m
         self.odometry: list[Came] = []
         self.scans: dict[str, list[Came]] = {topic: [] for topic in topics.of_lidars(model)}
         """By their topics, the first LiDAR's first."""
@@ -119,6 +120,20 @@ class Inspection:
             self.transforms.between(self.frame(topic), self.body()) is not None
             for topic in self.scans
         )
+
+    def mount(self, topic: str) -> Mount | None:
+        """Where a planar LiDAR is, from the middle of the axle. CohelmError as there."""
+        found = self.transforms.mount(self.frame(topic), self.body())
+        if found is None:
+            return None
+        return found._replace(pose=found.pose._replace(x=found.pose.x - self.axle))
+
+    def into_body(self, topic: str) -> Floats | None:
+        """From the frame of its messages into the body's, (4, 4); None: nobody says."""
+        found = self.transforms.between(self.frame(topic), self.body())
+        if found is not None:
+            found[0, 3] -= self.axle
+        return found
 
     def settle_time(self) -> None:
         """Find out whether the stamps are of the time on /clock, and not of the wall's. CohelmError

@@ -98,7 +98,12 @@ class Report:
             found = self._found
             self._markers.send(
                 messages.markers(
-                    self.outline, found.body, found.odom, _LEVELS[self._kind], row.limiting
+                    self.outline,
+                    found.body,
+                    found.odom,
+                    _LEVELS[self._kind],
+                    row.limiting,
+                    found.model.axle_x_m,
                 )
             )
 

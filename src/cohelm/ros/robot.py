@@ -81,7 +81,7 @@ class Ros2Robot(Robot):
             self._footprint = None
             if topics.footprint:
                 self._footprint = ToldFootprint(
-                    self._transport, topics.footprint, found.body, model.reach
+                    self._transport, topics.footprint, found.body, model.reach, model.axle_x_m
                 )
             for lidar, one in zip(model.lidars, found.lidars, strict=True):
                 hear = partial(self._hear_scan, lidar.name)
