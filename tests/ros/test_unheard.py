@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as Time,
     geometry_msgs__msg__Quaternion as Quaternion,
@@ -19,9 +20,11 @@ from rosbags.typesys.stores.ros2_jazzy import (
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
+from cohelm.cli.ros import _printed
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.record.markers import header
+from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import look as looking, rendered
 from cohelm.ros.clock import TYPE
@@ -284,6 +287,19 @@ def test_a_robot_that_is_all_there_is_found_as_it_is():
     assert found.model.lidar.mount_x_m == pytest.approx(SALLY.lidar.mount_x_m)
     assert found.model.lidar.mount_z_m == pytest.approx(SALLY.lidar.mount_z_m)
     assert found.odom_clock.ahead == 0.0
+
+
+def test_what_is_printed_is_a_robots_file_that_a_person_would_have_written(capsys):
+    found = seen_rear(REAR_ENDS, REAR_FRAMES + readings() + behind())
+    _printed(found, False)
+    out = capsys.readouterr().out
+    assert "None" not in out
+    assert "# scan: /scan" in out.splitlines()
+    assert "field_of_view_deg: 270.0," in out
+    made = RobotModel.model_validate(yaml.safe_load(out))
+    for a, b in zip(made.lidars, found.model.lidars, strict=True):
+        assert a.lidar().first == pytest.approx(b.lidar().first, abs=1e-5)
+        assert a.mount_x_m == pytest.approx(b.mount_x_m, abs=1e-4)
 
 
 def test_mounts_are_taken_from_the_axle_where_that_is_not_the_bases_origin():

@@ -240,7 +240,7 @@ def mounts(model: RobotModel) -> Any:
         c, s = math.cos(half), math.sin(half)
         x, y, z, w = rendered.OPTICAL if lidar.depth_image else (0.0, 0.0, 0.0, 1.0)
         at = Transform(
-            Vector3(lidar.mount_x_m, lidar.mount_y_m, _height(lidar)),
+            Vector3(lidar.mount_x_m + model.axle_x_m, lidar.mount_y_m, _height(lidar)),
             Quaternion(c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z),
         )
         found.append(TransformStamped(header(now, _BODY), frame, at))
