@@ -10,7 +10,7 @@ from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance
 from cohelm.law.blend import blend
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, PaceParams, govern, governed
+from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
@@ -65,7 +65,7 @@ class PilotState(NamedTuple):
     """Steps so far."""
     time: float
     """Since the first step [s]."""
-    clock: Clock
+    clock: CourseClock
     """Of the course."""
     left: RecoveryMove
     """What is left of a move out of a tight spot."""
@@ -78,7 +78,7 @@ class PilotState(NamedTuple):
     evasion: Evasion = NO_EVASION
 
 
-START = PilotState(0, 0.0, Clock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
+START = PilotState(0, 0.0, CourseClock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
 
 
 class Decision(NamedTuple):
@@ -269,11 +269,11 @@ def _reference(
     recovering: bool,
     s: Settings,
     dt: float,
-) -> tuple[Clock, Desired]:
+) -> tuple[CourseClock, Desired]:
     """The clock one step on, and what is desired then."""
     if not s.guarded:
         time = state.time
-        return Clock(time, 1.0, 0.0), desired(course.reference, time, s.spline_speed)
+        return CourseClock(time, 1.0, 0.0), desired(course.reference, time, s.spline_speed)
     clock = state.clock
     if not recovering:
         clock = govern(clock, pose, course.reference, course.paced, led, s.pace, dt)
