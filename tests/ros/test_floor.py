@@ -11,12 +11,12 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.robot.sensors import FloorModel, LidarModel
 from cohelm.ros.cloud import CloudRanges
-from cohelm.ros.depth import Camera, DepthRanges, described
+from cohelm.ros.depth import DepthRanges, Intrinsics, described
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.test_cloud import cloud
 from tests.ros.test_depth import bearings, image, mounted, room
 
-CAM = Camera(160, 120, 137.5, 137.5, 79.5, 59.5)
+CAM = Intrinsics(160, 120, 137.5, 137.5, 79.5, 59.5)
 FROM, TO, CELL, DROP = 0.5, 1.5, 0.1, 0.05
 GIVEN = LidarModel(
     beams=80, range_min_m=0.2, range_max_m=4.0, height_band_m=(0.1, 1.0), depth_image=True,

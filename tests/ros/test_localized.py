@@ -29,6 +29,8 @@ from tests.ros.transports import TRANSPORTS
 
 pytestmark = pytest.mark.xdist_group("realtime")
 MAP_ODOM, ODOM = Pose(3.0, -1.0, 0.4), Pose(1.5, 0.25, -1.1)
+LASTING = [pytest.param(one, id=name) for name, one in TRANSPORTS.items() if one.graph]
+"""Transports on which what is transient local lasts."""
 GRID = "nav_msgs/msg/OccupancyGrid"
 CELLS = bytes([0, 100, 255, 0, 0, 100])
 ROOM = Map(1, Pose(1.0, -2.0, 0.5), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(CELLS))
@@ -127,13 +129,13 @@ def test_the_path_is_told_to_who_comes_later_and_again_when_it_is_another(pair, 
     assert path.last.header.frame_id == "map"
 
 
-def test_the_map_is_told_once_to_who_comes_later_too(pair, request):
+@pytest.mark.parametrize("pair", LASTING, indirect=True)
+def test_the_map_is_told_once_to_who_comes_later_too(pair):
     ours, theirs = pair
     robot = Robot(ours, "/drawn")
     robot.localized.draw(ROOM)
     time.sleep(0.3)
-    late = LATCHED if request.node.callspec.params["pair"].graph else COMMAND
-    grids = Heard(theirs, "/drawn/map", GRID, late)
+    grids = Heard(theirs, "/drawn/map", GRID, LATCHED)
     assert until(lambda: bool(grids))
     robot.localized.close()
     grid = grids.last
@@ -143,8 +145,10 @@ def test_the_map_is_told_once_to_who_comes_later_too(pair, request):
     assert (at.position.x, at.position.y) == pytest.approx((1.0, -2.0))
     assert yaw_of(at.orientation) == pytest.approx(0.5)
     assert list(grid.data) == [0, 100, -1, 0, 0, 100]
+    assert len(grids) == 1
 
 
+@pytest.mark.parametrize("pair", LASTING, indirect=True)
 def test_beside_a_map_server_no_map_is_told_and_that_is_said(pair):
     ours, theirs = pair
     other = theirs.publish("/served/map", GRID, LATCHED)

@@ -41,7 +41,7 @@ class FoundLidar(NamedTuple):
     cloud: Floats | None = None
     """(4, 4), of one that sends point clouds, depth images or single ranges: from their frame into
     the body's."""
-    camera: depth.Camera | None = None
+    camera: depth.Intrinsics | None = None
     """Of one that sends depth images."""
 
 

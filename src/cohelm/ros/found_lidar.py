@@ -20,7 +20,7 @@ _LATE = 0.005
 """Last beams that seem so far in the future belong to scans that are stamped at their end [s]."""
 
 
-class Described(NamedTuple):
+class DescribedLidar(NamedTuple):
     """A LiDAR as it was found."""
 
     found: FoundLidar
@@ -32,7 +32,7 @@ class Described(NamedTuple):
 
 def describe(
     heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed
-) -> Described:
+) -> DescribedLidar:
     """The LiDAR behind a topic. given: as the robot's file has it. CohelmError for what does not
     fit."""
     if given is not None and given.height_band_m is not None:
@@ -42,7 +42,9 @@ def describe(
     return _planar(heard, topic, given, allowed)
 
 
-def _planar(heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed) -> Described:
+def _planar(
+    heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed
+) -> DescribedLidar:
     rows = heard.scans[topic]
     mount, scan, rate = _placed(heard, topic, given, allowed), rows[-1].message, heard.rate(rows)
     late, duration = laser.taken(scan, mount)
@@ -61,10 +63,10 @@ def _planar(heard: Inspection, topic: str, given: LidarModel | None, allowed: Al
         f"{lidar.mount_y_m:.3f} m, middle beam at {lidar.mount_yaw_deg:.1f} deg"
         + (", upside down" if mount.upside_down else "")
     )
-    return Described(FoundLidar(topic, mount, ticks, at_end), lidar, note)
+    return DescribedLidar(FoundLidar(topic, mount, ticks, at_end), lidar, note)
 
 
-def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> Described:
+def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> DescribedLidar:
     """One that sends point clouds: what it sees and how finely is as described; or depth
     images, whose camera is asked too."""
     rows, body = heard.scans[topic], heard.body()
@@ -102,10 +104,10 @@ def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -
         f"{what}: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
         f"{lidar.beams} beams, at x {x:.3f} y {y:.3f} m{grain}"
     )
-    return Described(_found(topic, lidar, ticks, matrix, camera), lidar, note)
+    return DescribedLidar(_found(topic, lidar, ticks, matrix, camera), lidar, note)
 
 
-def _cone(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> Described:
+def _cone(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> DescribedLidar:
     """One that sends single ranges."""
     rows = heard.scans[topic]
     matrix = _level(given) if allowed.mount_from_model else _into_body(heard, topic)
@@ -121,11 +123,11 @@ def _cone(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) ->
         + f" in {lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "
         f"{lidar.mount_y_m:.3f} m, looks at {lidar.mount_yaw_deg:.1f} deg"
     )  # fmt: skip
-    return Described(_found(topic, lidar, ticks, matrix, None), lidar, note)
+    return DescribedLidar(_found(topic, lidar, ticks, matrix, None), lidar, note)
 
 
 def _found(
-    topic: str, lidar: LidarModel, ticks: Clock, matrix: Floats, camera: depth.Camera | None
+    topic: str, lidar: LidarModel, ticks: Clock, matrix: Floats, camera: depth.Intrinsics | None
 ) -> FoundLidar:  # fmt: skip
     x, y, z = matrix[:3, 3].tolist()
     mount = Mount(Pose(x, y, math.radians(lidar.mount_yaw_deg)), False, z)

@@ -47,7 +47,7 @@ _SENT = 256
 """So many own transforms are known again when the network brings them back."""
 
 
-class Place(NamedTuple):
+class LocatedPose(NamedTuple):
     """Where the robot was when its odometry said so."""
 
     stamp: float
@@ -87,7 +87,7 @@ class Localized:
         self._path = transport.publish(resolved(f"{NODE}/path", space), PATH, LATCHED)
         self._clock = SimulatedClock.on(transport) if found.simulated else None
         self._turn = threading.Condition()
-        self._place: Place | None = None
+        self._place: LocatedPose | None = None
         self._line: Floats | None = None
         self._map: Map | None = None
         self._seen: Floats | None = None
@@ -117,7 +117,7 @@ class Localized:
                 return
             self._newest = stamp
             at = compose(seen.map_odom, odometry.pose)
-            self._place = Place(stamp, seen.map_odom, at, seen.covariance)
+            self._place = LocatedPose(stamp, seen.map_odom, at, seen.covariance)
             self._turn.notify()
 
     def draw(self, known: Map) -> None:
@@ -191,7 +191,7 @@ class Localized:
         ((_, message),) = said(drawn, round(1e9 * self._stamp(0.0)), self.frame)
         self._transport.publish(topic, TOPICS["/map"], LATCHED).send(message)
 
-    def _tell(self, place: Place) -> None:
+    def _tell(self, place: LocatedPose) -> None:
         self._pose.send(located(place, self.frame))
         if not self._transforms or time.monotonic() < self._begins:
             return
@@ -225,7 +225,7 @@ def transform(stamped: Any, child: str, at: Pose) -> Any:
     return TransformStamped(stamped, child, Transform(Vector3(at.x, at.y, 0.0), turned))
 
 
-def located(place: Place, frame: str) -> Any:
+def located(place: LocatedPose, frame: str) -> Any:
     """A `geometry_msgs/msg/PoseWithCovarianceStamped`."""
     rows = np.zeros((6, 6))
     rows[np.ix_((0, 1, 5), (0, 1, 5))] = place.covariance
