@@ -14,7 +14,7 @@ from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Image as Image
 
 from cohelm.record.markers import header
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.depth import Camera, DepthRanges, described
+from cohelm.ros.depth import DepthRanges, Intrinsics, described
 from cohelm.ros.mismatch import IMAGE
 from cohelm.ros.types import packed, unpacked
 
@@ -27,7 +27,7 @@ def main() -> None:
     ask.add_argument("--count", type=int, default=300)
     given = ask.parse_args()
     width, height = given.width, given.height
-    camera = Camera(width, height, 0.95 * width, 0.95 * width, 0.5 * width, 0.5 * height)
+    camera = Intrinsics(width, height, 0.95 * width, 0.95 * width, 0.5 * width, 0.5 * height)
     depth = np.random.default_rng(1).uniform(0.0, 5.0, (height, width))
     rows = depth.astype("<f4") if given.float else np.rint(1e3 * depth).astype("<u2")
     kind = "32FC1" if given.float else "16UC1"

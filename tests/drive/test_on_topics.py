@@ -208,3 +208,26 @@ def test_what_only_a_ros2_robot_has_is_refused_for_others():
             on_topics(made, config, print),
         ):
             pass
+
+
+class Shown:
+    """`ros.localized.Localized` in a test's hands."""
+
+    def __init__(self) -> None:
+        self.maps, self.takes = [], 0
+
+    def draw(self, known) -> None:
+        self.maps.append(known)
+
+    def take(self, *_) -> None:
+        self.takes += 1
+
+
+def test_the_map_is_shown_once(tmp_path):
+    shown = Shown()
+    with Drive(tmp_path, topics=OnTopics(shown, None)) as drive:
+        drive.run(range(20))
+        known = drive.loop.perception.known
+    assert shown.takes > 5
+    (drawn,) = shown.maps
+    assert (drawn.rows, drawn.columns) == known.gap.shape

@@ -45,6 +45,13 @@ def test_jackal_is_the_robot_of_the_barn_challenge():
     assert bounds[4:] == (math.inf, math.inf, 0.376)  # nothing published for the single wheel
 
 
+def test_dingo_d_turns_about_its_axle_before_the_middle_of_its_outline():
+    dingo = shipped("dingo_d")
+    assert np.ptp(dingo.outline, axis=0) == pytest.approx([2 * 0.275584, 2 * 0.258584], abs=2e-4)
+    assert dingo.outline[:, 0].max() + dingo.axle_x_m == pytest.approx(0.275584, abs=1e-3)
+    assert dingo.track_m == pytest.approx(2 * (0.2160016 + 0.01016), abs=1e-4)
+
+
 def test_limits_that_are_not_enforced_are_those_of_an_ideal_unicycle():
     assert shipped("sally").bounds(enforced=False) == unlimited(0.5)
 

@@ -32,12 +32,15 @@ from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Readings
 from cohelm.ros import look as looking
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
-from cohelm.ros.look import Allowed, Topics, look
+from cohelm.ros.found import Allowed
+from cohelm.ros.inspection import Inspection
+from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import BOOL, CLOUD, ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.port import COMMAND, LATCHED, End, Endpoint, Heard, Qos, Received
 from cohelm.ros.robot import Ros2Robot
 from cohelm.ros.served import ServedRobot
+from cohelm.ros.topics import Topics
 from cohelm.ros.types import packed, unpacked
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic, KinematicTruth
@@ -230,13 +233,13 @@ def _found(
     looked = ["/odom", "/scan", "/scan_rear", "/tf_static"]
     assert until(lambda: all((one, TOPICS[one]) in network.last for one in looked), 60.0)
     for _ in range(20):
-        heard = looking._Heard(network, Topics(), model)
+        heard = Inspection(network, Topics(), model)
         for _ in range(60):
             topic = rng.choice(looked)
             network.deliver(topic, TOPICS[topic], wild(rng, network.last[topic, TOPICS[topic]]))
             count["looked at"] += 1
         try:
-            heard.found(model, Allowed(), True)
+            looking.found(heard, network, model, Allowed(), True)
         except CohelmError as error:
             if len(str(error)) < 20:
                 wrong.append(f"no sentence: {error}")

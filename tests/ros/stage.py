@@ -23,13 +23,15 @@ from cohelm.robot.pace import OnTheWall
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.connection import Connection
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
-from cohelm.ros.look import Allowed, Found, Topics, look
+from cohelm.ros.found import Allowed, Found
+from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import TWIST
 from cohelm.ros.pacing import period
 from cohelm.ros.port import COMMAND
 from cohelm.ros.robot import adapted
 from cohelm.ros.served import ServedRobot
+from cohelm.ros.topics import Topics
 from cohelm.ros.types import HAZARD, store
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic

@@ -20,10 +20,11 @@ from cohelm.core.types import Twist
 from cohelm.ros import connection as which
 from cohelm.ros.connection import DDS, FOXGLOVE, Connection, connection
 from cohelm.ros.foxglove import FoxgloveTransport
-from cohelm.ros.look import Topics, look
+from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import TWIST
 from cohelm.ros.port import COMMAND, SENSOR, Received
+from cohelm.ros.topics import Topics
 from cohelm.ros.types import packed
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.bridge import Bridge

@@ -11,11 +11,13 @@ from cohelm.record.markers import header
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.ros import look as looking
 from cohelm.ros.contact import Contacts, contact_topics, is_on, kind_of_contact, said
-from cohelm.ros.look import Allowed, Topics, look
+from cohelm.ros.found import Allowed
+from cohelm.ros.look import look
 from cohelm.ros.mismatch import BOOL, RANGE, TF
 from cohelm.ros.port import Received
 from cohelm.ros.robot import Ros2Robot, topics_of
 from cohelm.ros.served import mounts
+from cohelm.ros.topics import Topics
 from cohelm.ros.types import HAZARDS, packed, type_hash, unpacked
 from cohelm.scenario.load import robot
 from tests.ros.test_unheard import BEST_EFFORT, ENDS, Pretended, Spoken, out, readings

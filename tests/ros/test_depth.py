@@ -15,11 +15,11 @@ from cohelm.core.errors import CohelmError
 from cohelm.record.markers import header
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import rendered
-from cohelm.ros.depth import Camera, DepthRanges, camera, depths, described
+from cohelm.ros.depth import DepthRanges, Intrinsics, camera, depths, described
 from cohelm.ros.mismatch import CAMERA_INFO, IMAGE
 from cohelm.ros.types import packed, unpacked
 
-CAM = Camera(64, 48, 55.0, 55.0, 31.5, 23.5)
+CAM = Intrinsics(64, 48, 55.0, 55.0, 31.5, 23.5)
 GIVEN = LidarModel(
     beams=720, range_min_m=0.2, range_max_m=4.0, height_band_m=(0.1, 1.0), depth_image=True
 )
@@ -164,7 +164,7 @@ def test_the_view_is_the_cameras_and_no_beam_finer_than_its_pixels():
 
 def test_a_post_as_thick_as_the_gap_between_rays_is_seen_in_a_large_image():
     """Of 1280 x 960 pixels every second of each row and column is looked at."""
-    cam, body = Camera(1280, 960, 1100.0, 1100.0, 639.5, 479.5), mounted()
+    cam, body = Intrinsics(1280, 960, 1100.0, 1100.0, 639.5, 479.5), mounted()
     assert cam.stride == 2
     for far in (1.0, 3.5):
         gap = cam.gap * far
@@ -209,7 +209,7 @@ def test_a_camera_is_taken_by_its_projection_for_rectified_images():
     message, _ = unpacked(packed(rendered.info(CAM, header(0, "cam")), CAMERA_INFO), CAMERA_INFO)
     assert camera(message, "/info") == CAM
     k = np.array([50.0, 0, 30, 0, 51, 20, 0, 0, 1])
-    assert camera(told(p=np.zeros(12), k=k), "/info") == Camera(64, 48, 50.0, 51.0, 30.0, 20.0)
+    assert camera(told(p=np.zeros(12), k=k), "/info") == Intrinsics(64, 48, 50.0, 51.0, 30.0, 20.0)
 
 
 @pytest.mark.parametrize("mount", [{"down": 75.0}, {"down": -80.0}, {"roll": 90.0}])

@@ -11,12 +11,12 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.robot.sensors import FloorModel, LidarModel
 from cohelm.ros.cloud import CloudRanges
-from cohelm.ros.depth import Camera, DepthRanges, described
+from cohelm.ros.depth import DepthRanges, Intrinsics, described
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.test_cloud import cloud
 from tests.ros.test_depth import bearings, image, mounted, room
 
-CAM = Camera(160, 120, 137.5, 137.5, 79.5, 59.5)
+CAM = Intrinsics(160, 120, 137.5, 137.5, 79.5, 59.5)
 FROM, TO, CELL, DROP = 0.5, 1.5, 0.1, 0.05
 GIVEN = LidarModel(
     beams=80, range_min_m=0.2, range_max_m=4.0, height_band_m=(0.1, 1.0), depth_image=True,
@@ -94,12 +94,12 @@ def test_a_slope_that_falls_by_less_than_a_drop_from_where_floor_is_seen_is_driv
     assert (ranges < TO).all()
 
 
-def test_where_the_first_floor_is_not_seen_the_robot_is_too_near():
+def test_where_the_first_floor_is_not_seen_something_stands_at_the_least_range():
     """A step down that begins before the nearest floor in view, or a lens that is covered."""
     _, _, ranges = of_camera(room(BODY, [slab(0.3)], CAM, floor=-1.0))
-    assert (ranges == -math.inf).all()
+    assert (ranges == GIVEN.range_min_m).all()
     _, made, ranges = of_camera(np.full((120, 160), math.nan))
-    assert (ranges == -math.inf).all()
+    assert (ranges == GIVEN.range_min_m).all()
     assert made.floor_seen == 0.0
 
 

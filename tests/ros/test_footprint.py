@@ -19,9 +19,9 @@ ARM = [(0.6, 0.1), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2), (0.6, -0.
 class Topic:
     """The topic in a test's hands."""
 
-    def __init__(self):
+    def __init__(self, axle=0.0):
         self.heard = []
-        self.told = ToldFootprint(self, "/footprint", "base_link", 0.4)
+        self.told = ToldFootprint(self, "/footprint", "base_link", 0.4, axle)
 
     def subscribe(self, topic, kind, qos, heard):
         self.heard.append(heard)
@@ -53,6 +53,14 @@ def test_an_outline_is_taken_either_way_round_and_wherever_it_begins():
     assert len(topic.told.read()[0]) == 6
 
 
+def test_an_outline_is_taken_from_the_axle_where_that_is_not_the_bases_origin():
+    topic = Topic(axle=0.1)
+    topic.say(BOX)
+    told, wrong = topic.told.read()
+    assert wrong == ""
+    assert (told[:, 0].min(), told[:, 0].max()) == pytest.approx((-0.4, 0.2))
+
+
 @pytest.mark.parametrize(
     ("corners", "frame", "said"),
     [
@@ -64,7 +72,7 @@ def test_an_outline_is_taken_either_way_round_and_wherever_it_begins():
         ([(300.0, 200.0), (-300.0, 200.0), (-300.0, -200.0)], "base_link", "divide millimetres"),
         ([(x, x) for x in (0.1, 0.2, 0.3)], "base_link", "must have a width"),
         ([BOX[0], BOX[2], BOX[1], BOX[3]], "base_link", "crosses itself"),
-        ([(x + 1.0, y) for x, y in BOX], "base_link", "does not contain the base's origin"),
+        ([(x + 1.0, y) for x, y in BOX], "base_link", "does not contain the middle of the axle"),
         ([(3 * x, 3 * y) for x, y in BOX], "base_link", "more than twice the 0.40 m"),
         ([(np.cos(a), np.sin(a)) for a in np.arange(0, 6.2, 0.1)], "base_link", "at most 32"),
         (BOX, "map", "in the frame 'map', and an outline is in that of the base, 'base_link'"),

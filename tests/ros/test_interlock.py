@@ -12,9 +12,9 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.interlock import Interlock
-from cohelm.ros.look import Topics
 from cohelm.ros.mismatch import BOOL, TWIST, lock
 from cohelm.ros.port import COMMAND, LATCHED, Endpoint, Qos
+from cohelm.ros.topics import Topics
 from tests.ros.stage import Controller, alone, stage, until
 
 pytestmark = pytest.mark.xdist_group("realtime")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import zlib
 
 import numpy as np
 import pytest
@@ -11,14 +12,16 @@ from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMess
 
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
+from cohelm.link.messages import Map
 from cohelm.perceive.pipeline import Seen
 from cohelm.record.markers import header
 from cohelm.robot.port import Odometry
 from cohelm.ros.clock import Clock, seconds
+from cohelm.ros.found import Found
 from cohelm.ros.localized import PATH, POSE, Localized, transform
-from cohelm.ros.look import Found, Topics
 from cohelm.ros.mismatch import TF, TWIST
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received
+from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import yaw_of
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.stage import until
@@ -26,6 +29,11 @@ from tests.ros.transports import TRANSPORTS
 
 pytestmark = pytest.mark.xdist_group("realtime")
 MAP_ODOM, ODOM = Pose(3.0, -1.0, 0.4), Pose(1.5, 0.25, -1.1)
+LASTING = [pytest.param(one, id=name) for name, one in TRANSPORTS.items() if one.graph]
+"""Transports on which what is transient local lasts."""
+GRID = "nav_msgs/msg/OccupancyGrid"
+CELLS = bytes([0, 100, 255, 0, 0, 100])
+ROOM = Map(1, Pose(1.0, -2.0, 0.5), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(CELLS))
 LINE = np.array([(0.0, 0.0, 0.1), (1.0, 0.5, 0.6)])
 
 
@@ -119,6 +127,38 @@ def test_the_path_is_told_to_who_comes_later_and_again_when_it_is_another(pair, 
     robot.localized.close()
     assert len({seconds(one.message.header.stamp) for one in path}) == 2
     assert path.last.header.frame_id == "map"
+
+
+@pytest.mark.parametrize("pair", LASTING, indirect=True)
+def test_the_map_is_told_once_to_who_comes_later_too(pair):
+    ours, theirs = pair
+    robot = Robot(ours, "/drawn")
+    robot.localized.draw(ROOM)
+    time.sleep(0.3)
+    grids = Heard(theirs, "/drawn/map", GRID, LATCHED)
+    assert until(lambda: bool(grids))
+    robot.localized.close()
+    grid = grids.last
+    assert (grid.header.frame_id, grid.info.width, grid.info.height) == ("map", 3, 2)
+    assert grid.info.resolution == pytest.approx(0.05)
+    at = grid.info.origin
+    assert (at.position.x, at.position.y) == pytest.approx((1.0, -2.0))
+    assert yaw_of(at.orientation) == pytest.approx(0.5)
+    assert list(grid.data) == [0, 100, -1, 0, 0, 100]
+    assert len(grids) == 1
+
+
+@pytest.mark.parametrize("pair", LASTING, indirect=True)
+def test_beside_a_map_server_no_map_is_told_and_that_is_said(pair):
+    ours, theirs = pair
+    other = theirs.publish("/served/map", GRID, LATCHED)
+    assert until(lambda: any(one.topic == "/served/map" for one in ours.endpoints()))
+    robot = Robot(ours, "/served")
+    robot.localized.draw(ROOM)
+    assert until(lambda: bool(robot.said))
+    robot.localized.close()
+    assert robot.said[0].startswith("/served/map is published by ")
+    assert other is not None
 
 
 def test_while_lost_nothing_is_said_and_found_again_it_is(pair):

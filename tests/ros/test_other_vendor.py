@@ -15,11 +15,12 @@ pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machi
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.port import Odometry, Scan
 from cohelm.ros.dds import DdsTransport
-from cohelm.ros.look import Topics, look
+from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import ODOMETRY, SCAN, TF, TWIST
 from cohelm.ros.port import COMMAND, SENSOR
 from cohelm.ros.served import mounts, odometry, scan
+from cohelm.ros.topics import Topics
 from cohelm.ros.types import packed
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.stage import DOMAIN, alone, until

@@ -15,12 +15,12 @@ from cohelm.link.messages import Mode
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.sensors import FloorModel
-from cohelm.ros.depth import Camera, DepthRanges, described
+from cohelm.ros.depth import DepthRanges, Intrinsics, described
 from tests.drive.faults import CORRIDOR
 from tests.few import first as few
 from tests.ros.test_depth import image, mounted, room
 
-CAM = Camera(160, 120, 137.5, 137.5, 79.5, 59.5)
+CAM = Intrinsics(160, 120, 137.5, 137.5, 79.5, 59.5)
 BODY = mounted(x=0.2, down=25.0, z=0.4)
 NOISE = 0.01
 """Of a depth, of itself."""

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as Time,
     geometry_msgs__msg__Quaternion as Quaternion,
@@ -19,13 +20,16 @@ from rosbags.typesys.stores.ros2_jazzy import (
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
+from cohelm.cli.ros import _printed
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.record.markers import header
+from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import look as looking, rendered
 from cohelm.ros.clock import TYPE
-from cohelm.ros.look import Allowed, Topics, look
+from cohelm.ros.found import Allowed
+from cohelm.ros.look import look
 from cohelm.ros.mismatch import (
     CAMERA_INFO,
     CLOUD,
@@ -40,6 +44,7 @@ from cohelm.ros.mismatch import (
 from cohelm.ros.port import Endpoint, Qos, Received
 from cohelm.ros.robot import Ros2Robot, topics_of
 from cohelm.ros.served import mounts, odometry, scan
+from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import StaticTransforms
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.test_cloud import cloud
@@ -282,6 +287,36 @@ def test_a_robot_that_is_all_there_is_found_as_it_is():
     assert found.model.lidar.mount_x_m == pytest.approx(SALLY.lidar.mount_x_m)
     assert found.model.lidar.mount_z_m == pytest.approx(SALLY.lidar.mount_z_m)
     assert found.odom_clock.ahead == 0.0
+
+
+def test_what_is_printed_is_a_robots_file_that_a_person_would_have_written(capsys):
+    found = seen_rear(REAR_ENDS, REAR_FRAMES + readings() + behind())
+    _printed(found, False)
+    out = capsys.readouterr().out
+    assert "None" not in out
+    assert "# scan: /scan" in out.splitlines()
+    assert "field_of_view_deg: 270.0," in out
+    made = RobotModel.model_validate(yaml.safe_load(out))
+    for a, b in zip(made.lidars, found.model.lidars, strict=True):
+        assert a.lidar().first == pytest.approx(b.lidar().first, abs=1e-5)
+        assert a.mount_x_m == pytest.approx(b.mount_x_m, abs=1e-4)
+
+
+def test_mounts_are_taken_from_the_axle_where_that_is_not_the_bases_origin():
+    model, images, info = with_camera()
+    ends = [*ENDS, out("/scan_rear", IMAGE, BEST_EFFORT)]
+    messages = [(("/tf_static", TF), mounts(model)), *readings(), *images, *info]
+
+    def of(axle):
+        robot = model.model_copy(update={"axle_x_m": axle})
+        return look(Pretended(ends, messages), robot, Topics(), Allowed(), 0.06)
+
+    there, here = of(0.0), of(0.1)
+    for a, b in zip(there.model.lidars, here.model.lidars, strict=True):
+        assert b.mount_x_m == pytest.approx(a.mount_x_m - 0.1)
+        assert b.mount_y_m == pytest.approx(a.mount_y_m)
+    assert here.lidars[0].mount.pose.x == pytest.approx(there.lidars[0].mount.pose.x - 0.1)
+    assert here.lidars[1].cloud[0, 3] == pytest.approx(there.lidars[1].cloud[0, 3] - 0.1)
 
 
 MISSING = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cohelm.drive.operate import Ros2Config
-    from cohelm.ros.look import Found
+    from cohelm.ros.found import Found
 
 TopicNames = Annotated[
     list[str] | None,
@@ -132,8 +132,10 @@ def filter_(
     """
     from cohelm.drive.operate import ended
     from cohelm.ros.connection import connection
-    from cohelm.ros.look import Allowed, Topics, look
+    from cohelm.ros.found import Allowed
+    from cohelm.ros.look import look
     from cohelm.ros.report import NODE
+    from cohelm.ros.topics import Topics
     from cohelm.scenario.load import load_robot
 
     model = load_robot(robot)
@@ -214,8 +216,8 @@ def base(
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.model import SHIPPED
     from cohelm.ros.dds import DdsTransport
-    from cohelm.ros.look import Topics
     from cohelm.ros.served import ServedRobot, asked_for, wanting
+    from cohelm.ros.topics import Topics
 
     changes = [f"robot={name}"] if name in SHIPPED else []
     named = scenario if name in SHIPPED else name
@@ -300,15 +302,28 @@ def _served(
 
 def _printed(found: Found, as_json: bool) -> None:
     """What was found, as the robot's YAML file would say it, or JSON."""
+    from cohelm.robot.model import RobotModel
     from cohelm.scenario.load import dump
 
     topics: dict[str, Any] = found.topics._asdict() | {"out_type": found.out_type}
-    if further := topics.pop("further"):
-        topics["further"] = dict(further)
+    for several in ("further", "contacts"):
+        if named := topics.pop(several):
+            topics[several] = dict(named)
     if as_json:
         model = found.model.model_dump(mode="json", exclude_none=True)
         print_json({"topics": topics, "robot": model, "notes": list(found.notes)})
         return
     for key, name in topics.items():
-        print(f"# {key}: {name}")
-    print(dump(found.model), end="")
+        if name:
+            print(f"# {key}: {name}")
+    short = _short(found.model.model_dump(mode="json", exclude_none=True))
+    print(dump(RobotModel.model_validate(short)), end="")
+
+
+def _short(value: Any) -> Any:
+    """With numbers as a person would write them: to a tenth of a millimetre or millisecond."""
+    if isinstance(value, dict):
+        return {key: _short(one) for key, one in cast("dict[str, Any]", value).items()}
+    if isinstance(value, list):
+        return [_short(one) for one in cast("list[Any]", value)]
+    return round(value, 4) if isinstance(value, float) else value

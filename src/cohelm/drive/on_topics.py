@@ -15,12 +15,12 @@ from cohelm.drive.factory import OwnRobot, RobotFactory
 from cohelm.drive.operator_requests import SessionJobs, judge_of
 from cohelm.drive.rerouting import PathRequest, Rerouting, stands
 from cohelm.drive.session import Camera as Eye, Session, driver_of
-from cohelm.drive.shown import way
+from cohelm.drive.shown import drawn, way
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Arming, Checked
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
-from cohelm.perceive.localize.localization_map import gap_at
+from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
 from cohelm.ros.camera import Camera
 from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.goals import Goals, Placed
@@ -66,6 +66,7 @@ class OnTopics:
         self.camera = camera
         self.blind = localized is not None and camera is None
         """Whether it is a ROS 2 robot of which there are no pictures."""
+        self._drawn: LocalizationMap | None = None
         self._session: Session | None = None
         self._jobs: SessionJobs | None = None
         self._rerouting: Rerouting | None = None
@@ -96,6 +97,10 @@ class OnTopics:
         if seen is None or readings is None:
             return
         if self._localized is not None and loop.has_map:
+            known = loop.perception.known
+            if known is not None and known is not self._drawn:
+                self._drawn = known
+                self._localized.draw(drawn(known))
             line = None if pilot is None else pilot.course.poses
             self._localized.take(seen, readings.odometry, loop.gated.now(), line)
         if self._goals is not None:

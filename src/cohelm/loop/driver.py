@@ -63,6 +63,8 @@ class Driver:
         self._zones = None if zones is None else Zoned(zones, settings.outline, settings.gains.u_d)
         self._zoned = self._points
         self._joined = self._points
+        self._unseen = (0, 0)
+        """From which to which of the points around is only ground that nothing has seen."""
 
     @property
     def arrived(self) -> bool:
@@ -102,6 +104,7 @@ class Driver:
         """What is seen, in the map's frame as the pose has it now: pose and things in it jump
         together when the robot finds itself elsewhere on the map, and nothing comes nearer. Behind
         its points stand those of the keep-out zones, unless the robot is lost."""
+        self._unseen = (len(seen.points) - seen.blind, len(seen.points))
         key = (seen.points, seen.map_odom)
         if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)
@@ -143,7 +146,7 @@ class Driver:
             if made is not None:
                 pilot.take(made, pose, self._twist)
             if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
-                now, pilot.task(pose, self._twist, around)
+                now, pilot.task(pose, self._twist, around, self._unseen)
             ):
                 self._planned = now
         return self._step(pilot, now, pose, stick, around)

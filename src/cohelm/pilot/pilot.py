@@ -132,12 +132,14 @@ class Pilot:
             self._bars |= kind(left)
             self.state = self.state._replace(left=NO_MOVE)
 
-    def task(self, pose: Pose, twist: Twist, seen: Surroundings) -> Task:
-        """A snapshot to plan from."""
+    def task(
+        self, pose: Pose, twist: Twist, seen: Surroundings, unseen: tuple[int, int] = (0, 0)
+    ) -> Task:  # fmt: skip
+        """A snapshot to plan from. unseen: see there."""
         since = self.state.time - self._taken
         led = self.behavior == LED
         state = self.state._replace(refused=self.state.refused | self._bars)
-        return Task(state, pose, twist, seen, self.course, since, led, self.barred)
+        return Task(state, pose, twist, seen, self.course, since, led, self.barred, unseen)
 
     def plan(self, pose: Pose, twist: Twist, seen: Surroundings) -> Plan:
         """The slow part here and now: `planner` on a snapshot. `take` it afterwards."""

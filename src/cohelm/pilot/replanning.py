@@ -76,6 +76,8 @@ class Task(NamedTuple):
     """Whether the person leads."""
     barred: float = 0.0
     """How long gate and monitors have let nothing through of what was asked for [s]."""
+    unseen: tuple[int, int] = (0, 0)
+    """From which to which of the points around is only ground that nothing has seen."""
 
 
 class Plan(NamedTuple):
@@ -103,7 +105,9 @@ def plan(
 
     The route itself is followed where it is clear by `accept`; else a way round what is in the
     way, back onto the route and on along it. Held up for long, or looking the wrong way, the
-    robot first gets out of where it is.
+    robot first gets out of where it is. Where there is no way over ground that has been seen, one
+    over ground that has not is begun: the filter ends it where that begins, and there the robot
+    looks.
     """
     around, state, now = task.around, task.state, task.course
     if state.evasion.on and not _once_a_second(task):  # it does not follow the course meanwhile
@@ -124,6 +128,12 @@ def plan(
     if made.failed and len(coming):
         far = _once_a_second(task)
         made = _course(task, there, kept, route, settings, path_params, replan_params, far)
+    first, end = task.unseen
+    ended = not made.new and _ended(task, route, replan_params)
+    if (made.failed or ended) and end > first:
+        stands = around._replace(points=np.delete(around.points, slice(first, end), axis=0))
+        points = known(stands, task.pose, replan_params.known)
+        made = _course(task, points, kept, route, settings, path_params, replan_params, far)
     return made._replace(
         move=_way_out(task, made, there, route, settings, path_params, replan_params)
     )
@@ -149,10 +159,8 @@ def _course(
         if back is not None:
             return back
     short = not now.last and _remaining(now, state.clock.tau) < 0.75 * replan_params.look
-    off = now.poses[-1, :2] - route.line[-1]
     # What stood or walked where the route ends may be gone.
-    beside = now.last and not on_route and math.hypot(off[0], off[1]) > replan_params.beside
-    ended = beside and _remaining(now, state.clock.tau) < 0.1
+    beside, ended = _beside(now, route, replan_params), _ended(task, route, replan_params)
     fine = kept.clearance >= path_params.clearance - replan_params.slack and not (
         astray or held or short or on_route or ended
     )
@@ -165,9 +173,25 @@ def _course(
     if fine and not beside and back:  # no way that begins with turning round is better
         return kept
     if found is not None and ended:
-        nearer = found.course.poses[-1, :2] - route.line[-1]
-        found = found if math.hypot(*nearer) < math.hypot(*off) - 0.1 else None
+        nearer = _off_end(found.course, route) < _off_end(now, route) - 0.1
+        found = found if nearer else None
     return kept._replace(failed=not ended) if found is None else found
+
+
+def _off_end(course: Course, route: Route) -> float:
+    """How far from the route's end a course ends [m]."""
+    return math.hypot(*(course.poses[-1, :2] - route.line[-1]))
+
+
+def _beside(now: Course, route: Route, replan_params: ReplanParams) -> bool:
+    """Whether the course is a way that ends beside the route's end."""
+    return now.last and now.row > 0 and _off_end(now, route) > replan_params.beside
+
+
+def _ended(task: Task, route: Route, replan_params: ReplanParams) -> bool:
+    """Whether the robot is where such a way ends."""
+    at_end = _remaining(task.course, task.state.clock.tau) < 0.1
+    return at_end and _beside(task.course, route, replan_params)
 
 
 def _held(task: Task, replan_params: ReplanParams) -> bool:

@@ -61,6 +61,8 @@ class RobotModel(Schema):
     """Distance between the two driven wheels."""
     wheel_radius_m: Positive
     """Radius of the driven wheels."""
+    axle_x_m: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
+    """Where the middle of the wheel axle is in the frame that ROS calls the base."""
     height_m: Positive = 0.5
     """Height of the body."""
     mass_kg: Positive = 40.0
@@ -189,8 +191,8 @@ class RobotModel(Schema):
 
 
 SHIPPED = (
-    "sally", "sally-rear", "sally-depth", "jackal", "husky", "rosbot", "turtlebot3_burger",
-    "turtlebot3_waffle", "turtlebot4", "mir100",
+    "sally", "sally-rear", "sally-depth", "jackal", "husky", "dingo_d", "rosbot",
+    "turtlebot3_burger", "turtlebot3_waffle", "turtlebot4", "mir100",
 )  # fmt: skip
 """Robots that come with the package, by the names a scenario may use."""
 

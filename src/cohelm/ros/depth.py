@@ -23,7 +23,7 @@ _MEASURED = 0.5
 """A beam along which fewer of the pixels measured something has seen nothing."""
 
 
-class Camera(NamedTuple):
+class Intrinsics(NamedTuple):
     """A pinhole camera of rectified images, in pixels."""
 
     width: int
@@ -49,12 +49,12 @@ def info_topic(topic: str) -> str:
     return f"{topic.rpartition('/')[0]}/camera_info"
 
 
-def camera(info: Any, topic: str) -> Camera:
+def camera(info: Any, topic: str) -> Intrinsics:
     """Of a `sensor_msgs/msg/CameraInfo`: of its projection for rectified images, if there is one.
     CohelmError for numbers that are none of a camera."""
     p, k = [float(v) for v in info.p], [float(v) for v in info.k]
     fx, fy, cx, cy = (p[0], p[5], p[2], p[6]) if p[0] else (k[0], k[4], k[2], k[5])
-    made = Camera(int(info.width), int(info.height), fx, fy, cx, cy)
+    made = Intrinsics(int(info.width), int(info.height), fx, fy, cx, cy)
     if (
         not all(map(math.isfinite, made))
         or not (2 <= made.width <= 8192 and 2 <= made.height <= 8192)
@@ -68,7 +68,7 @@ def camera(info: Any, topic: str) -> Camera:
     return made
 
 
-def depths(image: Any, camera: Camera, topic: str) -> tuple[Any, float]:
+def depths(image: Any, camera: Intrinsics, topic: str) -> tuple[Any, float]:
     """(height, width) as they are in a `sensor_msgs/msg/Image`, and the metres of one.
     CohelmError for an image that is none of this camera's, or not one of depths."""
     kind, metres = _ENCODINGS.get(image.encoding, ("", 0.0))
@@ -93,7 +93,7 @@ def depths(image: Any, camera: Camera, topic: str) -> tuple[Any, float]:
     return np.ndarray((height, width), order + kind, data.tobytes(), 0, (step, size)), metres
 
 
-def described(camera: Camera, body: Floats, given: LidarModel, topic: str) -> LidarModel:
+def described(camera: Intrinsics, body: Floats, given: LidarModel, topic: str) -> LidarModel:
     """The LiDAR that a depth camera is: where it is and looks, and not more beams nor a wider view
     than its images have.
 
@@ -136,7 +136,7 @@ class DepthRanges:
     here, once: the beam of a pixel does not change with its depth, as the beams begin at the lens.
     """
 
-    def __init__(self, model: LidarModel, camera: Camera, body: Floats, topic: str) -> None:
+    def __init__(self, model: LidarModel, camera: Intrinsics, body: Floats, topic: str) -> None:
         """model: as `described` makes it. body: (4, 4), from the optical frame into the body's."""
         self._model, self._camera, self._topic = model, camera, topic
         lidar, every = model.lidar(), camera.stride
@@ -217,7 +217,7 @@ class DepthRanges:
         return made
 
 
-def _rays(camera: Camera, body: Floats, columns: Ints, rows: Ints) -> Floats:
+def _rays(camera: Intrinsics, body: Floats, columns: Ints, rows: Ints) -> Floats:
     """(rows, columns, 3), in the body's directions, what a pixel's point moves by with a metre of
     depth."""
     made: Floats = np.ones((len(rows), len(columns), 3))

@@ -27,7 +27,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
 from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.commands import Commands, Nominal
-from cohelm.ros.look import Found
+from cohelm.ros.found import Found
 from cohelm.ros.pacing import Pacing
 from cohelm.ros.port import Qos, Transport
 from cohelm.ros.report import Report, Row

@@ -27,6 +27,7 @@ class Floor:
     def __init__(self, model: LidarModel, floor: FloorModel) -> None:
         """floor: of the model."""
         self._floor, self._low = floor, (model.height_band_m or (math.inf, math.inf))[0]
+        self._least = model.range_min_m
         step = model.lidar().step
         self._wide = max(1, round(floor.cell_m / (floor.to_m * step)))
         """Beams of a sector."""
@@ -54,9 +55,10 @@ class Floor:
 
     def stood(self, beams: Ints, far: Floats, heights: Floats, ranges: Floats) -> Floats:
         """(beams,), the ranges [m], and where the floor ends before them that instead: a cell
-        before its last point, along each beam; -inf where none is seen, as what begins nearer than
-        the first can not be seen. What stands nearer than the first cell is why a sector does not
-        show it: there it ends where that thing is.
+        before its last point, along each beam; at the least range where none is seen, as what
+        begins nearer than the first can not be seen: who watches the floor remembers where it was
+        seen. What stands nearer than the first cell is why a sector does not show it: there it ends
+        where that thing is.
 
         Not the cell's end: that would be the same for many beams and scans, as of a sensor that
         hangs, and would jump as the robot moves.
@@ -97,11 +99,11 @@ class Floor:
         return made
 
     def _hidden(self, ranges: Floats) -> Floats:
-        """(beams,), how far away it is what hides the first cell of each one's sector [m]; -inf
-        where nothing does."""
+        """(beams,), how far away it is what hides the first cell of each one's sector; the least
+        range where nothing does [m]."""
         starts = np.arange(0, len(ranges), self._wide)
         nearest: Floats = np.fmin.reduceat(ranges, starts)
-        hides = np.where(nearest < self._floor.from_m, nearest, -math.inf)
+        hides = np.where(nearest < self._floor.from_m, nearest, self._least)
         made: Floats = hides[self._beams]
         return made
 

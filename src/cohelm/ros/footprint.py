@@ -26,10 +26,13 @@ _CHANGES, _WITHIN = 5, 5.0
 class ToldFootprint:
     """The newest outline that was told, or what is wrong with it. Until one is, there is none."""
 
-    def __init__(self, transport: Transport, topic: str, body: str, reach: float) -> None:
+    def __init__(
+        self, transport: Transport, topic: str, body: str, reach: float, axle: float = 0.0
+    ) -> None:
         """body: the frame of the base, in which an outline has to be. reach: of the outline in the
-        robot's file [m]; one that reaches more than twice as far is none."""
-        self._topic, self._body, self._reach = topic, body, reach
+        robot's file [m]; one that reaches more than twice as far is none. axle: from which an
+        outline is counted here, in that frame [m]."""
+        self._topic, self._body, self._reach, self._axle = topic, body, reach, axle
         self._lock = threading.Lock()
         self._newest: Floats | None = None
         self._wrong = ""
@@ -74,14 +77,15 @@ class ToldFootprint:
                 f"it is in the frame {frame!r}, and an outline is in that of the base, "
                 f"{self._body!r}: publish it in that"
             )
-        corners = [(float(one.x), float(one.y)) for one in message.polygon.points]
+        corners = [(float(one.x) - self._axle, float(one.y)) for one in message.polygon.points]
         if len(corners) > _MOST:
             raise CohelmError(f"an outline has at most {_MOST} corners, got {len(corners)}")
         made = convex_outline(np.array(corners, dtype=np.float64).reshape(-1, 2))
         edges = np.roll(made, -1, axis=0) - made
         if not (edges[:, 1] * made[:, 0] > edges[:, 0] * made[:, 1]).all():
             raise CohelmError(
-                "the outline does not contain the base's origin: give it in the frame of the base"
+                "the outline does not contain the middle of the axle: give it in the frame of the "
+                "base"
             )
         far = float(np.hypot(made[:, 0], made[:, 1]).max())
         if far > 2.0 * self._reach:

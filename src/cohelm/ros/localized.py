@@ -1,4 +1,4 @@
-"""Tells ROS 2 where a robot is on its map (REP-105), and which path it drives."""
+"""Tells ROS 2 where a robot is on its map (REP-105), the map, and which path it drives."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose
+from cohelm.link.messages import Map
 from cohelm.perceive.pipeline import Seen
 from cohelm.record.markers import header, pose as pose_message
+from cohelm.record.shown import TOPICS, said
 from cohelm.robot.port import Odometry
 from cohelm.ros.clock import SimulatedClock
-from cohelm.ros.look import Found
+from cohelm.ros.found import Found
 from cohelm.ros.mismatch import TF
 from cohelm.ros.names import resolved
 from cohelm.ros.port import COMMAND, LATCHED, Qos, Received, Transport
@@ -45,7 +47,7 @@ _SENT = 256
 """So many own transforms are known again when the network brings them back."""
 
 
-class Place(NamedTuple):
+class LocatedPose(NamedTuple):
     """Where the robot was when its odometry said so."""
 
     stamp: float
@@ -85,8 +87,9 @@ class Localized:
         self._path = transport.publish(resolved(f"{NODE}/path", space), PATH, LATCHED)
         self._clock = SimulatedClock.on(transport) if found.simulated else None
         self._turn = threading.Condition()
-        self._place: Place | None = None
+        self._place: LocatedPose | None = None
         self._line: Floats | None = None
+        self._map: Map | None = None
         self._seen: Floats | None = None
         self._drawn: Floats = np.empty((0, 3))
         self._newest = -math.inf
@@ -114,7 +117,13 @@ class Localized:
                 return
             self._newest = stamp
             at = compose(seen.map_odom, odometry.pose)
-            self._place = Place(stamp, seen.map_odom, at, seen.covariance)
+            self._place = LocatedPose(stamp, seen.map_odom, at, seen.covariance)
+            self._turn.notify()
+
+    def draw(self, known: Map) -> None:
+        """The map that the robot is localised on, once."""
+        with self._turn:
+            self._map = known
             self._turn.notify()
 
     def close(self) -> None:
@@ -149,12 +158,19 @@ class Localized:
     def _run(self) -> None:
         while True:
             with self._turn:
-                self._turn.wait_for(lambda: self._over or self._place or self._line is not None)
+                self._turn.wait_for(
+                    lambda: self._over or self._place or self._map or self._line is not None
+                )
                 if self._over:
                     return
                 place, self._place = self._place, None
                 line, self._line = self._line, None
+                drawn = None
+                if time.monotonic() >= self._begins:
+                    drawn, self._map = self._map, None
             try:
+                if drawn is not None:
+                    self._send_map(drawn)
                 if line is not None and not np.array_equal(line, self._drawn):
                     self._drawn = line
                     self._path.send(path(line, self.frame, self._stamp(0.0)))
@@ -164,7 +180,18 @@ class Localized:
                 return
             time.sleep(_EVERY)
 
-    def _tell(self, place: Place) -> None:
+    def _send_map(self, drawn: Map) -> None:
+        """Unless somebody else publishes one already."""
+        topic = resolved("map", self._found.topics.namespace)
+        for one in self._transport.endpoints():
+            if one.publishes and one.topic == topic:
+                who = one.node or "somebody else"
+                self._say(f"{topic} is published by {who} already: cohelm publishes none")
+                return
+        ((_, message),) = said(drawn, round(1e9 * self._stamp(0.0)), self.frame)
+        self._transport.publish(topic, TOPICS["/map"], LATCHED).send(message)
+
+    def _tell(self, place: LocatedPose) -> None:
         self._pose.send(located(place, self.frame))
         if not self._transforms or time.monotonic() < self._begins:
             return
@@ -198,7 +225,7 @@ def transform(stamped: Any, child: str, at: Pose) -> Any:
     return TransformStamped(stamped, child, Transform(Vector3(at.x, at.y, 0.0), turned))
 
 
-def located(place: Place, frame: str) -> Any:
+def located(place: LocatedPose, frame: str) -> Any:
     """A `geometry_msgs/msg/PoseWithCovarianceStamped`."""
     rows = np.zeros((6, 6))
     rows[np.ix_((0, 1, 5), (0, 1, 5))] = place.covariance

@@ -65,11 +65,12 @@ def diagnostics(
 
 
 def markers(
-    outline: Floats, body: str, odom: str, level: int, limiting: tuple[float, float] | None
-) -> Any:
+    outline: Floats, body: str, odom: str, level: int, limiting: tuple[float, float] | None,
+    axle: float = 0.0,
+) -> Any:  # fmt: skip
     """The outline in the colour of what the filter does, and what holds the robot back; both for
-    the newest transforms that there are."""
-    here = pose(0.0, 0.0, 0.0)
+    the newest transforms that there are. axle: from which the outline is, in the body's frame."""
+    here = pose(axle, 0.0, 0.0)
     corners = outline.tolist()
     drawn = [
         marker(

@@ -17,7 +17,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm.core.types import Floats
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.depth import Camera
+from cohelm.ros.depth import Intrinsics
 
 OPTICAL = (-0.5, 0.5, -0.5, 0.5)
 """x, y, z, w: of a camera that looks along the body's x, level (REP-103)."""
@@ -25,16 +25,16 @@ _WIDEST = 120.0
 """A pinhole camera sees no more [deg]."""
 
 
-def camera_of(lidar: LidarModel) -> Camera:
+def camera_of(lidar: LidarModel) -> Intrinsics:
     """One as fine as its beams, 4 to 3."""
     width = max(lidar.beams, 8)
     half = math.radians(0.5 * min(lidar.field_of_view_deg, _WIDEST))
     height, middle = 3 * width // 4, 0.5 * (width - 1)
     f = middle / math.tan(half)
-    return Camera(width, height, f, f, middle, 0.5 * (height - 1))
+    return Intrinsics(width, height, f, f, middle, 0.5 * (height - 1))
 
 
-def info(camera: Camera, header: Any) -> Any:
+def info(camera: Intrinsics, header: Any) -> Any:
     """Its `sensor_msgs/msg/CameraInfo`."""
     k = np.array([camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1.0])
     p = np.insert(k, [3, 6, 9], 0.0)

@@ -12,7 +12,7 @@ from cohelm.core.types import Twist
 from cohelm.law.verdict import Verdict
 from cohelm.ros import messages
 from cohelm.ros.clock import SimulatedClock
-from cohelm.ros.look import Found
+from cohelm.ros.found import Found
 from cohelm.ros.names import resolved
 from cohelm.ros.port import COMMAND, LATCHED, Transport
 
@@ -98,7 +98,12 @@ class Report:
             found = self._found
             self._markers.send(
                 messages.markers(
-                    self.outline, found.body, found.odom, _LEVELS[self._kind], row.limiting
+                    self.outline,
+                    found.body,
+                    found.odom,
+                    _LEVELS[self._kind],
+                    row.limiting,
+                    found.model.axle_x_m,
                 )
             )
 

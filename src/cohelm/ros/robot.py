@@ -24,11 +24,14 @@ from cohelm.ros.connection import connection
 from cohelm.ros.contact import Contacts, contact_topics
 from cohelm.ros.depth import DepthRanges
 from cohelm.ros.footprint import ToldFootprint
+from cohelm.ros.found import Found, FoundLidar
+from cohelm.ros.inspection import kind_of
 from cohelm.ros.interlock import Interlock
-from cohelm.ros.look import Found, FoundLidar, Topics, kind_of, look
+from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import ODOMETRY
 from cohelm.ros.port import COMMAND, SENSOR, Received, Transport
+from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import yaw_of
 
 _QUIET = 1.0
@@ -78,7 +81,7 @@ class Ros2Robot(Robot):
             self._footprint = None
             if topics.footprint:
                 self._footprint = ToldFootprint(
-                    self._transport, topics.footprint, found.body, model.reach
+                    self._transport, topics.footprint, found.body, model.reach, model.axle_x_m
                 )
             for lidar, one in zip(model.lidars, found.lidars, strict=True):
                 hear = partial(self._hear_scan, lidar.name)

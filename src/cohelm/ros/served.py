@@ -45,12 +45,13 @@ from cohelm.ros import clock, rendered
 from cohelm.ros.camera import COMPRESSED
 from cohelm.ros.contact import contact_topics, said
 from cohelm.ros.depth import info_topic
+from cohelm.ros.inspection import kind_of
 from cohelm.ros.localized import transform
-from cohelm.ros.look import Topics, kind_of
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import CAMERA_INFO, IMAGE, ODOMETRY, STAMPED, TF, TWIST
 from cohelm.ros.names import resolved
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received, Transport
+from cohelm.ros.topics import Topics
 
 _LOOKS = 0.004
 """The robot is looked at so often [s]."""
@@ -239,7 +240,7 @@ def mounts(model: RobotModel) -> Any:
         c, s = math.cos(half), math.sin(half)
         x, y, z, w = rendered.OPTICAL if lidar.depth_image else (0.0, 0.0, 0.0, 1.0)
         at = Transform(
-            Vector3(lidar.mount_x_m, lidar.mount_y_m, _height(lidar)),
+            Vector3(lidar.mount_x_m + model.axle_x_m, lidar.mount_y_m, _height(lidar)),
             Quaternion(c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z),
         )
         found.append(TransformStamped(header(now, _BODY), frame, at))

@@ -88,6 +88,27 @@ def test_an_edge_that_left_the_view_beneath_the_camera_stops_it_still():
     assert it.restrict(t, Twist(-0.3, 0.0)) == UNRESTRICTED
 
 
+def test_switched_on_before_an_edge_that_is_nearer_than_its_picture_it_does_not_go_there():
+    """Nobody vouches for floor before which the camera sees none."""
+    edge = np.full(BEAMS, DEEP.further_lidars[0].range_min_m)
+    it, t = after(spun(0), [edge])
+    for ahead in (0.05, 0.3, 0.6):
+        found = it.restrict(t, Twist(ahead, 0.0))
+        assert found.share == 0.0
+        assert "floor that nothing has seen" in found.reason
+    assert it.restrict(t, Twist(-0.08, 0.0)) == UNRESTRICTED
+
+
+def test_who_came_to_an_edge_on_floor_that_it_has_seen_may_turn_there():
+    """What was floor as it came is known, though the picture now begins behind the edge."""
+    poses = [Pose(x, 0.0, 0.0) for x in np.arange(0.0, 0.5, 0.04)]
+    deeps = [np.full(BEAMS, math.inf)] * (len(poses) - 1)
+    deeps.append(np.full(BEAMS, DEEP.further_lidars[0].range_min_m))
+    it, t = after(poses, deeps)
+    assert it.restrict(t, Twist(0.0, 0.3)) == UNRESTRICTED
+    assert it.restrict(t, Twist(1.0, 0.0)).share < 0.6
+
+
 def test_what_was_too_near_is_not_where_the_robot_has_turned_to_since():
     """It saw something too near to be measured while it turned; that may have been anywhere up to
     the lens, but for where the robot is itself now."""

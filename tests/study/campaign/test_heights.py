@@ -129,3 +129,12 @@ def test_worlds_are_driven_without_a_fall_or_contact():
     rows = [run_episode(heights.case(11, k), "guard") for k in range(10)]
     assert [(row.fault, row.falls, row.contacts_moving) for row in rows] == [("", 0, 0)] * 10
     assert any(row.arrived for row in rows)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [2, 11, 20, 27, 30])
+def test_a_robot_looks_at_floor_that_nothing_has_seen_and_gets_on(number):
+    """Each stood before such floor, or beside an edge, until its time was over."""
+    row = run_episode(heights.case(8310, number), "guard")
+    assert (row.fault, row.falls, row.contacts_moving) == ("", 0, 0)
+    assert row.arrived

@@ -115,14 +115,16 @@ class FreeSpace:
             watched = (far >= sensor.floor_from) & (far <= sensor.floor_to)
             beside = np.minimum(np.roll(ranges, 1), np.roll(ranges, -1))
             reach = np.where(np.isnan(ranges), beside, ranges)  # floor is seen by several beams
+            none_seen = new[looks & ~(reach[beams] > sensor.range_min)]
             looks &= watched & (reach[beams] > far)  # not for NaN
             seen_free = looks
         else:
+            none_seen = new[:0]
             seen_free = looks & (ranges[beams] > far - CELL)
         known = self._known.ravel()
         known[new[seen_free & self._kept.ravel()[new]]] = True
         if not self._vouched:
-            self._vouch(pose)
+            self._vouch(pose, none_seen)
         cells = _INDEX[new[~(looks | known[new]) & self._near[new]]] + np.array(self._cell)
         points: Floats = CELL * cells.astype(np.float64)
         at = seen_from(points, pose)
@@ -139,11 +141,13 @@ class FreeSpace:
         )  # fmt: skip
         return self.unknown
 
-    def _vouch(self, pose: Pose) -> None:
-        """For the ground about a pose."""
+    def _vouch(self, pose: Pose, but: Ints) -> None:
+        """For the ground about a pose, but for these cells."""
         self._vouched = True
         x, y = (CELL * (c + k) for c, k in zip(self._cell, (_X, _Y), strict=True))
-        self._known |= np.hypot(x - pose.x, y - pose.y) < self._vouches
+        near = np.hypot(x - pose.x, y - pose.y) < self._vouches
+        near.ravel()[but] = False
+        self._known |= near
 
     def _move(self, i: int, j: int) -> None:
         """The window about a cell: what was in it and still is stays known."""

@@ -9,7 +9,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 from cohelm.robot.model import RobotModel
-from cohelm.ros.depth import Camera, described
+from cohelm.ros.depth import Intrinsics, described
 from cohelm.sim.heights import DepthCamera
 
 _NOISE, _LOST, _GRAZING = 0.01, 0.01, 0.08
@@ -45,9 +45,9 @@ def lens(model: RobotModel, askew: float) -> DepthCamera:
     )  # fmt: skip
 
 
-def seen_by(lens: DepthCamera) -> Camera:
+def seen_by(lens: DepthCamera) -> Intrinsics:
     """As its CameraInfo says it."""
-    return Camera(
+    return Intrinsics(
         lens.width, lens.height, lens.focal, lens.focal, 0.5 * (lens.width - 1),
         0.5 * (lens.height - 1),
     )  # fmt: skip

@@ -1,0 +1,170 @@
+"""What was found of each LiDAR: planar, of point clouds, of depth images or of single ranges."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats, Pose
+from cohelm.robot.sensors import LidarModel
+from cohelm.ros import clock, cloud, cone, depth, laser, mismatch
+from cohelm.ros.clock import Clock, estimated
+from cohelm.ros.found import Allowed, FoundLidar
+from cohelm.ros.inspection import Inspection
+from cohelm.ros.transforms import Mount
+
+_LATE = 0.005
+"""Last beams that seem so far in the future belong to scans that are stamped at their end [s]."""
+
+
+class DescribedLidar(NamedTuple):
+    """A LiDAR as it was found."""
+
+    found: FoundLidar
+    model: LidarModel
+    """As the robot's description will say it."""
+    note: str
+    """What it is, in a sentence."""
+
+
+def describe(
+    heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed
+) -> DescribedLidar:
+    """The LiDAR behind a topic. given: as the robot's file has it. CohelmError for what does not
+    fit."""
+    if given is not None and given.height_band_m is not None:
+        return _cloud(heard, topic, given, allowed)
+    if given is not None and given.range_sensor:
+        return _cone(heard, topic, given, allowed)
+    return _planar(heard, topic, given, allowed)
+
+
+def _planar(
+    heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed
+) -> DescribedLidar:
+    rows = heard.scans[topic]
+    mount, scan, rate = _placed(heard, topic, given, allowed), rows[-1].message, heard.rate(rows)
+    late, duration = laser.taken(scan, mount)
+    ages = [age - duration - late for age in heard.ages(rows)]
+    at_end = -(duration + clock.AHEAD) <= min(ages) < -_LATE
+    if at_end:
+        ages = [age + duration for age in ages]
+    ticks = estimated(ages, topic, allowed.clock)
+    try:
+        lidar = laser.lidar_model(scan, topic, mount, rate, min(ages) + ticks.ahead, given)
+    except ValueError as error:  # a LiDAR model that is none
+        raise CohelmError(f"{topic}: {error}") from error
+    note = (
+        f"LiDAR: {topic}, {rate:.1f} Hz, {lidar.beams} beams over "
+        f"{lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "
+        f"{lidar.mount_y_m:.3f} m, middle beam at {lidar.mount_yaw_deg:.1f} deg"
+        + (", upside down" if mount.upside_down else "")
+    )
+    return DescribedLidar(FoundLidar(topic, mount, ticks, at_end), lidar, note)
+
+
+def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> DescribedLidar:
+    """One that sends point clouds: what it sees and how finely is as described; or depth
+    images, whose camera is asked too."""
+    rows, body = heard.scans[topic], heard.body()
+    matrix = _into_body(heard, topic)
+    ages, rate = heard.ages(rows), heard.rate(rows)
+    ticks = estimated(ages, topic, allowed.clock)
+    x, y, _ = matrix[:3, 3].tolist()
+    lidar = given.model_copy(
+        update={
+            "rate_hz": rate, "sweep_s": 0.0, "mount_x_m": x, "mount_y_m": y,
+            "latency_s": min(max(min(ages) + ticks.ahead, 0.0), 1.0),
+        }
+    )  # fmt: skip
+    camera, what, grain = None, "point cloud", ""
+    if infos := heard.infos.get(topic):
+        camera = depth.camera(infos[-1].message, depth.info_topic(topic))
+        lidar = depth.described(camera, matrix, lidar, topic)
+        ranges = depth.DepthRanges(lidar, camera, matrix, topic)
+        what = f"depth image: {camera.width} x {camera.height}"
+        grain = (
+            f", over {lidar.field_of_view_deg:.0f} deg, middle beam at "
+            f"{lidar.mount_yaw_deg:.1f} deg, {1e3 * camera.gap * lidar.range_max_m:.0f} mm "
+            f"between rays at {lidar.range_max_m:g} m"
+        )
+    else:
+        ranges = cloud.CloudRanges(lidar, matrix, topic)
+    ranges.of(rows[-1].message)
+    if lidar.floor is not None:
+        grain += (
+            f"; floor from {lidar.floor.from_m:g} to {lidar.floor.to_m:g} m, of which "
+            f"{100.0 * ranges.floor_seen:.0f} % is seen now"
+        )
+    low, high = given.height_band_m or (0.0, 0.0)
+    note = (
+        f"{what}: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
+        f"{lidar.beams} beams, at x {x:.3f} y {y:.3f} m{grain}"
+    )
+    return DescribedLidar(_found(topic, lidar, ticks, matrix, camera), lidar, note)
+
+
+def _cone(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> DescribedLidar:
+    """One that sends single ranges."""
+    rows = heard.scans[topic]
+    matrix = _level(given) if allowed.mount_from_model else _into_body(heard, topic)
+    ages, rate = heard.ages(rows), heard.rate(rows)
+    ticks = estimated(ages, topic, allowed.clock)
+    latency = min(ages) + ticks.ahead
+    lidar = cone.described(rows[-1].message, topic, matrix, rate, latency, given)
+    near = lidar.range_min_m == lidar.range_max_m
+    note = (
+        f"range sensor: {topic}, {rate:.1f} Hz, "
+        + (f"whether something is within {lidar.range_max_m:g} m" if near else
+           f"from {lidar.range_min_m:g} to {lidar.range_max_m:g} m")
+        + f" in {lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "
+        f"{lidar.mount_y_m:.3f} m, looks at {lidar.mount_yaw_deg:.1f} deg"
+    )  # fmt: skip
+    return DescribedLidar(_found(topic, lidar, ticks, matrix, None), lidar, note)
+
+
+def _found(
+    topic: str, lidar: LidarModel, ticks: Clock, matrix: Floats, camera: depth.Intrinsics | None
+) -> FoundLidar:  # fmt: skip
+    x, y, z = matrix[:3, 3].tolist()
+    mount = Mount(Pose(x, y, math.radians(lidar.mount_yaw_deg)), False, z)
+    return FoundLidar(topic, mount, ticks, False, matrix, camera)
+
+
+def _placed(heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed) -> Mount:
+    """Where a planar LiDAR is."""
+    if allowed.mount_from_model and given is not None:
+        return Mount(
+            Pose(given.mount_x_m, given.mount_y_m, math.radians(given.mount_yaw_deg)),
+            False, math.nan if given.mount_z_m is None else given.mount_z_m,
+        )  # fmt: skip
+    mount = heard.mount(topic)
+    if mount is None or allowed.mount_from_model:
+        raise _unplaced(heard, topic)
+    return mount
+
+
+def _into_body(heard: Inspection, topic: str) -> Floats:
+    """From the frame of its messages into the body's, (4, 4)."""
+    matrix = heard.into_body(topic)
+    if matrix is None:
+        raise _unplaced(heard, topic)
+    return matrix
+
+
+def _unplaced(heard: Inspection, topic: str) -> CohelmError:
+    known = heard.transforms.frames()
+    return CohelmError(mismatch.no_frame(topic, heard.frame(topic), heard.body(), known))
+
+
+def _level(lidar: LidarModel) -> Floats:
+    """Where it is by its description, level, (4, 4)."""
+    yaw = math.radians(lidar.mount_yaw_deg)
+    c, s = math.cos(yaw), math.sin(yaw)
+    made: Floats = np.eye(4)
+    made[:2, :2] = [[c, -s], [s, c]]
+    made[:3, 3] = lidar.mount_x_m, lidar.mount_y_m, lidar.mount_z_m or 0.0
+    return made

@@ -1,0 +1,96 @@
+"""On which topics what is: as somebody names them, or as they are usually named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from cohelm.core.errors import CohelmError
+from cohelm.robot.model import RobotModel
+from cohelm.ros.contact import usual_topic
+from cohelm.ros.names import namespace_of, resolved
+
+
+class Topics(NamedTuple):
+    """Where what is, by full name."""
+
+    command: str = "/cmd_vel_nav"
+    out: str = "/cmd_vel"
+    scan: str = "/scan"
+    odom: str = "/odom"
+    lock: str = "/emergency_stop"
+    """Empty: none."""
+    namespace: str = "/"
+    further: tuple[tuple[str, str], ...] = ()
+    """Of further LiDARs: name and topic. Of one that is not named here: /scan_NAME."""
+    contacts: tuple[tuple[str, str], ...] = ()
+    """The same of bumpers and cliff sensors: /bumper_NAME, /cliff_NAME, /hazard_detection."""
+    footprint: str = ""
+    """Of the robot's outline, where that changes; empty: none."""
+    camera: str | None = None
+    """Of pictures; empty: none; None: the only one there is."""
+
+    @classmethod
+    def named(
+        cls, namespace: str = "/", command: str = "/cmd_vel_nav", out: str = "/cmd_vel",
+        scan: str = "/scan", odom: str = "/odom", lock: str = "/emergency_stop",
+        further: Sequence[str] = (), contacts: Sequence[str] = (), camera: str | None = None,
+        footprint: str = "",
+    ) -> Topics:  # fmt: skip
+        """As somebody names them: in a namespace, if there is one, also those with a slash before
+        them that are there by default. further: `NAME=TOPIC` for each further LiDAR whose topic is
+        not /scan_NAME; contacts: the same of bumpers and cliff sensors. CohelmError for what is
+        no name."""
+        space = namespace_of(namespace)
+        inside = [
+            name and resolved(name.lstrip("/") if name == default else name, space)
+            for name, default in zip(
+                (command, out, scan, odom, lock), cls._field_defaults.values(), strict=False
+            )
+        ]
+        camera = resolved(camera, space) if camera else camera
+        return cls(
+            *inside, namespace=space, further=_pairs(further, "a further LiDAR's scans", space),
+            contacts=_pairs(contacts, "a bumper or cliff sensor", space), camera=camera,
+            footprint=resolved(footprint, space) if footprint else "",
+        )  # fmt: skip
+
+    def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
+        """The topics of its LiDARs' scans, the first one first. CohelmError for a topic of a LiDAR
+        that the robot does not have."""
+        names, given = [lidar.name for lidar in model.further_lidars], dict(self.further)
+        if strange := [name for name in given if name not in names]:
+            raise CohelmError(
+                f"{model.name} has no further LiDAR {strange[0]!r}: describe it under "
+                "further_lidars in the robot's YAML file"
+            )
+        usual = (resolved(f"scan_{name}", self.namespace) for name in names)
+        topics = (self.scan, *(given.get(*one) for one in zip(names, usual, strict=True)))
+        if len(set(topics)) < len(topics):
+            raise CohelmError(
+                f"two LiDARs of {model.name} can not share a topic: {', '.join(topics)}"
+            )
+        return topics
+
+    def of_contacts(self, model: RobotModel) -> tuple[str, ...]:
+        """The topics of its bumpers and cliff sensors. CohelmError for one that the robot does not
+        have."""
+        given = dict(self.contacts)
+        names = [one.name for one in model.contacts]
+        if strange := [name for name in given if name not in names]:
+            raise CohelmError(
+                f"{model.name} has no bumper or cliff sensor {strange[0]!r}: describe it under "
+                "bumpers or cliff_sensors in the robot's YAML file"
+            )
+        return tuple(
+            given.get(one.name) or resolved(usual_topic(one), self.namespace)
+            for one in model.contacts
+        )
+
+
+def _pairs(given: Sequence[str], what: str, space: str) -> tuple[tuple[str, str], ...]:
+    """Names and topics. CohelmError for what is no `NAME=TOPIC`."""
+    pairs = [one.partition("=") for one in given]
+    if bad := [one for one, (_, _, topic) in zip(given, pairs, strict=True) if not topic]:
+        raise CohelmError(f"{bad[0]!r}: name {what} as NAME=TOPIC")
+    return tuple((name, resolved(topic, space)) for name, _, topic in pairs)
