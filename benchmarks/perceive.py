@@ -24,7 +24,8 @@ sys.path.insert(0, str(ROOT))  # the drives are the tests' own
 from cohelm.core.frames import between, compose, inverse  # noqa: E402
 from cohelm.core.types import Floats, Pose, Twist, disc, wrap  # noqa: E402
 from cohelm.perceive.localize.localization_map import LocalizationMap, free_at, gap_at, known  # noqa: E402
-from cohelm.perceive.map.mapper import Survey, Surveyed, glimpses  # noqa: E402
+from cohelm.perceive.map.glimpses import glimpses  # noqa: E402
+from cohelm.perceive.map.mapper import Survey, Surveyed  # noqa: E402
 from cohelm.perceive.map.raster import raster  # noqa: E402
 from cohelm.perceive.pipeline import Perception, Seen, rehearse  # noqa: E402
 from cohelm.perceive.scan.odometry_buffer import pose_at  # noqa: E402

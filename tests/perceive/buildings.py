@@ -20,7 +20,7 @@ from shapely.affinity import rotate
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, wrap
 from cohelm.perceive.localize.localization_map import LocalizationMap, known
-from cohelm.perceive.map.mapper import Glimpse
+from cohelm.perceive.map.glimpses import Glimpse
 from cohelm.perceive.scan.deskew import sweep
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.map.mapper import Glimpse, glimpses
+from cohelm.perceive.map.glimpses import Glimpse, glimpses
 from cohelm.robot.port import Odometry
 from cohelm.robot.sensors import Lidar
 from cohelm.scenario.worlds.carmen import read_log

@@ -10,7 +10,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize.localization_map import MOST_BORDER, known
-from cohelm.perceive.map.mapper import glimpses
+from cohelm.perceive.map.glimpses import glimpses
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.match.surfaces import MOST_CELLS, surfaces
 from cohelm.robot.port import Odometry, Scan

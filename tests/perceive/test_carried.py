@@ -7,10 +7,12 @@ import pytest
 
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.caution import Caution
-from cohelm.perceive.localize.hypotheses import Hypotheses, Hypothesis
+from cohelm.perceive.localize.hypotheses import Hypotheses
+from cohelm.perceive.localize.hypothesis import Departure, Hypothesis
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.localization_map import Judgement, known
 from cohelm.perceive.localize.scan_judge import ScanJudge
+from cohelm.perceive.localize.verdict import rivals
 from tests.perceive.drives import LIDAR
 from tests.perceive.test_keyframe import HERE, seen
 from tests.perceive.test_places import room
@@ -56,7 +58,7 @@ def lost_at(pose, odds=0.0, knew=True):
     lidar, made = LIDAR.lidar(), known(drawn, free, 0.05, NOWHERE)
     judge, alarm = ScanJudge(made, lidar, C), KidnapAlarm(lidar, C)
     found = Hypotheses(made, lidar, C, judge, alarm, False)
-    found.leave(pose, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, odds, knew)
+    found.left = Departure(pose, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, odds, knew)
     found.everywhere = True
     return found
 
@@ -99,6 +101,6 @@ def test_where_it_left_off_is_believed_though_a_third_of_the_map_is_wrong():
 def test_while_nothing_shows_that_it_was_moved_a_place_that_explains_less_is_no_rival():
     """Where the map knows little, little speaks against a place."""
     own, little, as_much = at(0.0, -25.0, 0.52), at(25.0, -6.0, 1.0, 225), at(20.0, -18.0, 0.8)
-    found = lost_at(NOWHERE, odds=C.unmoved)
-    assert found._rivalled([little, as_much, own]) == [as_much, own]
-    assert lost_at(NOWHERE)._rivalled([little, own]) == [little, own]
+    left = Departure(NOWHERE, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, C.unmoved, True)
+    assert rivals([little, as_much, own], left) == [as_much, own]
+    assert rivals([little, own], left._replace(odds=0.0)) == [little, own]

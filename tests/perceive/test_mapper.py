@@ -9,8 +9,9 @@ import shapely
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, Twist
+from cohelm.perceive.map.glimpses import glimpses
 from cohelm.perceive.map.loop_closure import revisits
-from cohelm.perceive.map.mapper import Survey, encounters, glimpses
+from cohelm.perceive.map.mapper import Survey, encounters
 from cohelm.perceive.map.pose_graph import Link, consistent, solved, spread
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.match.odometry_covariance import (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import RADIUS, Pose, Twist
-from cohelm.perceive.localize.hypotheses import Hypothesis
+from cohelm.perceive.localize.hypothesis import Hypothesis
 from cohelm.perceive.localize.localization_map import judge, known
 from cohelm.perceive.localize.localizer import Locator
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.map.mapper import Glimpse, Survey, Surveyed, encounters, glimpses
+from cohelm.perceive.map.glimpses import Glimpse, glimpses
+from cohelm.perceive.map.mapper import Survey, Surveyed, encounters
 from cohelm.perceive.map.raster import Raster, cropped, raster
 from cohelm.record.replay import Replayed
 from cohelm.robot.model import RobotModel
@@ -159,7 +160,7 @@ def mapped(
                 for k, glimpse in enumerate(new):
                     session.add(glimpse)
                     if k % 20 == 0:
-                        at = f"scan {len(session.stamps)}, {len(session.survey.places)} places"
+                        at = f"scan {len(session.stamps)}, {session.survey.places} places"
                         told(at, 0.0 if live else 0.6 * k / len(new))
                     if time.monotonic() - saved > _SAVED:
                         session.save(folder)

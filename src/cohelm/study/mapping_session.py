@@ -16,7 +16,8 @@ from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
-from cohelm.perceive.map.mapper import Glimpse, Survey
+from cohelm.perceive.map.glimpses import Glimpse
+from cohelm.perceive.map.mapper import Survey
 from cohelm.robot.sensors import LidarModel
 
 NAME = "survey.npz"

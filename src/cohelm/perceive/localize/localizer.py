@@ -19,7 +19,8 @@ import numpy as np
 from cohelm.core.frames import between
 from cohelm.core.types import Floats, Pose, wrap
 from cohelm.perceive.localize.caution import Caution
-from cohelm.perceive.localize.hypotheses import Hypotheses, Hypothesis
+from cohelm.perceive.localize.hypotheses import Hypotheses
+from cohelm.perceive.localize.hypothesis import Departure, Hypothesis
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.localize.pose_check import PoseCheck
@@ -166,7 +167,7 @@ class Locator:
             self._forget()
             self._hypotheses.everywhere = False
             why = "what the LiDAR sees is not what the map shows here"
-            self._hypotheses.leave(foretold, told, check.trust, check.knew)
+            self._hypotheses.left = Departure(foretold, told, check.trust, check.knew)
             self._joint = self._told_joint = joint
             self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
             self._seek(points, across, sweep)
@@ -241,7 +242,7 @@ class Locator:
             given_up = check.given_up(best, pose, self._likely)
             left = given_up and check.movable
         if left:
-            self._hypotheses.leave(pose, self._told_joint, 0.0, check.knew)
+            self._hypotheses.left = Departure(pose, self._told_joint, 0.0, check.knew)
         if not given_up:
             self._hypotheses.drop()
         return not given_up

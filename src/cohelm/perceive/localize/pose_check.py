@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, wrap
 from cohelm.perceive.localize.caution import Caution
-from cohelm.perceive.localize.hypotheses import Hypotheses, Hypothesis, same
+from cohelm.perceive.localize.hypotheses import Hypotheses
+from cohelm.perceive.localize.hypothesis import Hypothesis, same
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.scan_judge import ScanJudge
 

@@ -8,11 +8,17 @@ for, because one scan of a corridor fits many.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cohelm.core.frames import between, compose
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, wrap
+from cohelm.perceive.map.place_graph import PlaceGraph, agree
+from cohelm.perceive.map.pose_graph import ROUGH, Link, loop_link, off, spread
+from cohelm.perceive.match.odometry_covariance import inverted
 from cohelm.perceive.match.scan_matching import Fit, MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces
 
@@ -25,7 +31,93 @@ BESIDE = 1.2  # a robot comes back within this of where it drove before [m]
 _POINTS = 150
 _BEST = 8  # that are matched
 _APART, _TURNED = 1.0, 0.3  # what is nearer to each other than both is one [m, rad]
+_PRECISE = np.diag(1.0 / ROUGH)
 _LOOSE = np.diag([1.0, 1.0, 4.0])  # information of the raster
+
+
+@dataclass
+class LoopClosure:
+    """Of one drive: looks now and then whether its end is where it was before."""
+
+    graph: PlaceGraph
+
+    def __post_init__(self) -> None:
+        # ways at which loops were looked for, far and wide, and one was found
+        self.looked = self.wide = self.met = 0.0
+
+    def look(self) -> None:
+        """After a new place: close loops, if it is time to."""
+        k, c = len(self.graph) - 1, self.graph.care
+        if k > c.again and self.graph.ways[k] - self.looked >= c.every:
+            self.looked = self.graph.ways[k]
+            self._close(k)
+
+    def _close(self, k: int) -> None:
+        """Close loops where the newest submap fits old places, and nowhere else among them.
+
+        Places that drift has hardly torn from here are looked at for themselves, so that what
+        looks alike far off does not put them in doubt.
+        """
+        graph, c = self.graph, self.graph.care
+        unsure = spread(graph.poses, graph.links, k)[: k - c.again]
+        far = graph.ways[k] - max(self.met, self.wide) > c.lonely
+        self.wide = graph.ways[k] if far else self.wide
+        reach = c.search + (9.0 if far else 3.0) * np.sqrt(
+            np.linalg.eigvalsh(unsure[:, :2, :2])[:, -1]
+        )
+        close = reach < 2.0 * c.search
+        newest = graph.around(range(max(0, k + 1 - c.submap), k + 1), graph.poses[k])
+        new: list[Link] = []
+        for among in (close, ~close):
+            link, share = _found_again(graph, k, newest, unsure, reach, among)
+            if link is None:
+                continue
+            agrees = agree(graph.there(link), graph.poses[k])
+            if agrees:
+                new.append(link)
+            elif share >= c.whole:
+                graph.doubt(link)
+            if agrees and share >= c.whole:
+                self.met = graph.ways[k]
+        torn = any(np.abs(off(graph.poses, link) @ _PRECISE).max() > 2.0 for link in new)
+        graph.believe(new, torn)
+
+
+def _found_again(
+    graph: PlaceGraph, k: int, newest: Surfaces, unsure: Floats, reach: Floats,
+    among: NDArray[np.bool_],
+) -> tuple[Link | None, float]:  # fmt: skip
+    """Place k seen from an old one among some, where its submap fits there alone, and the share
+    of it that does."""
+    here, c, poses = graph.poses[k], graph.care, graph.poses
+    trail = np.array(poses[: len(reach)])[:, :2]
+    gaps = np.hypot(trail[:, 0] - here.x, trail[:, 1] - here.y)
+    near = among & (gaps < reach + BESIDE)
+    if not near.any():
+        return None, 0.0
+    old = np.flatnonzero(among & (gaps < reach[near].max() + c.behind))
+    known = graph.around(old.tolist(), None)
+    turn = 0.1 + 3.0 * math.sqrt(float(unsure[near, 2, 2].max()))
+    found: list[tuple[float, Fit, int]] = []
+    for fit in revisits(known, newest.points, newest.normals, trail[near], reach[near], here, turn):
+        a = int(old[np.hypot(trail[old, 0] - fit.pose.x, trail[old, 1] - fit.pose.y).argmin()])
+        if graph.parted(a, k):
+            continue
+        # what drift makes unlikely has to fit better
+        there, seen = poses[a], compose(here, between(fit.pose, poses[a]))
+        d = np.array([seen.x - there.x, seen.y - there.y, wrap(seen.psi - there.psi)])
+        odd = float(d @ inverted(unsure[a] + np.diag(ROUGH**2)) @ d)
+        found.append((fit.share - c.alone * min(odd / 9.0, 1.0), fit, a))
+    found.sort(key=lambda one: -one[0])
+    if not found or (len(found) > 1 and found[1][0] > found[0][0] - c.alone):
+        return None, 0.0
+    _, fit, a = found[0]
+    if fit.share < c.fits or fit.rms > c.rms:
+        return None, 0.0
+    if np.linalg.eigvalsh(fit.information[:2, :2])[0] < c.firm:
+        return None, 0.0
+    link = loop_link(a, k, between(poses[a], fit.pose), fit.information, fit.pose.psi)
+    return link, fit.share
 
 
 def revisits(

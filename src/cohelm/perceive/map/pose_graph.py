@@ -13,8 +13,12 @@ from cohelm.core.extras import missing
 from cohelm.core.frames import between, compose
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
+from cohelm.perceive.match.odometry_covariance import inverted
 
 _CHANCE = 0.999  # of right loops, so many are taken for right where they stand alone
+_CONTRADICTS = 16.3  # squared sigmas that one right loop in a thousand exceeds (chi square, 3)
+ROUGH: Floats = np.array([0.01, 0.01, 0.004])
+"""A match of two submaps is no better [m, rad]."""
 
 
 class Link(NamedTuple):
@@ -26,6 +30,36 @@ class Link(NamedTuple):
     pose: Pose
     information: Floats
     loop: bool
+
+
+def loop_link(a: int, b: int, pose: Pose, information: Floats, psi: float) -> Link:
+    """A loop as matched; information: in axes in which place b has heading psi."""
+    rough = np.diag(ROUGH**2)
+    weak = into_axes(Pose(0.0, 0.0, psi), information) + np.eye(3)
+    return Link(a, b, pose, inverted(inverted(weak) + rough), True)
+
+
+def into_axes(frame: Pose, information: Floats) -> Floats:
+    """Information in world axes, put into the axes of a pose."""
+    c, s = math.cos(frame.psi), math.sin(frame.psi)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(turn @ information @ turn.T, dtype=np.float64)
+
+
+def rows(links: Sequence[Link]) -> Floats:
+    """Links as rows of numbers, (n, 15)."""
+    found = [(k.a, k.b, *k.pose, *k.information.ravel(), k.loop) for k in links]
+    return np.array(found, dtype=np.float64).reshape(-1, 15)
+
+
+def from_rows(found: Floats) -> list[Link]:
+    """Links of such rows."""
+    return [
+        Link(
+            int(row[0]), int(row[1]), Pose(*row[2:5].tolist()), row[5:14].reshape(3, 3), row[14] > 0
+        )
+        for row in found
+    ]
 
 
 def library() -> Any:
@@ -86,6 +120,12 @@ def _poses(result: Any, count: int) -> list[Pose]:
 def off(poses: Sequence[Pose], link: Link) -> Floats:
     """(3,): how far a link puts its second place from where it is, in the axes of that [m, rad]."""
     return np.array(between(poses[link.b], compose(poses[link.a], link.pose)))
+
+
+def contradicted(poses: Sequence[Pose], link: Link) -> bool:
+    """Whether a loop can hardly be right where the places are."""
+    e = off(poses, link)
+    return float(e @ link.information @ e) > _CONTRADICTS
 
 
 def spread(poses: Sequence[Pose], links: Sequence[Link], k: int) -> Floats:

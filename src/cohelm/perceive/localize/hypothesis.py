@@ -1,0 +1,80 @@
+"""A place where the robot may be, and what is known of it; where the robot was when it got lost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Floats, Pose, wrap
+from cohelm.perceive.localize.localization_map import Judgement
+from cohelm.perceive.match.odometry_covariance import moved
+
+
+@dataclass
+class Hypothesis:
+    """A place where the robot may be."""
+
+    pose: Pose
+    covariance: Floats
+    """(3, 3)"""
+    log: float
+    """Likelihood of all scans before, from places some way apart, weighed."""
+    latest: float
+    """And of the newest."""
+    judged: Judgement
+    prior: float = 0.0
+    """What where the robot was says to it."""
+    witnessed: float = 0.0
+    """And what was seen before scans began to contradict each other."""
+    age: int = 0
+    """Scans since it was judged."""
+    stale: bool = False
+    """Whether it has not been judged from here, where others have."""
+
+    @property
+    def total(self) -> float:
+        """Likelihood of all scans, and of its having come there."""
+        return self.log + self.latest + self.prior + self.witnessed
+
+    @property
+    def explained(self) -> float:
+        """Beams of the scan that end where the map lets them, as many as it tells about."""
+        return self.judged.agree * self.judged.told
+
+
+def same(a: Pose, b: Pose) -> bool:
+    """Whether two hypotheses are one place."""
+    return math.hypot(a.x - b.x, a.y - b.y) < 0.25 and abs(wrap(a.psi - b.psi)) < 0.2
+
+
+class Departure(NamedTuple):
+    """Where a robot left off when it became lost, led on by odometry since then.
+
+    joint: covariance of that and of what the wheels get wrong. odds: log odds that it is still
+    there; none where scans contradicted each other. knew: whether it knew that place.
+    """
+
+    pose: Pose
+    joint: Floats
+    odds: float
+    knew: bool
+
+    def led_on(self, step: Pose) -> Departure:
+        """The robot has moved by a step, by its odometry."""
+        pose, joint = moved(self.pose, self.joint, step)
+        return self._replace(pose=pose, joint=joint)
+
+    def strayed(self, one: Hypothesis) -> float:
+        """How far a place is from where the robot would be had nobody moved it, as squared
+        sigmas."""
+        at, here = one.pose, self.pose
+        off = np.array([at.x - here.x, at.y - here.y, wrap(at.psi - here.psi)])
+        spread = self.joint[:3, :3] + one.covariance + np.diag([0.1, 0.1, 0.05]) ** 2
+        return float(off @ np.linalg.solve(spread, off))
+
+    def away(self, pose: Pose) -> float:
+        """How far off a place is [m]."""
+        return math.hypot(pose.x - self.pose.x, pose.y - self.pose.y)

@@ -1,0 +1,162 @@
+"""Says whether the likeliest of some places can be believed, and if not, why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cohelm.core.types import Pose
+from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same
+from cohelm.perceive.localize.scan_judge import ScanJudge
+
+
+class Circumstances(NamedTuple):
+    """Under which places are followed.
+
+    cold: the robot may be anywhere. whole: all of the map was searched. complete: no place that
+    fits as well was left out. everywhere: it is the whole map that is searched now. moved: a check
+    has found a place that fits as it used to. views: from so many places some way apart these were
+    judged; driven: these are some way apart. left: where the robot was. before: where it believed
+    to be until somebody said where it is.
+    """
+
+    cold: bool
+    whole: bool
+    complete: bool
+    everywhere: bool
+    moved: bool
+    views: int
+    driven: bool
+    left: Departure | None
+    before: Pose | None
+
+    @property
+    def odds(self) -> float:
+        """Log odds that the robot is where it left off."""
+        return self.left.odds if self.left else 0.0
+
+
+class Verdict(NamedTuple):
+    """best: the likeliest place, None where none fits. lead: by which it is likelier than the
+    next. proven: nothing else on the map comes near it. why: it is not believed; empty if it is."""
+
+    best: Hypothesis | None
+    lead: float
+    proven: bool
+    why: str
+
+
+@dataclass
+class Belief:
+    """Of one robot; it remembers for how long a place has led."""
+
+    caution: Caution
+    judge: ScanJudge
+    beams: int
+
+    def __post_init__(self) -> None:
+        self._leading: Hypothesis | None = None  # the likeliest
+        self._led = 0  # scans in which it led well
+
+    def forget(self) -> None:
+        """Nothing leads."""
+        self._led = 0
+
+    def verdict(self, kept: list[Hypothesis], about: Circumstances) -> Verdict:
+        """Whether the best of those that are ranked can be believed."""
+        c, fair = self.caution, self.judge.fair
+        kept = rivals(kept, about.left)
+        best = kept[0] if kept else None
+        unsure = about.cold or not about.whole
+        if best is None or not fair(best.judged, c.fair if unsure else c.poor):
+            return Verdict(None, 0.0, False, "no place on the map looks like what the LiDAR sees")
+        lead = best.total - kept[1].total if len(kept) > 1 else math.inf
+        back = next((h for h in kept if about.before and same(h.pose, about.before)), None)
+        if back is not None and best.total - back.total < c.margin:
+            best, lead, wanted = back, math.inf, 0.0
+        else:
+            wanted = self._wanted(best, lead, about)
+        far = self._far(best.pose, about)
+        # the map may be wrong here, where all of it has been searched and nothing comes near
+        only = about.whole and not far and lead >= 2.0 * c.margin
+        # or nobody moved it, and nothing that was found elsewhere makes up for that
+        stayed = lead >= c.margin and self._stays(best, about)
+        why = ""
+        if lead < wanted or (far and (about.views < c.views or not about.complete)):
+            some = f"{len(kept)}" if about.complete else "many"
+            why = f"{some} places on the map look alike: drive on a little"
+            if about.moved:
+                why = "the robot was moved, or something new stands here"
+            elif lead >= wanted and about.complete:
+                why = "one view is not enough to be sure: drive on a little"
+        elif not self._explains(best, lead, far, stayed, only or (stayed and about.whole), about):
+            why = "too much of what the LiDAR sees is not on the map"
+        elif best is not back and _sigma(best) > c.sure:
+            why = "too few features are in view to say where along them the robot is"
+        return Verdict(best, lead, only or stayed, why)
+
+    def _explains(
+        self, best: Hypothesis, lead: float, far: bool, stayed: bool, poor: bool,
+        about: Circumstances,
+    ) -> bool:  # fmt: skip
+        """Whether a place explains enough of the scan. poor: the map may be wrong there."""
+        c, judged = self.caution, best.judged
+        strange = far or about.odds > 0.0
+        return (
+            self.judge.fair(judged, c.poor if poor else c.good)
+            and judged.agree >= (c.whole if far else c.poor if poor else c.seen)
+            and (judged.log >= c.least or stayed or (not strange and lead >= 3.0 * c.margin))
+            and (judged.told >= 0.5 * self.beams or stayed)
+        )
+
+    def _stays(self, one: Hypothesis, about: Circumstances) -> bool:
+        """Whether it is where the robot left off, and that can be: no scan has contradicted another
+        since it knew that place, or none of it but a thing, and then the whole map was searched."""
+        left, c = about.left, self.caution
+        if left is None or left.strayed(one) >= 9.0:
+            return False
+        if left.odds > 0.0:
+            return True
+        alike = one.judged.agree >= c.seen and one.witnessed > 2.0 * c.contradicted
+        return left.knew and about.whole and alike
+
+    def _far(self, pose: Pose, about: Circumstances) -> bool:
+        """Whether the robot can hardly have been moved there: then nothing else speaks for it."""
+        if about.cold:
+            return True
+        near = [p for p in (about.left.pose if about.left else None, about.before) if p]
+        reach = self.caution.near + 0.5
+        return bool(near) and all(math.hypot(p.x - pose.x, p.y - pose.y) > reach for p in near)
+
+    def _wanted(self, best: Hypothesis, lead: float, about: Circumstances) -> float:
+        """The lead in log likelihood that makes the best hypothesis believed."""
+        c = self.caution
+        half = 0.5 * c.margin
+        self._led = (self._led + 1 if best is self._leading else 1) if lead >= half else 0
+        self._leading = best
+        if about.moved:
+            return half if self._led >= c.settled else math.inf
+        if about.cold:
+            return c.margin
+        enough = about.driven or self._led >= c.steady or not about.everywhere
+        return half if enough else c.margin
+
+
+def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
+    """Of those that are ranked, without any that explains less of the scan than the place where
+    the robot left off, while no scan shows that it was moved: where the map knows little,
+    little speaks against a place."""
+    if left is None or left.odds == 0.0:
+        return kept
+    own = next((h for h in kept if left.strayed(h) < 9.0), None)
+    if own is None:
+        return kept
+    return [h for h in kept if h is own or h.explained >= own.explained]
+
+
+def _sigma(one: Hypothesis) -> float:
+    return math.sqrt(float(np.linalg.eigvalsh(one.covariance[:2, :2])[-1]))
