@@ -69,7 +69,7 @@ def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(fiel
 
 
 def test_every_status_of_the_diagnostics_is_told_with_its_values():
-    from cohelm.link.messages import Alarm, GateMode as Chosen, Severity
+    from cohelm.link.messages import Alarm, Mode as Chosen, Severity
     from cohelm.link.recorded_status import StatusWords
     from cohelm.record.shown import said
 
