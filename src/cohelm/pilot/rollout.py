@@ -6,7 +6,7 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.law.govern import Clock, govern, governed
+from cohelm.law.govern import CourseClock, govern, governed
 from cohelm.law.guard.bounds import WHEEL_ROWS, wheel_rows
 from cohelm.law.guard.project import project
 from cohelm.law.track import track
@@ -22,7 +22,7 @@ _SLOWEST = 0.1  # what takes longer than at this speed is not looked at [m/s]
 
 @jit
 def ahead(
-    course: Course, clock: Clock, pose: Pose, twist: Twist, far: float, s: Settings
+    course: Course, clock: CourseClock, pose: Pose, twist: Twist, far: float, s: Settings
 ) -> Floats:
     """Where a robot that follows a course will be, if nothing holds it up, (n, 3) [m, rad].
 
@@ -37,9 +37,9 @@ def ahead(
         if way > far or clock.tau >= course.reference.knots[-1]:
             break
         clock = govern(clock, pose, course.reference, course.paced, False, s.pace, _DT)
-        wish = track(pose, governed(course.reference, clock, pose, s.pace), s.gains)
+        nominal = track(pose, governed(course.reference, clock, pose, s.pace), s.gains)
         last = wheel_rows(bounds, twist, s.limits, _DT)
-        nearest = project(wish, bounds, last, s.rules.steer_weight)  # as the guard does
+        nearest = project(nominal, bounds, last, s.rules.steer_weight)  # as the guard does
         twist = achievable(nearest.twist, twist, s.limits, _DT)
         pose = arc(pose, twist, _DT)
         way += abs(twist.v) * _DT
