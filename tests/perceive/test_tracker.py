@@ -53,6 +53,31 @@ def test_nothing_moves_in_a_lab_that_one_drives_through():
     assert sum(len(found) for _, found in told) == 0
 
 
+def heaps(seed):
+    """Posts of 15 cm on a grid of 15 cm, in heaps, on either side of a way: of each heap another
+    part is in view from every place, as in the worlds of the BARN challenge."""
+    cells = np.random.default_rng(seed).uniform(size=(40, 20)) < 0.35
+    for _ in range(2):
+        padded = np.pad(cells.astype(int), 1)
+        near = sum(padded[1 + i : 41 + i, 1 + j : 21 + j] for i in (-1, 0, 1) for j in (-1, 0, 1))
+        cells = near >= 4
+    places = [(0.5 + 0.15 * i, 0.15 * j - 1.5) for i, j in zip(*np.nonzero(cells), strict=True)]
+    return discs(*(disc(x, y, 0.075) for x, y in places if abs(y) > 0.55))
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4, 7])
+def test_heaps_of_posts_that_one_drives_past_stand(seed):
+    """Where a part of one was seen is seen on; the disc that it would be the front of never was."""
+    lidar = LIDAR.model_copy(update={"noise_m": 0.01, "mount_x_m": 0.12})
+    perception = Perception(lidar.lidar())
+    path = along([(0.0, 0.0), (1.5, 0.1), (3.0, -0.1), (5.0, 0.0)], 1.2)
+    for moment in drive(
+        *path, seed, around=heaps(seed), walls=np.empty((0, 4)), model=lidar, duration=0.0,
+        error=0.0, drift=0.0,
+    ):  # fmt: skip
+        assert not len(perception.take(moment.now, moment.readings).discs)
+
+
 @pytest.mark.parametrize(
     "velocity", [(1.2, 0.0), (-1.2, 0.0), (0.0, 1.3), (0.5, -0.5), (0.25, 0.0), (0.0, 0.2)]
 )

@@ -118,6 +118,12 @@ def test_who_passes_far_away_leaves_no_doubt():
     assert not len(blind(driven(standing(40), start, velocity=(-0.8, 0.0))))
 
 
+def test_who_leaves_the_view_far_away_and_comes_here_may_be_behind_the_robot():
+    start = np.array([[-2.5 - 0.2 * 6.3, 4.6 + 0.8 * 6.3, 0.0, 0.0, 0.25, 0.7]])
+    assert not len(blind(driven(standing(15), start, velocity=(0.2, -0.8))))
+    assert len(blind(driven(standing(40), start, velocity=(0.2, -0.8))))
+
+
 def test_a_look_ends_the_doubt():
     start = WALKER + np.array([5.04, 0.0, 0.0, 0.0, 0.0, 0.0])
     turn = [Pose(0.0, 0.0, 0.1 * k) for k in range(63)]

@@ -103,17 +103,18 @@ def _hidden(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: floa
 
 
 @jit
-def was_free(lidar: Lidar, look: Look, x: float, y: float) -> bool:
-    """Whether an earlier sweep saw through an `odom` point: it and both beams beside it."""
+def was_free(lidar: Lidar, look: Look, x: float, y: float, beside: float) -> bool:
+    """Whether a sweep saw through an `odom` point, and `beside` it on either side [m], by a beam
+    at least."""
     wx, wy = x - look.sensor.x, y - look.sensor.y
     c, s = math.cos(look.sensor.psi), math.sin(look.sensor.psi)
     sx, sy = c * wx + s * wy, -s * wx + c * wy
     far = math.hypot(sx, sy)
     beam = beam_at(lidar, sx, sy)
-    if not 1 <= beam < len(look.ranges) - 1 or far > lidar.range_max - FREE:
+    aside = max(1, math.ceil(beside / (max(far, 0.1) * lidar.step)))
+    if not aside <= beam < len(look.ranges) - aside or far > lidar.range_max - FREE:
         return False
-    r, least = look.ranges, far + FREE
-    return r[beam - 1] > least and r[beam] > least and r[beam + 1] > least
+    return look.ranges[beam - aside : beam + aside + 1].min() > far + FREE
 
 
 @jit
@@ -126,7 +127,7 @@ def freshen(lidar: Lidar, found: Floats, sweep: DeskewedScan, pose: Pose, look: 
         for i in range(a, b):
             x = pose.x + c * sweep.points[i, 0] - s * sweep.points[i, 1]
             y = pose.y + s * sweep.points[i, 0] + c * sweep.points[i, 1]
-            if was_free(lidar, look, x, y):
+            if was_free(lidar, look, x, y, 0.0):
                 free += 1
         found[k, FRESH] = max(found[k, FRESH], free / (b - a))
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import RADIUS, Floats, Ints, Pose, X, Y
+from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, X, Y
 from cohelm.perceive.scan.clusters import Look
 from cohelm.perceive.scan.deskew import beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
@@ -33,6 +33,7 @@ KEPT = 2.7
 """Ground is remembered until it is farther from the LiDAR than this: sooner forgotten than by the
 collision monitor (`free_space`, 2.85 m and half a step), which would let nobody have it [m]."""
 
+_COMES = 4.0  # who leaves the view farther off is on his way here if he gets here in this time [s]
 _EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
 _APART = 0.03  # nobody slips nearer to the outline than this [m]
 _NEVER = np.iinfo(np.int64).min  # of no cell, as `nowhere`
@@ -148,11 +149,15 @@ def doubted(
     outline: Floats, far: float,
 ) -> Viewed:  # fmt: skip
     """With doubt about all ground where nothing looks, within `far` [m] of a robot with this
-    outline at this pose, if one of the discs that may move is at its edge, and as near."""
+    outline at this pose, if one of the discs that may move is at its edge, and as near, or
+    will be if it goes on as it does."""
     x, y = pose.x, pose.y
     leaves = False
     for k in range(len(mobile)):
-        near = math.hypot(mobile[k, X] - x, mobile[k, Y] - y) - mobile[k, RADIUS] < far
+        wx, wy = mobile[k, X] - x, mobile[k, Y] - y
+        vx, vy = mobile[k, VX], mobile[k, VY]
+        t = min(max(-(wx * vx + wy * vy) / max(vx * vx + vy * vy, 1e-6), 0.0), _COMES)
+        near = math.hypot(wx + t * vx, wy + t * vy) - mobile[k, RADIUS] < far
         away = 0.0
         for i in range(len(views)):
             away = max(away, _within(views[i], mobile[k, X], mobile[k, Y]))

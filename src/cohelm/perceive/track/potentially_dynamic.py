@@ -106,7 +106,7 @@ def covers(lidar: Lidar, now: Look, earlier: Look, before: bool) -> bool:
         if not came and len(earlier.ranges) == n:
             x, y = lidar.range_min * lidar.beams[i, 0], lidar.range_min * lidar.beams[i, 1]
             x, y = now.sensor.x + c * x - s * y, now.sensor.y + s * x + c * y
-            came = was_free(lidar, earlier, x, y)
+            came = was_free(lidar, earlier, x, y, 0.0)
         if came and run * lidar.step > _COVERS:
             return True
     return False

@@ -43,20 +43,22 @@ from cohelm.perceive.track.potentially_dynamic import (
 from cohelm.perceive.track.rim_fit import rim_distance, rim_fit
 from cohelm.robot.sensors import Lidar
 
-TX, TY, TVX, TVY, PP, PV, VV, RADIUS, SEEN, MISSED, PROOF, MOVES, AX, AY, SINCE = range(15)
-GONE, CALM, WHOLE = 15, 16, 17
-_COLUMNS = 18
+TX, TY, TVX, TVY, PP, PV, VV, RADIUS, SEEN, MISSED, PROOF, MOVES, SINCE = range(13)
+GONE, CALM, WHOLE, WHERE = 13, 14, 15, 16
+_ENDS = 8
+_COLUMNS = WHERE + 2 * _ENDS
 """Columns of tracks: position, velocity, their variances (the same along both axes: of position,
 both, velocity), radius, scans it was seen in, time since [s], proof that it moves, whether it
-counts as moving, where it stood a while ago, how long ago [s], scans in which its place was free,
-how long nothing proved that it moves [s], scans in which nothing hid a part of it.
+counts as moving, how long ago WHERE is from [s], scans in which its place was free, how long
+nothing proved that it moves [s], scans in which nothing hid a part of it; from WHERE on x and y of
+eight places in which beams ended on it a while ago [m].
 """
 
 
-_LEFT = 0.15  # nearer to where it stood, nothing is said of that place [m]
 _KNOWN = 3.0  # who was in view whole in so many scans, of him the radius is known,
 _SURE = 0.05  # to this, one standard deviation [m]
 _BLIND = Look(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
+_SCATTERS = 3.0  # so many standard deviations a beam's end may lie off, seen from elsewhere
 _ANCHORED = 1.2  # where it stood is remembered for so long [s]
 
 
@@ -88,7 +90,7 @@ class TrackerParams(NamedTuple):
 
 
 class Movers(NamedTuple):
-    """tracks: (t, 18). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
+    """tracks: (t, 32). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
     points, whether it belongs to a mover. ground: near the robot. worn: its clock [s]. loose:
     (l, 3) as in `potentially_dynamic`. covered: whether somebody is within the LiDAR's least
     range."""
@@ -241,14 +243,16 @@ def _followed(
         if bi < 0:
             break
         whose[bj], taken[bi] = bi, True
-        _update(out[bi], found[bj], _seen(places, found[bj]), now, care)
-        _prove(out[bi], found[bj], lidar, now, care)
+        seen = _seen(places, found[bj])
+        _update(out[bi], found[bj], seen, now, care)
+        _prove(out[bi], found[bj], seen, lidar, now, care)
     n = t
     for j in range(k):
         if whose[j] < 0.0 and not _within_mover(out, t, found[j]):
             out[n, TX], out[n, TY], out[n, RADIUS] = found[j, CX], found[j, CY], found[j, SIZE]
             out[n, PP], out[n, VV] = _scatter(found[j], care), 1.0
-            out[n, SEEN], out[n, AX], out[n, AY] = 1.0, math.nan, found[j, CY]
+            out[n, SEEN] = 1.0
+            _anchor(out[n], _seen(places, found[j]))
             out[n, WHOLE] = 1.0 if found[j, HIDDEN] == 0.0 else 0.0
             whose[j] = n
             n += 1
@@ -333,21 +337,12 @@ def _fitted(one: Floats, seen: Floats, now: Look, care: TrackerParams) -> bool:
 
 
 @jit
-def _prove(one: Floats, cluster: Floats, lidar: Lidar, now: Look, care: TrackerParams) -> None:
+def _prove(
+    one: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: Look, care: TrackerParams
+) -> None:  # fmt: skip
     """Weigh whether the track moves, from what was free then and what is free now."""
-    ax, ay = one[TX] - one[AX], one[TY] - one[AY]
-    way = math.hypot(ax, ay)
-    wx, wy = one[AX] - now.sensor.x, one[AY] - now.sensor.y
-    front = 1.0 - one[RADIUS] / max(math.hypot(wx, wy), 2.0 * one[RADIUS])
-    whole = cluster[HIDDEN] == 0.0  # what comes into view beside something nearer seems to move
-    left = (
-        whole
-        and way > _LEFT
-        and was_free(lidar, now, now.sensor.x + front * wx, now.sensor.y + front * wy)
-    )
-    speed = math.hypot(one[TVX], one[TVY])
-    moves = speed > care.slowest
-    if moves and one[SEEN] >= 3.0 and (cluster[FRESH] >= 0.5 or left):
+    moves = math.hypot(one[TVX], one[TVY]) > care.slowest
+    if moves and one[SEEN] >= 3.0 and (cluster[FRESH] >= 0.5 or _left(one, lidar, now)):
         one[PROOF] = min(one[PROOF] + 1.0, 2.0 * care.proof)
     else:
         one[PROOF] = max(one[PROOF] - 1.0, 0.0)
@@ -355,9 +350,29 @@ def _prove(one: Floats, cluster: Floats, lidar: Lidar, now: Look, care: TrackerP
         one[MOVES], one[CALM] = 1.0, 0.0
     elif one[PROOF] == 0.0 and one[CALM] > care.calm:
         one[MOVES] = 0.0
-    if one[SINCE] > _ANCHORED or math.isnan(one[AX]):
-        one[AX] = one[TX] if whole else math.nan
-        one[AY], one[SINCE] = one[TY], 0.0
+    if one[SINCE] > _ANCHORED:
+        _anchor(one, seen)
+
+
+@jit
+def _anchor(one: Floats, seen: Floats) -> None:
+    """Note where it is seen to be, by the points of its cluster."""
+    for i in range(_ENDS):
+        p = (2 * i + 1) * len(seen) // (2 * _ENDS)
+        one[WHERE + 2 * i], one[WHERE + 2 * i + 1] = seen[p, 0], seen[p, 1]
+    one[SINCE] = 0.0
+
+
+@jit
+def _left(one: Floats, lidar: Lidar, now: Look) -> bool:
+    """Whether half of where beams ended on it a while ago is seen through now. The disc that a
+    part of it was taken for is not asked: where that was may have been free all the time."""
+    free = 0
+    for i in range(_ENDS):
+        x, y = one[WHERE + 2 * i], one[WHERE + 2 * i + 1]
+        if was_free(lidar, now, x, y, _SCATTERS * lidar.noise):
+            free += 1
+    return 2 * free >= _ENDS
 
 
 @jit
@@ -381,7 +396,7 @@ def _stays(one: Floats, lidar: Lidar, now: Look, care: TrackerParams) -> bool:
     wx, wy = one[TX] - now.sensor.x, one[TY] - now.sensor.y
     far = max(math.hypot(wx, wy), 1e-6)
     beyond = 1.0 + (one[RADIUS]) / far
-    if was_free(lidar, now, now.sensor.x + beyond * wx, now.sensor.y + beyond * wy):
+    if was_free(lidar, now, now.sensor.x + beyond * wx, now.sensor.y + beyond * wy, 0.0):
         one[GONE] += 1.0
     return one[GONE] < 3.0 and one[MISSED] < care.keep
 
