@@ -39,12 +39,12 @@ def driven(name: str, *changes: str) -> Trace:
 def test_the_lab_is_driven_without_a_contact(change):
     drives = [
         driven("lab-avoid", "simulation.wheel_limits=true", change, f"simulation.seed={seed}")
-        for seed in range(3)
+        for seed in range(5)
     ]
     for trace in drives:
         assert measure(trace).reached
         assert trace.rows["clearance"].min() > 0.04
-    # Whether it meets the mover in the door or behind it is worth some 10 s, and a matter of noise.
+    # Whether it meets the mover before, in or behind the door (60, 75 or 95 s) is noise.
     assert np.median([trace.rows["t"][-1] for trace in drives]) < 80.0
 
 
