@@ -91,8 +91,8 @@ def test_three_who_walk_shoulder_to_shoulder_are_covered(lab):
                 by = reached(moment, seen, x, y, radius)
                 if by >= 0.0:
                     short.append(by)
-    assert len(short) <= 3
-    assert all(by < 0.1 for by in short)
+    assert len(short) <= 2
+    assert all(by < 0.12 for by in short)
 
 
 def test_on_the_map_nothing_is_loose(lab):
@@ -109,7 +109,7 @@ def test_who_came_and_stopped_may_set_off_again_and_is_a_thing_in_the_end():
         return discs(disc(4.5, -2.6 + 1.0 * min(t, 1.6), 0.25))
 
     told = [(m.now, s) for m, s in watch(standing(15.5), around)]
-    beside = [s for t, s in told if 5.5 < t < 9.0]
+    beside = [s for t, s in told if 5.8 < t < 9.0]
     assert beside
     for seen in beside:
         assert len(seen.discs) == 0
@@ -194,6 +194,6 @@ def test_the_spread_of_a_disc_covers_every_velocity_and_acceleration():
 
 def test_what_has_stood_is_told_smaller_and_less_agile():
     points = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 1.0]])
-    found, agile = wild(points, 0.1, 1.0, Wary())
+    found, agile = wild(points, 0.1, 1.0, Wary(), 0.2)
     assert found[0, RADIUS] > 3.0 * found[1, RADIUS]
     assert agile[0] > agile[1] >= 1.0

@@ -282,6 +282,21 @@ def test_the_robot_keeps_farther_from_who_has_stopped_and_may_turn_on_it():
     assert _passes(EvasionParams().sets_off_weight) > _passes(0.0) + 0.1
 
 
+def test_whose_velocity_is_not_known_well_is_not_taken_to_run():
+    """What a LiDAR does not know of a velocity is told as acceleration. Taken to be kept up, it
+    doubled the distance that the robot kept from who had stopped: it waited four times as long."""
+    e = EvasionParams()
+
+    def far(most):
+        seen = np.array([[0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 1.0, 0.0, 0.0]])
+        around = surroundings([disc(2.0, 0.0, 0.3, 0.8, 0.4, 0.0)], [most])
+        movers, _ = foreseen(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e)
+        return trajectories(movers, 0.46, e)[0, 0, 6]
+
+    assert far(3.5) == far(1.0)
+    assert far(0.5) < far(1.0)
+
+
 @pytest.mark.parametrize("v", [0.0, 0.01, 0.5, 2.0])
 def test_an_overlap_has_a_risk_like_any_other(v):
     movers = np.array([[0.3, 0.0, v, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 2.0 * v, 1.5]])

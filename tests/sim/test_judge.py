@@ -74,6 +74,16 @@ def test_a_second_thing_that_walks_into_the_moving_robot_is_a_moving_contact():
     assert (seen.moving, seen.standing, seen.departing) == (1, 1, 0)
 
 
+def test_the_first_contact_is_a_moving_one_if_there_is_any():
+    standing = run(np.zeros(100), np.linspace(2.0, 0.2, 100))
+    assert standing.clearance <= 0.0
+    assert 0.0 < standing.first < 100 * DT
+    x = np.concatenate((np.linspace(0.6, 0.2, 20), np.full(20, 3.0), np.full(60, 1.0)))
+    both = run(np.concatenate((np.zeros(40), np.full(60, 1.0))), x)
+    assert (both.moving, both.standing) == (1, 1)
+    assert both.first > 40 * DT
+
+
 def test_two_visits_are_two_contacts():
     there = 1.0 - 0.8 * np.abs(np.sin(np.linspace(0.0, 2.0 * math.pi, 200)))
     assert run(np.zeros(200), there).standing == 2

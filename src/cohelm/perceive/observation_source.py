@@ -15,7 +15,8 @@ from cohelm.perceive.scan.deskew import DeskewedScan, sweep
 from cohelm.perceive.scan.odometry_buffer import pose_at
 from cohelm.perceive.scan.range_filter import steadied
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
-from cohelm.perceive.track.tracker import MOVES, NONE, RADIUS, TX, TY, TrackerParams, follow
+from cohelm.perceive.track.track import MOVES, RADIUS, TX, TY
+from cohelm.perceive.track.tracker import NONE, TrackerParams, follow
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import Lidar
 
@@ -64,7 +65,9 @@ class ObservationSource:
             if scan.edges is not None:  # no edge of a floor moves, whatever noise makes of it
                 may_move = ~scan.edges[seen.beams]
                 ranges = np.where(scan.edges, math.nan, seen.ranges)
-                things = DeskewedScan(seen.points[may_move], seen.beams[may_move], ranges)
+                things = DeskewedScan(
+                    seen.points[may_move], seen.beams[may_move], ranges, seen.duration
+                )
             self.movers = follow(
                 self.movers, self.lidar, things, pose, self.stamp, self._watching,
                 on_map(things, pose),
@@ -82,7 +85,7 @@ class ObservationSource:
         """The sweep without the points of movers: they tell nothing about what stands."""
         ranges = seen.ranges.copy()
         ranges[_shadow(self.lidar, seen.points[mine])] = math.nan
-        return DeskewedScan(seen.points[~mine], seen.beams[~mine], ranges)
+        return DeskewedScan(seen.points[~mine], seen.beams[~mine], ranges, seen.duration)
 
     def _outside(self, points: Floats) -> Floats:
         """Points that no mover covers: what was remembered of it before it was known to move."""

@@ -23,6 +23,7 @@ from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
 from cohelm.perceive.track.tracker import TrackerParams, bodies, strays
+from cohelm.robot.limits import braking_time
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
@@ -92,6 +93,7 @@ class Perception:
         outline: with a LiDAR alone, (k, 2) of what it is on [m]; without, ground that may hold
         anything is not told. further: LiDARs beside that one.
         """
+        self._limits = model.bounds() if isinstance(model, RobotModel) else None
         if isinstance(model, Lidar):
             self.lidar = model
         elif model.lidar is None:
@@ -264,7 +266,10 @@ class Perception:
     def _mobile(self, now: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Movers and their largest acceleration, and all that may move and theirs, foretold to
         now."""
-        told = [_movers(source, now, self._watching) for source in self._sources]
+        stop = self._watching.wary.stop
+        if self._limits is not None:
+            stop = max(stop, braking_time(self._twist, self._limits))
+        told = [_movers(source, now, self._watching, stop) for source in self._sources]
         if len(told) == 1:
             return told[0]
         discs, max_acceleration, mobile, mobile_max_acceleration = zip(*told, strict=True)
@@ -275,13 +280,13 @@ class Perception:
 
 
 def _movers(
-    source: ObservationSource | RangeSource, now: float, watching: TrackerParams
+    source: ObservationSource | RangeSource, now: float, watching: TrackerParams, stop: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """The same of one LiDAR."""
     if not len(source.movers.tracks) and not len(source.movers.loose):
         return _NOBODY
-    discs, max_acceleration = bodies(source.movers, now, watching)
-    loose, agile = strays(source.movers, now, watching)
+    discs, max_acceleration = bodies(source.movers, now, watching, stop)
+    loose, agile = strays(source.movers, now, watching, stop)
     return (
         discs,
         max_acceleration,

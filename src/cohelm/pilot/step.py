@@ -234,6 +234,7 @@ def _capped(e: EvasionParams, fastest: float) -> EvasionParams:
         e.moving_growth, e.growth_per_speed, e.most_growth, e.social_clearance, e.risk_weight,
         e.ahead, e.slack, e.slack_growth, e.turning, e.hysteresis, e.static_clearance,
         e.certified_for, e.certified_growth, e.pass_right, e.sets_off_weight,
+        e.sets_off_acceleration,
     )  # fmt: skip
 
 

@@ -37,6 +37,18 @@ class Limits(NamedTuple):
     """Distance between the wheels [m]; only the limits of the wheels need it."""
 
 
+@jit_inline
+def braking_time(twist: Twist, limits: Limits) -> float:
+    """How long it takes to stand still, braking on constant curvature [s]; 0 without acceleration
+    limits."""
+    rim = abs(twist.v) + 0.5 * limits.track * abs(twist.omega)
+    return max(
+        abs(twist.v) / limits.acceleration,
+        abs(twist.omega) / limits.yaw_acceleration,
+        rim / limits.wheel_acceleration,
+    )
+
+
 def checked_limits(limits: Limits) -> Limits:
     """The same limits, as floats. Raises CohelmError where one can not be a robot's."""
     try:

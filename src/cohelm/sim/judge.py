@@ -61,7 +61,7 @@ class Judged(NamedTuple):
     before: Twist = Twist(0.0, 0.0)
     """What the wheels did in the last step judged."""
     first: float = math.nan
-    """When the first moving contact was [s]."""
+    """When the first contact was; a moving one before a standing one [s]."""
 
 
 @jit_inline
@@ -152,9 +152,10 @@ def judge(
             touching = _NONE
         elif entered and touching != _MOVING:
             moving, touching = moving + 1, _MOVING
-            first = row.t if math.isnan(first) else first
+            first = row.t if moving == 1 else first
         elif not moves and touching == _NONE:
             standing, touching = standing + 1, _STANDING
+            first = row.t if math.isnan(first) else first
     steps = seen.steps + len(rows) - 1
     return Judged(
         clearance, clearance_moving, at, moving, standing, departing, steps, touched, over,

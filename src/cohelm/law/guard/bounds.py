@@ -7,7 +7,7 @@ import math
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Twist
 from cohelm.law.guard.project import NOBODY
-from cohelm.robot.limits import Limits
+from cohelm.robot.limits import Limits, braking_time
 
 WHEEL_ROWS = 8
 """The most rows that `wheel_rows` writes."""
@@ -50,12 +50,7 @@ def brake_steps(twist: Twist, limits: Limits, dt: float) -> float:
     Each step takes the same share of `twist` off both wheels, 1 / brake_steps; the last one
     takes what is left. 0 without acceleration limits. After one step it is one less.
     """
-    rim = abs(twist.v) + 0.5 * limits.track * abs(twist.omega)
-    return _INSIDE * max(
-        abs(twist.v) / (limits.acceleration * dt),
-        abs(twist.omega) / (limits.yaw_acceleration * dt),
-        rim / (limits.wheel_acceleration * dt),
-    )
+    return _INSIDE * braking_time(twist, limits) / dt
 
 
 @jit

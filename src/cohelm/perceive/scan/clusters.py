@@ -14,9 +14,10 @@ from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
 from cohelm.robot.sensors import Lidar
 
-CX, CY, SIZE, HIDDEN, FRESH, FIRST, LAST = range(7)
+CX, CY, SIZE, HIDDEN, FRESH, FIRST, LAST, AGE = range(8)
 """Columns of clusters: centre of the disc it may be [m], its radius [m], whether something nearer
-hides a part of it, share of its points where it was free before, first and last point."""
+hides a part of it, share of its points where it was free before, first and last point, how long
+before the sweep's instant its middle beam was measured [s]."""
 
 _JUMP = 0.12  # neighbouring ends farther apart are of different things [m]
 _WIDEST = 1.1  # a wider thing is no body [m]
@@ -37,7 +38,7 @@ class Look(NamedTuple):
 def clusters(
     lidar: Lidar, sweep: DeskewedScan, pose: Pose, farthest: float, fixed: NDArray[np.bool_]
 ) -> Floats:
-    """The things in a sweep from an `odom` pose that may be bodies, (k, 7), in `odom`.
+    """The things in a sweep from an `odom` pose that may be bodies, (k, 8), in `odom`.
 
     fixed: (m,) points of what surely stands: they belong to no body, and part those beside it.
     The centre is put behind what is seen of a disc: the mean of its visible side is pi/4 of the
@@ -45,7 +46,8 @@ def clusters(
     """
     points, beams = sweep.points, sweep.beams
     m = len(points)
-    out = np.zeros((m, 7))
+    out = np.zeros((m, 8))
+    beam_s = sweep.duration / max(len(lidar.beams) - 1, 1)
     k, a = 0, 0
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     while a < m:
@@ -72,6 +74,8 @@ def clusters(
                 out[k, SIZE] = size
                 out[k, HIDDEN] = 1.0 if _hidden(lidar, points, beams, a, b, far) else 0.0
                 out[k, FIRST], out[k, LAST] = a, b
+                later = len(lidar.beams) - 1 - 0.5 * (beams[a] + beams[b - 1])
+                out[k, AGE] = beam_s * later
                 k += 1
         a = b
     return out[:k].copy()

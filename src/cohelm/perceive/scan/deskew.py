@@ -20,12 +20,14 @@ class DeskewedScan(NamedTuple):
     points: (m, 2) in the body frame of that instant [m], in the order of the beams; only real
     returns. beams: (m,) which beam each came from. ranges: (n,) what the sensor would have
     measured, had all beams been at that instant: inf and -inf as in the scan, NaN where the
-    turning of the robot left no beam to tell.
+    turning of the robot left no beam to tell. duration: of the turn [s]; what moves by itself is
+    where it was when its own beam was measured.
     """
 
     points: Floats
     beams: Ints
     ranges: Floats
+    duration: float
 
 
 @jit_inline
@@ -87,4 +89,4 @@ def sweep(
             points[m, 0], points[m, 1] = bx, by
             beams[m] = i
             m += 1
-    return DeskewedScan(points[:m].copy(), beams[:m].copy(), made)
+    return DeskewedScan(points[:m].copy(), beams[:m].copy(), made, duration)

@@ -42,7 +42,7 @@ class Wary(NamedTuple):
     vouched: float = 2.0
     """So far driven, odometry no longer says to a hand's breadth what was free where [m]."""
     stop: float = 0.2
-    """A robot that moves stands within about this [s]: see `spread`."""
+    """A robot that moves is taken to need so long to stand, at least [s]: see `spread`."""
 
 
 @jit
@@ -141,12 +141,14 @@ def spread(
     )
 
 
-def wild(points: Floats, age: float, max_acceleration: float, wary: Wary) -> tuple[Floats, Floats]:
+def wild(
+    points: Floats, age: float, max_acceleration: float, wary: Wary, stop: float
+) -> tuple[Floats, Floats]:
     """Loose points as discs that may go anywhere, (l, 6), `age` [s] later, and their largest
     acceleration."""
     stood = points[:, STOOD] > 0.0
     speed = np.where(stood, wary.creeping, wary.fastest)
-    more, agile = spread(speed, np.full(len(points), max_acceleration), age, wary.stop)
+    more, agile = spread(speed, np.full(len(points), max_acceleration), age, stop)
     discs = np.zeros((len(points), 6))
     discs[:, :2] = points[:, [LX, LY]]
     discs[:, 4] = discs[:, 5] = 0.5 * _APART + more

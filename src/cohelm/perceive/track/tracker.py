@@ -16,10 +16,10 @@ from cohelm.core.frames import placed
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.scan.clusters import (
+    AGE,
     CX,
     CY,
     FIRST,
-    FRESH,
     HIDDEN,
     LAST,
     SIZE,
@@ -40,26 +40,38 @@ from cohelm.perceive.track.potentially_dynamic import (
     spread,
     wild,
 )
+from cohelm.perceive.track.proof import prove
 from cohelm.perceive.track.rim_fit import rim_distance, rim_fit
+from cohelm.perceive.track.track import (
+    CALM,
+    COLUMNS,
+    GONE,
+    MISSED,
+    MOVES,
+    PP,
+    PROOF,
+    RADIUS,
+    SEEN,
+    SINCE,
+    TAX,
+    TAY,
+    TVX,
+    TVY,
+    TX,
+    TY,
+    VV,
+    WHOLE,
+    corrected,
+    no_tracks,
+    noted_ends,
+    predicted,
+)
 from cohelm.robot.sensors import Lidar
 
-TX, TY, TVX, TVY, PP, PV, VV, RADIUS, SEEN, MISSED, PROOF, MOVES, SINCE = range(13)
-GONE, CALM, WHOLE, WHERE = 13, 14, 15, 16
-_ENDS = 8
-_COLUMNS = WHERE + 2 * _ENDS
-"""Columns of tracks: position, velocity, their variances (the same along both axes: of position,
-both, velocity), radius, scans it was seen in, time since [s], proof that it moves, whether it
-counts as moving, how long ago WHERE is from [s], scans in which its place was free, how long
-nothing proved that it moves [s], scans in which nothing hid a part of it; from WHERE on x and y of
-eight places in which beams ended on it a while ago [m].
-"""
-
-
 _KNOWN = 3.0  # who was in view whole in so many scans, of him the radius is known,
-_SURE = 0.05  # to this, one standard deviation [m]
+_SURE = 0.05  # to this, one standard deviation [m];
+_UNSURE = 0.15  # before that, to this [m]
 _BLIND = Look(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
-_SCATTERS = 3.0  # so many standard deviations a beam's end may lie off, seen from elsewhere
-_ANCHORED = 1.2  # where it stood is remembered for so long [s]
 
 
 class TrackerParams(NamedTuple):
@@ -90,10 +102,10 @@ class TrackerParams(NamedTuple):
 
 
 class Movers(NamedTuple):
-    """tracks: (t, 32). looks: earlier sweeps, oldest first. mine: (m,) of the newest sweep's
-    points, whether it belongs to a mover. ground: near the robot. worn: its clock [s]. loose:
-    (l, 3) as in `potentially_dynamic`. covered: whether somebody is within the LiDAR's least
-    range."""
+    """tracks: (t, n) as in `track`. looks: earlier sweeps, oldest first. mine: (m,) of the newest
+    sweep's points, whether it belongs to a mover. ground: near the robot. worn: its clock [s].
+    loose: (l, 3) as in `potentially_dynamic`. covered: whether somebody is within the LiDAR's
+    least range."""
 
     tracks: Floats
     looks: tuple[Look, ...]
@@ -106,7 +118,7 @@ class Movers(NamedTuple):
 
 
 NONE = Movers(
-    np.empty((0, _COLUMNS)), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3)),
+    no_tracks(), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3)),
     False,
 )  # fmt: skip
 
@@ -158,9 +170,9 @@ def _look(looks: tuple[Look, ...], when: float) -> Look | None:
     return nearest if abs(when - nearest.stamp) < 0.2 else None
 
 
-def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
+def bodies(movers: Movers, now: float, care: TrackerParams, stop: float) -> tuple[Floats, Floats]:
     """The moving discs (n, 6) foretold to `now` [s], and their largest acceleration (n,), in
-    `odom`.
+    `odom`. stop: how long the robot takes to stand [s], see `spread`.
 
     With bodies that perhaps move, by one scan so far: those are told in good time, and count as
     standing as well; edges and noise are thinner. What is not known of a velocity makes a disc
@@ -173,22 +185,22 @@ def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Flo
         return np.empty((0, 6)), np.empty(0)
     ahead = _ahead(movers, now)
     discs = np.zeros((len(t), 6))
-    discs[:, 0] = t[:, TX] + ahead * t[:, TVX]
-    discs[:, 1] = t[:, TY] + ahead * t[:, TVY]
-    discs[:, 2:4] = t[:, TVX : TVY + 1]
+    push = t[:, TAX : TAY + 1]
+    discs[:, :2] = t[:, TX : TY + 1] + ahead * t[:, TVX : TVY + 1] + 0.5 * ahead * ahead * push
+    discs[:, 2:4] = t[:, TVX : TVY + 1] + ahead * push
     off = np.minimum(care.unsure * np.sqrt(t[:, VV]), care.wary.fastest)
-    more, agile = spread(off, np.full(len(t), care.max_acceleration), ahead, care.wary.stop)
+    more, agile = spread(off, np.full(len(t), care.max_acceleration), ahead, stop)
     discs[:, 4] = t[:, RADIUS] + care.wider + np.minimum(np.sqrt(t[:, PP]), 0.3) + more
     discs[:, 5] = discs[:, 4]
     return discs, agile
 
 
-def strays(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
+def strays(movers: Movers, now: float, care: TrackerParams, stop: float) -> tuple[Floats, Floats]:
     """What is loose at `now` [s], as discs that may go anywhere, (l, 6), and their largest
     acceleration (l,)."""
     if not len(movers.loose):
         return np.empty((0, 6)), np.empty(0)
-    return wild(movers.loose, _ahead(movers, now), care.max_acceleration, care.wary)
+    return wild(movers.loose, _ahead(movers, now), care.max_acceleration, care.wary, stop)
 
 
 def _ahead(movers: Movers, now: float) -> float:
@@ -204,16 +216,11 @@ def _followed(
     """The tracks after these clusters of a sweep's points in `odom`, `places`, and the track of
     each cluster (k,)."""
     t, k = len(tracks), len(found)
-    out = np.zeros((t + k, _COLUMNS))
+    out = np.zeros((t + k, COLUMNS))
     out[:t] = tracks
-    q = care.max_acceleration * care.max_acceleration
     for i in range(t):
         one = out[i]
-        one[TX] += dt * one[TVX]
-        one[TY] += dt * one[TVY]
-        one[PP] += 2.0 * dt * one[PV] + dt * dt * one[VV] + 0.25 * q * dt**4 + 1e-5
-        one[PV] += dt * one[VV] + 0.5 * q * dt**3
-        one[VV] += q * dt * dt
+        predicted(one, dt, care.max_acceleration)
         one[MISSED] += dt
         one[SINCE] += dt
         one[CALM] += dt
@@ -227,13 +234,12 @@ def _followed(
             for i in range(t):
                 if taken[i]:
                     continue
-                d = math.hypot(found[j, CX] - out[i, TX], found[j, CY] - out[i, TY])
+                x, y = _then(out[i], found[j])
+                d = math.hypot(found[j, CX] - x, found[j, CY] - y)
                 if d > 0.6:
                     continue
-                if _in_part(out[i], found[j]):
-                    d = rim_distance(
-                        _seen(places, found[j]), out[i, TX], out[i, TY], out[i, RADIUS]
-                    )
+                if _is_rim(out[i], found[j]):
+                    d = rim_distance(_seen(places, found[j]), x, y, out[i, RADIUS])
                     cost = d * d / (care.scatter * care.scatter + out[i, PP])
                 else:
                     wide = _scatter(found[j], care) + out[i, PP]
@@ -244,15 +250,18 @@ def _followed(
             break
         whose[bj], taken[bi] = bi, True
         seen = _seen(places, found[bj])
-        _update(out[bi], found[bj], seen, now, care)
-        _prove(out[bi], found[bj], seen, lidar, now, care)
+        _update(out[bi], found[bj], seen, lidar, now, care)
+        prove(
+            out[bi], found[bj], seen, lidar, now, care.slowest, care.proof, care.calm,
+            care.max_acceleration,
+        )  # fmt: skip
     n = t
     for j in range(k):
         if whose[j] < 0.0 and not _within_mover(out, t, found[j]):
             out[n, TX], out[n, TY], out[n, RADIUS] = found[j, CX], found[j, CY], found[j, SIZE]
             out[n, PP], out[n, VV] = _scatter(found[j], care), 1.0
             out[n, SEEN] = 1.0
-            _anchor(out[n], _seen(places, found[j]))
+            noted_ends(out[n], _seen(places, found[j]))
             out[n, WHOLE] = 1.0 if found[j, HIDDEN] == 0.0 else 0.0
             whose[j] = n
             n += 1
@@ -275,10 +284,18 @@ def _scatter(cluster: Floats, care: TrackerParams) -> float:
 
 
 @jit
-def _in_part(one: Floats, cluster: Floats) -> bool:
-    """Whether a cluster may be a part of a mover of known radius, whose rest is not in view."""
+def _is_rim(one: Floats, cluster: Floats) -> bool:
+    """Whether a cluster may be the rim, or a part of it, of a mover of known radius."""
     known = one[MOVES] > 0.0 and one[WHOLE] >= _KNOWN
-    return known and cluster[HIDDEN] > 0.0 and cluster[SIZE] < one[RADIUS] + _SURE
+    return known and cluster[SIZE] < one[RADIUS] + _SURE
+
+
+@jit
+def _then(one: Floats, cluster: Floats) -> tuple[float, float]:
+    """Where the track was when the cluster's beams were measured [m]."""
+    if one[MOVES] == 0.0:
+        return one[TX], one[TY]
+    return one[TX] - cluster[AGE] * one[TVX], one[TY] - cluster[AGE] * one[TVY]
 
 
 @jit
@@ -288,26 +305,27 @@ def _seen(places: Floats, cluster: Floats) -> Floats:
 
 
 @jit
-def _update(one: Floats, cluster: Floats, seen: Floats, now: Look, care: TrackerParams) -> None:
+def _update(
+    one: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: Look, care: TrackerParams
+) -> None:  # fmt: skip
     """Kalman update of a track by its cluster of points in `odom`, `seen`."""
     one[SEEN] += 1.0
     one[MISSED] = 0.0
     one[GONE] = 0.0
-    if _in_part(one, cluster) and _fitted(one, seen, now, care):
+    if one[MOVES] > 0.0 and _fitted(one, cluster, seen, lidar, now, care):
         return
+    x, y = _then(one, cluster)
     noise = _scatter(cluster, care)
-    gain_p = one[PP] / (one[PP] + noise)
-    gain_v = one[PV] / (one[PP] + noise)
-    ex, ey = cluster[CX] - one[TX], cluster[CY] - one[TY]
-    one[TX] += gain_p * ex
-    one[TY] += gain_p * ey
-    one[TVX] += gain_v * ex
-    one[TVY] += gain_v * ey
-    one[VV] -= gain_v * one[PV]
-    one[PV] *= 1.0 - gain_p
-    one[PP] *= 1.0 - gain_p
-    size = cluster[SIZE]
-    if cluster[HIDDEN] > 0.0:
+    gain = one[PP] / (one[PP] + noise)
+    dx, dy = gain * (cluster[CX] - x), gain * (cluster[CY] - y)
+    corrected(one, dx, dy, (1.0 - gain) * one[PP], care.max_acceleration)
+    _sized(one, cluster[SIZE], cluster[HIDDEN] > 0.0)
+
+
+@jit
+def _sized(one: Floats, size: float, hidden: bool) -> None:
+    """Update its radius by a measured one; of a hidden one, by no smaller one [m]."""
+    if hidden:
         size = max(size, one[RADIUS])
     else:
         one[WHOLE] += 1.0
@@ -315,64 +333,29 @@ def _update(one: Floats, cluster: Floats, seen: Floats, now: Look, care: Tracker
 
 
 @jit
-def _fitted(one: Floats, seen: Floats, now: Look, care: TrackerParams) -> bool:
-    """Update a mover of which a part is in view by the disc that this is the rim of; whether there
-    is such a disc."""
-    noise = care.scatter * care.scatter
-    fit = rim_fit(seen, one[TX], one[TY], one[RADIUS], one[PP], _SURE * _SURE, noise)
+def _fitted(
+    one: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: Look, care: TrackerParams
+) -> bool:
+    """Update a mover by the disc whose rim is seen; whether there is such a disc."""
+    x, y = _then(one, cluster)
+    known, hidden = _is_rim(one, cluster), cluster[HIDDEN] > 0.0
+    if hidden and not known:
+        return False
+    sure = _SURE if known else _UNSURE
+    noise = lidar.noise * lidar.noise
+    fit = rim_fit(seen, x, y, one[RADIUS], one[PP], sure * sure, noise)
+    off = rim_distance(seen, fit.x, fit.y, fit.radius)
+    if off * off > noise:  # it is less round than a disc is
+        fit = rim_fit(seen, x, y, one[RADIUS], one[PP], sure * sure, off * off)
     ux, uy = fit.x - now.sensor.x, fit.y - now.sensor.y
     mx, my = seen[:, 0].mean() - now.sensor.x, seen[:, 1].mean() - now.sensor.y
     before = mx * mx + my * my < ux * ux + uy * uy
     if not (fit.good and before):
         return False
-    gain = max(1.0 - fit.variance / one[PP], 0.0)
-    gain_v = one[PV] / one[PP]
-    one[TVX] += gain_v * (fit.x - one[TX])
-    one[TVY] += gain_v * (fit.y - one[TY])
-    one[TX], one[TY] = fit.x, fit.y
-    one[VV] -= gain * gain_v * one[PV]
-    one[PV] *= 1.0 - gain
-    one[PP] *= 1.0 - gain
+    corrected(one, fit.x - x, fit.y - y, fit.variance, care.max_acceleration)
+    if not hidden:
+        _sized(one, fit.radius, False)
     return True
-
-
-@jit
-def _prove(
-    one: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: Look, care: TrackerParams
-) -> None:  # fmt: skip
-    """Weigh whether the track moves, from what was free then and what is free now."""
-    moves = math.hypot(one[TVX], one[TVY]) > care.slowest
-    if moves and one[SEEN] >= 3.0 and (cluster[FRESH] >= 0.5 or _left(one, lidar, now)):
-        one[PROOF] = min(one[PROOF] + 1.0, 2.0 * care.proof)
-    else:
-        one[PROOF] = max(one[PROOF] - 1.0, 0.0)
-    if one[PROOF] >= care.proof:
-        one[MOVES], one[CALM] = 1.0, 0.0
-    elif one[PROOF] == 0.0 and one[CALM] > care.calm:
-        one[MOVES] = 0.0
-    if one[SINCE] > _ANCHORED:
-        _anchor(one, seen)
-
-
-@jit
-def _anchor(one: Floats, seen: Floats) -> None:
-    """Note where it is seen to be, by the points of its cluster."""
-    for i in range(_ENDS):
-        p = (2 * i + 1) * len(seen) // (2 * _ENDS)
-        one[WHERE + 2 * i], one[WHERE + 2 * i + 1] = seen[p, 0], seen[p, 1]
-    one[SINCE] = 0.0
-
-
-@jit
-def _left(one: Floats, lidar: Lidar, now: Look) -> bool:
-    """Whether half of where beams ended on it a while ago is seen through now. The disc that a
-    part of it was taken for is not asked: where that was may have been free all the time."""
-    free = 0
-    for i in range(_ENDS):
-        x, y = one[WHERE + 2 * i], one[WHERE + 2 * i + 1]
-        if was_free(lidar, now, x, y, _SCATTERS * lidar.noise):
-            free += 1
-    return 2 * free >= _ENDS
 
 
 @jit

@@ -145,7 +145,8 @@ def _gathered(
         if moving:
             found[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
         found[n, 7], found[n, 8], found[n, 9], found[n, 10] = ax, ay, turning, _FASTER * top
-        way = reach + d[RADIUS] + 0.5 * max_acceleration * stops * stops
+        gains = min(max_acceleration, e.sets_off_acceleration)
+        way = reach + d[RADIUS] + 0.5 * gains * stops * stops
         found[n, 11] = min(_NOTICED + way / max(fast, 1e-3) + 0.5 * stops, e.horizon)
         n += 1
         if e.pass_right > 0.0 and far < math.inf:

@@ -35,7 +35,11 @@ def trajectories(movers: Floats, reach: float, e: EvasionParams) -> Floats:
             one[1] = m[1] + m[3] * t + m[8] * goes
             one[2], one[3] = m[2] + m[7] * until, m[3] + m[8] * until
             walks = m[5] > 0.0 and m[10] > 0.0 and e.sets_off_weight > 0.0 < e.risk_weight
-            one[4] = math.hypot(one[2], one[3]) / m[5] if walks else math.inf
+            one[4] = (
+                math.hypot(one[2], one[3]) / min(m[5], e.sets_off_acceleration)
+                if walks
+                else math.inf
+            )
             one[5] = e.clearance + m[6] * t
             far = one[5] + e.ahead * math.hypot(m[2], m[3])
             one[6] = max(far, _comes(m, one[4], 1.0, e)) + reach + m[4] + _ROUNDING
@@ -90,8 +94,9 @@ def _comes(mover: Floats, stops: float, turns: float, e: EvasionParams) -> float
     left = mover[11] + turns / e.yaw_rate - stops
     if not left > 0.0:
         return 0.0
-    top = min(mover[10], mover[5] * left)
-    return top * left - 0.5 * top * top / mover[5]
+    most = min(mover[5], e.sets_off_acceleration)
+    top = min(mover[10], most * left)
+    return top * left - 0.5 * top * top / most
 
 
 @jit_inline

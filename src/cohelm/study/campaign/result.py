@@ -78,8 +78,9 @@ class EpisodeResult(NamedTuple):
     stopped_by: str
     """Why, the first time."""
     contact_seen_s: float
-    """Of the first moving contact on the twin's own sensors: for how long what was touched had been
-    in the LiDAR's view without a break, at five beams a scan, when it came to it; NaN: none."""
+    """Of the first contact on the twin's own sensors, a moving one before a standing one: for how
+    long what was touched had been in the LiDAR's view without a break, at five beams a scan, when
+    it came to it; NaN: none."""
     contact_seen_share: float
     """And in which share of all scans before."""
     contact_speed_mps: float

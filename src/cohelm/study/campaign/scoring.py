@@ -74,7 +74,7 @@ def scored(
             break
     rows = _joined(kept)
     touched = NOTHING_TOUCHED
-    if setup.twin is not None and seen.moving:
+    if setup.twin is not None and not math.isnan(seen.first):
         touched = first_touch(setup, setup.twin, rows, np.concatenate(there), seen.first)
     return _row(
         case, law, rows, seen, close if who.any() else None, nearest, arrived, touched, acted
