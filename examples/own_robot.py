@@ -1,8 +1,8 @@
-"""A robot of one's own with loop, gate and record: three methods around whatever moves it.
+"""A robot of one's own with loop, gate and record: three methods around whatever moves it. The
+hardware here is some arithmetic; put your driver in its place.
 
     python examples/own_robot.py
     cohelm robot sally --driver own_robot:Cart [--listen 0.0.0.0]    # the same, in this folder
-The hardware here is some arithmetic; put your driver in its place.
 """
 
 import math

@@ -165,16 +165,16 @@ def station_asked(robot: Robot, browser: Browser, take_it: Callable[[Page], None
 
 
 @shot
-def station_way(robot: Robot, browser: Browser, take_it: Callable[[Page], None]) -> None:
+def station_route(robot: Robot, browser: Browser, take_it: Callable[[Page], None]) -> None:
     with opened(robot, browser) as (page, _, _):
         drive(page, "Hold")
-        page.get_by_role("button", name="Edit way").click()
-        panel = page.get_by_role("dialog", name="Edit the way")
+        page.get_by_role("button", name="Edit route").click()
+        panel = page.get_by_role("dialog", name="Edit the route")
         panel.get_by_role("button", name="Clear").click()
         for i, point in enumerate((("2", "-1.5"), ("4", "0"), ("6", "3"), ("9", "0")), 1):
             panel.get_by_role("button", name="Add in the middle").click()
             for axis, value in zip("xy", point, strict=True):
-                panel.get_by_label(f"Way-point {i}, {axis} in metres").fill(value)
+                panel.get_by_label(f"Waypoint {i}, {axis} in metres").fill(value)
         page.get_by_role("button", name="Show all").click()
         expect(panel.get_by_role("status")).to_contain_text("Refused")
         expect(panel.locator("li.bad")).to_have_count(1)

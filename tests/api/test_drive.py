@@ -63,6 +63,7 @@ def test_in_real_time_it_lives_in_the_process_of_the_gate():
     ("given", "said"),
     [
         ((object(), SITE), "must be a subclass of cohelm.Robot or make one"),
+        (("json:JSONDecoder", SITE), "JSONDecoder is no subclass of cohelm.Robot"),
         (("tests.api.carts:Nothing", SITE), "can not be imported"),
         (("no_such_package:Cart", SITE), "can not be imported"),
         (("cart", SITE), "entry point of cohelm.robots"),

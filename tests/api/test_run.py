@@ -80,6 +80,8 @@ def test_no_answer_that_is_no_twist_goes_unsaid(answer):
 
 
 def test_what_a_law_of_ones_own_can_not_be_given_is_said():
+    with pytest.raises(cohelm.CohelmError, match="a controller is called"):
+        cohelm.run("lab-track", 0.5)
     with pytest.raises(cohelm.CohelmError, match="senses=truth"):
         cohelm.run("lab-guard", lambda now: cohelm.Twist(0, 0), changes=["senses=lidar"])
     made = cohelm.load_scenario("lab-track")

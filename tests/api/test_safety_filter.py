@@ -188,6 +188,7 @@ def test_a_beam_that_hit_nothing_is_no_obstacle_and_a_broken_disc_is():
         ((HERE, 0.3, AHEAD), "twist"),
         (((0.0, 0.0), REST, AHEAD), "pose"),
         ((HERE, REST, ("fast", 0.0)), "nominal"),
+        ((HERE, REST, AHEAD, None), "obstacles must be cohelm.Obstacles"),  # a scan that is missing
         ((HERE, REST, AHEAD, np.zeros((3, 2))), "obstacles must be cohelm.Obstacles"),
         ((HERE, REST, AHEAD, [[1.0, 2.0]]), "obstacles must be cohelm.Obstacles"),
     ],
@@ -200,6 +201,7 @@ def test_no_call_with_what_is_no_pose_twist_or_obstacles_goes_unsaid(given, said
 @pytest.mark.parametrize(
     ("given", "said"),
     [
+        ({"robot": "sally"}, "must be a cohelm.RobotModel, got 'sally'"),
         ({"period": 0.0}, "period must be from 0.001 to 1"),
         ({"period": math.nan}, "period must be from 0.001 to 1"),
         ({"period": "fast"}, "period must be a number"),
@@ -218,7 +220,13 @@ def test_no_call_with_what_is_no_pose_twist_or_obstacles_goes_unsaid(given, said
 )
 def test_no_filter_is_made_that_could_promise_nothing(given, said):
     with pytest.raises(CohelmError, match=said):
-        SafetyFilter(SALLY, **({"period": DT} | given))
+        SafetyFilter(**({"robot": SALLY, "period": DT} | given))
+
+
+@pytest.mark.parametrize("sent", [None, "fast", 0.3, (0.1, 0.2, 0.3), (math.nan, 0.0)])
+def test_what_was_sent_is_a_twist(sent):
+    with pytest.raises(CohelmError, match="twist"):
+        FILTER.sent(sent)
 
 
 def test_no_kind_of_number_or_array_is_compiled_for_anew():

@@ -56,6 +56,15 @@ def test_a_drive_in_a_scenario_that_is_not_there_is_not_started(cohelm):
     assert "starting" not in said.err
 
 
+@pytest.mark.parametrize("wanted", ["abc", "0.5", "inf,0", "0.5,nan", "1e999,0"])
+def test_a_controller_that_wants_no_twist_is_refused(cohelm, wanted):
+    refused(cohelm("base", "--controller", wanted, "--for", "1"), wanted, "such as 0.5,0")
+
+
+def test_before_free_floor_is_asked_for_it_is_known_what_will_drive_there(cohelm):
+    refused(cohelm("calibrate", "sally", "--driver", "nowhere"), "nowhere", "package:name")
+
+
 def test_of_many_problems_the_first_are_told_and_the_rest_counted(cohelm, tmp_path):
     wrong = ", ".join(f"{{name: o{i}, center_m: [1, 1], radius_m: -1}}" for i in range(500))
     (tmp_path / "s.yaml").write_text(f"{BASE}obstacles: [{wrong}]\n")

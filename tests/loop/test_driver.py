@@ -1,14 +1,20 @@
 """Whoever drives by hand is alone with the robot: the controller asks for nothing by itself."""
 
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Stick, Twist, disc
 from cohelm.law.guard.surroundings import surroundings
+from cohelm.law.reference import through
 from cohelm.loop.driver import Driver
+from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import EVADING
 from tests.pilot.drives import DT, SETTINGS
+
+HERE = Pose(0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("gently", [False, True])
@@ -24,3 +30,22 @@ def test_by_hand_with_the_stick_centred_it_makes_way_for_nobody(gently):
         assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
         assert d.behavior != EVADING
         driver.given(Twist(d.safe_v, d.safe_omega))
+
+
+def test_the_planner_is_handed_the_unseen_ground_apart_from_what_stands_and_from_zones():
+    stands, unseen, zones = np.ones((3, 2)), np.full((2, 2), 5.0), np.full((4, 2), 9.0)
+    tasks = []
+    planning = SimpleNamespace(plan=lambda now: None, offer=lambda now, task: tasks.append(task))
+    route = through(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0]]), 0.5)
+    driver = Driver(Pilot(route, SETTINGS), SETTINGS, 0.0, planning)
+    driver._zones = SimpleNamespace(points=lambda pose: zones)
+    for now, blind in ((0.0, 2), (1.0, 0)):
+        seen = SimpleNamespace(
+            points=np.vstack((stands, unseen)), blind=blind, map_odom=HERE, pose=HERE, lost=False,
+            mobile=np.empty((0, 6)), mobile_max_acceleration=np.empty(0),
+        )  # fmt: skip
+        driver.follow(now, HERE, Stick(0.0, 0.0), driver.around(seen))
+    assert tasks[0].obstacles.points.tolist() == [*stands.tolist(), *zones.tolist()]
+    assert tasks[0].unseen.tolist() == unseen.tolist()
+    assert len(tasks[1].obstacles.points) == 9
+    assert len(tasks[1].unseen) == 0

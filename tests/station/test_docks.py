@@ -43,7 +43,7 @@ def test_a_person_docks_undocks_and_is_shown_the_way_back(
         expect(undock).to_have_count(0)
         expect(dock).to_be_enabled()
         choose(page, "Auto")
-        way = docks.get_by_role("button", name="Way to charger")
+        way = docks.get_by_role("button", name="Route to charger")
         way.click()
         expect(page.get_by_role("radio", name="Auto")).to_be_checked()
         expect(dock).to_be_enabled()

@@ -45,5 +45,5 @@ def test_a_deflection_beyond_the_stick_is_refused() -> None:
 def test_of_a_place_that_nobody_estimates_no_error_is_shown() -> None:
     on_a_map = STATUS._replace(localised=Localised.GOOD, sigma=0.02)
     assert view.state(on_a_map, 1.0, 0.01).sigma_m == pytest.approx(0.02)
-    by_odometry = STATUS._replace(localised=Localised.UNKNOWN, sigma=0.0)
-    assert view.state(by_odometry, 1.0, 0.01).sigma_m is None
+    for nobody in (Localised.UNKNOWN, Localised.LOST):
+        assert view.state(on_a_map._replace(localised=nobody), 1.0, 0.01).sigma_m is None

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
+from cohelm.drive.awaited import Awaited
 from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
 from cohelm.scenario import build, load
@@ -19,6 +20,7 @@ from tests.station.person import (
     RIGHT,
     SOON,
     STILL,
+    alarms,
     drive,
     given,
     lead,
@@ -38,6 +40,19 @@ def open_page(context: BrowserContext, server: Server) -> Page:
     page.goto(server.address)
     page.get_by_role("group", name="Who drives").get_by_role("status").wait_for()
     return page
+
+
+def test_while_the_robot_starts_the_page_says_so_and_nothing_that_is_not_known(
+    context: BrowserContext,
+) -> None:
+    starting = "starting the robot in lab-guard (5 s)"
+    with served(lambda _: Awaited(lambda: None, lambda: starting)) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        expect(alarms(page)).to_contain_text(f"There is no robot yet: {starting}.")
+        expect(page.get_by_label("Camera")).to_have_text("No picture yet.")
+        rows = page.get_by_label("Link to the robot").locator("th").all_text_contents()
+        assert rows[:3] == ["robot", "position", "speed cap"]  # a low screen has no room for all
 
 
 @pytest.mark.slow
@@ -98,8 +113,8 @@ def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
 def test_way_points_are_added_dragged_checked_and_sent(page: Page) -> None:
     drive(page, "Hold")
     page.get_by_role("button", name="Show all").click()
-    page.get_by_role("button", name="Edit way").click()
-    panel = page.get_by_role("dialog", name="Edit the way")
+    page.get_by_role("button", name="Edit route").click()
+    panel = page.get_by_role("dialog", name="Edit the route")
     panel.get_by_role("button", name="Clear").click()
     canvas = page.locator("#map")
     box = canvas.bounding_box()
@@ -109,24 +124,24 @@ def test_way_points_are_added_dragged_checked_and_sent(page: Page) -> None:
     page.mouse.click(x + 60, y)
     items = panel.get_by_role("listitem")
     expect(items).to_have_count(2)
-    before = panel.get_by_label("Way-point 2, y in metres").input_value()
+    before = panel.get_by_label("Waypoint 2, y in metres").input_value()
     page.mouse.move(x + 60, y)
     page.mouse.down()
     page.mouse.move(x + 60, y + 30, steps=4)
     page.mouse.up()
-    expect(panel.get_by_label("Way-point 2, y in metres")).not_to_have_value(before)
+    expect(panel.get_by_label("Waypoint 2, y in metres")).not_to_have_value(before)
     # into the wall between room and corridor
-    panel.get_by_label("Way-point 2, x in metres").fill("6.5")
-    panel.get_by_label("Way-point 2, y in metres").fill("3")
-    panel.get_by_label("Way-point 2, y in metres").press("Enter")
+    panel.get_by_label("Waypoint 2, x in metres").fill("6.5")
+    panel.get_by_label("Waypoint 2, y in metres").fill("3")
+    panel.get_by_label("Waypoint 2, y in metres").press("Enter")
     expect(panel.get_by_role("status")).to_contain_text("Refused")
     expect(panel.locator("li.bad")).to_have_count(1)
     for name, value in (("1, x", "0"), ("1, y", "-0.75"), ("2, x", "3"), ("2, y", "-2")):
-        panel.get_by_label(f"Way-point {name} in metres").fill(value)
-        panel.get_by_label(f"Way-point {name} in metres").press("Enter")
-    expect(panel.get_by_role("status")).to_contain_text("can go this way")
+        panel.get_by_label(f"Waypoint {name} in metres").fill(value)
+        panel.get_by_label(f"Waypoint {name} in metres").press("Enter")
+    expect(panel.get_by_role("status")).to_contain_text("can follow this route")
     panel.get_by_role("button", name="Send").click()
-    expect(panel.get_by_role("status")).to_contain_text("took the new way")
+    expect(panel.get_by_role("status")).to_contain_text("took the new route")
     panel.get_by_role("button", name="Close").click()
     release(page)
 
@@ -171,7 +186,7 @@ def test_all_can_be_done_with_the_keyboard_alone(page: Page) -> None:
     for _ in range(60):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("document.activeElement.textContent.trim()"))
-    assert {"Manual", "Release", "Edit way", "Stick settings", "● Record"} <= reached
+    assert {"Manual", "Release", "Edit route", "Stick settings", "● Record"} <= reached
     assert any(name.startswith("STOP") for name in reached)
     release(page)
 

@@ -30,18 +30,18 @@ RECORDED = 150_000
 
 def new_way(page: Page, *points: tuple[str, str]) -> None:
     """Type the way-points, have them checked, and send them."""
-    page.get_by_role("button", name="Edit way").click()
-    panel = page.get_by_role("dialog", name="Edit the way")
+    page.get_by_role("button", name="Edit route").click()
+    panel = page.get_by_role("dialog", name="Edit the route")
     panel.get_by_role("button", name="Clear").click()
     for i, point in enumerate(points, 1):
         panel.get_by_role("button", name="Add in the middle").click()
         for axis, value in zip("xy", point, strict=True):
-            panel.get_by_label(f"Way-point {i}, {axis} in metres").fill(value)
-            panel.get_by_label(f"Way-point {i}, {axis} in metres").press("Enter")
+            panel.get_by_label(f"Waypoint {i}, {axis} in metres").fill(value)
+            panel.get_by_label(f"Waypoint {i}, {axis} in metres").press("Enter")
     status = panel.get_by_role("status")
-    expect(status).to_contain_text("can go this way")
+    expect(status).to_contain_text("can follow this route")
     until(
-        lambda: expect(status).to_contain_text("took the new way", timeout=SOON),
+        lambda: expect(status).to_contain_text("took the new route", timeout=SOON),
         press(page, "Send"),
     )
     panel.get_by_role("button", name="Close").click()

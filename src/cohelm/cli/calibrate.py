@@ -74,6 +74,10 @@ def calibrate(
     before = out / "calibration.json"
     earlier = earlier_run(before, model.name) if load else None
     plan = excitation(model, floor)
+    kind = "twin" if twin else "kinematic"
+    named = name if driver is not None or ros2 else str(file)
+    where = on_ros(ros2, topics, transport, url)
+    made = robot_factory(DriveOptions(named, scenario, kind, True, None, [], driver, where))
     say(
         f"{plain(model.name)} needs {plan.length:.1f} m of free floor ahead and "
         f"{plan.radius:.1f} m to either side and behind; it drives up to {plan.speed:.2f} m/s and "
@@ -83,12 +87,7 @@ def calibrate(
     if not yes and not typer.confirm("is the floor free, and the stop at hand?", err=True):
         raise typer.Exit(1)
     check_folder(out)
-    kind = "twin" if twin else "kinematic"
-    named = name if driver is not None or ros2 else str(file)
-    where = on_ros(ros2, topics, transport, url)
-    options = DriveOptions(named, scenario, kind, True, None, [], driver, where)
     with starting(model.name) as line, ended() as stop:
-        made = robot_factory(options)
         gated = RemoteGatedRobot(made, rules(made.model, PERIOD))
         try:
             stop.heed()

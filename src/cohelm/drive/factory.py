@@ -134,6 +134,8 @@ def own_robot(
     Raises CohelmError for what can not be used.
     """
     make: Make = plugin(GROUP, robot) if isinstance(robot, str) else robot
+    if isinstance(make, type) and not issubclass(make, Robot):  # pyright: ignore
+        raise CohelmError(f"{make.__name__} is no subclass of cohelm.Robot")
     if not callable(make) and not isinstance(make, Robot):  # pyright: ignore
         raise CohelmError(
             f"a robot must be a subclass of cohelm.Robot or make one, got {type(make).__name__}"

@@ -63,8 +63,7 @@ class Driver:
         self._zones = None if zones is None else Zoned(zones, settings.outline, settings.gains.u_d)
         self._zoned = self._points
         self._joined = self._points
-        self._unseen = (0, 0)
-        """From which to which of the points around is only ground that nothing has seen."""
+        self._blind = 0
 
     @property
     def arrived(self) -> bool:
@@ -104,7 +103,7 @@ class Driver:
         """What is seen, in the map's frame as the pose has it now: pose and things in it jump
         together when the robot finds itself elsewhere on the map, and nothing comes nearer. Behind
         its points stand those of the keep-out zones, unless the robot is lost."""
-        self._unseen = (len(seen.points) - seen.blind, len(seen.points))
+        self._blind = seen.blind
         key = (seen.points, seen.map_odom)
         if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)
@@ -115,6 +114,13 @@ class Driver:
         if zoned is not self._zoned or len(self._joined) != len(self._points) + len(zoned):
             self._zoned, self._joined = zoned, np.vstack((self._points, zoned))
         return obstacles_from_perception(seen, seen.map_odom, self._joined)
+
+    def _apart(self, around: Surroundings) -> tuple[Surroundings, Floats]:
+        """The obstacles, and apart from them the ground that nothing has seen."""
+        end = len(self._points)
+        unseen = slice(end - self._blind, end)
+        points = np.delete(around.points, unseen, axis=0)
+        return around._replace(points=points), around.points[unseen]
 
     def slowed(self, seen: Seen) -> Cap:
         """How fast the speed zones that the robot is on let it go; a lost one is on none."""
@@ -146,7 +152,7 @@ class Driver:
             if made is not None:
                 pilot.take(made, pose, self._twist)
             if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
-                now, pilot.task(pose, self._twist, around, self._unseen)
+                now, pilot.task(pose, self._twist, *self._apart(around))
             ):
                 self._planned = now
         return self._step(pilot, now, pose, stick, around)

@@ -143,7 +143,8 @@ class Loop:
             now, readings, seen, supervisor.stick_state, decision, passed.out
         )
         row = self._reporter.record(report, self._own(seen))
-        self._reporter.tell(report, row, supervisor, passed.reason, self.cap, self.timing.recent)
+        words = supervisor.words(passed.reason, self.cap)
+        self._reporter.tell(report, row, words, self.timing.recent)
         self._keep_time(now)
 
     def _perceive(self, now: float, readings: Readings) -> Seen:

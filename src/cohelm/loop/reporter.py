@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Twist
-from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import Discs
 from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.drive_log import DriveLog
@@ -18,7 +17,6 @@ from cohelm.loop.driver import Driver
 from cohelm.loop.operator import Operator
 from cohelm.loop.status import PeriodReport, known, predicted, scan_parts, status, unseen
 from cohelm.loop.stick_arming import StickState
-from cohelm.loop.supervisor import Supervisor
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.model import RobotModel
@@ -71,20 +69,16 @@ class Reporter:
         return self._log.period(known(report) | {"dropped": self._log.dropped} | dict(own))
 
     def tell(
-        self, report: PeriodReport, row: NDArray[np.void], supervisor: Supervisor, refusal: str,
-        cap: Cap, late: float,
-    ) -> None:  # fmt: skip
-        """A status to the operator, where one is due. refusal: why the gate did not pass what it
-        was given. late: worst of late [s]."""
+        self, report: PeriodReport, row: NDArray[np.void], words: StatusWords, late: float
+    ) -> None:
+        """A status to the operator, where one is due. words: without what the guard holds the robot
+        back for. late: worst of late [s]."""
         if report.now - self._last_status < 1.0 / _MOST_STATUSES - 0.25 * self._period:
             return
         self._last_status = report.now
         nominal = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
         self.held = unseen(report, nominal)
-        words = StatusWords(
-            *supervisor.driven_by, supervisor.mode, supervisor.gated.gate.reason,
-            refusal or supervisor.paused or self.held, *cap, supervisor.alarms.worst(),
-        )  # fmt: skip
+        words = words._replace(why=words.why or self.held)
         self._log.words(words)
         made = status(row, words, self._has_map, predicted(report.seen.pose, report.applied))
         timing = made.timing._replace(late=late)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import Arming, Ask, Mode, Severity
 from cohelm.link.operator_input import ClientRequest, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
+from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.alarms import ActiveAlarms
 from cohelm.loop.authorization import Authorization
 from cohelm.loop.docking import Docking, Ended
@@ -155,6 +157,12 @@ class Supervisor:
     def paused(self) -> str:
         """Why it stands in a driving mode; empty: it does not."""
         return next(iter(self._pauses.values()), "")
+
+    def words(self, refusal: str, cap: Cap) -> StatusWords:
+        """What there is to say beside the period's numbers. refusal: why the gate did not pass what
+        it was given."""
+        why, stopped = refusal or self.paused, self.gated.gate.reason
+        return StatusWords(*self.driven_by, self.mode, stopped, why, *cap, self.alarms.worst())
 
     @property
     def free(self) -> bool:

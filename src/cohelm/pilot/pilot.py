@@ -133,9 +133,9 @@ class Pilot:
             self.state = self.state._replace(left=NO_MOVE)
 
     def task(
-        self, pose: Pose, twist: Twist, seen: Surroundings, unseen: tuple[int, int] = (0, 0)
+        self, pose: Pose, twist: Twist, seen: Surroundings, unseen: Floats = NOTHING_NEAR.points
     ) -> Task:  # fmt: skip
-        """A snapshot to plan from. unseen: see there."""
+        """A snapshot to plan from. unseen: beside what is seen, see there."""
         since = self.state.time - self._taken
         led = self.behavior == LED
         state = self.state._replace(refused=self.state.refused | self._bars)

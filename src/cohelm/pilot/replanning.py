@@ -68,7 +68,7 @@ class Task(NamedTuple):
     state: PilotState
     pose: Pose
     twist: Twist
-    around: Surroundings
+    obstacles: Surroundings
     course: Course
     since: float
     """How long the course has been followed [s]."""
@@ -76,8 +76,15 @@ class Task(NamedTuple):
     """Whether the person leads."""
     barred: float = 0.0
     """How long gate and monitors have let nothing through of what was asked for [s]."""
-    unseen: tuple[int, int] = (0, 0)
-    """From which to which of the points around is only ground that nothing has seen."""
+    unseen: Floats = np.empty((0, 2))
+    """Beside the obstacles, ground that nothing has seen and that may hold anything, (n, 2)."""
+
+    def with_unseen(self) -> Surroundings:
+        """The obstacles, and the unseen ground as if it were one."""
+        if not len(self.unseen):
+            return self.obstacles
+        points = np.concatenate((self.obstacles.points, self.unseen))
+        return self.obstacles._replace(points=points)
 
 
 class Plan(NamedTuple):
@@ -109,13 +116,14 @@ def plan(
     over ground that has not is begun: the filter ends it where that begins, and there the robot
     looks.
     """
-    around, state, now = task.around, task.state, task.course
+    state, now = task.state, task.course
     if state.evasion.on and not _once_a_second(task):  # it does not follow the course meanwhile
         return Plan(now, False, None, False, math.inf)
-    there = known(around, task.pose, replan_params.known)
+    there = known(task.with_unseen(), task.pose, replan_params.known)
     coming = met(
-        around.discs, task.pose, route.reference.speed, replan_params.known, replan_params.foresight
-    )
+        task.obstacles.discs, task.pose, route.reference.speed, replan_params.known,
+        replan_params.foresight,
+    )  # fmt: skip
     points = np.concatenate((there, coming)) if len(coming) else there
     refreshed, clearance = paced(
         now, state.clock.tau, replan_params.look, points, settings.outline, settings.pace
@@ -128,11 +136,9 @@ def plan(
     if made.failed and len(coming):
         far = _once_a_second(task)
         made = _course(task, there, kept, route, settings, path_params, replan_params, far)
-    first, end = task.unseen
     ended = not made.new and _ended(task, route, replan_params)
-    if (made.failed or ended) and end > first:
-        stands = around._replace(points=np.delete(around.points, slice(first, end), axis=0))
-        points = known(stands, task.pose, replan_params.known)
+    if (made.failed or ended) and len(task.unseen):
+        points = known(task.obstacles, task.pose, replan_params.known)
         made = _course(task, points, kept, route, settings, path_params, replan_params, far)
     return made._replace(
         move=_way_out(task, made, there, route, settings, path_params, replan_params)
@@ -309,7 +315,7 @@ def _way_out(
     if move is None and refused:
         move = recovery_move(pose, to.psi, points, settings.outline, choices)
     if move is None and held:
-        dense = known(task.around, pose, _DENSE_WITHIN, _DENSE)
+        dense = known(task.with_unseen(), pose, _DENSE_WITHIN, _DENSE)
         move = recovery_move(pose, to.psi, dense, settings.outline, choices, refused)
         move = move or wriggle(pose, dense, settings.outline, choices, refused)
     if move is not None and abs(off) < 0.3 and move.distance == 0.0:

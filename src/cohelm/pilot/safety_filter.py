@@ -28,6 +28,7 @@ _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 0.16
 """Wheels that do so much else than they were told [m/s, rad/s], for so long [s], are believed: more
 than the noise of wheel odometry, longer than a drive takes to follow a step."""
 _RULES = Rules()
+_NONE = Obstacles()
 
 
 class _FilterSettings(NamedTuple):
@@ -102,6 +103,10 @@ class SafetyFilter:
 
         Raises CohelmError for what nothing could be promised for.
         """
+        if not isinstance(robot, RobotModel):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise CohelmError(
+                f"the robot must be a cohelm.RobotModel, got {robot!r}: cohelm.load_robot makes one"
+            )
         self.robot = robot
         self.limits = checked_braking(checked_limits(robot.bounds() if limits is None else limits))
         self.period = _within("period", period, 0.001, 1.0)
@@ -130,18 +135,17 @@ class SafetyFilter:
         self.reset()
 
     def __call__(
-        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles | None = None,
+        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles = _NONE,
         after: float | None = None,
     ) -> FilterResult:  # fmt: skip
         """The command for now. pose: where the robot is now, in the obstacles' frame [m, m, rad].
         twist: measured now [m/s, rad/s]. nominal: what a person or controller wants. obstacles: as
-        of now; None: there are none. after: since the last call [s]; by default the period, and
+        of now; left out: there are none. after: since the last call [s]; by default the period, and
         never more; twice as many calls as periods are counted with.
 
         Numbers that are not finite give a braking or standing twist and the verdict INVALID. Raises
         CohelmError only for what is no pose, twist or Obstacles at all.
         """
-        seen = _NONE if obstacles is None else obstacles
         try:
             x, y, psi = pose
             now_v, now_omega = twist
@@ -149,18 +153,21 @@ class SafetyFilter:
             lasted = self.period if after is None else float(after)
             v, omega, verdict, change, clearance, row = _filtered(
                 float(x), float(y), float(psi), float(now_v), float(now_omega),
-                float(want_v), float(want_omega), seen.discs, seen.max_acceleration, seen.segments,
-                seen.points, self._outline, self._settings, lasted, self._sent, self._count,
-                self._off,
+                float(want_v), float(want_omega), obstacles.discs, obstacles.max_acceleration,
+                obstacles.segments, obstacles.points, self._outline, self._settings, lasted,
+                self._sent, self._count, self._off,
             )  # fmt: skip
         except (TypeError, ValueError, AttributeError) as error:
-            raise CohelmError(_meant(pose, twist, nominal, seen)) from error
-        limiting = None if row == NOTHING else _limiting(row, seen)
+            raise CohelmError(_meant(pose, twist, nominal, obstacles)) from error
+        limiting = None if row == NOTHING else _limiting(row, obstacles)
         return FilterResult(Twist(v, omega), _VERDICTS[verdict], limiting, clearance, change)
 
     def sent(self, twist: Twist) -> None:
         """Another twist than the last result's was sent: a gate or a brake had the last word."""
-        v, omega = float(twist[0]), float(twist[1])
+        try:
+            v, omega = map(float, twist)
+        except (TypeError, ValueError) as error:
+            raise CohelmError(f"a twist is (v, omega), got {twist!r}") from error
         if not (math.isfinite(v) and math.isfinite(omega)):
             raise CohelmError("a twist that was sent must be finite: a robot can not do NaN")
         self._sent[(self._count[0] - 1) % len(self._sent), :2] = v, omega
@@ -230,7 +237,6 @@ def _filtered(
     return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting
 
 
-_NONE = Obstacles()
 _VERDICTS = tuple(Verdict)
 
 

@@ -268,6 +268,8 @@ def asked_for(text: str) -> Twist:
     parts = text.split(",")
     try:
         v, omega = (float(part) for part in parts)
+        if not (math.isfinite(v) and math.isfinite(omega)):
+            raise ValueError
     except ValueError as error:
         raise CohelmError(f"{text!r}: give speed and yaw rate, such as 0.5,0") from error
     return Twist(v, omega)

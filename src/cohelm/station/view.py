@@ -78,7 +78,8 @@ def state(s: robot.Status, stamp: float, age: float) -> page.State:
     """The robot now. stamp: its clock [s]. age: how old that is [s]."""
     limiting = s.guarding.limiting
     reference = _where(s.reference) if all(map(math.isfinite, s.reference)) else None
-    sigma = None if s.localised == robot.Localised.UNKNOWN else known(s.sigma)
+    estimated = s.localised not in (robot.Localised.UNKNOWN, robot.Localised.LOST)
+    sigma = known(s.sigma) if estimated else None
     return page.State(
         t_s=stamp, age_ms=_ms(age) or 0.0, pose=_where(s.pose), odometry=_where(s.odometry),
         localised=_LOCALISED[s.localised], sigma_m=sigma, reference=reference,

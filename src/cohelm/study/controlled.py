@@ -126,6 +126,8 @@ def run(
     else:
         made = load.scenario(scenario, changes, stick)
     setup = build.setup(made)
+    if controller is not None and not callable(controller):  # pyright: ignore[reportUnnecessaryComparison]
+        raise CohelmError(f"a controller is called with what it may know, got {controller!r}")
     return RunResult(setup, simulated(setup) if controller is None else driven(setup, controller))
 
 

@@ -200,7 +200,7 @@ function take(message: ToPage): void {
       break
     case 'checked':
       s.checked.value = message
-      if (!message.ok && !message.only_check) refuse(`way: ${message.why}`)
+      if (!message.ok && !message.only_check) refuse(`route: ${message.why}`)
       break
     case 'refused':
       refuse(`${message.what}: ${message.why}`)

@@ -1,4 +1,4 @@
-// Way-points as a list: for the keyboard, for numbers, and for the robot's answer.
+// Waypoints as a list: for the keyboard, for numbers, and for the robot's answer.
 import { useState } from 'preact/hooks'
 import * as s from '../state'
 import * as edit from './edit'
@@ -9,7 +9,7 @@ function Coordinate({ i, axis, value }: { i: number; axis: 0 | 1; value: number 
   return (
     <input
       type="number" step="0.25" value={typed ?? value.toFixed(2)}
-      aria-label={`Way-point ${i + 1}, ${axis === 0 ? 'x' : 'y'} in metres`}
+      aria-label={`Waypoint ${i + 1}, ${axis === 0 ? 'x' : 'y'} in metres`}
       onInput={(event) => {
         setTyped(event.currentTarget.value)
         const given = event.currentTarget.valueAsNumber
@@ -27,8 +27,8 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
   const answer = s.checked.value
   const sent = edit.waiting.value && answer !== null && !answer.only_check
   return (
-    <div class="edit" role="dialog" aria-label="Edit the way">
-      <p>Tap the map to add a way-point, drag one to move it.</p>
+    <div class="edit" role="dialog" aria-label="Edit the route">
+      <p>Tap the map to add a waypoint, drag one to move it.</p>
       <ol>
         {points.map((point, i) => (
           <li
@@ -40,7 +40,7 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
             {([0, 1] as const).map((axis) => (
               <Coordinate key={axis} i={i} axis={axis} value={point[axis]} />
             ))}
-            <button type="button" aria-label={`Remove way-point ${i + 1}`} onClick={() => edit.remove(i)}>
+            <button type="button" aria-label={`Remove waypoint ${i + 1}`} onClick={() => edit.remove(i)}>
               ×
             </button>
           </li>
@@ -50,7 +50,7 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
         {answer === null || points.length === 0
           ? ' '
           : answer.ok
-            ? sent ? 'The robot took the new way.' : 'The robot can go this way.'
+            ? sent ? 'The robot took the new route.' : 'The robot can follow this route.'
             : `Refused: ${answer.why}`}
       </p>
       <div class="row">

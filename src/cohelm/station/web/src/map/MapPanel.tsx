@@ -183,7 +183,7 @@ export function MapPanel() {
         </button>
         <button type="button" onClick={showAll}>Show all</button>
         {!s.isReplay.value && !edit.editing.value && (
-          <button type="button" onClick={edit.begin}>Edit way</button>
+          <button type="button" onClick={edit.begin}>Edit route</button>
         )}
       </div>
       {edit.editing.value && <EditPanel onAdd={addByKey} />}

@@ -23,7 +23,7 @@ function ours(): Shown[] {
     if (s.welcome.value !== null) say('alarm', `No connection to the station${why}. What you see is old. The robot stops by itself.`)
   } else if (c === 'silent') say('alarm', 'The station is silent. What you see is old.')
   else if (s.link.value !== null && !s.link.value.connected && s.robot.value === null) {
-    say('notice', `There is no robot yet${why}.`)
+    say('notice', `There is no robot yet${s.link.value.why === '' ? '' : `: ${s.link.value.why}`}.`)
   } else if (s.link.value !== null && !s.link.value.connected) {
     say('alarm', `No link to the robot${why}. What you see is old. The robot stops by itself.`)
   }

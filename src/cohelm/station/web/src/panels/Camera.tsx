@@ -18,7 +18,8 @@ export function Camera() {
   void s.clock.value
   const frame = s.frame.value
   if (s.robot.value?.camera == null && frame === null) {
-    return <section class="camera none" aria-label="Camera"><p>This robot has no camera.</p></section>
+    const none = s.robot.value === null ? 'No picture yet.' : 'This robot has no camera.'
+    return <section class="camera none" aria-label="Camera"><p>{none}</p></section>
   }
   const age = frame === null ? null : frame.ageMs + performance.now() - frame.at
   const old = age === null || age > OLD_MS

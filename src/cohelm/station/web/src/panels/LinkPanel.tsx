@@ -1,4 +1,4 @@
-// How well station and robot hear each other; what is out of the ordinary stands out.
+// How the robot fares, then how well station and robot hear each other; what is out of the ordinary stands out.
 import * as s from '../state'
 import { ms, percent, speed } from './words'
 
@@ -24,6 +24,10 @@ export function LinkPanel() {
       <table>
         <tbody>
           <Row name="robot" value={s.robot.value?.name ?? '–'} />
+          <Row name="position" value={state === null ? '–' : where(state.localised, state.sigma_m)} odd={state?.localised === 'poor' || state?.localised === 'lost'} />
+          <Row name="speed cap" value={cap === null ? 'none' : `${speed(cap)} · ${state?.cap_reason ?? ''}`} odd={cap !== null} />
+          {q?.battery != null && <Row name="battery" value={percent(q.battery)} odd={q.battery < 0.2} />}
+          {q?.faults.map((fault) => <Row key={fault} name="fault" value={fault} odd />)}
           {!s.isReplay.value && <>
             <Row name="link" value={q?.connected ? q.name : 'not connected'} odd={!q?.connected} />
             <Row name="round trip" value={ms(q?.round_trip_ms)} odd={over(q?.round_trip_ms, 200)} />
@@ -34,10 +38,6 @@ export function LinkPanel() {
             <Row name="clock offset" value={ms(q?.offset_ms)} />
             <Row name="robot late by" value={ms(q?.late_ms)} odd={over(q?.late_ms, 20)} />
           </>}
-          <Row name="speed cap" value={cap === null ? 'none' : `${speed(cap)} · ${state?.cap_reason ?? ''}`} odd={cap !== null} />
-          <Row name="position" value={state === null ? '–' : where(state.localised, state.sigma_m)} odd={state?.localised === 'poor' || state?.localised === 'lost'} />
-          {q?.battery != null && <Row name="battery" value={percent(q.battery)} odd={q.battery < 0.2} />}
-          {q?.faults.map((fault) => <Row key={fault} name="fault" value={fault} odd />)}
         </tbody>
       </table>
     </section>

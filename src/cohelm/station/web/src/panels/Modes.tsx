@@ -70,9 +70,9 @@ function WaysToDocks() {
     <div class="row docks" role="group" aria-label="Dock">
       {s.docks.value.slice(0, MOST_WAYS).map((dock) => (
         <button key={dock.name} type="button" disabled={!s.youDrive.value}
-          title="A way to where docking begins; then choose Auto or Shared"
+          title="A route to where docking begins; then choose Auto or Shared"
           onClick={() => send({ type: 'waypoints', points: wayTo(dock), only_check: false })}>
-          Way to {dock.name}
+          Route to {dock.name}
         </button>
       ))}
     </div>

@@ -4,7 +4,7 @@ import type { State } from '../messages'
 /** Mode, its name, and what it means. */
 export const MODES: Array<[State['mode'], string, string]> = [
   ['hold', 'Hold', 'stand still'],
-  ['shared', 'Shared', 'the controller follows the way; you take over as far as you deflect the stick'],
+  ['shared', 'Shared', 'the controller follows the route; you take over as far as you deflect the stick'],
   ['automatic', 'Auto', 'the controller alone'],
   ['manual', 'Manual', 'the stick alone; obstacles are still avoided'],
 ]
