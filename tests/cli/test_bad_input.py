@@ -262,6 +262,7 @@ def test_a_joystick_on_a_topic_that_can_not_be_used_is_told(cohelm, options, why
         (("--set", "robot=nobody"), "no robot is called 'nobody'"),
         (("--topic", "scan=/front"), "add --ros2"),
         (("--url", "ws://robot:8765"), "add --ros2"),
+        (("--masks-from", "/costmap_filter_info"), "add --ros2"),
     ],
 )
 def test_what_a_drive_can_not_use_is_told_before_anything_starts(cohelm, options, why):

@@ -40,15 +40,32 @@ Bridge = Annotated[
 ]
 
 
-def on_ros(ros2: bool, topics: Sequence[str] | None, transport: str, url: str) -> Ros2Config | None:
-    """Where a ROS 2 robot is, if it is one. CohelmError for what only one has."""
+MasksFrom = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--masks-from",
+        metavar="TOPIC",
+        help="With --ros2: keep-out or speed zones as Nav2's costmap_filter_info_server tells them "
+        "on this topic. Once for each filter.",
+    ),
+]
+
+
+def on_ros(
+    ros2: bool, topics: Sequence[str] | None, transport: str, url: str,
+    masks: Sequence[str] | None = None, frame: str = "map",
+) -> Ros2Config | None:  # fmt: skip
+    """Where a ROS 2 robot is, if it is one. frame: of the map. CohelmError for what only one
+    has."""
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import Ros2Config
 
     if ros2:
-        return Ros2Config(tuple(topics or ()), transport, url)
-    if topics or url or transport != "auto":
-        raise CohelmError("--topic, --transport and --url are of a ROS 2 robot: add --ros2")
+        return Ros2Config(tuple(topics or ()), transport, url, tuple(masks or ()), frame)
+    if topics or url or transport != "auto" or masks:
+        raise CohelmError(
+            "--topic, --transport, --url and --masks-from are of a ROS 2 robot: add --ros2"
+        )
     return None
 
 

@@ -26,6 +26,7 @@ from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.goals import Goals, Placed
 from cohelm.ros.joy import JoyOperator, JoyParams
 from cohelm.ros.localized import MAP, NODE, Localized
+from cohelm.ros.masks import FilterMask, MaskWatch
 from cohelm.ros.names import resolved
 from cohelm.ros.robot import Ros2Make
 
@@ -49,6 +50,8 @@ class TopicsConfig(NamedTuple):
     """Topic of the joystick that is the operator's stick; empty: none."""
     joy_params: JoyParams = JoyParams()
     """Which of its axes and buttons count."""
+    masks: tuple[FilterMask, ...] = ()
+    """Those whose zones are in use: who changes one is told that it comes too late."""
 
 
 class OnTopics:
@@ -215,6 +218,7 @@ def on_topics(
         goals = None
         if config.ways or config.initial:
             goals = Goals(transport, config.frame, config.ways, config.initial, say, space)
+        MaskWatch(transport, config.masks, config.frame, space, say)
         localized = Localized(transport, found, say, config.frame, config.transforms)
         camera = None
         if found.camera is not None:

@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cohelm.core.errors import CohelmError
+from cohelm.ros.mismatch import FILTER_INFO
 from cohelm.ros.names import dds_type
 
 HAZARD = "irobot_create_msgs/msg/HazardDetection"
@@ -28,8 +29,15 @@ _OTHERS = {
         uint8 type
     """,
     HAZARDS: "std_msgs/Header header\nirobot_create_msgs/HazardDetection[] detections",
+    FILTER_INFO: """
+        std_msgs/Header header
+        uint8 type
+        string filter_mask_topic
+        float32 base
+        float32 multiplier
+    """,
 }
-"""Types beside ROS 2's own: of iRobot's Create 3, on which the TurtleBot 4 stands."""
+"""Types beside ROS 2's own: of iRobot's Create 3, on which the TurtleBot 4 stands, and of Nav2."""
 _KNOWN = {
     "humble": Stores.ROS2_HUMBLE, "iron": Stores.ROS2_IRON, "jazzy": Stores.ROS2_JAZZY,
     "kilted": Stores.ROS2_KILTED, "rolling": Stores.LATEST,
