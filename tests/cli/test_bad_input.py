@@ -254,6 +254,22 @@ def test_a_joystick_on_a_topic_that_can_not_be_used_is_told(cohelm, options, why
 
 
 @pytest.mark.parametrize(
+    ("environment", "options", "why"),
+    [
+        ({}, ("--in", "/cmd_vel"), "--in and --out are both /cmd_vel"),
+        ({"ROS_DOMAIN_ID": "abc"}, (), "ROS_DOMAIN_ID must be a number from 0 to 232"),
+        ({"ROS_DISTRO": "foxy"}, (), "ROS_DISTRO is 'foxy', and there are humble"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "HOME"}, (), "RANGE is 'HOME', and there are SUBNET"),
+    ],
+)
+def test_what_a_filter_can_not_use_is_told(cohelm, monkeypatch, environment, options, why):
+    pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    refused(cohelm("filter", "--robot", "sally", *options), why)
+
+
+@pytest.mark.parametrize(
     ("options", "why"),
     [
         (("--map", "no.yaml"), "no.yaml"),

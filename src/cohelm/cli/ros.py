@@ -147,6 +147,7 @@ def filter_(
     Needs no ROS here, only the network of the robot: commands, scans and odometry in; safe
     commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first.
     """
+    from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import ended
     from cohelm.ros.connection import connection
     from cohelm.ros.found import Allowed
@@ -167,6 +168,11 @@ def filter_(
         contact or (),
         footprint=footprint,
     )
+    if topics.command == topics.out:
+        raise CohelmError(
+            f"--in and --out are both {topics.out}, and the filter stands between two topics: "
+            "remap the controller to another one"
+        )
     allowed = Allowed(
         stamped,
         allow_bypass,

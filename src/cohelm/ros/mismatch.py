@@ -12,6 +12,8 @@ TF = "tf2_msgs/msg/TFMessage"
 BOOL = "std_msgs/msg/Bool"
 POLYGON = "geometry_msgs/msg/PolygonStamped"
 FILTER_INFO, GRID = "nav2_msgs/msg/CostmapFilterInfo", "nav_msgs/msg/OccupancyGrid"
+GATE = "cohelm_gate"
+"""The node that commands the base."""
 _MOST_NAMED = 4
 
 
@@ -101,6 +103,11 @@ def bypass(topic: str, seen: list[Endpoint]) -> str:
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
         return ""
+    if all(one.node.endswith(f"/{GATE}") for one in there):
+        return (
+            f"{topic} is published by another cohelm{_by(there)}: end that one first (one that "
+            "was killed is gone after some seconds)"
+        )
     return (
         f"{topic} is published{_by(there)} as well, past the filter: remap that to the topic of "
         "--in, or allow it with --allow-bypass and expect no promise"
