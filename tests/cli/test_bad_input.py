@@ -253,6 +253,11 @@ def test_a_joystick_on_a_topic_that_can_not_be_used_is_told(cohelm, options, why
     refused(cohelm("robot", "lab-guard", *options), why)
 
 
+@pytest.mark.parametrize("option", ["--goals-from", "--initial-pose-from", "--joy", "--masks-from"])
+def test_what_is_no_topics_name_is_told_before_a_robot_is_looked_for(cohelm, option):
+    refused(cohelm("robot", "lab-guard", "--ros2", option, "bad name"), "is no name of a topic")
+
+
 @pytest.mark.parametrize(
     ("environment", "options", "why"),
     [

@@ -150,6 +150,13 @@ def test_carried_to_a_stair_that_is_nearer_than_its_picture_it_does_not_go_there
 
 
 @pytest.mark.slow
+def test_carried_to_where_there_is_floor_it_drives_on_by_the_loop():
+    far, _, latch = driven(before_a_stair(30.0, -0.18, 8, 29.0, FROM), 0.6, 10.0, begins=3.5)
+    assert far > 1.2
+    assert latch == ""
+
+
+@pytest.mark.slow
 def test_where_there_is_no_stair_it_drives_on():
     far, _, latch = driven(before_a_stair(30.0, -0.18, 7), 1.0, 14.0)
     assert far > 5.0

@@ -146,6 +146,7 @@ def robot(
     from cohelm.link import keys
     from cohelm.loop.loop import LoopParams
     from cohelm.ros.joy import joy_params
+    from cohelm.ros.names import resolved
 
     options = DriveOptions(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
@@ -161,6 +162,9 @@ def robot(
     if joy_param and not joy:
         raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
     parameters = joy_params(joy_param or ())
+    for topic in (*(goals_from or ()), initial_pose_from, joy, *(masks_from or ())):
+        if topic:
+            resolved(topic)  # what is no name is told before a robot is looked for
     if dock and (mode or arrive):
         raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
     made = robot_factory(options)
