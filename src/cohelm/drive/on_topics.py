@@ -7,7 +7,8 @@ checks as the page's, and a told pose is taken while the robot stands.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
@@ -17,7 +18,7 @@ from cohelm.drive.rerouting import PathRequest, Rerouting, stands
 from cohelm.drive.session import Camera as Eye, Session, driver_of
 from cohelm.drive.shown import drawn, way
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Arming, Checked
+from cohelm.link.messages import Arming, Checked, Severity
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
@@ -73,6 +74,7 @@ class OnTopics:
         self._session: Session | None = None
         self._jobs: SessionJobs | None = None
         self._rerouting: Rerouting | None = None
+        self._changed: SimpleQueue[str] = SimpleQueue()
         self._asked: dict[int, str] = {}
         """The topic of each wish that was not answered."""
         self._count = 0
@@ -92,8 +94,16 @@ class OnTopics:
         )
         session.loop.supervisor.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
 
+    def zones_changed(self, said: str) -> None:
+        """That other zones have come than those in use, from any thread."""
+        self._changed.put(said)
+
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
+        with suppress(Empty):
+            changed = self._changed.get_nowait()
+            loop.alarms.on("zones", changed, Severity.WARNING)
+            loop.log.event(changed)
         if self.joy is not None:
             self._hold(loop, self.joy)
         seen, readings, pilot = loop.seen, loop.readings, loop.driver.pilot
@@ -218,7 +228,6 @@ def on_topics(
         goals = None
         if config.ways or config.initial:
             goals = Goals(transport, config.frame, config.ways, config.initial, say, space)
-        MaskWatch(transport, config.masks, config.frame, space, say)
         localized = Localized(transport, found, say, config.frame, config.transforms)
         camera = None
         if found.camera is not None:
@@ -230,6 +239,12 @@ def on_topics(
             if unheard := joy.unheard():
                 say(unheard)
         made = OnTopics(localized, goals, camera, joy)
+
+        def changed(said: str) -> None:
+            made.zones_changed(said)
+            say(said)
+
+        MaskWatch(transport, config.masks, config.frame, space, changed)
         try:
             yield made
         finally:
