@@ -262,6 +262,27 @@ def test_a_joystick_on_a_topic_that_can_not_be_used_is_told(cohelm, options, why
     refused(cohelm("robot", "lab-guard", *options), why)
 
 
+@pytest.mark.parametrize("option", ["--goals-from", "--initial-pose-from", "--joy", "--masks-from"])
+def test_what_is_no_topics_name_is_told_before_a_robot_is_looked_for(cohelm, option):
+    refused(cohelm("robot", "lab-guard", "--ros2", option, "bad name"), "is no name of a topic")
+
+
+@pytest.mark.parametrize(
+    ("environment", "options", "why"),
+    [
+        ({}, ("--in", "/cmd_vel"), "--in and --out are both /cmd_vel"),
+        ({"ROS_DOMAIN_ID": "abc"}, (), "ROS_DOMAIN_ID must be a number from 0 to 232"),
+        ({"ROS_DISTRO": "foxy"}, (), "ROS_DISTRO is 'foxy', and there are humble"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "HOME"}, (), "RANGE is 'HOME', and there are SUBNET"),
+    ],
+)
+def test_what_a_filter_can_not_use_is_told(cohelm, monkeypatch, environment, options, why):
+    pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    refused(cohelm("filter", "--robot", "sally", *options), why)
+
+
 @pytest.mark.parametrize(
     ("options", "why"),
     [
@@ -271,6 +292,7 @@ def test_a_joystick_on_a_topic_that_can_not_be_used_is_told(cohelm, options, why
         (("--set", "robot=nobody"), "no robot is called 'nobody'"),
         (("--topic", "scan=/front"), "add --ros2"),
         (("--url", "ws://robot:8765"), "add --ros2"),
+        (("--masks-from", "/costmap_filter_info"), "add --ros2"),
     ],
 )
 def test_what_a_drive_can_not_use_is_told_before_anything_starts(cohelm, options, why):

@@ -12,6 +12,7 @@ from PIL import Image
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed
 from cohelm.core.types import Pose, Stick
+from cohelm.drive.operate import DriveOptions, map_and_zones
 from cohelm.drive.proposed import PathChecker
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
@@ -20,7 +21,9 @@ from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.plan.path_planner import Goal
 from cohelm.plan.zones import CELL, covering
-from cohelm.scenario.zones import check, read_zones
+from cohelm.ros.masks import FilterMask
+from cohelm.scenario.worlds.maps import read_map, read_speed_mask
+from cohelm.scenario.zones import check, masked, read_zones
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
 
@@ -183,6 +186,53 @@ def test_a_mask_that_can_not_be_used_is_refused_in_a_sentence(tmp_path, zone, ma
     with pytest.raises(CohelmError) as error:
         check(read_zones(*((path, None) if zone == "keep_out" else (None, path)), START), known)
     assert why in str(error.value)
+
+
+@pytest.mark.parametrize(("base", "multiplier", "kind"), [(100.0, -1.0, 1), (0.0, 0.01, 2)])
+def test_a_mask_on_a_topic_is_the_zones_that_its_file_would_be(tmp_path, base, multiplier, kind):
+    speed = {"base": base, "multiplier": multiplier, "type": kind}
+    files = mask(tmp_path, ACROSS), speeds(tmp_path, ACROSS, values=[60], **speed)
+    keep_out, slow = read_map(files[0]), read_speed_mask(files[1]).cells
+    told = masked([
+        FilterMask("/a", "/b", 0, 0.0, 1.0, keep_out.cells, keep_out.resolution, keep_out.origin),
+        FilterMask("/c", "/d", kind, base, multiplier, slow.cells, slow.resolution, slow.origin),
+    ])  # fmt: skip
+    read = read_zones(*files, START)
+    assert np.array_equal(told.keep_out.zone, read.keep_out.zone)
+    assert np.array_equal(told.keep_out.depth.values, read.keep_out.depth.values)
+    assert told.keep_out.depth[1:] == read.keep_out.depth[1:]
+    assert np.array_equal(told.slow.limits.values, read.slow.limits.values)
+    assert (told.slow.share, *told.slow.limits[1:]) == (read.slow.share, *read.slow.limits[1:])
+    assert masked([]) is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "why"),
+    [
+        (0, 60, "/mask (named by /info): no cell is occupied, so no zone is marked"),
+        (1, 0, "/mask (named by /info): no cell has a limit"),
+        (1, 100, "/mask (named by /info): no zone is slower than 100 %"),
+        (2, -1, "/mask (named by /info): no cell has a limit"),
+    ],
+)
+def test_a_mask_on_a_topic_that_marks_nothing_is_refused_in_a_sentence(kind, values, why):
+    cells = np.full((3, 4), values, np.int8)
+    with pytest.raises(CohelmError) as error:
+        masked([FilterMask("/info", "/mask", kind, 0.0, 1.0, cells, 0.1, START)])
+    assert str(error.value).startswith(why)
+
+
+def test_a_mask_of_a_file_and_one_of_a_topic_can_not_be_of_one_kind(tmp_path):
+    made = simulated(CORRIDOR)
+    cells = np.full((3, 4), 100, np.int8)
+    told = [FilterMask("/info", "/mask", 0, 0.0, 1.0, cells, 0.1, START)]
+    named = DriveOptions(str(CORRIDOR), "", "kinematic", True, None, [])
+    slow = speeds(tmp_path, ACROSS, values=[60], type=2, multiplier=0.01)
+    with pytest.raises(CohelmError, match="--keep-out and --masks-from tell of the same"):
+        map_and_zones(named._replace(keep_out=mask(tmp_path, ACROSS)), made, told)
+    _, zones = map_and_zones(named._replace(speed_zones=slow), made, told)
+    assert zones.keep_out is not None
+    assert zones.slow is not None
 
 
 def test_zones_need_a_map_and_may_say_what_they_are_of_nav2(tmp_path):

@@ -44,11 +44,14 @@ from cohelm.ros.interlock import Interlock
 from cohelm.ros.joy import JOY, JoyOperator, JoyParams
 from cohelm.ros.laser import Ranges
 from cohelm.ros.localized import PATH, POSE
+from cohelm.ros.masks import Masks
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import (
     BOOL,
     CAMERA_INFO,
     CLOUD,
+    FILTER_INFO,
+    GRID,
     IMAGE,
     ODOMETRY,
     POLYGON,
@@ -58,12 +61,14 @@ from cohelm.ros.mismatch import (
     TF,
     TWIST,
 )  # fmt: skip
+from cohelm.ros.port import LATCHED
 from cohelm.ros.served import mounts, odometry, scan
 from cohelm.ros.transforms import Mount, StaticTransforms, yaw_of
 from cohelm.ros.types import HAZARDS, packed, unpacked
 from cohelm.scenario.load import robot as load_robot
+from cohelm.scenario.zones import masked
 from tests.link.fuzz import resident
-from tests.ros import test_cloud, test_depth, test_goals
+from tests.ros import test_cloud, test_depth, test_goals, test_masks
 from tests.ros.fuzz import Inside, wild
 
 SALLY = load_robot("sally")
@@ -91,6 +96,7 @@ SEEN = {
         header(5, "base_link"),
         Polygon([Point32(x, y, 0.0) for x, y in ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2))]),
     ),
+    FILTER_INFO: test_masks.info(f"/{GRID}", 1), GRID: test_masks.grid(),
     HAZARDS: dict(said(TOUCHING, {"a"}, header(5, "base_link")))[f"/{HAZARDS}"],
 }  # fmt: skip
 
@@ -130,6 +136,8 @@ class Listeners:
             RANGE: lambda message: cone.ConeRanges(
                 cone.described(message, "/sonar", body, 10.0, 0.0, SONAR), body
             ).of(message),
+            FILTER_INFO: lambda message: self._zones(message, SEEN[GRID]),
+            GRID: lambda message: self._zones(SEEN[FILTER_INFO], message),
         }  # fmt: skip
 
     def take(self, kind: str, data: bytes) -> str:
@@ -163,6 +171,14 @@ class Listeners:
         if placed is not None and not np.isfinite([*placed.pose, placed.sigma]).all():
             return f"placed at {placed}"
         return ""
+
+    def _zones(self, info: Any, grid: Any) -> None:
+        network = Inside()
+        masks = Masks(network, [f"/{FILTER_INFO}"], "map")
+        network.publish(f"/{FILTER_INFO}", FILTER_INFO, LATCHED).send(info)
+        network.publish(f"/{GRID}", GRID, LATCHED).send(grid)
+        if masked(masks.read(0.0)) is None:
+            raise ValueError("a mask that is no zone")
 
     def close(self) -> None:
         self.lock.close()

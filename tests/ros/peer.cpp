@@ -1,7 +1,7 @@
 // A robot in another vendor's DDS: Fast DDS with ROS 2's names, and bytes that the test made.
 //
-// Publishes what is in the given files again and again: odometry and scans as they come, mounts once
-// and for all. Sends every command it hears back on /heard. It ends when its input does.
+// Publishes what is in the given files again and again: odometry and scans as they come, mounts and
+// a costmap filter with its mask once and for all. Sends every command it hears back on /heard. It ends when its input does.
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
@@ -103,6 +103,9 @@ int main(int, char** arguments) {
   auto* odometry = writer(topic("rt/odom", "nav_msgs::msg::dds_::Odometry_"), true, false);
   auto* scans = writer(topic("rt/scan", "sensor_msgs::msg::dds_::LaserScan_"), false, false);
   auto* mounts = writer(topic("rt/tf_static", "tf2_msgs::msg::dds_::TFMessage_"), true, true);
+  auto* filter = writer(
+      topic("rt/costmap_filter_info", "nav2_msgs::msg::dds_::CostmapFilterInfo_"), true, true);
+  auto* mask = writer(topic("rt/filter_mask", "nav_msgs::msg::dds_::OccupancyGrid_"), true, true);
   Echo echo;
   echo.out = writer(topic("rt/heard", "geometry_msgs::msg::dds_::Twist_"), true, false);
   DataReaderQos qos = DATAREADER_QOS_DEFAULT;
@@ -114,7 +117,10 @@ int main(int, char** arguments) {
   auto* rubbish = writer(topic("rt/rubbish", "geometry_msgs::msg::dds_::Twist_"), true, false);
   Bytes none = file(folder + "/rubbish");
   Bytes turn = file(folder + "/scan"), place = file(folder + "/odom"), where = file(folder + "/tf");
+  Bytes purpose = file(folder + "/info"), zones = file(folder + "/mask");
   mounts->write(&where);
+  filter->write(&purpose);
+  mask->write(&zones);
   std::atomic<bool> over{false};
   std::thread input([&] {
     while (std::cin.get() != EOF) {}

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
@@ -29,6 +30,7 @@ from cohelm.ros.mismatch import TF
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR
 from cohelm.ros.transforms import yaw_of
 from tests.ros.stage import Base, Controller, alone, until
+from tests.ros.test_masks import Filter, grid, info
 
 pytestmark = pytest.mark.xdist_group("realtime")
 
@@ -121,7 +123,8 @@ def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
 
 @pytest.mark.slow
 def test_a_robot_behind_ros_topics_stands_until_a_goal_comes_and_drives_there():
-    """One in a wall is refused, on stderr and on a topic; one that is free is driven to."""
+    """One in a wall or in a keep-out zone of Nav2's is refused, on stderr and on a topic; one that
+    is free is driven to."""
     alone()
     rviz, reasons = DdsTransport("rviz"), list[str]()
     rviz.subscribe(
@@ -129,6 +132,9 @@ def test_a_robot_behind_ros_topics_stands_until_a_goal_comes_and_drives_there():
         lambda received: reasons.append(received.message.data),
     )  # fmt: skip
     out = rviz.publish("/goal_pose", GOAL, COMMAND)
+    nav2 = Filter(rviz, "")
+    nav2.info.send(info())
+    nav2.grid.send(grid(np.full((10, 10), 100, np.int8), 0.1, (6.0, -2.0, 0.0)))
 
     def asked(x: float, y: float, answer: str) -> bool:
         goal = PoseStamped(header(0, "map"), pose(x, y, 0.0))
@@ -137,7 +143,9 @@ def test_a_robot_behind_ros_topics_stands_until_a_goal_comes_and_drives_there():
     with cohelm("base", "lab-guard", "--json") as base:
         try:
             wanted = "lab-guard --ros2 --goals-from /goal_pose --for 45 --json"
-            with cohelm("robot", *wanted.split()) as process:
+            zones = ("--masks-from", "/costmap_filter_info")
+            with cohelm("robot", *wanted.split(), *zones) as process:
+                assert asked(6.5, -1.5, "the goal 6.5, -1.5 is in a keep-out zone")
                 assert asked(4.0, 3.0, "is in a wall, or too near to one")
                 assert asked(3.0, -1.0, "it is the robot's way from now on")
                 out_, said = process.communicate(timeout=400.0)

@@ -16,14 +16,16 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.port import Odometry, Scan
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.look import look
+from cohelm.ros.masks import KEEP_OUT, Masks
 from cohelm.ros.messages import command
-from cohelm.ros.mismatch import ODOMETRY, SCAN, TF, TWIST
+from cohelm.ros.mismatch import FILTER_INFO, GRID, ODOMETRY, SCAN, TF, TWIST
 from cohelm.ros.port import COMMAND, SENSOR
 from cohelm.ros.served import mounts, odometry, scan
 from cohelm.ros.topics import Topics
 from cohelm.ros.types import packed
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.stage import DOMAIN, alone, until
+from tests.ros.test_masks import CELLS, grid, info
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("realtime")]
 HEADER = Path("/usr/include/fastdds/dds/domain/DomainParticipant.hpp")
@@ -44,6 +46,8 @@ def peer(tmp_path_factory):
         "odom": (ODOMETRY, odometry(Odometry(0.0, Pose(1, 2, 0.5), Twist(0.1, 0.2)), ahead)),
         "scan": (SCAN, scan(Scan(0.0, 0, rays, 0.05), SALLY, ahead)),
         "tf": (TF, mounts(SALLY)),
+        "info": (FILTER_INFO, info()),
+        "mask": (GRID, grid(np.resize(CELLS, (150, 200)))),  # in many packets
     }
     for name, (kind, message) in sent.items():
         (folder / name).write_bytes(packed(message, kind))
@@ -75,6 +79,16 @@ def test_its_odometry_scans_and_mounts_are_found_and_it_hears_its_commands(peer)
     assert until(lambda: out.send(command(Twist(0.25, -0.5), TWIST, "")) or bool(back))
     assert back[0].message.linear.x == 0.25
     assert back[0].message.angular.z == -0.5
+    transport.close()
+
+
+def test_its_masks_are_heard_by_who_comes_later(peer):
+    transport = DdsTransport("cohelm_robot", domain=DOMAIN)
+    masks = Masks(transport, ("costmap_filter_info",), "map")
+    (mask,) = masks.read(20.0)
+    assert mask[:4] == ("/costmap_filter_info", "/filter_mask", KEEP_OUT, 0.0)
+    assert mask.cells.shape == (150, 200)
+    assert mask.cells.tobytes() == peer["mask"][1].data.tobytes()
     transport.close()
 
 

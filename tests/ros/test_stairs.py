@@ -22,6 +22,10 @@ from tests.ros.test_depth import image, mounted, room
 
 CAM = Intrinsics(160, 120, 137.5, 137.5, 79.5, 59.5)
 BODY = mounted(x=0.2, down=25.0, z=0.4)
+FROM = 0.45
+"""From there it sees the floor [m]."""
+LIFTED = 1.5, 2.5
+"""From when to when a robot that is carried is lifted [s]."""
 NOISE = 0.01
 """Of a depth, of itself."""
 
@@ -29,11 +33,11 @@ NOISE = 0.01
 class Looks:
     """A simulated robot that looks with a depth camera, along a corridor that ends in a stair."""
 
-    def __init__(self, robot, edge: float, step: float, seed: int) -> None:
-        self._robot, self._edge, self._step = robot, edge, step
+    def __init__(self, robot, edge: float, step: float, seed: int, carried: float) -> None:
+        self._robot, self._edge, self._step, self._carried = robot, edge, step, carried
         self._random = np.random.default_rng((seed, 0x57A1))
         self._made = DepthRanges(robot.model.further_lidars[0], CAM, BODY, "/depth")
-        self._given = None
+        self._given = self._first = None
 
     def __getattr__(self, name):
         return getattr(self._robot, name)
@@ -44,16 +48,25 @@ class Looks:
         if scan is None:
             return readings
         if self._given is None or self._given.number != scan.number:
-            at = self._robot.truth().pose
+            at, floor = self._robot.truth().pose, 0.0
+            if scan.stamp - self._begun() > LIFTED[1]:
+                self._edge = min(self._edge, self._carried)
+            elif scan.stamp - self._begun() > LIFTED[0] and self._carried < math.inf:
+                floor = -0.5
             beside = [
                 (-9.0, y - at.y, -1.0, 9.0, y - at.y + 0.1, 2.0) for y in (-1.6, 1.5)
             ]  # fmt: skip
-            here = (-9.0, -9.0, -1.0, self._edge - at.x, 9.0, 0.0)
-            depth = room(BODY, [*beside, here], CAM, floor=self._step)
+            here = (-9.0, -9.0, floor - 1.0, self._edge - at.x, 9.0, floor)
+            depth = room(BODY, [*beside, here], CAM, floor=floor + self._step)
             depth[~(depth < 30.0)] = 0.0  # too far to be measured
             depth *= 1.0 + NOISE * self._random.standard_normal(depth.shape)
             self._given = scan._replace(ranges=self._made.of(image(depth)))
         return readings._replace(further=(self._given,))
+
+    def _begun(self) -> float:
+        if self._first is None:
+            self._first = self._robot.now()
+        return self._first
 
 
 @dataclass(frozen=True)
@@ -62,19 +75,23 @@ class AtAStair(Simulated):
 
     edge: float = math.inf
     step: float = -0.18
+    carried: float = math.inf
 
     def __call__(self):
-        return Looks(super().__call__(), self.edge, self.step, self.seed)
+        return Looks(super().__call__(), self.edge, self.step, self.seed, self.carried)
 
 
-def before_a_stair(edge: float, step: float, seed: int) -> AtAStair:
-    """edge: where the floor ends; step: how high what is behind it lies [m]."""
+def before_a_stair(
+    edge: float, step: float, seed: int, carried: float = math.inf, least: float = 0.2
+) -> AtAStair:
+    """edge: where the floor ends; step: how high what is behind it lies; carried: where it ends
+    after the robot was lifted and put down, by its odometry; least: the camera's range [m]."""
     made = simulated(CORRIDOR, real_time=False, seed=seed)
     given = made.model.lidar.model_copy(
         update={
-            "height_band_m": (0.08, 1.0), "depth_image": True, "range_min_m": 0.2,
+            "height_band_m": (0.08, 1.0), "depth_image": True, "range_min_m": least,
             "range_max_m": 4.0, "noise_m": 0.02, "dropout": 0.0, "beams": 80,
-            "floor": FloorModel(from_m=0.45, to_m=1.6, cell_m=0.1),
+            "floor": FloorModel(from_m=FROM, to_m=1.6, cell_m=0.1),
         }
     )  # fmt: skip
     deep = described(CAM, BODY, given, "/depth").model_copy(update={"name": "deep"})
@@ -82,18 +99,20 @@ def before_a_stair(edge: float, step: float, seed: int) -> AtAStair:
     scenario = made.scenario.model_copy(
         update={"robot": model, "walls_m": [[-2, -1.5, 30, -1.5], [30, 1.5, -2, 1.5]]}
     )
-    return AtAStair(scenario, "kinematic", False, seed, edge, step)
+    return AtAStair(scenario, "kinematic", False, seed, edge, step, carried)
 
 
-def driven(made: AtAStair, speed: float, seconds: float) -> tuple[float, float, str]:
-    """With the stick ahead: how far its front came and how fast it was [m, m/s], and why it
-    latched, if it did."""
+def driven(
+    made: AtAStair, speed: float, seconds: float, begins: float = 0.8
+) -> tuple[float, float, str]:
+    """With the stick ahead from then on: how far its front came and how fast it was [m, m/s], and
+    why it latched, if it did."""
     box: list[Session] = []
     front = float(np.asarray(made.model.outline)[:, 0].max())
     far, fast = 0.0, 0.0
 
     def stick(t: float) -> Stick:
-        return Stick(0.0 if t < 0.8 else speed, 0.0)
+        return Stick(0.0 if t < begins else speed, 0.0)
 
     def look(loop) -> bool:
         nonlocal far, fast
@@ -118,6 +137,22 @@ def test_with_the_stick_ahead_it_stops_before_a_stair_and_nothing_latches(edge, 
     far, fast, latch = driven(before_a_stair(edge, step, seed), speed, 4.0 + 2.2 * edge / speed)
     assert fast > 0.4 * speed**2  # as sticks are scaled
     assert edge - 0.6 < far < edge - 0.05
+    assert latch == ""
+
+
+def test_carried_to_a_stair_that_is_nearer_than_its_picture_it_does_not_go_there():
+    """0.15 m before its front; the floor that it remembers there is of where it came from."""
+    front = float(np.asarray(before_a_stair(30.0, -0.18, 8).model.outline)[:, 0].max())
+    made = before_a_stair(30.0, -0.18, 8, front + 0.15, FROM)
+    far, fast, _ = driven(made, 0.6, 9.0, begins=3.5)
+    assert far < front + 0.1
+    assert fast < 0.1
+
+
+@pytest.mark.slow
+def test_carried_to_where_there_is_floor_it_drives_on_by_the_loop():
+    far, _, latch = driven(before_a_stair(30.0, -0.18, 8, 29.0, FROM), 0.6, 10.0, begins=3.5)
+    assert far > 1.2
     assert latch == ""
 
 

@@ -10,10 +10,10 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.port import Odometry
 from cohelm.ros.graph import INFO, Graph, described
-from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF, TWIST
+from cohelm.ros.mismatch import FILTER_INFO, ODOMETRY, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.names import dds_topic, dds_type, ros_topic, ros_type
 from cohelm.ros.served import odometry
-from cohelm.ros.types import packed, type_hash, unpacked
+from cohelm.ros.types import packed, store, type_hash, unpacked
 
 KINDS = [TWIST, STAMPED, ODOMETRY, SCAN, TF, INFO]
 
@@ -47,6 +47,19 @@ def test_hashes_are_those_that_ros_2_publishes():
     assert type_hash("std_msgs/msg/String") == (
         "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
     )  # as `ros2 topic info -v /chatter` prints it
+
+
+@pytest.mark.parametrize("name", ["humble", "iron", "jazzy", "kilted", "lyrical", "rolling", ""])
+def test_types_are_those_of_the_distribution_that_is_named(monkeypatch, name):
+    monkeypatch.setenv("ROS_DISTRO", name)
+    made = store.__wrapped__()
+    assert {*KINDS, FILTER_INFO} <= made.fielddefs.keys()
+
+
+def test_a_distribution_that_nobody_knows_is_refused(monkeypatch):
+    monkeypatch.setenv("ROS_DISTRO", "foxy")
+    with pytest.raises(CohelmError, match="ROS_DISTRO is 'foxy', and there are humble, iron, jazz"):
+        store.__wrapped__()
 
 
 def test_the_graph_tells_a_node_with_its_endpoints():

@@ -338,6 +338,8 @@ MISSING = [
      "subscriber wants transient local; mend the QoS of its subscription"),
     ([*ENDS, into("/cmd_vel", STAMPED, node="/other")],
      "/cmd_vel is wanted both as Twist and as TwistStamped by /base, /other: say which"),
+    ([*ENDS, out("/cmd_vel", TWIST, node="/cohelm_gate")],
+     "/cmd_vel is published by another cohelm by /cohelm_gate: end that one first"),
     ([*ENDS, out("/cmd_vel", TWIST, node="/controller_server")],
      "/cmd_vel is published by /controller_server as well, past the filter: remap that to the "
      "topic of --in"),

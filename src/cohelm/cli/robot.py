@@ -23,7 +23,7 @@ from cohelm.cli.driven import (
     SpeedZones,
 )
 from cohelm.cli.live import Foxglove, live, shown_at
-from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
+from cohelm.cli.ros import Bridge, MasksFrom, TopicNames, Transports, on_ros
 from cohelm.cli.tell import (
     Json,
     Pictures,
@@ -108,6 +108,7 @@ def robot(
     chart: Chart = None,
     keep_out: KeepOut = None,
     speed_zones: SpeedZones = None,
+    masks_from: MasksFrom = None,
     carry_on: CarryOn = False,
     fast: Annotated[
         bool, typer.Option("--fast", help="Simulated time: as fast as it can.")
@@ -136,6 +137,7 @@ def robot(
         DriveOptions,
         ended,
         map_and_zones,
+        masks_on_topics,
         mode_and_stick,
         robot_factory,
     )
@@ -144,10 +146,11 @@ def robot(
     from cohelm.link import keys
     from cohelm.loop.loop import LoopParams
     from cohelm.ros.joy import joy_params
+    from cohelm.ros.names import resolved
 
     options = DriveOptions(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
-        on_ros(ros2, topics, transport, url), chart, keep_out, speed_zones,
+        on_ros(ros2, topics, transport, url, masks_from, map_frame), chart, keep_out, speed_zones,
     )  # fmt: skip
     if listen is not None and (mode or arrive or fast or dock):
         raise CohelmError(
@@ -159,10 +162,14 @@ def robot(
     if joy_param and not joy:
         raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
     parameters = joy_params(joy_param or ())
+    for topic in (*(goals_from or ()), initial_pose_from, joy, *(masks_from or ())):
+        if topic:
+            resolved(topic)  # what is no name is told before a robot is looked for
     if dock and (mode or arrive):
         raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
     made = robot_factory(options)
-    chosen_map, zones = map_and_zones(options, made)
+    masks = masks_on_topics(options, made)
+    chosen_map, zones = map_and_zones(options, made, masks)
     plan = SessionConfig(
         made, rate, record, live(foxglove), chosen_map, zones=zones,
         loop=LoopParams(carry_on=carry_on), pictures=pictures,
@@ -171,8 +178,9 @@ def robot(
     if chosen_map is None and len(made.scenario.walls()) == 0:
         begins += "; neither --map nor walls to localise by: it trusts its odometry"
     config = TopicsConfig(
-        map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters
-    )
+        map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters,
+        masks,
+    )  # fmt: skip
     topics_too = on_topics(made, config, lambda text: say(plain(text)))
     usual = "shared" if joy and not dock else ""
     chosen = None if listen is not None else mode_and_stick(made, mode or usual)

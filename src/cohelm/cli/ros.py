@@ -40,15 +40,32 @@ Bridge = Annotated[
 ]
 
 
-def on_ros(ros2: bool, topics: Sequence[str] | None, transport: str, url: str) -> Ros2Config | None:
-    """Where a ROS 2 robot is, if it is one. CohelmError for what only one has."""
+MasksFrom = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--masks-from",
+        metavar="TOPIC",
+        help="With --ros2: keep-out or speed zones as Nav2's costmap_filter_info_server tells them "
+        "on this topic. Once for each filter.",
+    ),
+]
+
+
+def on_ros(
+    ros2: bool, topics: Sequence[str] | None, transport: str, url: str,
+    masks: Sequence[str] | None = None, frame: str = "map",
+) -> Ros2Config | None:  # fmt: skip
+    """Where a ROS 2 robot is, if it is one. frame: of the map. CohelmError for what only one
+    has."""
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import Ros2Config
 
     if ros2:
-        return Ros2Config(tuple(topics or ()), transport, url)
-    if topics or url or transport != "auto":
-        raise CohelmError("--topic, --transport and --url are of a ROS 2 robot: add --ros2")
+        return Ros2Config(tuple(topics or ()), transport, url, tuple(masks or ()), frame)
+    if topics or url or transport != "auto" or masks:
+        raise CohelmError(
+            "--topic, --transport, --url and --masks-from are of a ROS 2 robot: add --ros2"
+        )
     return None
 
 
@@ -130,6 +147,7 @@ def filter_(
     Needs no ROS here, only the network of the robot: commands, scans and odometry in; safe
     commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first.
     """
+    from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import ended
     from cohelm.ros.connection import connection
     from cohelm.ros.found import Allowed
@@ -150,6 +168,11 @@ def filter_(
         contact or (),
         footprint=footprint,
     )
+    if topics.command == topics.out:
+        raise CohelmError(
+            f"--in and --out are both {topics.out}, and the filter stands between two topics: "
+            "remap the controller to another one"
+        )
     allowed = Allowed(
         stamped,
         allow_bypass,

@@ -22,7 +22,7 @@ from cohelm.cli.driven import (
     SpeedZones,
 )
 from cohelm.cli.live import Foxglove, live, shown_at
-from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
+from cohelm.cli.ros import Bridge, MasksFrom, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Pictures, plain, say, starting
 
 if TYPE_CHECKING:
@@ -108,6 +108,7 @@ def drive(
     chart: Chart = None,
     keep_out: KeepOut = None,
     speed_zones: SpeedZones = None,
+    masks_from: MasksFrom = None,
     changes: Changes = None,
     records: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the records made from the screen.")
@@ -144,7 +145,7 @@ def drive(
     kind = "twin" if twin and driver is None and not ros2 else "kinematic"
     options = DriveOptions(
         name, scenario, kind, True, None, changes or [], driver,
-        on_ros(ros2, topics, transport, url), chart, keep_out, speed_zones,
+        on_ros(ros2, topics, transport, url, masks_from), chart, keep_out, speed_zones,
     )  # fmt: skip
     if not ros2:  # that is looked for once
         map_and_zones(options, robot_factory(options))  # what can not be used is told at once,

@@ -7,7 +7,8 @@ checks as the page's, and a told pose is taken while the robot stands.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
@@ -17,7 +18,7 @@ from cohelm.drive.rerouting import PathRequest, Rerouting, stands
 from cohelm.drive.session import Camera as Eye, Session, driver_of
 from cohelm.drive.shown import drawn, way
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Arming, Checked
+from cohelm.link.messages import Arming, Checked, Severity
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
@@ -26,6 +27,7 @@ from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.goals import Goals, Placed
 from cohelm.ros.joy import JoyOperator, JoyParams
 from cohelm.ros.localized import MAP, NODE, Localized
+from cohelm.ros.masks import FilterMask, MaskWatch
 from cohelm.ros.names import resolved
 from cohelm.ros.robot import Ros2Make
 
@@ -49,6 +51,8 @@ class TopicsConfig(NamedTuple):
     """Topic of the joystick that is the operator's stick; empty: none."""
     joy_params: JoyParams = JoyParams()
     """Which of its axes and buttons count."""
+    masks: tuple[FilterMask, ...] = ()
+    """Those whose zones are in use: who changes one is told that it comes too late."""
 
 
 class OnTopics:
@@ -70,6 +74,7 @@ class OnTopics:
         self._session: Session | None = None
         self._jobs: SessionJobs | None = None
         self._rerouting: Rerouting | None = None
+        self._changed: SimpleQueue[str] = SimpleQueue()
         self._asked: dict[int, str] = {}
         """The topic of each wish that was not answered."""
         self._count = 0
@@ -89,8 +94,16 @@ class OnTopics:
         )
         session.loop.supervisor.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
 
+    def zones_changed(self, said: str) -> None:
+        """That other zones have come than those in use, from any thread."""
+        self._changed.put(said)
+
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
+        with suppress(Empty):
+            changed = self._changed.get_nowait()
+            loop.alarms.on("zones", changed, Severity.WARNING)
+            loop.log.event(changed)
         if self.joy is not None:
             self._hold(loop, self.joy)
         seen, readings, pilot = loop.seen, loop.readings, loop.driver.pilot
@@ -226,6 +239,12 @@ def on_topics(
             if unheard := joy.unheard():
                 say(unheard)
         made = OnTopics(localized, goals, camera, joy)
+
+        def changed(said: str) -> None:
+            made.zones_changed(said)
+            say(said)
+
+        MaskWatch(transport, config.masks, config.frame, space, changed)
         try:
             yield made
         finally:

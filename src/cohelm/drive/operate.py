@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,19 +12,24 @@ import yaml
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.drive.factory import RobotFactory, own_robot
+from cohelm.drive.factory import OwnRobot, RobotFactory, own_robot
 from cohelm.drive.simulated import Kind, mapped, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.operator import NullOperator, Scripted
+from cohelm.plan.zones import Zones
 from cohelm.robot.model import SHIPPED
 from cohelm.scenario import build, load
 from cohelm.scenario.hand import StickNone, StickOperator
-from cohelm.scenario.zones import read_zones
+from cohelm.scenario.zones import masked, read_zones
 from cohelm.sim.operator_model import replayed
 
 if TYPE_CHECKING:
     from cohelm.perceive.localize.localization_map import LocalizationMap
-    from cohelm.plan.zones import Zones
+    from cohelm.ros.masks import FilterMask
+
+
+_MASKS = 10.0
+"""So long a mask on a topic is waited for [s]."""
 
 
 class Ros2Config(NamedTuple):
@@ -35,6 +40,10 @@ class Ros2Config(NamedTuple):
     transport: str = "auto"
     url: str = ""
     """Of its bridge."""
+    masks: tuple[str, ...] = ()
+    """Topics of CostmapFilterInfo, whose masks are its zones."""
+    frame: str = "map"
+    """Of the map, in which those masks are."""
 
 
 class DriveOptions(NamedTuple):
@@ -81,11 +90,35 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
 
 
 def map_and_zones(
-    options: DriveOptions, made: RobotFactory
+    options: DriveOptions, made: RobotFactory, masks: Sequence[FilterMask] = ()
 ) -> tuple[LocalizationMap | None, Zones | None]:
-    """The map and zones that were named. CohelmError where a file can not be used."""
+    """The map and zones that were named. CohelmError where a file or mask can not be used, or where
+    both tell of zones of one kind."""
     chart = None if options.chart is None else mapped(options.chart, made.start)
-    return chart, read_zones(options.keep_out, options.speed_zones, made.start)
+    files = read_zones(options.keep_out, options.speed_zones, made.start) or Zones()
+    told = masked(masks) or Zones()
+    for option, one, other in zip(("--keep-out", "--speed-zones"), files, told, strict=True):
+        if one is not None and other is not None:
+            raise CohelmError(f"{option} and --masks-from tell of the same: leave one of them out")
+    zones = Zones(files.keep_out or told.keep_out, files.slow or told.slow)
+    return chart, None if zones == Zones() else zones
+
+
+def masks_on_topics(options: DriveOptions, made: RobotFactory) -> tuple[FilterMask, ...]:
+    """The masks that were named, of a ROS 2 robot. CohelmError for one that is not there or can not
+    be used."""
+    from cohelm.ros.masks import Masks
+    from cohelm.ros.robot import Ros2Make
+
+    where, make = options.ros2, made.make if isinstance(made, OwnRobot) else None
+    if where is None or not where.masks or not isinstance(make, Ros2Make):
+        return ()
+    found = make.found
+    transport = found.connection.open("cohelm", found.topics.namespace)
+    try:
+        return Masks(transport, where.masks, where.frame, found.topics.namespace).read(_MASKS)
+    finally:
+        transport.close()
 
 
 def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]) -> RobotFactory:

@@ -161,7 +161,7 @@ def _drive(
     """The robot's process."""
     let_go = bound()
     from cohelm.drive.on_topics import TopicsConfig, on_topics
-    from cohelm.drive.operate import ended, map_and_zones, robot_factory
+    from cohelm.drive.operate import ended, map_and_zones, masks_on_topics, robot_factory
     from cohelm.drive.session import SessionConfig
     from cohelm.drive.teleop_server import serve
     from cohelm.loop.loop import LoopParams
@@ -181,12 +181,13 @@ def _drive(
 
         try:
             made = robot_factory(options)
-            chart, zones = map_and_zones(options, made)
+            masks = masks_on_topics(options, made)
+            chart, zones = map_and_zones(options, made, masks)
             plan = SessionConfig(
                 made, live=live, known=chart, zones=zones, loop=LoopParams(carry_on=carry_on),
                 patience=patience, pictures=pictures,
             )  # fmt: skip
-            with on_topics(made, TopicsConfig(), _log.warning) as topics:
+            with on_topics(made, TopicsConfig(masks=masks), _log.warning) as topics:
                 serve(plan, door, ready, over, topics)
         except CohelmError as error:
             try:

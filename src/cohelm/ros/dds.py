@@ -33,6 +33,8 @@ _LOCAL = (
     "<Peer address='127.0.0.1'/></Peers></Discovery></Domain></CycloneDDS>"
 )
 """Nobody but this machine: what ROS 2 calls the discovery range LOCALHOST."""
+_RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT", "OFF", "NOT_SET")
+"""Discovery ranges of ROS 2; but LOCALHOST all are cyclonedds' own."""
 _LOCK = threading.RLock()
 """Of all transports of a process: cyclonedds converts every quality of service through the same few
 variables, so that two threads that look at endpoints at once read freed memory."""
@@ -49,8 +51,13 @@ def domain_id(given: int | None = None) -> int:
 
 
 def local_only() -> bool:
-    """Whether the environment says that nobody outside this machine is to be found."""
+    """Whether the environment says that nobody outside this machine is to be found. CohelmError for
+    a range that there is not."""
     ranged = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper()
+    if ranged not in ("", *_RANGES):
+        raise CohelmError(
+            f"ROS_AUTOMATIC_DISCOVERY_RANGE is {ranged!r}, and there are {', '.join(_RANGES)}"
+        )
     return ranged == "LOCALHOST" or os.environ.get("ROS_LOCALHOST_ONLY", "0") == "1"
 
 
@@ -76,7 +83,8 @@ class DdsTransport:
         except dds.DDSException as error:
             raise CohelmError(
                 f"DDS can not begin in domain {self.domain} ({error.msg}): is a network interface "
-                "up? ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST needs none"
+                "up, and CYCLONEDDS_URI sound, if it is set? "
+                "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST needs neither"
             ) from error
         kept = dds.Qos(dds.Policy.Reliability.Reliable(0), dds.Policy.Durability.TransientLocal)
         anything = dds.ViewState.Any | dds.InstanceState.Any | dds.SampleState.Any

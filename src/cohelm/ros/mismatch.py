@@ -11,21 +11,24 @@ IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 TF = "tf2_msgs/msg/TFMessage"
 BOOL = "std_msgs/msg/Bool"
 POLYGON = "geometry_msgs/msg/PolygonStamped"
+FILTER_INFO, GRID = "nav2_msgs/msg/CostmapFilterInfo", "nav_msgs/msg/OccupancyGrid"
+GATE = "cohelm_gate"
+"""The node that commands the base."""
 _MOST_NAMED = 4
 
 
 def unheard(
-    topic: str, kind: str, qos: Qos, option: str, seen: list[Endpoint], damage: str = ""
-) -> str:
+    topic: str, kind: str, qos: Qos, option: str, seen: list[Endpoint], damage: str = "",
+    cure: str = "",
+) -> str:  # fmt: skip
     """Why nothing is heard on a topic. option: by which another one is named. damage: what was
-    wrong with what came, if anything did."""
+    wrong with what came, if anything did. cure: what to do where nobody publishes it; by default to
+    start a driver."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     right = [one for one in there if one.type == kind]
     if not there:
-        return (
-            f"nobody publishes {topic}: start its driver, or name another topic with {option}"
-            f"{_others(kind, seen)}"
-        )
+        cure = cure or f"start its driver, or name another topic with {option}"
+        return f"nobody publishes {topic}: {cure}{_others(kind, seen)}"
     if not right:
         band = ""
         if (there[0].type, kind) == (CLOUD, SCAN):
@@ -46,10 +49,10 @@ def unheard(
             f"what comes on {topic} can not be read ({damage}): is ROS_DISTRO here the robot's, "
             "and does its driver send what it says?"
         )
-    return (
-        f"{topic} is published{_by(right)}, but nothing comes: is its driver stuck (ros2 topic "
-        f"hz {topic}), or a firewall between?"
-    )
+    stuck = f"is its driver stuck (ros2 topic hz {topic})"
+    if qos.transient_local:
+        stuck = "is its node not active yet (ros2 lifecycle get)"
+    return f"{topic} is published{_by(right)}, but nothing comes: {stuck}, or a firewall between?"
 
 
 def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -> tuple[str, str]:
@@ -100,6 +103,11 @@ def bypass(topic: str, seen: list[Endpoint]) -> str:
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
         return ""
+    if all(one.node.endswith(f"/{GATE}") for one in there):
+        return (
+            f"{topic} is published by another cohelm{_by(there)}: end that one first (one that "
+            "was killed is gone after some seconds)"
+        )
     return (
         f"{topic} is published{_by(there)} as well, past the filter: remap that to the topic of "
         "--in, or allow it with --allow-bypass and expect no promise"

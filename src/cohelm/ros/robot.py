@@ -29,7 +29,7 @@ from cohelm.ros.inspection import kind_of
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.look import look
 from cohelm.ros.messages import command
-from cohelm.ros.mismatch import ODOMETRY
+from cohelm.ros.mismatch import GATE, ODOMETRY
 from cohelm.ros.port import COMMAND, SENSOR, Received, Transport
 from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import yaw_of
@@ -188,7 +188,7 @@ def _ranges(
     return laser.Ranges(model, found.mount)
 
 
-def adapted(found: Found, node: str = "cohelm_gate") -> RobotAdapter:
+def adapted(found: Found, node: str = GATE) -> RobotAdapter:
     """The robot that was found, behind the port; called in the process that keeps it. CohelmError
     where the network can not be joined."""
     transport = found.connection.open(node, found.topics.namespace)
@@ -205,7 +205,7 @@ class Ros2Make:
 
     def __call__(self, model: RobotModel) -> Ros2Robot:
         """A new one. CohelmError where the network can not be joined."""
-        transport = self.found.connection.open("cohelm_gate", self.found.topics.namespace)
+        transport = self.found.connection.open(GATE, self.found.topics.namespace)
         return Ros2Robot(model, self.found, transport)
 
 

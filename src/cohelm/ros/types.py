@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cohelm.core.errors import CohelmError
+from cohelm.ros.mismatch import FILTER_INFO
 from cohelm.ros.names import dds_type
 
 HAZARD = "irobot_create_msgs/msg/HazardDetection"
@@ -28,18 +29,32 @@ _OTHERS = {
         uint8 type
     """,
     HAZARDS: "std_msgs/Header header\nirobot_create_msgs/HazardDetection[] detections",
+    FILTER_INFO: """
+        std_msgs/Header header
+        uint8 type
+        string filter_mask_topic
+        float32 base
+        float32 multiplier
+    """,
 }
-"""Types beside ROS 2's own: of iRobot's Create 3, on which the TurtleBot 4 stands."""
+"""Types beside ROS 2's own: of iRobot's Create 3, on which the TurtleBot 4 stands, and of Nav2."""
 _KNOWN = {
     "humble": Stores.ROS2_HUMBLE, "iron": Stores.ROS2_IRON, "jazzy": Stores.ROS2_JAZZY,
-    "kilted": Stores.ROS2_KILTED, "rolling": Stores.LATEST,
+    "kilted": Stores.ROS2_KILTED, "lyrical": Stores.ROS2_LYRICAL, "rolling": Stores.LATEST,
 }  # fmt: skip
 
 
 @cache
 def store() -> Typestore:
-    """All message types of the ROS 2 distribution in `ROS_DISTRO`, by default Jazzy's."""
-    made = get_typestore(_KNOWN.get(os.environ.get("ROS_DISTRO", ""), Stores.ROS2_JAZZY))
+    """All message types of the ROS 2 distribution in `ROS_DISTRO`, by default Jazzy's. CohelmError
+    for one that is none of them."""
+    name = os.environ.get("ROS_DISTRO") or "jazzy"
+    if name not in _KNOWN:
+        raise CohelmError(
+            f"ROS_DISTRO is {name!r}, and there are {', '.join(_KNOWN)}: set the robot's, or unset "
+            "it for jazzy"
+        )
+    made = get_typestore(_KNOWN[name])
     for name, text in _OTHERS.items():
         made.register(get_types_from_msg(text, name))
     return made

@@ -19,7 +19,14 @@ from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.surfaces import MOST_CELLS
 from cohelm.plan.zones import CELL, Cells, KeepOut, SpeedZones, Zones, keep_out
-from cohelm.scenario.worlds.maps import OCCUPIED, OccupancyMap, read_map, read_speed_mask
+from cohelm.ros.masks import KEEP_OUT, SPEED, FilterMask
+from cohelm.scenario.worlds.maps import (
+    OCCUPIED,
+    OccupancyMap,
+    SpeedMask,
+    read_map,
+    read_speed_mask,
+)
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Corners = Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=3, max_length=10_000)]
@@ -170,9 +177,23 @@ def read_zones(kept_out: Path | None, slow: Path | None, start: Pose) -> Zones |
     if kept_out is None and slow is None:
         return None
     return Zones(
-        None if kept_out is None else _kept_out(kept_out, start),
-        None if slow is None else _slow(slow, start),
+        None if kept_out is None else _kept_out(_on_map(read_map(kept_out), start), str(kept_out)),
+        None if slow is None else _slow(read_speed_mask(slow), start, str(slow)),
     )
+
+
+def masked(masks: Sequence[FilterMask]) -> Zones | None:
+    """From masks of topics, one of each kind at most. None where there is none. CohelmError for one
+    that can not be used."""
+    made = Zones()
+    for one in masks:
+        cells = OccupancyMap(one.cells, one.resolution, one.origin)
+        if one.kind == KEEP_OUT:
+            made = made._replace(keep_out=_kept_out(cells, one.name))
+        else:
+            mask = SpeedMask(cells, one.kind == SPEED, one.base, one.multiplier)
+            made = made._replace(slow=_slow(mask.checked(one.name), Pose(0.0, 0.0, 0.0), one.name))
+    return None if made == Zones() else made
 
 
 def check(zones: Zones, known: LocalizationMap | None) -> None:
@@ -200,29 +221,27 @@ def check(zones: Zones, known: LocalizationMap | None) -> None:
             )
 
 
-def _kept_out(path: Path, start: Pose) -> KeepOut:
-    made = _on_map(read_map(path), start)
+def _kept_out(made: OccupancyMap, name: str) -> KeepOut:
     marked = made.cells >= OCCUPIED
     if not marked.any():
-        raise CohelmError(f"{path}: no cell is occupied, so no zone is marked: draw zones black")
+        raise CohelmError(f"{name}: no cell is occupied, so no zone is marked: draw zones black")
     rows, columns = marked.shape
     parts = max(round(made.resolution / CELL), 1)
     if rows * columns * parts * parts > MOST_CELLS:
         raise CohelmError(
-            f"{path}: {columns} x {rows} cells of {made.resolution:g} m are more than {MOST_CELLS} "
+            f"{name}: {columns} x {rows} cells of {made.resolution:g} m are more than {MOST_CELLS} "
             f"of {CELL:g} m: cut the mask to where zones are"
         )
     return keep_out(marked, made.resolution, made.origin)
 
 
-def _slow(path: Path, start: Pose) -> SpeedZones:
-    mask = read_speed_mask(path)
+def _slow(mask: SpeedMask, start: Pose, name: str) -> SpeedZones:
     made, limits = _on_map(mask.cells, start), mask.limits()
     if not mask.absolute:
         limits = np.where(limits < 100.0, limits / np.float32(100.0), np.float32(0.0))
         if not limits.any():
             raise CohelmError(
-                f"{path}: no zone is slower than 100 %: draw them grey, with mode: scale, or give "
+                f"{name}: no zone is slower than 100 %: draw them grey, with mode: scale, or give "
                 "base and multiplier"
             )
     return SpeedZones(Cells(limits, made.resolution, made.origin), not mask.absolute)

@@ -4,6 +4,7 @@ the camera's view beneath it."""
 import math
 
 import numpy as np
+import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.monitor import CollisionMonitor
@@ -97,6 +98,52 @@ def test_switched_on_before_an_edge_that_is_nearer_than_its_picture_it_does_not_
         assert found.share == 0.0
         assert "floor that nothing has seen" in found.reason
     assert it.restrict(t, Twist(-0.08, 0.0)) == UNRESTRICTED
+
+
+NONE = np.full(BEAMS, DEEP.further_lidars[0].range_min_m)
+ALL = np.full(BEAMS, math.inf)
+HERE = Pose(0.0, 0.0, 0.0)
+
+
+def carried(*there):
+    """It stood on floor that it saw, was lifted for half a second, and was put down where its
+    camera shows this; its wheels have not turned."""
+    shown = [ALL, *[NONE] * 5, *there]
+    return after([HERE] * len(shown), shown)
+
+
+def test_carried_to_an_edge_nearer_than_its_picture_it_does_not_go_there():
+    """Nor turn over it; what it had seen was floor of another place."""
+    edge = ALL.copy()
+    edge[BEAMS // 3 : -BEAMS // 3] = NONE[0]  # the floor beside it is seen
+    for there in (edge, NONE):
+        it, t = carried(*[there] * 4)
+        for ahead in (0.05, 0.3, 0.6):
+            found = it.restrict(t, Twist(ahead, 0.0))
+            assert found.share == 0.0
+            assert "floor that nothing has seen" in found.reason
+        assert it.restrict(t, Twist(-0.08, 0.0)) == UNRESTRICTED
+
+
+def known_floor(it, t):
+    """Whether it may move ahead, at a walk; what stood before the lens is remembered farther on."""
+    return all(it.restrict(t, way) == UNRESTRICTED for way in (Twist(0.1, 0.0), Twist(0.0, 0.3)))
+
+
+def test_carried_to_where_there_is_floor_it_drives_on():
+    """Who put it down has looked, as who switches one on; once it drives that is over."""
+    assert known_floor(*carried(*[ALL] * 2))
+    turned = [Pose(0.0, 0.0, math.radians(a)) for a in (5, 10, 0)]
+    shown = [ALL, *[NONE] * 6, *[ALL] * 3]
+    assert not known_floor(*after([HERE] * 7 + turned, shown))
+
+
+@pytest.mark.parametrize(
+    "shown", [[NONE] * 2, [np.full(BEAMS, math.nan)] * 2, [np.full(BEAMS, 0.4)] * 8, [-ALL] * 8]
+)
+def test_a_picture_that_fails_for_a_moment_or_that_something_fills_makes_no_floor_unknown(shown):
+    it, t = after([HERE] * (len(shown) + 2), [ALL, *shown, ALL])
+    assert known_floor(it, t)
 
 
 def test_who_came_to_an_edge_on_floor_that_it_has_seen_may_turn_there():

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Floats, Ints, Pose
+from cohelm.robot.collision_monitor.carried import Carried
 from cohelm.robot.collision_monitor.odometry import placed_at, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING, MonitorSurroundings
@@ -58,6 +60,7 @@ class FreeSpace:
         self._known: NDArray[np.bool_] = np.zeros(_FAR.shape, dtype=np.bool_)
         self._cell = (0, 0)
         self._vouched = False
+        self._carried = Carried(sensor, _FAR.ravel(), _BEARING.ravel()) if floor else None
         self.unknown = NOTHING
         """What it has not looked at within reach, by the newest look."""
         self.cells: Ints | None = None
@@ -81,6 +84,8 @@ class FreeSpace:
         """All of it: as if it were switched on anew."""
         self._known[:] = False
         self._at, self._vouched = None, False
+        if self._carried is not None:
+            self._carried.drives()
         self.unknown, self.cells = NOTHING, None
 
     def look(
@@ -93,15 +98,24 @@ class FreeSpace:
         sensor, mount = self._sensor, self._sensor.mount
         x, y = placed_at(mount.x, mount.y, pose)
         psi = pose.psi + mount.psi
-        before = self._at
+        reach = ranges
+        if self._floor:
+            beside = np.minimum(np.roll(ranges, 1), np.roll(ranges, -1))
+            reach = np.where(np.isnan(ranges), beside, ranges)  # floor is seen by several beams
+        carried, before = self._carried, self._at
         if (
             before is not None
             and math.hypot(x - before.x, y - before.y) < STEADY
             and abs(psi - before.psi) < TURNED
         ):
-            return None
-        self._at = Pose(x, y, psi)
-        self._move(round(x / CELL), round(y / CELL))
+            known, about = self._known.ravel(), partial(self._about, pose)
+            if carried is None or not carried.look(known, about, reach, psi, seen):
+                return None
+        else:
+            self._at = Pose(x, y, psi)
+            self._move(round(x / CELL), round(y / CELL))
+            if carried is not None:
+                carried.drives()
         first = math.remainder(psi + sensor.bearings[0], 2.0 * math.pi)
         span = float(sensor.bearings[-1] - sensor.bearings[0])
         new = np.flatnonzero(self._matters & ~self._known.ravel())  # what is known stays known
@@ -113,14 +127,12 @@ class FreeSpace:
         beams = np.minimum((along / sensor.step + 0.5).astype(np.intp), len(ranges) - 1)
         if self._floor:
             watched = (far >= sensor.floor_from) & (far <= sensor.floor_to)
-            beside = np.minimum(np.roll(ranges, 1), np.roll(ranges, -1))
-            reach = np.where(np.isnan(ranges), beside, ranges)  # floor is seen by several beams
             none_seen = new[looks & ~(reach[beams] > sensor.range_min)]
             looks &= watched & (reach[beams] > far)  # not for NaN
             seen_free = looks
         else:
             none_seen = new[:0]
-            seen_free = looks & (ranges[beams] > far - CELL)
+            seen_free = looks & (reach[beams] > far - CELL)
         known = self._known.ravel()
         known[new[seen_free & self._kept.ravel()[new]]] = True
         if not self._vouched:
@@ -144,10 +156,14 @@ class FreeSpace:
     def _vouch(self, pose: Pose, but: Ints) -> None:
         """For the ground about a pose, but for these cells."""
         self._vouched = True
-        x, y = (CELL * (c + k) for c, k in zip(self._cell, (_X, _Y), strict=True))
-        near = np.hypot(x - pose.x, y - pose.y) < self._vouches
+        near = self._about(pose)
         near.ravel()[but] = False
         self._known |= near
+
+    def _about(self, pose: Pose) -> NDArray[np.bool_]:
+        """Which ground is about a pose where a robot is switched on, or put down."""
+        x, y = (CELL * (c + k) for c, k in zip(self._cell, (_X, _Y), strict=True))
+        return np.asarray(np.hypot(x - pose.x, y - pose.y) < self._vouches)
 
     def _move(self, i: int, j: int) -> None:
         """The window about a cell: what was in it and still is stays known."""

@@ -96,6 +96,23 @@ class SpeedMask:
         made = self.base + self.multiplier * values.astype(np.float32)
         return np.where(values > 0, made, 0.0).astype(np.float32)
 
+    def checked(self, name: str) -> SpeedMask:
+        """The same. CohelmError, with the name of the mask, where it has no limit, or one that is
+        none."""
+        some = self.cells.cells > 0
+        if not some.any():
+            raise CohelmError(f"{name}: no cell has a limit: draw zones darker, with mode: scale")
+        limits = self.limits()[some]
+        if not (limits > 0.0).all() or not np.isfinite(limits).all():
+            least = float(limits.min())
+            said = f"{least:g} m/s" if self.absolute else f"{least:g} %"
+            raise CohelmError(
+                f"{name}: a zone has a limit of {said}, which is no speed (Nav2 takes 0 for no "
+                "limit): use a keep-out mask for where nothing may drive, or mend base, multiplier "
+                "and mode (scale)"
+            )
+        return self
+
 
 def read_speed_mask(path: Path | str) -> SpeedMask:
     """A mask of speed limits, read as a map: in its YAML file may be `type`, `base` and
@@ -106,19 +123,9 @@ def read_speed_mask(path: Path | str) -> SpeedMask:
     about, cells = _read(path)
     if about.type == 0:
         raise CohelmError(f"{path}: is a keep-out mask by its type, 0: use --keep-out, or type 1")
-    made = SpeedMask(cells, about.type == _ABSOLUTE, about.base, about.multiplier)
-    some = cells.cells > 0
-    if not some.any():
-        raise CohelmError(f"{path}: no cell has a limit: draw zones darker, with mode: scale")
-    limits = made.limits()[some]
-    if not (limits > 0.0).all() or not np.isfinite(limits).all():
-        least = float(limits.min())
-        said = f"{least:g} m/s" if made.absolute else f"{least:g} %"
-        raise CohelmError(
-            f"{path}: a zone has a limit of {said}, which is no speed (Nav2 takes 0 for no limit): "
-            "use --keep-out for where nothing may drive, or mend base, multiplier and mode (scale)"
-        )
-    return made
+    return SpeedMask(cells, about.type == _ABSOLUTE, about.base, about.multiplier).checked(
+        str(path)
+    )
 
 
 def read_map(path: Path | str) -> OccupancyMap:

@@ -1,0 +1,236 @@
+"""Hears the masks of Nav2's costmap filters: what a filter is for, and the grid that it names."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Pose
+from cohelm.ros import mismatch
+from cohelm.ros.mismatch import FILTER_INFO, GRID
+from cohelm.ros.names import resolved
+from cohelm.ros.port import LATCHED, End, Endpoint, Received, Transport
+from cohelm.ros.transforms import yaw_of
+
+KEEP_OUT, PERCENT, SPEED = 0, 1, 2
+"""Types of filters: zones to keep out of, and limits in percent of the usual speed, or in m/s."""
+_OPTION = "--masks-from"
+_FINEST, _COARSEST = 1e-3, 100.0
+"""Cells of another size are a mistake [m]."""
+_MOST = 1e6
+"""No base and multiplier are more, together."""
+_FLAT = 1e-3
+"""A grid that is inclined by less is flat, as sin of half the angle."""
+
+
+class FilterMask(NamedTuple):
+    """One filter, as its two messages say it."""
+
+    info: str
+    """The topic of its CostmapFilterInfo."""
+    topic: str
+    """Of its grid."""
+    kind: int
+    base: float
+    multiplier: float
+    """base + multiplier * value is the limit; of zones to keep out of neither counts."""
+    cells: NDArray[np.int8]
+    """(rows, columns), row 0 at the smallest y of its own axes; -1: unknown."""
+    resolution: float
+    """[m]"""
+    origin: Pose
+    """Of the outer corner of cell (0, 0), in the map."""
+
+    @property
+    def name(self) -> str:
+        """For a person."""
+        return f"{self.topic} (named by {self.info})"
+
+
+class Masks:
+    """What filters have said since this was made, the newest of each."""
+
+    def __init__(
+        self, transport: Transport, topics: Sequence[str], frame: str, namespace: str = "/"
+    ) -> None:
+        """topics: of CostmapFilterInfo. frame: the map's, in which the grids have to be.
+        CohelmError for what is no topic's name."""
+        self._transport, self._frame, self._space = transport, frame, namespace
+        self.topics = tuple(dict.fromkeys(resolved(name, namespace) for name in topics))
+        self._heard: dict[str, Received] = {}
+        self._ends: dict[str, End] = {}
+        for topic in self.topics:
+            self._listen(topic, FILTER_INFO)
+
+    def read(self, wait: float) -> tuple[FilterMask, ...]:
+        """All of them, as soon as they are there, after `wait` [s] at most. CohelmError with what
+        is missing or can not be used, one sentence a line."""
+        end = time.monotonic() + wait
+        while not all(self._complete(topic) for topic in self.topics) and time.monotonic() < end:
+            time.sleep(0.05)
+        made, wrong = list[FilterMask](), list[str]()
+        for topic in self.topics:
+            try:
+                made.append(self._mask(topic))
+            except CohelmError as error:
+                wrong.append(str(error))
+        for kinds, said in (((KEEP_OUT,), "keep-out zones"), ((PERCENT, SPEED), "speed zones")):
+            same = [one.info for one in made if one.kind in kinds]
+            if len(same) > 1:
+                wrong.append(f"{' and '.join(same)} both tell of {said}: name one with {_OPTION}")
+        if wrong:
+            raise CohelmError("\n".join(wrong))
+        return tuple(made)
+
+    def close(self) -> None:
+        """Listen no more."""
+        for end in self._ends.values():
+            end()
+
+    def _listen(self, topic: str, kind: str) -> None:
+        def heard(received: Received) -> None:
+            self._heard[topic] = received
+
+        self._ends[topic] = self._transport.subscribe(topic, kind, LATCHED, heard)
+
+    def _message(self, topic: str) -> Any:
+        """None: nothing has come that could be read."""
+        received = self._heard.get(topic)
+        return None if received is None else received.message
+
+    def _grid(self, info: Any) -> str:
+        """The topic of the grid that a filter names; empty: it is no name. It is heard from now
+        on."""
+        try:
+            topic = resolved(info.filter_mask_topic, self._space)
+        except CohelmError:
+            return ""
+        if topic not in self._ends:
+            self._listen(topic, GRID)
+        return topic
+
+    def _complete(self, topic: str) -> bool:
+        info = self._message(topic)
+        if info is None:
+            return False
+        grid = self._grid(info)
+        return not grid or self._message(grid) is not None
+
+    def _mask(self, topic: str) -> FilterMask:
+        """Of one filter. CohelmError for what is missing or wrong."""
+        seen, info = self._transport.endpoints(), self._message(topic)
+        if info is None:
+            cure = f"start costmap_filter_info_server, or name another topic with {_OPTION}"
+            raise CohelmError(self._unheard(topic, FILTER_INFO, cure, seen))
+        if info.type not in (KEEP_OUT, PERCENT, SPEED):
+            raise CohelmError(
+                f"{topic} tells of a filter of type {info.type}, and masks are of type 0 (keep "
+                f"out), 1 (speed in percent) or 2 (speed in m/s): leave it out of {_OPTION}"
+            )
+        if not abs(info.base) + abs(info.multiplier) <= _MOST:  # nor for NaN
+            raise CohelmError(
+                f"{topic}: base {info.base:g} and multiplier {info.multiplier:g} make no speeds: "
+                "mend the parameters of costmap_filter_info_server"
+            )
+        grid = self._grid(info)
+        if not grid:
+            raise CohelmError(
+                f"{topic} names no topic of a mask, but {info.filter_mask_topic!r}: mend mask_topic"
+                " of costmap_filter_info_server"
+            )
+        mask = self._message(grid)
+        if mask is None:
+            cure = (
+                f"{topic} says that the mask is there: start a map_server with that topic_name, "
+                "or mend mask_topic of costmap_filter_info_server"
+            )
+            raise CohelmError(self._unheard(grid, GRID, cure, seen))
+        return FilterMask(
+            topic, grid, int(info.type), float(info.base), float(info.multiplier),
+            *_cells(grid, mask, self._frame),
+        )  # fmt: skip
+
+    def _unheard(self, topic: str, kind: str, cure: str, seen: list[Endpoint]) -> str:
+        received = self._heard.get(topic)
+        damage = "" if received is None else received.damage
+        return mismatch.unheard(topic, kind, LATCHED, _OPTION, seen, damage, cure)
+
+
+class MaskWatch:
+    """Tells, once of each topic, that what comes there is no longer what is in use."""
+
+    def __init__(
+        self, transport: Transport, used: Sequence[FilterMask], frame: str, namespace: str,
+        tell: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self._frame, self._space, self._tell = frame, namespace, tell
+        self._changed: set[str] = set()
+        for one in used:
+            transport.subscribe(one.info, FILTER_INFO, LATCHED, partial(self._hear_info, one))
+            transport.subscribe(one.topic, GRID, LATCHED, partial(self._hear_grid, one))
+
+    def _hear_info(self, used: FilterMask, received: Received) -> None:
+        info = received.message
+        if info is None:
+            return
+        told = (info.filter_mask_topic, info.type, info.base, info.multiplier)
+        try:
+            same = (resolved(told[0], self._space), *told[1:]) == used[1:5]
+        except CohelmError:
+            same = False
+        if not same:
+            self._told(used.info)
+
+    def _hear_grid(self, used: FilterMask, received: Received) -> None:
+        if received.message is None:
+            return
+        try:
+            cells, *where = _cells(used.topic, received.message, self._frame)
+        except CohelmError:
+            self._told(used.topic)
+            return
+        if where != [used.resolution, used.origin] or not np.array_equal(cells, used.cells):
+            self._told(used.topic)
+
+    def _told(self, topic: str) -> None:
+        if topic in self._changed:  # a bridge says again what lasts
+            return
+        self._changed.add(topic)
+        self._tell(
+            f"{topic} has changed: the zones from the start of the drive count until its end; "
+            "start it again to take up the new ones"
+        )
+
+
+def _cells(topic: str, grid: Any, frame: str) -> tuple[NDArray[np.int8], float, Pose]:
+    """Cells, resolution and origin of a `nav_msgs/msg/OccupancyGrid`. CohelmError for one that can
+    not be used."""
+    about = grid.info
+    width, height, side = int(about.width), int(about.height), float(about.resolution)
+    at, turned = about.origin.position, about.origin.orientation
+    origin = Pose(float(at.x), float(at.y), yaw_of(turned))
+    wrong, named = "", grid.header.frame_id.lstrip("/")
+    if named != frame:
+        wrong = (
+            f"it is in the frame {named!r}, and the map's is {frame!r}: set frame_id of its "
+            "map_server, or name the map's with cohelm robot --map-frame"
+        )
+    elif len(grid.data) != width * height or not width * height:
+        wrong = f"{width} x {height} cells are told, and {len(grid.data)} come: mend who draws it"
+    elif not _FINEST <= side <= _COARSEST:  # nor for NaN
+        wrong = f"its cells are {side:g} m wide: mend its resolution"
+    elif not all(math.isfinite(value) for value in origin):
+        wrong = "its origin is no pose: mend the origin in its map_server's YAML file"
+    elif math.hypot(turned.x, turned.y) > _FLAT:
+        wrong = "it is inclined, and a map lies flat: mend the orientation of its origin"
+    if wrong:
+        raise CohelmError(f"{topic}: {wrong}")
+    cells = np.asarray(grid.data).astype(np.int8, copy=False).reshape(height, width)
+    return cells, side, origin
