@@ -23,7 +23,7 @@ from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
 from cohelm.perceive.track.tracker import TrackerParams, bodies, strays
-from cohelm.robot.limits import braking_time
+from cohelm.robot.limits import Limits, braking_time
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
@@ -87,13 +87,14 @@ class Perception:
         start: Pose | None = None,
         remembering: ScanMemoryParams | None = None, watching: TrackerParams | None = None,
         outline: Floats | None = None, further: Sequence[LidarModel] = (),
+        limits: Limits | None = None,
     ) -> None:  # fmt: skip
         """Of a robot, or of LiDARs alone. Raises CohelmError for a robot without a LiDAR.
 
         outline: with a LiDAR alone, (k, 2) of what it is on [m]; without, ground that may hold
-        anything is not told. further: LiDARs beside that one.
+        anything is not told. further: LiDARs beside that one. limits: of what it is on.
         """
-        self._limits = model.bounds() if isinstance(model, RobotModel) else None
+        self._limits = model.bounds() if isinstance(model, RobotModel) else limits
         if isinstance(model, Lidar):
             self.lidar = model
         elif model.lidar is None:

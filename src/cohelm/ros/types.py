@@ -44,11 +44,14 @@ _KNOWN = {
 }  # fmt: skip
 
 
-@cache
 def store() -> Typestore:
     """All message types of the ROS 2 distribution in `ROS_DISTRO`, by default Jazzy's. CohelmError
     for one that is none of them."""
-    name = os.environ.get("ROS_DISTRO") or "jazzy"
+    return _store(os.environ.get("ROS_DISTRO") or "jazzy")
+
+
+@cache
+def _store(name: str) -> Typestore:
     if name not in _KNOWN:
         raise CohelmError(
             f"ROS_DISTRO is {name!r}, and there are {', '.join(_KNOWN)}: set the robot's, or unset "
