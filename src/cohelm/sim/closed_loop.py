@@ -120,9 +120,12 @@ def stretches(
         None
         if given.lidar is None
         else Perception(
-            given.lidar, watching=given.watching, outline=settings.outline, further=given.further,
+            given.lidar,
+            watching=given.watching,
+            outline=settings.outline,
+            further=given.further,
             limits=settings.limits,
-        )  # fmt: skip
+        )
     )
     looking = scanners(given, scene.seed)
     zones = None
