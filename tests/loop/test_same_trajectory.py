@@ -96,17 +96,7 @@ def looped(model, setup, steps: int) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("name", "delay"),
-    [
-        pytest.param(
-            "a walker crosses",
-            0.04,
-            marks=pytest.mark.xfail(
-                reason="they part since the robot waits less; not yet known why"
-            ),
-        ),
-        ("a post on the way", 0.0),
-        ("a narrow pass", 0.04),
-    ],
+    [("a walker crosses", 0.04), ("a post on the way", 0.0), ("a narrow pass", 0.04)],
 )
 def test_stepper_and_loop_drive_the_same_way(name, delay):
     same(*made(delay, BODIES[name]))

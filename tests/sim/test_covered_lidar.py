@@ -16,7 +16,8 @@ SALLY = robot("sally")
 STAYS = 4.0
 """For so long [s]."""
 DEAD_END = [[-0.6, -0.6, 4, -0.6], [-0.6, 0.6, 4, 0.6], [-0.6, -0.6, -0.6, 0.6]]
-SHUT = [*DEAD_END, [1.0, -0.6, 1.0, 0.6]]
+SHUT = [[-0.6, -0.4, 4, -0.4], [-0.6, 0.4, 4, 0.4], [-0.6, -0.4, -0.6, 0.4], [1.0, -0.4, 1.0, 0.4]]
+"""Too narrow to turn in, and look behind for another way."""
 
 
 def visit(there, spot):

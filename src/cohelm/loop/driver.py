@@ -20,7 +20,7 @@ from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.replanning import entered
+from cohelm.pilot.replanning import apart, entered
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.distance_field import swept
 from cohelm.plan.zones import Zoned, Zones
@@ -118,9 +118,7 @@ class Driver:
     def _apart(self, around: Surroundings) -> tuple[Surroundings, Floats]:
         """The obstacles, and apart from them the ground that nothing has seen."""
         end = len(self._points)
-        unseen = slice(end - self._blind, end)
-        points = np.delete(around.points, unseen, axis=0)
-        return around._replace(points=points), around.points[unseen]
+        return apart(around, end - self._blind, end)
 
     def slowed(self, seen: Seen) -> Cap:
         """How fast the speed zones that the robot is on let it go; a lost one is on none."""

@@ -258,11 +258,16 @@ class Perception:
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom, points=self._told,
-            blind=len(self._told) - len(self._points), discs=discs,
+            blind=self.blind, discs=discs,
             max_acceleration=max_acceleration, mobile=mobile,
             mobile_max_acceleration=mobile_max_acceleration, odometry_stamp=stamp,
             scan_stamp=min(source.stamp for source in self._sources),
         )  # fmt: skip
+
+    @property
+    def blind(self) -> int:
+        """How many of the points that are told are ground that may hold anything; see `Seen`."""
+        return len(self._told) - len(self._points)
 
     def _mobile(self, now: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Movers and their largest acceleration, and all that may move and theirs, foretold to

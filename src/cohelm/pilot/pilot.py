@@ -141,9 +141,11 @@ class Pilot:
         state = self.state._replace(refused=self.state.refused | self._bars)
         return Task(state, pose, twist, seen, self.course, since, led, self.barred, unseen)
 
-    def plan(self, pose: Pose, twist: Twist, seen: Surroundings) -> Plan:
+    def plan(
+        self, pose: Pose, twist: Twist, seen: Surroundings, unseen: Floats = NOTHING_NEAR.points
+    ) -> Plan:  # fmt: skip
         """The slow part here and now: `planner` on a snapshot. `take` it afterwards."""
-        return self.planner(self.task(pose, twist, seen))
+        return self.planner(self.task(pose, twist, seen, unseen))
 
     def take(self, made: Plan, pose: Pose, twist: Twist) -> None:
         """Follow a plan from now on; pose and twist are those of now, not those of its making."""

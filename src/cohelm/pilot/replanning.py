@@ -87,6 +87,13 @@ class Task(NamedTuple):
         return self.obstacles._replace(points=points)
 
 
+def apart(around: Surroundings, first: int, end: int) -> tuple[Surroundings, Floats]:
+    """The obstacles of a `Task` without their points from `first` to `end`, and those: ground that
+    nothing has seen."""
+    points = np.delete(around.points, slice(first, end), axis=0)
+    return around._replace(points=points), around.points[first:end]
+
+
 class Plan(NamedTuple):
     """What is to be followed from now on."""
 

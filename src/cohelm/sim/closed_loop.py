@@ -21,7 +21,7 @@ from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
-from cohelm.pilot.replanning import ReplanParams, Task
+from cohelm.pilot.replanning import ReplanParams, Task, apart
 from cohelm.pilot.step import LED, START, PilotState, Settings, pilot_step
 from cohelm.plan.course import Course, course
 from cohelm.plan.evasion.movers import nobody_watched
@@ -153,9 +153,11 @@ def stretches(
         if k % period == 0:
             walls = near_walls(scene.around.walls, now.robot.pose)
             told = known(k * dt, now.told, walls, scene)
+            end = len(seen.points)
+            told, unseen = apart(told, end - (0 if eyes is None else eyes.blind), end)
             task = Task(
                 now.pilot, now.robot.pose, now.robot.applied, told, current, (k - since) * dt,
-                now.led,
+                now.led, unseen=unseen,
             )  # fmt: skip
             waiting = planner(task)
         if waiting is not None and k % period == thinking:

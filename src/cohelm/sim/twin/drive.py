@@ -27,7 +27,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.margin_inflation import SLOP, inflated, noise
 from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.replanning import Plan
+from cohelm.pilot.replanning import Plan, apart
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.course import nearly_done
 from cohelm.plan.zones import Zoned
@@ -196,12 +196,12 @@ class _Told(TwinRun):
         then = self.truth
         things = self.things()
         pose, seen, twist = self._seen(k * self.setup.dt, then, things)
-        fastest = math.inf
+        fastest, end = math.inf, len(seen.points)
         if self.zones is not None:
             seen = self.zones.beside(seen, pose)
             fastest = self.zones.limit(pose)[0]
         stick = self.hand(k, things)
-        self._plan(k, pose, twist, seen)
+        self._plan(k, pose, twist, seen, end)
         decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, seen, fastest)
         asked = Twist(decided.safe_v, decided.safe_omega)
         row["saturated"] = self.robot.send(asked) != asked
@@ -222,13 +222,15 @@ class _Told(TwinRun):
             known.twist,
         )
 
-    def _plan(self, k: int, pose: Pose, twist: Twist, seen: Surroundings) -> None:
-        """A plan is begun now and then, and taken up when it would be ready."""
+    def _plan(self, k: int, pose: Pose, twist: Twist, seen: Surroundings, end: int) -> None:
+        """A plan is begun now and then, and taken up when it would be ready. end: past the last of
+        its points that perception tells."""
         if not self.guarded:
             return
         if k % self.period == 0:
             self.walls = near_walls(self.setup.around.walls, pose)
-            self.waiting = self.pilot.plan(pose, twist, seen)
+            blind = 0 if self.perception is None else self.perception.blind
+            self.waiting = self.pilot.plan(pose, twist, *apart(seen, end - blind, end))
         if self.waiting is not None and k % self.period == self.thinking:
             self.pilot.take(self.waiting, pose, twist)
             if self.waiting.new:
