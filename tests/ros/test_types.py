@@ -52,14 +52,14 @@ def test_hashes_are_those_that_ros_2_publishes():
 @pytest.mark.parametrize("name", ["humble", "iron", "jazzy", "kilted", "lyrical", "rolling", ""])
 def test_types_are_those_of_the_distribution_that_is_named(monkeypatch, name):
     monkeypatch.setenv("ROS_DISTRO", name)
-    made = store.__wrapped__()
+    made = store()
     assert {*KINDS, FILTER_INFO} <= made.fielddefs.keys()
 
 
 def test_a_distribution_that_nobody_knows_is_refused(monkeypatch):
     monkeypatch.setenv("ROS_DISTRO", "foxy")
     with pytest.raises(CohelmError, match="ROS_DISTRO is 'foxy', and there are humble, iron, jazz"):
-        store.__wrapped__()
+        store()
 
 
 def test_the_graph_tells_a_node_with_its_endpoints():
