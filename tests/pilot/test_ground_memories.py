@@ -7,8 +7,8 @@ import pytest
 
 from cohelm.core.types import Pose
 from cohelm.perceive.scan.clusters import Look
-from cohelm.perceive.space.cell_window import cell
-from cohelm.perceive.space.unobserved import KEPT, VOUCHED, _known, looked_at, nothing, vouched
+from cohelm.perceive.space.cell_window import cell, holds
+from cohelm.perceive.space.unobserved import KEPT, VOUCHED, looked_at, nothing, vouched
 from cohelm.robot.collision_monitor.free_space import CELL, CORNER, HALF, STEADY, FreeSpace
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.sweep import outline
@@ -60,7 +60,7 @@ def test_what_the_filter_takes_for_known_ground_the_monitor_lets_the_robot_have(
         turns, psi = pose.psi != psi, pose.psi
         for x, y in () if turns else monitors.unknown.points:
             wrong += all(
-                _known(filters, cell(x) + i, cell(y) + j, 0.0)
+                holds(filters.which, cell(x) + i, cell(y) + j)
                 for i in APART for j in APART
             )  # fmt: skip
     assert wrong == 0

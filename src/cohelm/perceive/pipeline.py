@@ -22,7 +22,7 @@ from cohelm.perceive.scan.deskew import DeskewedScan, all_round
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
-from cohelm.perceive.track.tracker import TrackerParams, bodies, strays
+from cohelm.perceive.track.tracker import TrackerParams, bodies, hidden, strays
 from cohelm.robot.limits import Limits, braking_time
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
@@ -217,13 +217,12 @@ class Perception:
             self._unwatched = self._floor.points(source.lidar, source.look, pose)
         if self._blind is None:
             return
-        mobile = self._mobile(source.stamp)[2]
-        looking = [
-            (one.lidar, one.look)
-            for one in self._sources
-            if isinstance(one, ObservationSource) and one.look is not None
-        ]
-        self._unobserved = self._blind.points(source.lidar, source.look, looking, pose, mobile)
+        sources = [one for one in self._sources if isinstance(one, ObservationSource)]
+        looking = [(one.lidar, one.look) for one in sources if one.look is not None]
+        out = np.vstack([hidden(one.movers, self._watching) for one in sources])
+        self._unobserved = self._blind.points(
+            source.lidar, source.look, looking, pose, out, self._watching.wary.fastest
+        )
 
     def _standing(self) -> Floats:
         """Points that any LiDAR sees standing, or remembers, and that a bumper has met."""

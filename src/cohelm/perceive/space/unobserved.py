@@ -1,7 +1,7 @@
 """Unobserved ground: no beam looks there now, and none ever did or somebody went there.
 
 A LiDAR that does not look all round leaves some beside or behind the robot, unless another looks
-there. What such ground
+A LiDAR that does not look all round leaves some beside or behind the robot, unless another looks
 begins with is told as standing points, so that nobody backs the robot into what it has never seen,
 or turns it into who has just gone behind it.
 """
@@ -12,13 +12,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, X, Y
+from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.scan.clusters import Look
 from cohelm.perceive.scan.deskew import beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
+from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.sensors import Lidar, vouched_floor
 
@@ -26,17 +28,14 @@ VOUCHED = 0.2
 """So far beyond its turning circle, ground is taken to be free where the robot is switched on: who
 does that has looked; and it can turn and look for itself [m]."""
 
-DOUBT = 10.0
-"""Who left the view beside the robot may be anywhere there, for so long [s]."""
-
 KEPT = 2.7
 """Ground is remembered until it is farther from the LiDAR than this: sooner forgotten than by the
 collision monitor (`free_space`, 2.85 m and half a step), which would let nobody have it [m]."""
 
-_COMES = 4.0  # who leaves the view farther off is on his way here if he gets here in this time [s]
-_EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
+_COMES = 4.0  # who left the view farther off is on his way here if he gets here in this time [s]
 _APART = 0.03  # nobody slips nearer to the outline than this [m]
 _NEVER = np.iinfo(np.int64).min  # of no cell, as `nowhere`
+_JUST = 0.25  # who was seen so short ago is where he is foretold [s]
 _TOLD = 1.0  # such ground is told so far beyond the turning circle [m]
 
 
@@ -50,29 +49,29 @@ class View(NamedTuple):
 class Viewed(NamedTuple):
     """A window of cells, see `perceive.space.cell_window`, each of which has been in view.
 
-    doubt: (n, n), until when somebody may be in a cell, unless it is in view before [s].
+    taken: (n, n), whether somebody may be in a cell who was seen to leave the view.
     """
 
     which: Ints
-    doubt: Floats
+    taken: NDArray[np.bool_]
 
 
 def nothing() -> Viewed:
     """Nothing has been in view yet."""
-    return Viewed(nowhere(), np.full((SIDE, SIDE), -math.inf))
+    return Viewed(nowhere(), np.zeros((SIDE, SIDE), np.bool_))
 
 
 @jit
 def vouched(viewed: Viewed, x: float, y: float, radius: float) -> Viewed:
     """As if the ground about an `odom` point had been in view."""
-    which, doubt = viewed.which.copy(), viewed.doubt.copy()
+    which, taken = viewed.which.copy(), viewed.taken.copy()
     low_x, low_y = cell(x - radius), cell(y - radius)
     wide = math.ceil(2.0 * radius / CELL) + 1
     for i in range(low_x, low_x + wide):
         for j in range(low_y, low_y + wide):
             if math.hypot((i + 0.5) * CELL - x, (j + 0.5) * CELL - y) < radius:
-                _note(which, doubt, i, j)
-    return Viewed(which, doubt)
+                _note(which, taken, i, j)
+    return Viewed(which, taken)
 
 
 @jit
@@ -80,7 +79,7 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look, floor: bool = False) -> 
     """With the ground that a sweep has in view, up to and with what stands there; or with the
     floor that it sees, which is only from where to where it looks for that, and before what ends
     it. What is farther than KEPT is forgotten."""
-    which, doubt = viewed.which.copy(), viewed.doubt.copy()
+    which, taken = viewed.which.copy(), viewed.taken.copy()
     sensor, n = look.sensor, len(look.ranges)
     _forget(which, sensor)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
@@ -91,7 +90,7 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look, floor: bool = False) -> 
         for j in range(low_y, low_y + wide):
             wy = (j + 0.5) * CELL - sensor.y
             far = math.hypot(wx, wy)
-            if far > NEAR or _known(viewed, i, j, -math.inf):
+            if far > NEAR or (holds(which, i, j) and not taken[i % SIDE, j % SIDE]):
                 continue
             if floor and not lidar.floor_from <= far <= lidar.floor_to:
                 continue
@@ -102,8 +101,8 @@ def looked_at(viewed: Viewed, lidar: Lidar, look: Look, floor: bool = False) -> 
             if floor and math.isnan(reach) and 0 < beam < n - 1:  # of things; floor is beside it
                 reach = min(look.ranges[beam - 1], look.ranges[beam + 1])
             if reach > (far if floor else far - CELL):
-                _note(which, doubt, i, j)
-    return Viewed(which, doubt)
+                _note(which, taken, i, j)
+    return Viewed(which, taken)
 
 
 @jit_inline
@@ -114,21 +113,6 @@ def _forget(which: Ints, sensor: Pose) -> None:
             wy = (which[a, b, 1] + 0.5) * CELL - sensor.y
             if wx * wx + wy * wy > KEPT * KEPT:
                 which[a, b, 0] = _NEVER
-
-
-@jit_inline
-def _within(view: View, x: float, y: float) -> float:
-    """How far an `odom` point is from the edge of a view; 0 beyond it [m]."""
-    lidar, sensor = view.lidar, view.sensor
-    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    first, last = (
-        lidar.first - 0.5 * lidar.step,
-        lidar.first + (len(lidar.beams) - 0.5) * lidar.step,
-    )
-    wx, wy = x - sensor.x, y - sensor.y
-    bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
-    edge = min(bearing - first, last - bearing)
-    return math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
 
 
 @jit_inline
@@ -144,46 +128,74 @@ def _looked_at(views: tuple[View, ...], x: float, y: float) -> bool:
 
 
 @jit
-def doubted(
-    viewed: Viewed, views: tuple[View, ...], now: float, mobile: Floats, pose: Pose,
-    outline: Floats, far: float,
-) -> Viewed:  # fmt: skip
-    """With doubt about all ground where nothing looks, within `far` [m] of a robot with this
-    outline at this pose, if one of the discs that may move is at its edge, and as near, or
-    will be if it goes on as it does."""
-    x, y = pose.x, pose.y
-    leaves = False
-    for k in range(len(mobile)):
-        wx, wy = mobile[k, X] - x, mobile[k, Y] - y
-        vx, vy = mobile[k, VX], mobile[k, VY]
+def nearing(hidden: Floats, pose: Pose, far: float) -> Floats:
+    """Those out of view, see `track.departed`, who are within `far` [m] of a pose, or were on
+    their way there when they left."""
+    near = np.zeros(len(hidden), np.bool_)
+    for k in range(len(hidden)):
+        vx, vy, ago = hidden[k, HVX], hidden[k, HVY], hidden[k, UNSEEN]
+        wx, wy = hidden[k, HX] - ago * vx - pose.x, hidden[k, HY] - ago * vy - pose.y
         t = min(max(-(wx * vx + wy * vy) / max(vx * vx + vy * vy, 1e-6), 0.0), _COMES)
-        near = math.hypot(wx + t * vx, wy + t * vy) - mobile[k, RADIUS] < far
-        away = 0.0
-        for i in range(len(views)):
-            away = max(away, _within(views[i], mobile[k, X], mobile[k, Y]))
-        leaves = leaves or (near and away < mobile[k, RADIUS] + _EDGE)
-    if not leaves:
-        return viewed
-    doubt = viewed.doubt.copy()
-    low_x, low_y = cell(x - far), cell(y - far)
-    wide = math.ceil(2.0 * far / CELL) + 1
-    for i in range(low_x, low_x + wide):
-        for j in range(low_y, low_y + wide):
-            if _looked_at(views, (i + 0.5) * CELL, (j + 0.5) * CELL):
+        near[k] = math.hypot(wx + t * vx, wy + t * vy) < far
+    return hidden[near]
+
+
+@jit
+def taken(
+    viewed: Viewed, views: tuple[View, ...], hidden: Floats, pose: Pose, outline: Floats,
+    fastest: float, dt: float,
+) -> Viewed:  # fmt: skip
+    """With the cells that those out of view may be in dt [s] later: where each may have gone by
+    what is known of his way, and out of cells that nothing looks at.
+
+    fastest: nobody is faster, but who was seen to be [m/s].
+    """
+    before = viewed.taken
+    after = np.zeros_like(before)
+    if not len(hidden):
+        return Viewed(viewed.which, after)
+    pace = fastest
+    for k in range(len(hidden)):
+        pace = max(pace, math.hypot(hidden[k, HVX], hidden[k, HVY]))
+    steps = math.ceil(pace * dt / CELL)
+    low_x, low_y = cell(pose.x - KEPT), cell(pose.y - KEPT)
+    wide = math.ceil(2.0 * KEPT / CELL) + 1
+    dark, full = np.zeros((wide, wide), np.bool_), np.zeros((wide, wide), np.bool_)
+    for a in range(wide):
+        for b in range(wide):
+            i, j = low_x + a, low_y + b
+            x, y = (i + 0.5) * CELL, (j + 0.5) * CELL
+            if _looked_at(views, x, y) or disc_clearance(pose, outline, x, y, 0.0) < _APART:
                 continue
-            gap = disc_clearance(pose, outline, (i + 0.5) * CELL, (j + 0.5) * CELL, 0.0)
-            if gap > _APART:
-                doubt[i % SIDE, j % SIDE] = now + DOUBT
-    return Viewed(viewed.which, doubt)
+            for k in range(len(hidden)):
+                if math.hypot(x - hidden[k, HX], y - hidden[k, HY]) < hidden[k, REACH]:
+                    dark[a, b] = True
+                    held = holds(viewed.which, i, j)
+                    just = hidden[k, UNSEEN] < _JUST
+                    full[a, b] |= just or not held or before[i % SIDE, j % SIDE]
+    for _ in range(steps):
+        one = full.copy()
+        for a in range(1, wide - 1):
+            for b in range(1, wide - 1):
+                if dark[a, b] and not one[a, b]:
+                    full[a, b] = (
+                        one[a - 1, b] or one[a + 1, b] or one[a, b - 1] or one[a, b + 1]
+                        or one[a - 1, b - 1] or one[a - 1, b + 1]
+                        or one[a + 1, b - 1] or one[a + 1, b + 1]
+                    )  # fmt: skip
+    for a in range(wide):
+        for b in range(wide):
+            after[(low_x + a) % SIDE, (low_y + b) % SIDE] = full[a, b]
+    return Viewed(viewed.which, after)
 
 
 @jit
 def blind(
-    viewed: Viewed, views: tuple[View, ...], now: float, pose: Pose, outline: Floats, far: float,
+    viewed: Viewed, views: tuple[View, ...], pose: Pose, outline: Floats, far: float,
     floor: bool = False,
 ) -> Floats:  # fmt: skip
     """Where such ground, or floor, begins, (p, 2), in `odom`, within `far` [m] of a robot with this
-    outline at this pose: cells beside one that was in view, or beside the robot itself."""
+    outline at this pose: cells beside one that is known, or beside the robot itself."""
     low_x, low_y = cell(pose.x - far), cell(pose.y - far)
     wide = math.ceil(2.0 * far / CELL) + 1
     out = np.empty((wide * wide, 2))
@@ -192,7 +204,7 @@ def blind(
         px = (i + 0.5) * CELL
         for j in range(low_y, low_y + wide):
             py = (j + 0.5) * CELL
-            if math.hypot(px - pose.x, py - pose.y) > far or _known(viewed, i, j, now):
+            if math.hypot(px - pose.x, py - pose.y) > far or _free(viewed, i, j):
                 continue
             if not floor and _looked_at(views, px, py):
                 continue  # hidden by what is seen before it
@@ -201,8 +213,8 @@ def blind(
                 continue
             if (
                 gap < _APART + 1.5 * CELL
-                or _known(viewed, i - 1, j, now) or _known(viewed, i + 1, j, now)
-                or _known(viewed, i, j - 1, now) or _known(viewed, i, j + 1, now)
+                or _free(viewed, i - 1, j) or _free(viewed, i + 1, j)
+                or _free(viewed, i, j - 1) or _free(viewed, i, j + 1)
             ):  # fmt: skip
                 out[k, 0], out[k, 1] = px, py
                 k += 1
@@ -210,15 +222,15 @@ def blind(
 
 
 @jit_inline
-def _note(which: Ints, doubt: Floats, i: int, j: int) -> None:
+def _note(which: Ints, taken: NDArray[np.bool_], i: int, j: int) -> None:
     a, b = i % SIDE, j % SIDE
     which[a, b, 0], which[a, b, 1] = i, j
-    doubt[a, b] = -math.inf
+    taken[a, b] = False
 
 
 @jit_inline
-def _known(viewed: Viewed, i: int, j: int, now: float) -> bool:
-    return holds(viewed.which, i, j) and viewed.doubt[i % SIDE, j % SIDE] <= now
+def _free(viewed: Viewed, i: int, j: int) -> bool:
+    return holds(viewed.which, i, j) and not viewed.taken[i % SIDE, j % SIDE]
 
 
 class Blind:
@@ -228,6 +240,7 @@ class Blind:
         """outline: (k, 2) of what the LiDARs are on [m]."""
         self.reshape(outline)
         self._viewed: Viewed | None = None
+        self._stamp = -math.inf
 
     def reshape(self, outline: Floats) -> None:
         """It has another outline from the next sweep on."""
@@ -236,20 +249,22 @@ class Blind:
 
     def points(
         self, lidar: Lidar, look: Look, looking: list[tuple[Lidar, Look]], pose: Pose,
-        mobile: Floats,
+        hidden: Floats, fastest: float,
     ) -> Floats:  # fmt: skip
         """After a sweep from an `odom` pose, where ground begins that may hold anything, (p, 2).
 
-        looking: each LiDAR with its newest sweep, this one too. mobile: discs that may move, as in
-        `core.types`, in `odom`.
+        looking: each LiDAR with its newest sweep, this one too. hidden: who may be out of view, as
+        in `track.departed`. fastest: nobody is faster, but who was seen to be [m/s].
         """
-        far, now = self._reach + _TOLD, look.stamp
+        far = self._reach + _TOLD
         views = tuple(View(one, its.sensor) for one, its in looking)
         if self._viewed is None:
             self._viewed = vouched(nothing(), pose.x, pose.y, self._reach + VOUCHED)
         viewed = looked_at(self._viewed, lidar, look)
-        self._viewed = doubted(viewed, views, now, mobile, pose, self._outline, far)
-        return blind(self._viewed, views, now, pose, self._outline, far)
+        dt, self._stamp = min(max(look.stamp - self._stamp, 0.0), 1.0), look.stamp
+        near = nearing(hidden, pose, far)
+        self._viewed = taken(viewed, views, near, pose, self._outline, fastest, dt)
+        return blind(self._viewed, views, pose, self._outline, far)
 
 
 class UnwatchedFloor:
@@ -279,4 +294,4 @@ class UnwatchedFloor:
         self._viewed = looked_at(self._viewed, lidar, look, True)
         view = (View(lidar, look.sensor),)
         far = self._reach + _TOLD
-        return blind(self._viewed, view, look.stamp, pose, self._outline, far, True)
+        return blind(self._viewed, view, pose, self._outline, far, True)

@@ -31,6 +31,7 @@ from cohelm.perceive.scan.clusters import (
 )
 from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.perceive.space.free_space_memory import Ground, noted, unknown
+from cohelm.perceive.track.departed import departed, out_of_view
 from cohelm.perceive.track.potentially_dynamic import (
     NEAR,
     Wary,
@@ -105,7 +106,7 @@ class Movers(NamedTuple):
     """tracks: (t, n) as in `track`. looks: earlier sweeps, oldest first. mine: (m,) of the newest
     sweep's points, whether it belongs to a mover. ground: near the robot. worn: its clock [s].
     loose: (l, 3) as in `potentially_dynamic`. covered: whether somebody is within the LiDAR's
-    least range."""
+    least range. gone: who has left the view, as in `departed`."""
 
     tracks: Floats
     looks: tuple[Look, ...]
@@ -115,11 +116,12 @@ class Movers(NamedTuple):
     worn: float
     loose: Floats
     covered: bool
+    gone: Floats
 
 
 NONE = Movers(
     no_tracks(), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3)),
-    False,
+    False, no_tracks(),
 )  # fmt: skip
 
 
@@ -143,7 +145,7 @@ def follow(
             freshen(lidar, found, sweep, pose, earlier)
     now = looked(lidar, sweep, pose, stamp)
     places = placed(sweep.points, pose)
-    tracks, whose = _followed(before.tracks, found, places, lidar, now, dt, care)
+    tracks, whose, lost, came = _followed(before.tracks, found, places, lidar, now, dt, care)
     mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
     kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
     covered = any(covers(lidar, now, look, before.covered) for look in (*kept, _BLIND))
@@ -159,7 +161,9 @@ def follow(
     may = loose(lidar, places, there, first, second)
     if covered:
         may = np.vstack((may, (now.sensor.x, now.sensor.y, 1.0)))
-    return Movers(tracks, (*kept, now), stamp, mine, ground, worn, may, covered)
+    kept = (*kept, now)
+    gone = departed(before.gone, lost, came, may, lidar, kept, dt, care.max_acceleration, wary)
+    return Movers(tracks, kept, stamp, mine, ground, worn, may, covered, gone)
 
 
 def _look(looks: tuple[Look, ...], when: float) -> Look | None:
@@ -178,9 +182,7 @@ def bodies(movers: Movers, now: float, care: TrackerParams, stop: float) -> tupl
     standing as well; edges and noise are thinner. What is not known of a velocity makes a disc
     more agile.
     """
-    t = movers.tracks
-    perhaps = (t[:, PROOF] > 0.0) & (t[:, RADIUS] > care.body)
-    t = t[(t[:, MOVES] > 0.0) | perhaps]
+    t = _moving(movers.tracks, care)
     if not len(t):
         return np.empty((0, 6)), np.empty(0)
     ahead = _ahead(movers, now)
@@ -193,6 +195,17 @@ def bodies(movers: Movers, now: float, care: TrackerParams, stop: float) -> tupl
     discs[:, 4] = t[:, RADIUS] + care.wider + np.minimum(np.sqrt(t[:, PP]), 0.3) + more
     discs[:, 5] = discs[:, 4]
     return discs, agile
+
+
+def _moving(tracks: Floats, care: TrackerParams) -> Floats:
+    """Those that move, and those that perhaps do."""
+    perhaps = (tracks[:, PROOF] > 0.0) & (tracks[:, RADIUS] > care.body)
+    return tracks[(tracks[:, MOVES] > 0.0) | perhaps]
+
+
+def hidden(movers: Movers, care: TrackerParams) -> Floats:
+    """Who may be where the LiDAR does not look, at the newest sweep, as `out_of_view` tells."""
+    return out_of_view(_moving(movers.tracks, care), movers.gone)
 
 
 def strays(movers: Movers, now: float, care: TrackerParams, stop: float) -> tuple[Floats, Floats]:
@@ -212,9 +225,10 @@ def _ahead(movers: Movers, now: float) -> float:
 def _followed(
     tracks: Floats, found: Floats, places: Floats, lidar: Lidar, now: Look, dt: float,
     care: TrackerParams,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """The tracks after these clusters of a sweep's points in `odom`, `places`, and the track of
-    each cluster (k,)."""
+) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
+    """The tracks after these clusters of a sweep's points in `odom`, `places`; the track of each
+    cluster (k,); tracks that moved, or perhaps did, and are dropped; and those that are found to
+    move by this sweep."""
     t, k = len(tracks), len(found)
     out = np.zeros((t + k, COLUMNS))
     out[:t] = tracks
@@ -265,15 +279,18 @@ def _followed(
             out[n, WHOLE] = 1.0 if found[j, HIDDEN] == 0.0 else 0.0
             whose[j] = n
             n += 1
-    kept = np.zeros(n, np.bool_)
+    kept, lost, came = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     for i in range(n):
         kept[i] = _stays(out[i], lidar, now, care)
+        perhaps = out[i, PROOF] > 0.0 and out[i, RADIUS] > care.body
+        lost[i] = not kept[i] and (out[i, MOVES] > 0.0 or perhaps)
+        came[i] = out[i, MOVES] > 0.0 and (i >= t or tracks[i, MOVES] == 0.0)
     number = np.cumsum(kept) - 1
     for j in range(k):
         if whose[j] >= 0.0:
             i = int(whose[j])
             whose[j] = number[i] if kept[i] else -1.0
-    return out[:n][kept], whose
+    return out[:n][kept], whose, out[:n][lost], out[:n][came]
 
 
 @jit

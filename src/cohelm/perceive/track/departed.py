@@ -1,0 +1,163 @@
+"""Who has left the view of a LiDAR that does not look all round.
+
+He is remembered as a track that nobody sees: where he is going, and how sure that is, are foretold
+as for any other. He is forgotten when somebody comes out of where nothing looks, near enough to be
+him, or after a while.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.jit import jit, jit_inline
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.scan.clusters import Look
+from cohelm.perceive.scan.deskew import all_round, beam_at
+from cohelm.perceive.track.potentially_dynamic import LX, LY, STOOD, Wary
+from cohelm.perceive.track.track import (
+    COLUMNS,
+    MISSED,
+    MOVES,
+    PP,
+    RADIUS,
+    SEEN,
+    TVX,
+    TVY,
+    TX,
+    TY,
+    VV,
+    predicted,
+)
+from cohelm.robot.sensors import Lidar
+
+KEPT = 10.0
+"""Who left the view is remembered for so long [s]."""
+
+HX, HY, HVX, HVY, REACH, UNSEEN = range(6)
+"""Columns of those who may be out of view: place [m] and velocity [m/s] that are foretold, how far
+from that place he may be, with his own radius [m], time since he was in view [s]."""
+
+_DEVIATIONS = 2.0  # a foretold place may be off by so many standard deviations
+_EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
+_SAME = 0.3  # what is loose is the same as a scan before if it is as near to it [m]
+
+
+def departed(
+    before: Floats, lost: Floats, came: Floats, loose: Floats, lidar: Lidar,
+    looks: tuple[Look, ...], dt: float, max_acceleration: float, wary: Wary,
+) -> Floats:  # fmt: skip
+    """Those out of view after a sweep, tracks as in `track` that nobody sees (g, COLUMNS).
+
+    before: those at the sweep before, dt [s] ago. lost, came: tracks that were dropped at this
+    sweep, and those that were found to move at it. loose: as in `potentially_dynamic`. looks: the
+    newest sweeps, oldest first.
+    """
+    if not (len(before) or len(lost) or len(loose)):
+        return before
+    stamps = np.array([look.stamp for look in looks])
+    sensors = np.array([look.sensor for look in looks])
+    return _departed(before, lost, came, loose, lidar, stamps, sensors, dt, max_acceleration, wary)
+
+
+@jit
+def _departed(
+    before: Floats, lost: Floats, came: Floats, loose: Floats, lidar: Lidar, stamps: Floats,
+    sensors: Floats, dt: float, max_acceleration: float, wary: Wary,
+) -> Floats:  # fmt: skip
+    out = np.zeros((len(before) + len(lost) + len(loose), COLUMNS))
+    sensor = Pose(sensors[-1, 0], sensors[-1, 1], sensors[-1, 2])
+    n = 0
+    for i in range(len(before)):
+        if before[i, MISSED] + dt < KEPT and not _again(before[i], loose):
+            out[n] = before[i]
+            predicted(out[n], dt, max_acceleration)
+            out[n, MISSED] += dt
+            n += 1
+    for i in range(len(lost)):
+        if within_view(lidar, sensor, lost[i, TX], lost[i, TY]) < lost[i, RADIUS] + _EDGE:
+            out[n] = lost[i]
+            out[n, MOVES] = 1.0
+            n += 1
+    stays = np.ones(len(out), np.bool_)
+    for j in range(len(came)):
+        who = _emerged(out[:n], stays, came[j], lidar, stamps, sensors, dt)
+        if who >= 0:
+            stays[who] = False
+    for k in range(len(loose)):
+        x, y = loose[k, LX], loose[k, LY]
+        if within_view(lidar, sensor, x, y) < _EDGE:
+            speed = wary.creeping if loose[k, STOOD] > 0.0 else wary.fastest
+            out[n, TX], out[n, TY], out[n, MOVES] = x, y, 1.0
+            out[n, VV] = (speed / _DEVIATIONS) ** 2
+            n += 1
+    return out[:n][stays[:n]]
+
+
+@jit_inline
+def _again(one: Floats, loose: Floats) -> bool:
+    """Whether it is something loose that is seen again."""
+    if one[RADIUS] > 0.0:
+        return False
+    for k in range(len(loose)):
+        if math.hypot(loose[k, LX] - one[TX], loose[k, LY] - one[TY]) < _SAME:
+            return True
+    return False
+
+
+@jit
+def _emerged(
+    gone: Floats, stays: NDArray[np.bool_], came: Floats, lidar: Lidar, stamps: Floats,
+    sensors: Floats, dt: float,
+) -> int:  # fmt: skip
+    """Which of those out of view the one may be that is found to move: the nearest that it may be,
+    if it was first seen at the edge of the view; -1 for nobody."""
+    ago = came[SEEN] * dt
+    x, y = came[TX] - ago * came[TVX], came[TY] - ago * came[TVY]
+    who, best = -1, 1.0
+    k = int(np.argmin(np.abs(stamps - (stamps[-1] - ago))))
+    then = Pose(sensors[k, 0], sensors[k, 1], sensors[k, 2])
+    if within_view(lidar, then, x, y) > came[RADIUS] + 2.0 * _EDGE:
+        return who
+    for i in range(len(gone)):
+        far = math.hypot(gone[i, TX] - x, gone[i, TY] - y) / (_reach(gone[i]) + came[RADIUS])
+        if stays[i] and far < best:
+            who, best = i, far
+    return who
+
+
+@jit_inline
+def _reach(one: Floats) -> float:
+    """How far from its place a track may be, its radius included [m]."""
+    return one[RADIUS] + _DEVIATIONS * math.sqrt(one[PP])
+
+
+def out_of_view(tracks: Floats, gone: Floats) -> Floats:
+    """Those who may be where nothing looks, (h, 6): tracks (t, COLUMNS) that move or perhaps do,
+    and who departed."""
+    those = np.vstack((tracks, gone))
+    out = np.empty((len(those), 6))
+    out[:, HX : HVY + 1] = those[:, TX : TVY + 1]
+    out[:, REACH] = those[:, RADIUS] + _DEVIATIONS * np.sqrt(those[:, PP])
+    out[:, UNSEEN] = those[:, MISSED]
+    return out
+
+
+@jit_inline
+def within_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> float:
+    """How far an `odom` point is from the edge of a LiDAR's view; 0 where no beam points [m]."""
+    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+    wx, wy = x - sensor.x, y - sensor.y
+    sx, sy = c * wx + s * wy, -s * wx + c * wy
+    if all_round(lidar):
+        return math.inf
+    beams = len(lidar.beams)
+    if not 0 <= beam_at(lidar, sx, sy) < beams:
+        return 0.0
+    bearing = math.atan2(sy, sx)
+    if bearing < lidar.first - 0.5 * lidar.step:
+        bearing += 2.0 * math.pi
+    edge = min(bearing - lidar.first, lidar.first + (beams - 1) * lidar.step - bearing)
+    return math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
