@@ -15,7 +15,7 @@ from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose, wrap
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.global_search import Search, candidates, looked, search
-from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same
+from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, twin
 from cohelm.perceive.localize.keyframe import usable
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, free_at
@@ -326,6 +326,8 @@ class Hypotheses:
         if left.knew:
             beyond = left.away(one.pose) - (c.near + 0.5 + c.pace * self.alarm.carried)
             carried = min(0.5 * (max(beyond, 0.0) / c.put) ** 2, c.unmoved)
+            if any(twin(one, own, c) for own in self.all if left.strayed(own) < 9.0):
+                carried = c.unmoved
         if self.everywhere:
             return -carried
         turned = wrap(one.pose.psi - left.pose.psi) / c.turned

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.types import Floats, Pose, wrap
+from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.localization_map import Judgement
 from cohelm.perceive.match.odometry_covariance import moved
 
@@ -78,3 +79,17 @@ class Departure(NamedTuple):
     def away(self, pose: Pose) -> float:
         """How far off a place is [m]."""
         return math.hypot(pose.x - self.pose.x, pose.y - self.pose.y)
+
+
+def sigma(one: Hypothesis) -> float:
+    """Standard deviation of a place, in the direction that is least known [m]."""
+    return math.sqrt(float(np.linalg.eigvalsh(one.covariance[:2, :2])[-1]))
+
+
+def twin(one: Hypothesis, own: Hypothesis, caution: Caution) -> bool:
+    """Whether a place is turned from where the robot was, and looks no more like the newest scan
+    than that does, as the other end of a hall. Who carries a robot and turns it round puts it down
+    just there by a chance of a few centimetres and degrees among metres; not where a place is not
+    one, but all along a corridor."""
+    turned = abs(wrap(one.pose.psi - own.pose.psi)) > 2.0 * caution.turned
+    return turned and one.latest < own.latest + caution.alike and sigma(one) < caution.sure

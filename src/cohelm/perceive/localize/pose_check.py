@@ -13,7 +13,7 @@ from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, wrap
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.hypotheses import Hypotheses
-from cohelm.perceive.localize.hypothesis import Hypothesis, same
+from cohelm.perceive.localize.hypothesis import Hypothesis, same, twin
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.scan_judge import ScanJudge
 
@@ -95,10 +95,15 @@ class PoseCheck:
             self._rivals = 0
             return False
         gained = self.alarm.gained(best.pose, pose)
+        own = next((h for h in found if same(h.pose, pose)), None)
+        if own is not None:  # by the scan that the others are judged by
+            likely = max(likely, own.latest)
         lead = best.latest + gained - likely
         better = lead > c.margin
+        if own is not None and twin(best, own, c):  # it may be who walks about
+            self._rivals = 0
+            return False
         clearly = max(c.drop, self.trust)
-        own = next((h for h in found if same(h.pose, pose)), None)
         turned = abs(wrap(best.pose.psi - pose.psi)) > 2.0 * c.turned
         if turned and own is not None and self.judge.as_usual(own.judged):
             clearly = max(clearly, 0.5 * c.margin)  # it fits: it may be who walks about

@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.caution import Caution
-from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same
+from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, sigma
 from cohelm.perceive.localize.scan_judge import ScanJudge
 
 
@@ -95,7 +93,7 @@ class Belief:
                 why = "one view is not enough to be sure: drive on a little"
         elif not self._explains(best, lead, far, stayed, only or (stayed and about.whole), about):
             why = "too much of what the LiDAR sees is not on the map"
-        elif best is not back and _sigma(best) > c.sure:
+        elif best is not back and sigma(best) > c.sure:
             why = "too few features are in view to say where along them the robot is"
         return Verdict(best, lead, only or stayed, why)
 
@@ -156,7 +154,3 @@ def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
     if own is None:
         return kept
     return [h for h in kept if h is own or h.explained >= own.explained]
-
-
-def _sigma(one: Hypothesis) -> float:
-    return math.sqrt(float(np.linalg.eigvalsh(one.covariance[:2, :2])[-1]))
