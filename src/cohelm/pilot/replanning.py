@@ -52,8 +52,10 @@ class ReplanParams(NamedTuple):
     patience: float = 0.6
     """Between two looks for a way that is not needed but might be better [s]."""
     beside: float = 0.15
-    """Where a way ends farther from the route's end than this, or the robot has come to rest
-    farther from the way's end, a better one is looked for [m]."""
+    """Where a way ends farther from the route's end than this, a better one is looked for [m]."""
+    missed: float = 0.08
+    """And where the robot has come to rest farther from the way's end than this, which is nearer
+    than has to be reached by default, `arrive_m` [m]."""
     waits: float = 1.0
     """How long the robot is held up before it looks for a way out [s]."""
     turned: float = 1.2
@@ -163,7 +165,7 @@ def _course(
     short_of = math.hypot(at.x - pose.x, at.y - pose.y)
     # At the end of a course nothing is tracked that would bring the robot across to it.
     missed = _remaining(now, state.clock.tau) <= 0.0 and still(task.twist)
-    astray = short_of > (replan_params.beside if missed else replan_params.max_cross_track_error)
+    astray = short_of > (replan_params.missed if missed else replan_params.max_cross_track_error)
     held = _held(task, replan_params)
     if on_route and kept.clearance >= replan_params.accept and not astray and not held:
         return kept
