@@ -15,7 +15,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
-from cohelm.record.markers import header, pose
+from cohelm.record.ros2 import header, pose
 from cohelm.ros.masks import KEEP_OUT, PERCENT, SPEED, FilterMask, Masks, MaskWatch
 from cohelm.ros.mismatch import FILTER_INFO, GRID, TWIST
 from cohelm.ros.port import COMMAND, LATCHED
