@@ -59,7 +59,7 @@ class Site(NamedTuple):
     known: LocalizationMap
 
 
-class Result(NamedTuple):
+class LoopResult(NamedTuple):
     name: str
     arrived: bool
     way: float
@@ -160,7 +160,7 @@ def without_walls(made: OccupancyMap, share: float, seed: int) -> OccupancyMap:
     return OccupancyMap(cells, made.resolution, made.origin)
 
 
-def driven(site: Site) -> Result:
+def driven(site: Site) -> LoopResult:
     """Until it arrives, the time is over, or it stops by itself."""
     made = Simulated(site.scenario, "twin", real_time=False, seed=site.scenario.simulation.seed)
     limit = 2.0 * site.scenario.reference.spline().duration + 30.0
@@ -183,7 +183,7 @@ def driven(site: Site) -> Result:
         arrived, least = loop.driver.arrived, gated.truth().least_moving
         mode = "" if arrived else f"{GateMode(gated.gate.mode).name} {gated.gate.reason}"
     t = np.array(rows)
-    return Result(
+    return LoopResult(
         site.name, arrived, float(np.hypot(*np.diff(t[:, 1:3], axis=0).T).sum()), t[-1, 0], least,
         *errors(t[:, 3], t[:, 4] > 0.0, session.plan.period), mode, spells(said),
     )  # fmt: skip
@@ -209,7 +209,7 @@ HEAD = (
 )
 
 
-def told(r: Result) -> str:
+def told(r: LoopResult) -> str:
     return (
         f"{r.name:34s} {'yes' if r.arrived else 'NO':>7s} {r.way:5.0f} {r.time:6.0f} "
         f"{100 * r.least:5.1f} {100 * r.rms:6.2f} {100 * r.at_99:6.1f} {100 * r.largest:7.1f} "

@@ -15,7 +15,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     sensor_msgs__msg__PointField as PointField,
 )
 
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.mismatch import CLOUD

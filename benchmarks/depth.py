@@ -12,7 +12,7 @@ import time
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Image as Image
 
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.depth import DepthRanges, Intrinsics, described
 from cohelm.ros.mismatch import IMAGE

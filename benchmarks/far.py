@@ -23,8 +23,9 @@ import numpy as np
 from cohelm.core.types import Floats, Pose, Stick, wrap
 from cohelm.link import keys
 from cohelm.link.messages import Arming, Ask, Device, LineKind, Mode, Polyline
+from cohelm.link.scans import WholeScan
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import StationEnd, WholeScan
+from cohelm.link.station_end import StationEnd
 from cohelm.robot.kinematics import arc
 from tests.drive.far import PORT, FarRobot
 from tests.link import net

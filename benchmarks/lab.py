@@ -29,7 +29,7 @@ NEAR, BACK = 0.03, 3.0
 The whole is counted from there: corners, slow places, and how far it swings over."""
 
 
-class Result(NamedTuple):
+class LabResult(NamedTuple):
     kind: str
     seed: int
     arrived: bool
@@ -56,7 +56,7 @@ class Result(NamedTuple):
 def drive(
     kind: Kind, seed: int, push: float = 0.0, at: float = 22.0, limit: float = 120.0,
     scenario: str = "lab-guard", all_round: bool = False,
-) -> Result:  # fmt: skip
+) -> LabResult:  # fmt: skip
     """One drive of the lab; at a time [s] it is pushed `push` metres to the east."""
     rows: list[tuple[float, ...]] = []
     pushed = found = math.nan
@@ -96,7 +96,7 @@ def drive(
     free = back(table[:-ahead, 5] == 1.0, apart, round(BACK / session.plan.period))
     way = apart[free]
     known = table[table[:, 8] == 0.0]
-    return Result(
+    return LabResult(
         kind, seed, arrived, time, truth.least_moving, rms(way), float(np.percentile(way, 99)),
         float(free.mean()), rms(known[:, 6]), float(np.percentile(known[:, 6], 99)),
         rms(known[:, 7]), found, GateMode(gate.mode).name, gate.reason,

@@ -33,7 +33,8 @@ from cohelm.robot.kinematics import arc  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.worlds.carmen import read_log, read_relations  # noqa: E402
 from cohelm.scenario.worlds.tracks import read_tracks  # noqa: E402
-from cohelm.study.mapping import mapped, occupancy  # noqa: E402
+from cohelm.study.map_files import occupancy  # noqa: E402
+from cohelm.study.mapping import mapped  # noqa: E402
 from tests.perceive import killian  # noqa: E402
 from tests.perceive.drives import (  # noqa: E402
     CONES,

@@ -25,7 +25,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.link import messages as m
-from cohelm.link.station_end import WholeScan
+from cohelm.link.scans import WholeScan
 from cohelm.station.robot_link import News, Quality
 from cohelm.station.serve import Server
 

@@ -44,7 +44,7 @@ SPEED = 0.5  # [m/s]
 NO_WALLS = np.empty((0, 4))
 
 
-class Result(NamedTuple):
+class GoneResult(NamedTuple):
     """As of `closed_loop`, by perception alone; share: of the way that was driven."""
 
     name: str
@@ -105,7 +105,7 @@ def driven(world: World, perception: Perception, model: RobotModel, seed: int) -
         k += 1
 
 
-def followed(name: str, made: OccupancyMap, seed: int, length: float, share: float) -> Result:
+def followed(name: str, made: OccupancyMap, seed: int, length: float, share: float) -> GoneResult:
     place = laid(name, made)
     size = int((place.clear > ROOM).sum())
     way = tour(place, seed, length, ROOM if size > 20_000 else TIGHT)
@@ -124,7 +124,7 @@ def followed(name: str, made: OccupancyMap, seed: int, length: float, share: flo
         if stood > STANDING:
             break
     name = f"{name}, {seed}" if by == "sally" else f"{name} ({by}), {seed}"
-    return Result(name, done, *errors(np.array(off), np.array(lost), DT), spells(said))
+    return GoneResult(name, done, *errors(np.array(off), np.array(lost), DT), spells(said))
 
 
 def main() -> None:

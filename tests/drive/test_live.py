@@ -94,6 +94,11 @@ def drive(tmp_path_factory):
         session.live._process.join()
         seen.on_after = on(0.5)
         seen.after = session.loop.supervisor.mode, session.loop.alarms.worst()
+        os.kill(session.recording.pid, signal.SIGSTOP)
+        seen.spoken = [f"{who} {k}" for k in range(3) for who in ("gate", "loop")]
+        for what in seen.spoken:
+            (session.gated.say if "gate" in what else session.loop.log.event)(what)
+        os.kill(session.recording.pid, signal.SIGCONT)
         session.end("the drive is over")
         seen.summary = session.summary()
     seen.summary |= session.record_summary()
@@ -110,6 +115,13 @@ def test_live_is_what_the_record_holds_message_for_message(drive):
     for topic in ("/period", "/odom", "/cmd_vel", "/cmd_vel_safe", "/joy"):
         assert len(drive.first.heard[topic]) >= drive.periods - 2 >= 70, topic
     assert len(drive.first.heard["/scan"]) >= 10
+
+
+def test_who_listens_hears_loop_and_gate_in_the_order_they_spoke(drive):
+    """In simulated time they are one process, and often speak at one stamp."""
+    said = b"".join(data for _, data in recorded(drive.path)["/rosout"])
+    found = [said.index(what.encode()) for what in drive.spoken]
+    assert found == sorted(found)
 
 
 def test_the_channels_are_the_records(drive):

@@ -24,7 +24,7 @@ from cohelm.link.messages import (
     Severity,
     Status,
 )  # fmt: skip
-from cohelm.link.station_end import WholeScan
+from cohelm.link.scans import WholeScan
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.record.file import About, RecordWriter

@@ -8,7 +8,7 @@ import pytest
 from cohelm.core.types import Pose, Twist, disc, discs
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed, profile
-from cohelm.law.guard.step import Rules, guard_step
+from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.track import track
@@ -21,6 +21,7 @@ from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import robot
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
+from tests.law.guard.scenes import guard_step
 from tests.perceive.scenes import NOTHING, line
 
 DT = 0.02

@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.govern import CourseClock
-from cohelm.law.guard.step import farthest, guard_planned
+from cohelm.law.guard.step import farthest, guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
@@ -203,8 +203,8 @@ def _foretold_and_driven(rng):
         t = k * DT
         at, v = u * t + 0.5 * t * t, u + t
         who = disc(x + ax * at, y + ay * at, 0.4, 0.9, ax * v, ay * v)
-        passed = guard_planned(
-            pose, twist, asked, surroundings([who], [1.0]), ON.outline, ON.limits, ON.rules
+        passed = guard(
+            pose, twist, asked, surroundings([who], [1.0]), ON.outline, ON.limits, ON.rules, True
         )
         twist = Twist(passed.v, passed.omega)
         pose = arc(pose, twist, DT)

@@ -29,7 +29,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.plan.path_planner import Goal
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel

@@ -14,7 +14,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
 from cohelm.drive.pictures import Pictures
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.port import Encoded, Frame
 from cohelm.ros.camera import COMPRESSED, Camera, CameraTopic, choose, pixels
 from cohelm.ros.clock import Clock

@@ -14,7 +14,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm.core.errors import CohelmError
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.cloud import CloudRanges, points
 from cohelm.ros.mismatch import CLOUD

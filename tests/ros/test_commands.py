@@ -21,7 +21,7 @@ from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseStamped as
 
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
-from cohelm.record.markers import header, pose
+from cohelm.record.ros2 import header, pose
 from cohelm.ros.clock import seconds
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.goals import GOAL

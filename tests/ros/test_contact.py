@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.ros import look as looking
 from cohelm.ros.contact import Contacts, contact_topics, is_on, kind_of_contact, said

@@ -12,7 +12,7 @@ import pytest
 from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Image as Image
 
 from cohelm.core.errors import CohelmError
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import rendered
 from cohelm.ros.depth import DepthRanges, Intrinsics, camera, depths, described

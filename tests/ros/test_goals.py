@@ -16,7 +16,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm.core.types import Pose
 from cohelm.plan.path_planner import Goal
-from cohelm.record.markers import header, pose
+from cohelm.record.ros2 import header, pose
 from cohelm.ros.goals import GOAL, Goals, Placed, thinned
 from cohelm.ros.localized import PATH, POSE
 from cohelm.ros.messages import STRING

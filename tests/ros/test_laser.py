@@ -10,7 +10,7 @@ from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__LaserScan as Las
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.ros import laser
 from cohelm.ros.laser import Ranges, lidar_model, taken
 from cohelm.ros.transforms import Mount

@@ -15,11 +15,11 @@ from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
 from cohelm.link.messages import Map
 from cohelm.perceive.pipeline import Seen
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header, transform
 from cohelm.robot.port import Odometry
 from cohelm.ros.clock import Clock, seconds
 from cohelm.ros.found import Found
-from cohelm.ros.localized import PATH, POSE, Localized, transform
+from cohelm.ros.localized import PATH, POSE, Localized
 from cohelm.ros.mismatch import TF, TWIST
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Received
 from cohelm.ros.topics import Topics

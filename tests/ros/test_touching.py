@@ -14,7 +14,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
 
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.ros.mismatch import POLYGON
 from cohelm.ros.port import LATCHED
 from tests.ros.stage import stage, until

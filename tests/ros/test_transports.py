@@ -19,7 +19,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm.core.errors import CohelmError
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.ros.contact import Contacts, ContactTopic, said
 from cohelm.ros.foxglove import FoxgloveTransport

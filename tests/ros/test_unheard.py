@@ -23,7 +23,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.cli.ros import _printed
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
-from cohelm.record.markers import header
+from cohelm.record.ros2 import header
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import look as looking, rendered

@@ -145,7 +145,7 @@ def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
 
     from cohelm.core.types import Pose
     from cohelm.link.messages import Picture
-    from cohelm.link.station_end import WholeScan
+    from cohelm.link.scans import WholeScan
     from cohelm.station import binary
 
     scan = WholeScan(

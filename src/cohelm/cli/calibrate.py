@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.driven import Twin
 from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Json, plain, print_json, print_table, progress, say, starting
 
@@ -25,9 +26,7 @@ def calibrate(
     topics: TopicNames = None,
     transport: Transports = "auto",
     url: Bridge = "",
-    twin: Annotated[
-        bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
-    ] = False,
+    twin: Twin = False,
     floor: Annotated[
         float, typer.Option(min=0.5, max=50.0, help="Free floor ahead of it, at most [m].")
     ] = 4.0,

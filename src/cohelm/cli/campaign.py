@@ -61,9 +61,9 @@ def campaign(
         str | None,
         typer.Option(
             metavar="PLANT",
-            help="kinematic (the default), twin, twin-rear (a second LiDAR behind) or "
-            "twin-all-round: MuJoCo, knowing only what its sensors say; in lab, random, movers "
-            "and adversary; heights is driven on the twin only.",
+            help="kinematic, or twin, twin-rear (a second LiDAR behind), twin-all-round: MuJoCo, "
+            "knowing only what its sensors say. lab, random, movers and adversary are driven on "
+            "any, heights on the twin, others on kinematic; the first of these by default.",
         ),
     ] = None,
     out: Out = None,
@@ -139,7 +139,7 @@ def _asked(
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
     laws = tuple(part.strip() for part in (compare or law or "guard").split(","))
-    return out, runner.CampaignConfig(suite, laws, seed, n, data, plant or "kinematic")  # pyright: ignore[reportArgumentType]
+    return out, runner.CampaignConfig(suite, laws, seed, n, data, plant)  # pyright: ignore[reportArgumentType]
 
 
 def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:

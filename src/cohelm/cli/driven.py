@@ -1,4 +1,4 @@
-"""Which robot is driven and where: the options that `robot` and `drive` share."""
+"""Which robot is driven, where and for how long: the options that several commands share."""
 
 from __future__ import annotations
 
@@ -46,6 +46,11 @@ SpeedZones = Annotated[
         "--speed-zones", metavar="FILE", help="Where it goes slowly: a mask of Nav2's speed filter."
     ),
 ]
+Twin = Annotated[
+    bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
+]
+Seed = Annotated[int | None, typer.Option(min=0, max=2**32 - 1, help="Of the simulated errors.")]
+Seconds = Annotated[float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")]
 CarryOn = Annotated[
     bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
 ]

@@ -19,8 +19,11 @@ from cohelm.cli.driven import (
     OwnDriver,
     RobotOrScenario,
     Ros2,
+    Seconds,
+    Seed,
     Site,
     SpeedZones,
+    Twin,
 )
 from cohelm.cli.live import Foxglove, live, shown_at
 from cohelm.cli.ros import Bridge, MasksFrom, TopicNames, Transports, on_ros
@@ -86,9 +89,7 @@ def robot(
             "require_enable_button=true; also hold_to_run=false.",
         ),
     ] = None,
-    twin: Annotated[
-        bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
-    ] = False,
+    twin: Twin = False,
     mode: Annotated[
         str, typer.Option(help="hold, automatic, shared or manual; by default as the stick is.")
     ] = "",
@@ -97,9 +98,7 @@ def robot(
         typer.Option(metavar="NAME", help="Dock there, from its approach, and end with that."),
     ] = "",
     rate: Annotated[float, typer.Option(min=10.0, max=500.0, help="Periods a second.")] = 50.0,
-    seconds: Annotated[
-        float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
-    ] = None,
+    seconds: Seconds = None,
     arrive: Annotated[bool, typer.Option("--arrive", help="End when the route is done.")] = False,
     record: Annotated[
         Path | None, typer.Option("--record", metavar="FILE", help="Record into this MCAP file.")
@@ -113,9 +112,7 @@ def robot(
     fast: Annotated[
         bool, typer.Option("--fast", help="Simulated time: as fast as it can.")
     ] = False,
-    seed: Annotated[
-        int | None, typer.Option(min=0, max=2**32 - 1, help="Of the simulated errors.")
-    ] = None,
+    seed: Seed = None,
     listen: Annotated[
         str | None,
         typer.Option(metavar="HOST[:PORT]", help="Paired stations drive it, see `cohelm pair`."),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from cohelm.cli.app import app
+from cohelm.cli.driven import Seconds, Seed, Twin
 from cohelm.cli.parameters import heeded
 from cohelm.cli.tell import Json, plain, print_json, say, starting
 
@@ -137,9 +138,7 @@ def filter_(
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print what was found, and end.")
     ] = False,
-    seconds: Annotated[
-        float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
-    ] = None,
+    seconds: Seconds = None,
     as_json: Json = False,
 ) -> None:  # fmt: skip
     """Pass only what is safe from a ROS 2 controller to its base.
@@ -206,9 +205,7 @@ def base(
     scenario: Annotated[
         str, typer.Option(metavar="SCENARIO", help="Where a robot is.")
     ] = "lab-guard",
-    twin: Annotated[
-        bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
-    ] = False,
+    twin: Twin = False,
     namespace: Annotated[str, typer.Option(metavar="/NAME", help="Of its topics.")] = "/",
     stamped: Annotated[
         bool, typer.Option("--stamped", help="It wants TwistStamped, not Twist.")
@@ -220,12 +217,8 @@ def base(
     sim_time: Annotated[
         bool, typer.Option("--sim-time", help="Its stamps are of its own time, told on /clock.")
     ] = False,
-    seed: Annotated[
-        int | None, typer.Option(min=0, max=2**32 - 1, help="Of the simulated errors.")
-    ] = None,
-    seconds: Annotated[
-        float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")
-    ] = None,
+    seed: Seed = None,
+    seconds: Seconds = None,
     as_json: Json = False,
 ) -> None:
     """Be a simulated robot behind ROS 2 topics.
@@ -234,8 +227,6 @@ def base(
     /cmd_vel, and says at its end how near it came to anything. --controller 0.5,0 wants it to drive
     ahead, whatever is there.
     """
-    import time
-
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.model import SHIPPED
     from cohelm.ros.dds import DdsTransport
@@ -254,16 +245,10 @@ def base(
         try:
             served = ServedRobot(transport, robot, topics, stamped=stamped, simulated=sim_time)
             over = wanting(transport, topics, wish)
-            stop.heed()
+            stop.heed(seconds)
             line.over()
             say(f"{plain(made.model.name)} listens on {plain(topics.out)}; Ctrl-C ends it")
-            begun = time.monotonic()
-            served.run(
-                lambda: (
-                    stop.reason != ""
-                    or (seconds is not None and time.monotonic() - begun >= seconds)
-                )
-            )
+            served.run(lambda: stop.over() != "")
             over.set()
             truth = getattr(robot, "truth", lambda: None)()
         finally:
@@ -287,7 +272,6 @@ def _served(
     stop: Any, line: Any,
 ) -> None:  # fmt: skip
     """Filter until Ctrl-C, or the time is over."""
-    import time
     from functools import partial
 
     from cohelm.robot.keep.priority import ordinary, urgent
@@ -303,7 +287,7 @@ def _served(
             transport, gated, found, FilterParams(length, timeout), lambda text: say(plain(text))
         )
         node.warm_up()
-        stop.heed()
+        stop.heed(seconds)
         line.over()
         topics = found.topics
         say(
@@ -311,13 +295,8 @@ def _served(
             "least; Ctrl-C ends it"
         )
         urgent()
-        begun = time.monotonic()
-        node.run(
-            lambda: (
-                stop.reason != "" or (seconds is not None and time.monotonic() - begun >= seconds)
-            )
-        )
-        say(plain(stop.reason or "its time is over"))
+        node.run(lambda: stop.over() != "")
+        say(plain(stop.over()))
     finally:
         ordinary()
         gated.close()

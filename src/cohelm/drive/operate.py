@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import signal
+import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -229,11 +231,19 @@ class End:
     def __init__(self, signals: list[signal.Signals]) -> None:
         self.reason = ""
         self._signals = signals
+        self._until = math.inf
 
-    def heed(self) -> None:
-        """The robot may move from now on, and must be stopped first."""
+    def heed(self, seconds: float | None = None) -> None:
+        """The robot may move from now on, and must be stopped first. seconds: it ends after so
+        many."""
         for number in self._signals:
             signal.signal(number, self._request)
+        if seconds is not None:
+            self._until = time.monotonic() + seconds
+
+    def over(self) -> str:
+        """Why it is to end now; empty: it goes on."""
+        return self.reason or ("its time is over" if time.monotonic() >= self._until else "")
 
     def _request(self, number: int, _: object) -> None:
         self.reason = _SIGNALS[signal.Signals(number)]

@@ -20,7 +20,7 @@ from cohelm.drive.shown import told as told_docks
 from cohelm.law import verdict as verdicts
 from cohelm.link import messages as m
 from cohelm.link.recorded_status import StatusWords
-from cohelm.link.station_end import WholeScan
+from cohelm.link.scans import WholeScan
 from cohelm.loop.status import AHEAD, AHEAD_STEP, status
 from cohelm.record.read import RecordedPeriods, periods
 from cohelm.record.replay import recorded_model

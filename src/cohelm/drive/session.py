@@ -137,25 +137,25 @@ class Session:
             docks = docks_of(plan, known)
             warmed_up = _in_thread(lambda: rehearse(model, has_map)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
-            ends = [None if one is None else one.gated for one in (self.recording, self.live)]
+            listeners = (self.recording, self.live)
+            record, live = (_line(one, real_time) for one in listeners)
             if real_time:
+                ends = [None if one is None else one.gated for one in listeners]
                 self.gated = RemoteGatedRobot(robot, gate, *ends)
-            else:
-                lines = [RecordLine(end, waits=True) for end in ends]
-                self.gated = LocalGatedRobot(robot(), gate, lines[0], shown=lines[1])
+            else:  # one process, one line: who listens hears loop and gate in the order they spoke
+                self.gated = LocalGatedRobot(robot(), gate, record, shown=live)
             epoch = time.time_ns() - round(self.gated.now() * 1e9)
-            for one in self._recorders():
-                if real_time:
-                    one.gated.close()  # the gate process has it
-                one.begin(epoch)
+            for one in listeners:
+                if one is not None:
+                    one.gated.close()  # the gate process has it, or nobody speaks into it
+                    one.begin(epoch)
             if warmed_up is not None:
                 warmed_up()
             perception = Perception(model, known, robot.start)
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(
-                self.gated, perception, self.driver, operator or NullOperator(),
-                _line(self.recording, real_time), _loop_params(plan), has_map=has_map,
-                live=_line(self.live, real_time), docks=docks,
+                self.gated, perception, self.driver, operator or NullOperator(), record,
+                _loop_params(plan), has_map=has_map, live=live, docks=docks,
             )  # fmt: skip
             if known is not None:
                 self.loop.log.show(drawn(known))
@@ -306,9 +306,6 @@ class Session:
             self.live.close()
         if self._urgent:
             ordinary(self._niceness)
-
-    def _recorders(self) -> list[Listening]:
-        return [one for one in (self.recording, self.live) if one is not None]
 
     def _warm_up(self) -> None:
         """Compile what a period needs, before the first one is due: a few, standing."""

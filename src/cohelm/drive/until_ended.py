@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
@@ -80,15 +79,9 @@ def drive_for_stations(
     seconds, topics: as above. begun: told the address. Raises CohelmError as above.
     """
     host, port = address(listen, PORT)
-    end = math.inf
 
     def ready(at: tuple[Any, ...]) -> None:
-        nonlocal end
-        stop.heed()
-        end = time.monotonic() + (math.inf if seconds is None else seconds)
+        stop.heed(seconds)
         begun(f"{at[0]}:{at[1]}")
 
-    def over() -> str:
-        return stop.reason or ("its time is over" if time.monotonic() >= end else "")
-
-    return serve(plan, TeleopConfig(keys.robot(), host, port), ready, over, topics)
+    return serve(plan, TeleopConfig(keys.robot(), host, port), ready, stop.over, topics)

@@ -19,10 +19,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cohelm.core.types import Pose, Stick
+from cohelm.core.types import Stick
 from cohelm.link import udp
 from cohelm.link.clock import Path
 from cohelm.link.codec import Malformed
@@ -40,11 +37,11 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )  # fmt: skip
+from cohelm.link.scans import Scans, WholeScan
 from cohelm.link.wire import Header, encode, from_robot
 
 FRESH = 0.1
 """Without `steer` for so long, the robot is told that there is no stick [s]."""
-_MOST_LIDARS = 16
 _BEAT = 0.05  # [s], between messages when there is nothing to say
 _LOST = 2.0  # [s], of silence, until a new connection is tried beside the old one
 _PATIENCE = 5.0  # [s], for a handshake to which nothing is said
@@ -66,21 +63,6 @@ class ReceivedStatus(NamedTuple):
     """The robot's clock when it was sent [s]."""
     age: float
     """How long ago that was [s]; NaN: not known yet."""
-
-
-class WholeScan(NamedTuple):
-    """A scan put together from its parts; where parts were lost, as if nothing had returned."""
-
-    number: int
-    lidar: int
-    """Which of the robot's LiDARs; the first is 0."""
-    taken: float
-    """The robot's clock [s]."""
-    sensor: Pose
-    first: float
-    step: float
-    ranges: NDArray[np.uint16]
-    """(n,) [mm]; 65535: no return, 0: too near."""
 
 
 class LinkState(NamedTuple):
@@ -148,9 +130,7 @@ class StationEnd(IoThread):
         self._answers: dict[int, Answer] = {}
         self._status: tuple[Header, Status] | None = None
         self._robot: int | None = None
-        self._parts: dict[int, dict[int, ScanPart]] = {}
-        """Of the newest scan of each LiDAR, by where they begin."""
-        self._scans: dict[int, WholeScan] = {}
+        self._scans = Scans()
         self._discs: Discs | None = None
         self._start()
 
@@ -207,7 +187,7 @@ class StationEnd(IoThread):
     def scans(self) -> list[WholeScan]:
         """The newest scan of each LiDAR."""
         with self._lock:
-            return list(self._scans.values())
+            return self._scans.newest()
 
     def discs(self) -> Discs | None:
         """The newest obstacles."""
@@ -334,8 +314,7 @@ class StationEnd(IoThread):
             if self._robot != header.session:  # it started anew, and counts from the beginning
                 self._robot = header.session
                 self._status = self._discs = None
-                self._parts.clear()
-                self._scans.clear()
+                self._scans = Scans()
             newest = self._path.heard(header, now)
             if newest and self._next is not None and self._way is not None:
                 self._next.socket.close()  # the old way works again
@@ -344,7 +323,7 @@ class StationEnd(IoThread):
 
     def _keep(self, header: Header, message: FromRobot, newest: bool) -> None:
         if isinstance(message, ScanPart):  # each part counts, in whatever order they come
-            self._put_together(message)
+            self._scans.take(message)
         elif not newest:
             return
         elif isinstance(message, Status):
@@ -358,28 +337,6 @@ class StationEnd(IoThread):
                 del self._answers[next(iter(self._answers))]
         elif isinstance(message, Discs):
             self._discs = message
-
-    def _put_together(self, part: ScanPart) -> None:
-        if part.lidar >= _MOST_LIDARS:
-            return
-        parts = self._parts.setdefault(part.lidar, {})
-        if parts and next(iter(parts.values())).number != part.number:
-            if part.number < next(iter(parts.values())).number:
-                return
-            parts.clear()
-        if part.start + len(part.ranges) > part.beams or part.beams > 100_000:
-            return
-        parts[part.start] = part
-        ranges = np.full(part.beams, 65535, np.uint16)
-        for piece in parts.values():
-            if piece.beams == part.beams:
-                ranges[piece.start : piece.start + len(piece.ranges)] = piece.ranges
-        whole = sum(len(piece.ranges) for piece in parts.values()) >= part.beams
-        before = self._scans.get(part.lidar)
-        if whole or before is None or part.number > before.number + 1:
-            self._scans[part.lidar] = WholeScan(
-                part.number, part.lidar, part.taken, part.sensor, part.first, part.step, ranges
-            )
 
     def _expire(self, request: Request, why: str) -> None:
         self._requests.remove(request)

@@ -231,7 +231,7 @@ def _filtered(
     if len(discs) > 0:
         around = moved_on(around, horizon, stopping(before, limits, rules.dt))
     nominal = Twist(v, omega) if known else Twist(math.nan, math.nan)
-    g = guard(pose, before, nominal, around, outline, limits, rules)
+    g = guard(pose, before, nominal, around, outline, limits, rules, False)
     sent[k % d, 0], sent[k % d, 1] = g.v, g.omega
     count[0] = k + 1
     return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting

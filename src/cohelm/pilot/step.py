@@ -11,7 +11,7 @@ from cohelm.law.barrier import Avoidance
 from cohelm.law.blend import blend
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
-from cohelm.law.guard.step import Rules, guard, guard_planned
+from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
 from cohelm.law.step import control_step, decided, hand_of
@@ -173,11 +173,8 @@ def pilot_step(
     if s.guarded:
         tau = _slowed(blend(tau_c, hand.operator, hand.share), s.fastest)
         asked = tau if hand.sound else Twist(math.nan, math.nan)  # not a centred stick: brake
-        if evasion.on:
-            passed = guard_planned(then, before, asked, things, s.outline, s.limits, s.rules)
-        else:
-            rules = _nearer(s.rules) if recovering else s.rules
-            passed = guard(then, before, asked, things, s.outline, s.limits, rules)
+        rules = _nearer(s.rules) if recovering else s.rules
+        passed = guard(then, before, asked, things, s.outline, s.limits, rules, evasion.on)
         clearance, change = passed.clearance, passed.change
         u = Twist(passed.v - tau.v, passed.omega - tau.omega)
         step = decided(

@@ -1,8 +1,7 @@
-"""What viewers draw: markers on the ground, their colours, headers and poses."""
+"""What viewers draw: markers on the ground, and their colours."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +11,6 @@ from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as Time,
     geometry_msgs__msg__Point as Point,
     geometry_msgs__msg__Pose as Pose,
-    geometry_msgs__msg__Quaternion as Quaternion,
     geometry_msgs__msg__Vector3 as Vector3,
     sensor_msgs__msg__CompressedImage as CompressedImage,
     std_msgs__msg__ColorRGBA as ColorRGBA,
@@ -23,6 +21,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm.core.types import Floats
+from cohelm.record.ros2 import header, pose
 
 _ROBOT_COLOUR = ColorRGBA(0.1, 0.4, 0.9, 1.0)
 _WALL_COLOUR = ColorRGBA(0.5, 0.5, 0.5, 1.0)
@@ -31,17 +30,6 @@ SAFE_COLOUR = ColorRGBA(0.9, 0.4, 0.1, 0.25)
 _FOR_EVER = Duration(0, 0)
 _NO_TEXTURE = CompressedImage(Header(Time(0, 0), ""), "", np.empty(0, dtype=np.uint8))
 _NO_MESH = MeshFile("", np.empty(0, dtype=np.uint8))
-
-
-def header(stamp: int, frame: str) -> Header:
-    """stamp: [ns]."""
-    return Header(Time(*divmod(stamp, 1_000_000_000)), frame)
-
-
-def pose(x: float, y: float, psi: float) -> Pose:
-    """On the ground [m, m, rad]."""
-    half = psi / 2 if math.isfinite(psi) else math.nan  # sin and cos refuse infinity
-    return Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
 
 
 def marker(

@@ -23,10 +23,8 @@ from rosbags.typesys.stores.ros2_jazzy import (
     diagnostic_msgs__msg__DiagnosticArray as DiagnosticArray,
     diagnostic_msgs__msg__DiagnosticStatus as DiagnosticStatus,
     diagnostic_msgs__msg__KeyValue as KeyValue,
-    geometry_msgs__msg__PoseStamped as PoseStamped,
     nav_msgs__msg__MapMetaData as MapMetaData,
     nav_msgs__msg__OccupancyGrid as OccupancyGrid,
-    nav_msgs__msg__Path as Path,
     std_msgs__msg__Header as Header,
     visualization_msgs__msg__Marker as Marker,
     visualization_msgs__msg__MarkerArray as MarkerArray,
@@ -45,7 +43,8 @@ from cohelm.link.messages import (
     ZoneMap,
 )
 from cohelm.link.recorded_status import StatusWords
-from cohelm.record.markers import OBSTACLE_COLOUR, SAFE_COLOUR, header, marker, pose
+from cohelm.record.markers import OBSTACLE_COLOUR, SAFE_COLOUR, marker
+from cohelm.record.ros2 import header, path, pose
 
 TOPICS = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
@@ -83,8 +82,7 @@ def said(
             grid = _grid(what.cells, what.resolution, what.columns, what.rows, what.origin, head)
             yield topic, grid
         case Polyline() if what.what in _LINES:
-            at = [PoseStamped(head, pose(x, y, 0.0)) for x, y in what.points.tolist()]
-            yield _LINES[what.what], Path(head, at)
+            yield _LINES[what.what], path(head, what.points)
         case Discs():
             markers: list[Any] = list(_markers(what, head))
             yield "/obstacles", MarkerArray(markers)

@@ -15,30 +15,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.stores.ros2_jazzy import (
-    builtin_interfaces__msg__Time as Time,
-    geometry_msgs__msg__Point as Point,
-    geometry_msgs__msg__Pose as RosPose,
-    geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
-    geometry_msgs__msg__Quaternion as Quaternion,
-    geometry_msgs__msg__Transform as Transform,
-    geometry_msgs__msg__TransformStamped as TransformStamped,
-    geometry_msgs__msg__Twist as RosTwist,
     geometry_msgs__msg__TwistStamped as TwistStamped,
-    geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
-    geometry_msgs__msg__Vector3 as Vector3,
-    nav_msgs__msg__Odometry as RosOdometry,
     rcl_interfaces__msg__Log as Log,
     sensor_msgs__msg__CompressedImage as CompressedImage,
     sensor_msgs__msg__Joy as Joy,
-    sensor_msgs__msg__LaserScan as LaserScan,
     std_msgs__msg__Header as Header,
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
 from cohelm.core.row import ROW
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.types import Floats, Pose, Twist, wrap
 from cohelm.link.recorded_status import Displayed
-from cohelm.record import markers, period, shown
+from cohelm.record import markers, period, ros2, shown
 from cohelm.record.period import NO_DISCS, NO_H, STORE
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.model import RobotModel
@@ -173,7 +161,7 @@ class RecordTopics:
             self._scan(message)
         elif isinstance(message, Photo):
             image = np.frombuffer(message.jpeg, dtype=np.uint8)
-            seen = CompressedImage(Header(self._time(message.stamp), CAMERA), "jpeg", image)
+            seen = CompressedImage(self._head(message.stamp, CAMERA), "jpeg", image)
             self._say(message.stamp, IMAGE, seen, message.number)
         elif isinstance(message, Event):
             self._event(message)
@@ -190,10 +178,10 @@ class RecordTopics:
         self._periods += 1
         if not beside:
             return
-        robot = Header(self._time(t), BASE)
-        applied, safe = (_twist(float(row[f"{s}_v"]), float(row[f"{s}_omega"])) for s in _TWISTS)
-        self._say(t, "/cmd_vel", TwistStamped(robot, applied))
-        self._say(t, "/cmd_vel_safe", TwistStamped(robot, safe))
+        robot = self._head(t, BASE)
+        for topic, stage in (("/cmd_vel", "applied"), ("/cmd_vel_safe", "safe")):
+            given = Twist(float(row[f"{stage}_v"]), float(row[f"{stage}_omega"]))
+            self._say(t, topic, TwistStamped(robot, ros2.twist(given)))
         axes = np.array([row["stick_x"], row["stick_psi"]], dtype=np.float32)
         self._say(t, "/joy", Joy(robot, axes, np.empty(0, dtype=np.int32)))
         place = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
@@ -202,46 +190,28 @@ class RecordTopics:
             self._say(t, "/tf", TFMessage([at]))
 
     def _odom(self, odometry: Odometry) -> None:
-        t, pose, twist = odometry
-        self._odometry = pose
-        header = Header(self._time(t), ODOM)
-        known = PoseWithCovariance(_pose(pose), np.zeros(36))
-        driven = TwistWithCovariance(_twist(twist.v, twist.omega), np.zeros(36))
-        self._say(t, "/odom", RosOdometry(header, BASE, known, driven))
-        self._say(t, "/tf", TFMessage([self._frame(t, ODOM, BASE, pose)]))
+        t, self._odometry = odometry.stamp, odometry.pose
+        self._say(t, "/odom", ros2.odometry(self._head(t, ODOM), BASE, odometry))
+        self._say(t, "/tf", TFMessage([self._frame(t, ODOM, BASE, odometry.pose)]))
 
     def _scan(self, scan: Scan) -> None:
         found = self._lidars.get(scan.sensor)
         if found is None:
             return
-        lidar = found.model
-        numbers, n = lidar.lidar(), len(scan.ranges)
-        message = LaserScan(
-            header=Header(self._time(scan.stamp), found.frame),
-            angle_min=numbers.first,
-            angle_max=numbers.first + numbers.step * (n - 1),
-            angle_increment=numbers.step,
-            time_increment=scan.duration / max(n - 1, 1),
-            scan_time=1.0 / lidar.rate_hz,
-            range_min=lidar.range_min_m,
-            range_max=lidar.range_max_m,
-            ranges=scan.ranges.astype(np.float32),
-            intensities=np.empty(0, dtype=np.float32),
-        )
+        message = ros2.laser_scan(self._head(scan.stamp, found.frame), scan, found.model)
         self._say(scan.stamp, found.topic, message, scan.number)
 
     def _event(self, event: Event) -> None:
         level = Log.ERROR if event.serious else Log.INFO
-        message = Log(self._time(event.stamp), level, event.who, event.text, "", "", 0)
+        at = self._head(event.stamp, "").stamp
+        message = Log(at, level, event.who, event.text, "", "", 0)
         self._say(event.stamp, "/rosout", message)
 
-    def _frame(self, t: float, parent: str, child: str, pose: Pose) -> TransformStamped:
-        at = _pose(pose)
-        where = Transform(Vector3(pose.x, pose.y, 0.0), at.orientation)
-        return TransformStamped(Header(self._time(t), parent), child, where)
+    def _frame(self, t: float, parent: str, child: str, pose: Pose) -> Any:
+        return ros2.transform(self._head(t, parent), child, pose)
 
-    def _time(self, t: float) -> Time:
-        return Time(*divmod(self._stamp(t), 1_000_000_000))
+    def _head(self, t: float, frame: str) -> Header:
+        return ros2.header(self._stamp(t), frame)
 
     def _stamp(self, t: float) -> int:
         return self._epoch + (round(t * 1e9) if math.isfinite(t) else 0)
@@ -250,19 +220,6 @@ class RecordTopics:
         if self._wanted(topic):
             data = bytes(STORE.serialize_cdr(message, self._types[topic]))
             self._put(topic, data, max(self._stamp(t), 0), number)
-
-
-_TWISTS = ("applied", "safe")
-
-
-def _pose(pose: Pose) -> RosPose:
-    half = 0.5 * pose.psi if math.isfinite(pose.psi) else math.nan
-    quaternion = Quaternion(0.0, 0.0, math.sin(half), math.cos(half))
-    return RosPose(Point(pose.x, pose.y, 0.0), quaternion)
-
-
-def _twist(v: float, omega: float) -> RosTwist:
-    return RosTwist(Vector3(v, 0.0, 0.0), Vector3(0.0, 0.0, omega))
 
 
 def _under(place: Pose, odometry: Pose) -> Pose:

@@ -11,13 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import (
-    geometry_msgs__msg__PoseStamped as PoseStamped,
     geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
     geometry_msgs__msg__PoseWithCovarianceStamped as PoseWithCovarianceStamped,
-    geometry_msgs__msg__Transform as Transform,
-    geometry_msgs__msg__TransformStamped as TransformStamped,
-    geometry_msgs__msg__Vector3 as Vector3,
-    nav_msgs__msg__Path as PathMessage,
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
@@ -26,7 +21,8 @@ from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose
 from cohelm.link.messages import Map
 from cohelm.perceive.pipeline import Seen
-from cohelm.record.markers import header, pose as pose_message
+from cohelm.record import ros2
+from cohelm.record.ros2 import header, transform
 from cohelm.record.shown import TOPICS, said
 from cohelm.robot.port import Odometry
 from cohelm.ros.clock import SimulatedClock
@@ -219,23 +215,17 @@ class Localized:
         self._tf.send(TFMessage([transform(stamped, odom, place.map_odom)]))
 
 
-def transform(stamped: Any, child: str, at: Pose) -> Any:
-    """A `geometry_msgs/msg/TransformStamped`: the pose of a frame in the header's."""
-    turned = pose_message(0.0, 0.0, at.psi).orientation
-    return TransformStamped(stamped, child, Transform(Vector3(at.x, at.y, 0.0), turned))
-
-
 def located(place: LocatedPose, frame: str) -> Any:
     """A `geometry_msgs/msg/PoseWithCovarianceStamped`."""
     rows = np.zeros((6, 6))
     rows[np.ix_((0, 1, 5), (0, 1, 5))] = place.covariance
     return PoseWithCovarianceStamped(
         header(round(1e9 * place.stamp), frame),
-        PoseWithCovariance(pose_message(*place.pose), rows.ravel()),
+        PoseWithCovariance(ros2.pose(*place.pose), rows.ravel()),
     )
 
 
 def path(line: Floats, frame: str, stamp: float) -> Any:
     """A `nav_msgs/msg/Path` of poses (n, 3). stamp: [s]."""
     stamped = header(round(1e9 * stamp) if math.isfinite(stamp) else 0, frame)
-    return PathMessage(stamped, [PoseStamped(stamped, pose_message(*row)) for row in line.tolist()])
+    return ros2.path(stamped, line)

@@ -120,8 +120,28 @@ class Masks:
         info = self._message(topic)
         if info is None:
             return False
-        grid = self._grid(info)
-        return not grid or self._message(grid) is not None
+        if self._unusable(topic, info):  # its mask changes nothing
+            return True
+        return self._message(self._grid(info)) is not None
+
+    def _unusable(self, topic: str, info: Any) -> str:
+        """Why a filter tells of nothing that can be used, whatever its mask is; empty: it may."""
+        if info.type not in (KEEP_OUT, PERCENT, SPEED):
+            return (
+                f"{topic} tells of a filter of type {info.type}, and masks are of type 0 (keep "
+                f"out), 1 (speed in percent) or 2 (speed in m/s): leave it out of {_OPTION}"
+            )
+        if not abs(info.base) + abs(info.multiplier) <= _MOST:  # nor for NaN
+            return (
+                f"{topic}: base {info.base:g} and multiplier {info.multiplier:g} make no speeds: "
+                "mend the parameters of costmap_filter_info_server"
+            )
+        if not self._grid(info):
+            return (
+                f"{topic} names no topic of a mask, but {info.filter_mask_topic!r}: mend mask_topic"
+                " of costmap_filter_info_server"
+            )
+        return ""
 
     def _mask(self, topic: str) -> FilterMask:
         """Of one filter. CohelmError for what is missing or wrong."""
@@ -129,22 +149,9 @@ class Masks:
         if info is None:
             cure = f"start costmap_filter_info_server, or name another topic with {_OPTION}"
             raise CohelmError(self._unheard(topic, FILTER_INFO, cure, seen))
-        if info.type not in (KEEP_OUT, PERCENT, SPEED):
-            raise CohelmError(
-                f"{topic} tells of a filter of type {info.type}, and masks are of type 0 (keep "
-                f"out), 1 (speed in percent) or 2 (speed in m/s): leave it out of {_OPTION}"
-            )
-        if not abs(info.base) + abs(info.multiplier) <= _MOST:  # nor for NaN
-            raise CohelmError(
-                f"{topic}: base {info.base:g} and multiplier {info.multiplier:g} make no speeds: "
-                "mend the parameters of costmap_filter_info_server"
-            )
+        if said := self._unusable(topic, info):
+            raise CohelmError(said)
         grid = self._grid(info)
-        if not grid:
-            raise CohelmError(
-                f"{topic} names no topic of a mask, but {info.filter_mask_topic!r}: mend mask_topic"
-                " of costmap_filter_info_server"
-            )
         mask = self._message(grid)
         if mask is None:
             cure = (

@@ -11,9 +11,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     diagnostic_msgs__msg__DiagnosticArray as DiagnosticArray,
     diagnostic_msgs__msg__DiagnosticStatus as DiagnosticStatus,
     diagnostic_msgs__msg__KeyValue as KeyValue,
-    geometry_msgs__msg__Twist as TwistMessage,
     geometry_msgs__msg__TwistStamped as TwistStamped,
-    geometry_msgs__msg__Vector3 as Vector3,
     std_msgs__msg__ColorRGBA as Colour,
     std_msgs__msg__String as String,
     visualization_msgs__msg__Marker as Marker,
@@ -21,7 +19,9 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm.core.types import Floats, Twist
-from cohelm.record.markers import header, marker, pose
+from cohelm.record import ros2
+from cohelm.record.markers import marker
+from cohelm.record.ros2 import header, pose
 from cohelm.ros.mismatch import STAMPED
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -36,10 +36,7 @@ _COLOURS = {
 
 def command(twist: Twist, kind: str, frame: str, now: float | None = None) -> Any:
     """A `geometry_msgs/msg/Twist`, or a TwistStamped of now, by default the wall's [s]."""
-    zero = 0.0
-    made = TwistMessage(
-        Vector3(float(twist.v), zero, zero), Vector3(zero, zero, float(twist.omega))
-    )
+    made = ros2.twist(twist)
     return TwistStamped(header(nanoseconds(now), frame), made) if kind == STAMPED else made
 
 

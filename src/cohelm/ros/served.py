@@ -18,17 +18,12 @@ import numpy as np
 from PIL import Image
 from rosbags.typesys.stores.ros2_jazzy import (
     builtin_interfaces__msg__Time as TimeMessage,
-    geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
     geometry_msgs__msg__Quaternion as Quaternion,
     geometry_msgs__msg__Transform as Transform,
     geometry_msgs__msg__TransformStamped as TransformStamped,
-    geometry_msgs__msg__Twist as TwistMessage,
-    geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
     geometry_msgs__msg__Vector3 as Vector3,
-    nav_msgs__msg__Odometry as OdometryMessage,
     rosgraph_msgs__msg__Clock as ClockMessage,
     sensor_msgs__msg__CompressedImage as CompressedImage,
-    sensor_msgs__msg__LaserScan as LaserScan,
     sensor_msgs__msg__PointCloud2 as PointCloud2,
     sensor_msgs__msg__PointField as PointField,
     sensor_msgs__msg__Range as Range,
@@ -37,7 +32,8 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
-from cohelm.record.markers import header, pose
+from cohelm.record import ros2
+from cohelm.record.ros2 import header
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Odometry, RobotPort, Scan
 from cohelm.robot.sensors import LidarModel
@@ -46,7 +42,6 @@ from cohelm.ros.camera import COMPRESSED
 from cohelm.ros.contact import contact_topics, said
 from cohelm.ros.depth import info_topic
 from cohelm.ros.inspection import kind_of
-from cohelm.ros.localized import transform
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import CAMERA_INFO, IMAGE, ODOMETRY, STAMPED, TF, TWIST
 from cohelm.ros.names import resolved
@@ -176,20 +171,13 @@ class ServedRobot:
 
 def odometry(reading: Odometry, ahead: float) -> Any:
     """A `nav_msgs/msg/Odometry`. ahead: of the robot's clock is the wall's [s]."""
-    zero, none = Vector3(0.0, 0.0, 0.0), np.zeros(36)
-    v, omega = reading.twist
-    moves = TwistMessage(Vector3(v, 0.0, 0.0), Vector3(0.0, 0.0, omega)) if v or omega else None
-    return OdometryMessage(
-        header(_nanoseconds(reading.stamp + ahead), _ODOM), _BODY,
-        PoseWithCovariance(pose(*reading.pose), none),
-        TwistWithCovariance(moves or TwistMessage(zero, zero), none),
-    )  # fmt: skip
+    return ros2.odometry(header(_nanoseconds(reading.stamp + ahead), _ODOM), _BODY, reading)
 
 
 def odometry_transform(reading: Odometry, ahead: float) -> Any:
     """The same as a `tf2_msgs/msg/TFMessage`: the pose of the body in the odometry's frame."""
     stamped = header(_nanoseconds(reading.stamp + ahead), _ODOM)
-    return TFMessage([transform(stamped, _BODY, reading.pose)])
+    return TFMessage([ros2.transform(stamped, _BODY, reading.pose)])
 
 
 def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
@@ -197,7 +185,6 @@ def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
     or an `Image` of depths, or of a range sensor a `Range`. ahead: of the robot's clock is the
     wall's [s]."""
     lidar, frame = _frames(model)[reading.sensor]
-    numbers, n = lidar.lidar(), len(reading.ranges)
     stamped = header(_nanoseconds(reading.stamp + ahead), frame)
     if lidar.range_sensor:
         view = math.radians(lidar.field_of_view_deg)
@@ -210,17 +197,12 @@ def scan(reading: Scan, model: RobotModel, ahead: float) -> Any:
     if lidar.height_band_m is not None:
         hit = np.isfinite(reading.ranges)
         middle = 0.5 * sum(lidar.height_band_m) - _height(lidar)
-        xy = reading.ranges[hit, None] * numbers.beams[hit]
+        xy = reading.ranges[hit, None] * lidar.lidar().beams[hit]
         rows = np.column_stack([xy, np.full(len(xy), middle)]).astype("<f4")
         fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate("xyz")]
         data = rows.view(np.uint8).ravel()
         return PointCloud2(stamped, 1, len(rows), fields, False, 12, 12 * len(rows), data, True)
-    return LaserScan(
-        stamped, numbers.first,
-        numbers.first + numbers.step * (n - 1), numbers.step, reading.duration / max(n - 1, 1),
-        1.0 / lidar.rate_hz, lidar.range_min_m, lidar.range_max_m,
-        reading.ranges.astype(np.float32), np.empty(0, dtype=np.float32),
-    )  # fmt: skip
+    return ros2.laser_scan(stamped, reading, lidar)
 
 
 def picture(frame: Frame, ahead: float) -> Any:

@@ -93,7 +93,7 @@ def rollout(
         verdict, limiting = 0, -1
         if law == GUARD:
             around = Surroundings(now[:n], scene.max_acceleration, scene.walls, scene.points)
-            passed = guard(pose, applied, nominal, around, outline, limits, rules)
+            passed = guard(pose, applied, nominal, around, outline, limits, rules, False)
             command = Twist(passed.v, passed.omega)
             verdict, limiting = passed.verdict, passed.limiting
             twist = command

@@ -12,7 +12,7 @@ import struct
 import numpy as np
 
 from cohelm.link.messages import Map, Picture, ZoneMap
-from cohelm.link.station_end import WholeScan
+from cohelm.link.scans import WholeScan
 
 MAP, SCAN, FRAME, ZONES = 1, 2, 3, 4
 _MAP = struct.Struct("<II4d6I")

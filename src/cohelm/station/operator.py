@@ -17,7 +17,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from cohelm.core.types import Stick
 from cohelm.link import messages as robot
 from cohelm.link.rate import TokenBucket
-from cohelm.link.station_end import WholeScan
+from cohelm.link.scans import WholeScan
 from cohelm.station import binary, messages as page, view
 from cohelm.station.outbox import Outbox
 from cohelm.station.robot_link import Connect, News, ReplayLink

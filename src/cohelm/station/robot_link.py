@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from cohelm.core.types import Stick
 from cohelm.link.messages import Answer, Ask, Device, FromRobot
-from cohelm.link.station_end import WholeScan
+from cohelm.link.scans import WholeScan
 
 
 class News(NamedTuple):

@@ -1,14 +1,12 @@
-"""Makes a map from a recorded drive: mapper, grid, files and picture."""
+"""Makes a map from a recorded drive, goes on with one, and heeds what a person marks in it."""
 
 from __future__ import annotations
 
-import json
 import math
 import signal
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -26,7 +24,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.carmen import read_log
-from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, write_map
+from cohelm.study.map_files import MapResult, outcome, write
 from cohelm.study.mapping_session import MappingSession, Mark
 
 RESOLUTION = 0.025
@@ -50,33 +48,6 @@ class RecordedDrive(NamedTuple):
     lidar: LidarModel
     whole: bool = True
     """Whether the record was finished, and is not damaged."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """What came out, for a person or a program."""
-
-    scans: int
-    empty_scans: int
-    """Without a single return."""
-    record_whole: bool
-    """Whether the record was finished; from a damaged one the map is made as far as it goes."""
-    places: int
-    loops: int
-    encounters: int
-    """Times that the robot came back to where it had been, each with some loops."""
-    marks: tuple[str, ...]
-    """What was told to be wrong, as on the command line."""
-    odometry_scale: float
-    travelled_m: float
-    width_m: float
-    height_m: float
-    resolution_m: float
-    seconds: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """The same for JSON."""
-        return asdict(self)
 
 
 def drive(path: Path, robot: RobotModel | None = None) -> RecordedDrive:
@@ -136,7 +107,7 @@ class Interrupted(KeyboardInterrupt):
 def mapped(
     path: Path, folder: Path, resolution: float | None, told: Told, *, live: bool = False,
     robot: RobotModel | None = None, resume: bool = False,
-) -> Result:  # fmt: skip
+) -> MapResult:  # fmt: skip
     """Map a record into a folder: map.yaml, map.pgm, map.png, trajectory.csv, loops.csv,
     mapping.json, and survey.npz to go on from.
 
@@ -195,7 +166,7 @@ def mapped(
 def marked(
     folder: Path, out: Path, resolution: float | None, told: Told, *, remove_loops: Sequence[int],
     marks: Sequence[Mark], undo: bool,
-) -> Result:  # fmt: skip
+) -> MapResult:  # fmt: skip
     """Draw an earlier mapping's folder again, by what a person says is wrong in it.
 
     remove_loops: numbers in its loops.csv. undo: take back the last mark first. Raises CohelmError
@@ -248,15 +219,15 @@ def _marked(session: MappingSession) -> tuple[Survey, NDArray[np.bool_]]:
     return survey, out
 
 
-def _finished(session: MappingSession, folder: Path, told: Told, begun: float) -> Result:
+def _finished(session: MappingSession, folder: Path, told: Told, begun: float) -> MapResult:
     survey, out = _marked(session)
     try:
         made = survey.finished(lambda share: told("closing loops", 0.6 + 0.3 * share))
         told("drawing", 0.9)
         drawn = _drawn(session, made, out)
-        result = _result(session, made, drawn, time.perf_counter() - begun)
+        result = outcome(session, made, drawn, time.perf_counter() - begun)
         session.save(folder)
-        _save(folder, session, made, drawn, result)
+        write(folder, session, made, drawn, result)
     except KeyboardInterrupt as stop:
         raise Interrupted from stop
     return result
@@ -303,109 +274,3 @@ def _drawn(session: MappingSession, made: Surveyed, out: NDArray[np.bool_]) -> R
             x1, y1, x2, y2 = mark.values[0]
             drawn = cropped(drawn, (min(x1, x2), min(y1, y2)), (max(x1, x2), max(y1, y2)))
     return drawn
-
-
-def occupancy(drawn: Raster) -> OccupancyMap:
-    """The grid as map_server publishes it."""
-    occupied = drawn.occupied()
-    cells = np.where(occupied, OCCUPIED, np.where(drawn.free(), FREE, UNKNOWN)).astype(np.int8)
-    return OccupancyMap(cells, drawn.resolution, drawn.origin, from_start=True)
-
-
-def _result(session: MappingSession, made: Surveyed, drawn: Raster, seconds: float) -> Result:
-    path = np.array([pose[:2] for pose in made.poses])
-    rows, columns = drawn.hits.shape
-    return Result(
-        scans=len(made.poses),
-        empty_scans=session.empty,
-        record_whole=session.whole,
-        places=len(made.places),
-        loops=len(made.loops),
-        encounters=len(encounters(made)),
-        marks=tuple(_said(mark) for mark in session.marks),
-        odometry_scale=made.scale,
-        travelled_m=float(np.hypot(*np.diff(path, axis=0).T).sum()),
-        width_m=columns * drawn.resolution,
-        height_m=rows * drawn.resolution,
-        resolution_m=drawn.resolution,
-        seconds=seconds,
-    )
-
-
-def _said(mark: Mark) -> str:
-    """A mark as on the command line."""
-    if mark.kind == "remove-loop":
-        a, b = (round(value) for value in mark.values[0])
-        return f"--remove-loop between scans {a} and {b}"
-    return f"--{mark.kind} {':'.join(f'{value:g}' for value in mark.values[0])}"
-
-
-def _save(
-    folder: Path, session: MappingSession, made: Surveyed, drawn: Raster, result: Result
-) -> None:
-    try:
-        write_map(folder, occupancy(drawn))
-        stamps = np.array(session.stamps)
-        rows = np.column_stack((stamps, np.array(made.poses)))
-        np.savetxt(
-            folder / "trajectory.csv", rows, "%.6f", ",", header="t_s,x_m,y_m,psi_rad", comments=""
-        )
-        met = encounters(made)
-        _save_loops(folder / "loops.csv", met, stamps - stamps[0], made.poses)
-        text = json.dumps(result.as_dict(), indent=2)
-        (folder / "mapping.json").write_text(text + "\n", encoding="utf-8")
-        picture(folder / "map.png", drawn, made.poses, met)
-    except OSError as error:
-        raise CohelmError(
-            f"{folder} can not be written ({error.strerror}): choose another folder with --out"
-        ) from error
-
-
-def _save_loops(
-    path: Path, met: list[list[tuple[int, int]]], since: Floats, poses: list[Pose]
-) -> None:
-    """Each time that the robot came back: when it was there, when it came again, and where."""
-    rows = ["loop,from_s,to_s,again_from_s,again_to_s,x_m,y_m,pairs"]
-    for number, pairs in enumerate(met, 1):
-        ends = np.array(pairs)
-        first, again = since[ends[:, 0]], since[ends[:, 1]]
-        at = poses[pairs[len(pairs) // 2][1]]
-        rows.append(
-            f"{number},{first.min():.1f},{first.max():.1f},{again.min():.1f},{again.max():.1f},"
-            f"{at.x:.2f},{at.y:.2f},{len(pairs)}"
-        )
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-
-
-def picture(path: Path, drawn: Raster, poses: list[Pose], met: list[list[tuple[int, int]]]) -> None:
-    """The map with the way driven, and the loops that were closed, by their numbers."""
-    from matplotlib.figure import Figure
-
-    shown = np.where(drawn.occupied(), 0, np.where(drawn.free(), 255, 190)).astype(np.uint8)
-    rows, columns = shown.shape
-    x, y, r = drawn.origin.x, drawn.origin.y, drawn.resolution
-    wide = 7.0
-    figure: Any = Figure(figsize=(wide, min(max(wide * rows / columns, 3.0), 12.0)), dpi=90)
-    axes = figure.subplots()
-    axes.imshow(
-        shown, origin="lower", cmap="gray", vmin=0, vmax=255,
-        extent=(x, x + columns * r, y, y + rows * r),
-    )  # fmt: skip
-    way = np.array([pose[:2] for pose in poses])
-    every = max(1, sum(map(len, met)) // 200)
-    for number, pairs in enumerate(met, 1):
-        for a, b in pairs[::every]:
-            axes.plot(way[[a, b], 0], way[[a, b], 1], color="tab:orange", linewidth=0.5)
-        at = way[pairs[len(pairs) // 2][1]]
-        axes.annotate(
-            str(number), at, color="tab:red", fontsize=7, xytext=(3, 3),
-            textcoords="offset points", clip_on=True,
-        )  # fmt: skip
-    axes.plot(way[:, 0], way[:, 1], color="tab:blue", linewidth=0.8)
-    axes.plot(way[0, 0], way[0, 1], "o", color="tab:green", markersize=4)
-    axes.set_xlim(x, x + columns * r)
-    axes.set_ylim(y, y + rows * r)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    figure.tight_layout()
-    figure.savefig(path)

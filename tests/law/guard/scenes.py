@@ -7,7 +7,7 @@ import shapely
 from hypothesis import strategies as st
 
 from cohelm.core.types import Pose, Twist, disc
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.step import Guarded, Rules, prepared
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.robot.limits import Limits, achievable
 
@@ -16,6 +16,15 @@ SALLY_LIMITS = Limits(1.0, math.inf, 2.0, math.inf, 1.2, 2.0, 0.5)
 JACKAL_LIMITS = Limits(2.0, 20.0, 4.0, 25.0, math.inf, math.inf, 0.376)
 HERE, REST = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
 RULES = Rules()
+
+
+def guard_step(
+    pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: np.ndarray,
+    limits: Limits, rules: Rules = RULES,
+) -> Guarded:  # fmt: skip
+    """One step of the guard as it is called from Python."""
+    return prepared(outline, limits, rules)(pose, before, nominal, around)
+
 
 sizes = st.floats(0.05, 0.6)
 angles = st.floats(-math.pi, math.pi)

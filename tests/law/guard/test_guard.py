@@ -16,7 +16,6 @@ from cohelm.law.guard.step import (
     SHAPED,
     STANDING,
     UNTOUCHED,
-    guard_step,
 )  # fmt: skip
 from cohelm.law.guard.surroundings import surroundings
 from tests.law.guard.scenes import (
@@ -28,6 +27,7 @@ from tests.law.guard.scenes import (
     SALLY_LIMITS,
     beyond,
     clearances,
+    guard_step,
     inside_limits,
     lengths,
     limits,

@@ -13,7 +13,7 @@ from cohelm.law.guard.approach import approach, approach_rows, most_rows
 from cohelm.law.guard.bounds import brake_steps, coasting, wheel_rows
 from cohelm.law.guard.certify import _near, _travelled, manoeuvre
 from cohelm.law.guard.project import NOBODY
-from cohelm.law.guard.step import NOTHING, Rules, farthest, guard, guard_step, prepared
+from cohelm.law.guard.step import NOTHING, Rules, farthest, guard, prepared
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.robot.limits import Limits, unlimited
@@ -24,6 +24,7 @@ from tests.law.guard.scenes import (
     SALLY_LIMITS,
     angles,
     clearances,
+    guard_step,
     lengths,
     limits,
     moved,
@@ -233,7 +234,7 @@ def test_from_python_every_setting_gets_where_it_belongs():
     for nominal in (Twist(2.0, 1.0), Twist(-2.0, 3.0), Twist(0.1, -4.0), Twist(0.6, 0.1)):
         for before in (REST, Twist(0.5, 0.3), Twist(-0.4, 0.9)):
             for lim in bodies:
-                wanted = guard(HERE, before, nominal, around, SALLY, lim, rules)
+                wanted = guard(HERE, before, nominal, around, SALLY, lim, rules, False)
                 assert prepared(SALLY, lim, rules)(HERE, before, nominal, around) == wanted
 
 

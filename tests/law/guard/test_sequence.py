@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist, disc
-from cohelm.law.guard.step import guard_planned, guard_step
+from cohelm.law.guard.step import guard
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from tests.law.guard.scenes import (
     HERE,
@@ -16,6 +16,7 @@ from tests.law.guard.scenes import (
     SALLY,
     SALLY_LIMITS,
     clearances,
+    guard_step,
     inside_limits,
     moved,
 )
@@ -94,10 +95,7 @@ def drive(
     who[: len(around.discs)] = around.max_acceleration > 0.0
     for _ in range(steps):
         nominal = attack(kind, rng, pose, nominal, around)
-        if planned:
-            got = guard_planned(pose, before, nominal, around, outline, lim, RULES)
-        else:
-            got = guard_step(pose, before, nominal, around, outline, lim)
+        got = guard(pose, before, nominal, around, outline, lim, RULES, planned)
         after = Twist(got.v, got.omega)
         assert inside_limits(after, before, lim, RULES.dt)
         before = after

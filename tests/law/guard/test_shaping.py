@@ -8,16 +8,7 @@ from hypothesis import assume, given, strategies as st
 
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.approach import approach
-from cohelm.law.guard.step import (
-    BRAKING,
-    INVALID,
-    SHAPED,
-    STANDING,
-    UNTOUCHED,
-    Rules,
-    guard_planned,
-    guard_step,
-)
+from cohelm.law.guard.step import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED, Rules, guard
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.robot.limits import Limits, achievable
 from tests.law.guard.scenes import (
@@ -29,6 +20,7 @@ from tests.law.guard.scenes import (
     angles,
     beyond,
     clearances,
+    guard_step,
     lengths,
     limits,
     moved,
@@ -196,7 +188,7 @@ def crossing(x: float) -> Surroundings:
 def test_a_motion_that_was_planned_is_not_slowed_down_while_it_can_still_stop():
     args = HERE, Twist(0.8, 0.0), Twist(0.8, 0.0), crossing(1.6)
     assert guard_step(*args, SALLY, SALLY_LIMITS).v < 0.8
-    got = guard_planned(*args, SALLY, SALLY_LIMITS, RULES)
+    got = guard(*args, SALLY, SALLY_LIMITS, RULES, True)
     assert (got.v, got.omega, got.verdict) == (0.8, 0.0, UNTOUCHED)
 
 
@@ -204,11 +196,11 @@ def test_a_planned_motion_that_can_not_be_certified_is_shaped_as_any_other():
     args = HERE, Twist(0.8, 0.0), Twist(0.8, 0.0), crossing(0.9)
     plain = guard_step(*args, SALLY, SALLY_LIMITS)
     assert plain.v < 0.8
-    assert guard_planned(*args, SALLY, SALLY_LIMITS, RULES) == plain
+    assert guard(*args, SALLY, SALLY_LIMITS, RULES, True) == plain
 
 
 def test_nothing_is_planned_beside_a_disc_that_is_not_a_number():
     bad = surroundings([disc(2.0, 0.0, 0.25, 0.3, 0.0, 0.0)])
     bad.discs[0, 4] = math.nan
-    got = guard_planned(HERE, REST, Twist(0.5, 0.0), bad, SALLY, SALLY_LIMITS, RULES)
+    got = guard(HERE, REST, Twist(0.5, 0.0), bad, SALLY, SALLY_LIMITS, RULES, True)
     assert (got.v, got.omega, got.verdict) == (0.0, 0.0, INVALID)

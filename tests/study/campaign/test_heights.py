@@ -120,8 +120,9 @@ def test_a_hand_pushes_at_the_nearest_edge_ahead_or_tail_first():
 def test_the_suite_is_driven_on_the_twin_and_on_no_other_plant():
     assert suites.suite("heights", 1, None).plant == "twin"
     assert suites.suite("heights", 1, None).laws == ("guard",)
-    with pytest.raises(CohelmError, match="heights is driven on --plant twin only"):
-        suites.suite("heights", 1, None, "twin-rear")
+    for plant in ("kinematic", "twin-rear"):
+        with pytest.raises(CohelmError, match=f"not driven with --plant {plant}: choose twin$"):
+            suites.suite("heights", 1, None, plant)
 
 
 @pytest.mark.slow

@@ -166,6 +166,6 @@ def test_the_plan_a_folder_keeps_makes_the_same_campaign(tmp_path):
     run(CampaignConfig("random", ("none",), 3, 2), tmp_path, 1, None, quiet)
     kept = read_plan(tmp_path)
     assert kept is not None
-    assert planned(kept) == CampaignConfig("random", ("none",), 3, 2)
+    assert planned(kept) == CampaignConfig("random", ("none",), 3, 2, plant="kinematic")
     with pytest.raises(CohelmError, match="not a campaign's plan"):
         planned({"suite": "random"})

@@ -50,7 +50,7 @@ class Guarded(NamedTuple):
 @jit
 def guard(
     pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: Floats,
-    limits: Limits, rules: Rules,
+    limits: Limits, rules: Rules, planned: bool,
 ) -> Guarded:  # fmt: skip
     """The command nearest to `nominal` after which the robot can still stop clear of everything.
 
@@ -66,29 +66,12 @@ def guard(
     3. *Certificate*: hold that for T, then brake; see `certify`. If it fails, the same for parts
        of the way from full braking to it.
     4. Otherwise full braking, which the certificate of the step before has covered.
+
+    planned: a nominal command that can be certified as it is passes without the bounds. They slow
+    down who comes near others and has not looked ahead. Who has planned against where everybody
+    will be, as an evasion, would be slowed down by them in somebody's way. The certificate, which
+    is what the promise rests on, is the same.
     """
-    return _guarded(pose, before, nominal, around, outline, limits, rules, False)
-
-
-@jit
-def guard_planned(
-    pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: Floats,
-    limits: Limits, rules: Rules,
-) -> Guarded:  # fmt: skip
-    """As `guard`, but a nominal command that can be certified as it is passes without the bounds.
-
-    They slow down who comes near others and has not looked ahead. Who has planned against where
-    everybody will be, as an evasion, would be slowed down by them in somebody's way. The
-    certificate, which is what the promise rests on, is the same.
-    """
-    return _guarded(pose, before, nominal, around, outline, limits, rules, True)
-
-
-@jit
-def _guarded(
-    pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: Floats,
-    limits: Limits, rules: Rules, planned: bool,
-) -> Guarded:  # fmt: skip
     moving = is_finite(before.v) and is_finite(before.omega)
     stop = braked(before, limits, rules.dt) if moving else Twist(0.0, 0.0)
     sound = moving and is_finite(pose.x) and is_finite(pose.y) and is_finite(pose.psi)
@@ -193,14 +176,6 @@ def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> Guard
     return step
 
 
-def guard_step(
-    pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: ArrayLike,
-    limits: Limits, rules: Rules = _RULES,
-) -> Guarded:  # fmt: skip
-    """One call of `prepared`; a loop is faster with that."""
-    return prepared(outline, limits, rules)(pose, before, nominal, around)
-
-
 @jit
 def _flat(
     x: float, y: float, psi: float, v0: float, omega0: float, v: float, omega: float,
@@ -211,5 +186,6 @@ def _flat(
     g = guard(
         Pose(x, y, psi), Twist(v0, omega0), Twist(v, omega),
         Surroundings(discs, max_acceleration, segments, points), outline, s.limits, s.rules,
+        False,
     )  # fmt: skip
     return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting

@@ -42,7 +42,8 @@ class CampaignConfig:
     n: int | None = None
     """Episodes under each law; None for as many as the suite has by default."""
     data: Path | None = None
-    plant: Plant = "kinematic"
+    plant: Plant | None = None
+    """None for the suite's own."""
 
     def prepared(self) -> Suite:
         """The suite, read and checked against the rest of the plan."""
@@ -58,7 +59,7 @@ class CampaignConfig:
                 self._own(law, made)
             elif law not in made.laws:
                 raise CohelmError(
-                    f"{law} does not drive in the suite {self.suite} with --plant {self.plant}: "
+                    f"{law} does not drive in the suite {self.suite} with --plant {made.plant}: "
                     f"choose {', '.join(made.laws)}"
                 )
         return made
@@ -68,22 +69,22 @@ class CampaignConfig:
         if ":" not in law and law not in plugins(GROUP):
             there = ", ".join((*made.laws, *plugins(GROUP)))
             raise CohelmError(f"there is no law {law!r}: choose {there}, or give package:factory")
-        if self.plant != "kinematic" or not made.goals:
+        if made.plant != "kinematic" or not made.goals:
             raise CohelmError(
-                f"{law} does not drive in the suite {self.suite} with --plant {self.plant}: a law "
+                f"{law} does not drive in the suite {self.suite} with --plant {made.plant}: a law "
                 "of your own drives to a goal, with --plant kinematic"
             )
         factory(law)
 
-    def as_dict(self, episodes: int) -> dict[str, Any]:
-        """As the campaign's folder keeps it."""
+    def as_dict(self, made: Suite) -> dict[str, Any]:
+        """As the campaign's folder keeps it. made: what `prepared` returned."""
         return {
             "suite": self.suite,
             "laws": list(self.laws),
             "seed": self.seed,
-            "n": episodes,
+            "n": self.n or made.episodes,
             "data": None if self.data is None else str(self.data.resolve()),
-            "plant": self.plant,
+            "plant": made.plant,
             "code": code(),
         }
 
@@ -113,7 +114,7 @@ def run(
     """
     made = check(plan, jobs)
     episodes = plan.n or made.episodes
-    with Store(folder, plan.as_dict(episodes)) as store:
+    with Store(folder, plan.as_dict(made)) as store:
         work = remaining(plan.laws, episodes, made.chunk, set(store.rows))
         if work:
             with workers(made, work, jobs, cluster) as done:

@@ -15,7 +15,10 @@ from cohelm.study.campaign.plant import on_twin
 NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands", "heights")
 
 _NEEDS_DATA = ("barn", "crowd", "hands")
-_ON_TWIN = ("lab", "random", "movers", "adversary", "heights")
+_DRIVEN_ON: dict[str, tuple[Plant, ...]] = {
+    **dict.fromkeys(("lab", "random", "movers", "adversary"), PLANTS), "heights": ("twin",),
+}  # fmt: skip
+"""The first one unless another is asked for; what is not here is driven on exact arcs alone."""
 _CHUNKS = {"adversary": 10, "random": 5, "movers": 5}
 
 
@@ -75,32 +78,23 @@ class Suite:
         return adversary.case(self.seed, number, self.given)
 
 
-def suite(name: str, seed: int, data: Path | None, plant: Plant = "kinematic") -> Suite:
-    """A suite by its name. data: the folder of recordings and worlds made by others.
+def suite(name: str, seed: int, data: Path | None, plant: Plant | None = None) -> Suite:
+    """A suite by its name. data: the folder of recordings and worlds made by others. plant: by
+    default the suite's own.
 
     Raises CohelmError for a name that there is not, or data that is missing or not usable, or a
     plant that the suite is not driven on.
     """
+    made = _suite(name, seed, data)
+    driven_on = _DRIVEN_ON.get(name, ("kinematic",))
+    plant = plant or driven_on[0]
     if plant not in PLANTS:
         raise CohelmError(f"there is no plant {plant!r}: choose {', '.join(PLANTS)}")
-    if name == "heights":
-        plant = _sensed(plant)
-    made = _suite(name, seed, data)
-    if plant != "kinematic" and name not in _ON_TWIN:
+    if plant not in driven_on:
         raise CohelmError(
-            f"the suite {name} is driven with --plant kinematic only; on the twin there are "
-            f"{', '.join(_ON_TWIN)}"
+            f"the suite {name} is not driven with --plant {plant}: choose {', '.join(driven_on)}"
         )
     return replace(made, plant=plant)
-
-
-def _sensed(plant: Plant) -> Plant:
-    """What heights is driven on: the twin, whether that was asked for or not."""
-    if plant not in ("kinematic", "twin"):
-        raise CohelmError(
-            "the suite heights is driven on --plant twin only, by the sensors of its own robot"
-        )
-    return "twin"
 
 
 def _suite(name: str, seed: int, data: Path | None) -> Suite:

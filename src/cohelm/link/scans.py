@@ -1,0 +1,65 @@
+"""Scans put together from the parts in which the robot sends them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Pose
+from cohelm.link.messages import ScanPart
+
+_MOST_LIDARS = 16
+_MOST_BEAMS = 100_000
+
+
+class WholeScan(NamedTuple):
+    """A scan put together from its parts; where parts were lost, as if nothing had returned."""
+
+    number: int
+    lidar: int
+    """Which of the robot's LiDARs; the first is 0."""
+    taken: float
+    """The robot's clock [s]."""
+    sensor: Pose
+    first: float
+    step: float
+    ranges: NDArray[np.uint16]
+    """(n,) [mm]; 65535: no return, 0: too near."""
+
+
+class Scans:
+    """The newest scan of each LiDAR, as far as it has come."""
+
+    def __init__(self) -> None:
+        self._parts: dict[int, dict[int, ScanPart]] = {}
+        """Of the newest scan of each LiDAR, by where they begin."""
+        self._whole: dict[int, WholeScan] = {}
+
+    def newest(self) -> list[WholeScan]:
+        """Of each LiDAR."""
+        return list(self._whole.values())
+
+    def take(self, part: ScanPart) -> None:
+        """A part, in whatever order they come; what is none of a scan is left out."""
+        if part.lidar >= _MOST_LIDARS:
+            return
+        parts = self._parts.setdefault(part.lidar, {})
+        if parts and next(iter(parts.values())).number != part.number:
+            if part.number < next(iter(parts.values())).number:
+                return
+            parts.clear()
+        if part.start + len(part.ranges) > part.beams or part.beams > _MOST_BEAMS:
+            return
+        parts[part.start] = part
+        ranges = np.full(part.beams, 65535, np.uint16)
+        for piece in parts.values():
+            if piece.beams == part.beams:
+                ranges[piece.start : piece.start + len(piece.ranges)] = piece.ranges
+        whole = sum(len(piece.ranges) for piece in parts.values()) >= part.beams
+        before = self._whole.get(part.lidar)
+        if whole or before is None or part.number > before.number + 1:
+            self._whole[part.lidar] = WholeScan(
+                part.number, part.lidar, part.taken, part.sensor, part.first, part.step, ranges
+            )

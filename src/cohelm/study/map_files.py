@@ -1,0 +1,152 @@
+"""Writes what a mapping came to: the grid as map_server reads it, trajectory, loops and picture."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.map.mapper import Surveyed, encounters
+from cohelm.perceive.map.raster import Raster
+from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, write_map
+from cohelm.study.mapping_session import MappingSession, Mark
+
+
+@dataclass(frozen=True)
+class MapResult:
+    """What came out, for a person or a program."""
+
+    scans: int
+    empty_scans: int
+    """Without a single return."""
+    record_whole: bool
+    """Whether the record was finished; from a damaged one the map is made as far as it goes."""
+    places: int
+    loops: int
+    encounters: int
+    """Times that the robot came back to where it had been, each with some loops."""
+    marks: tuple[str, ...]
+    """What was told to be wrong, as on the command line."""
+    odometry_scale: float
+    travelled_m: float
+    width_m: float
+    height_m: float
+    resolution_m: float
+    seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same for JSON."""
+        return asdict(self)
+
+
+def occupancy(drawn: Raster) -> OccupancyMap:
+    """The grid as map_server publishes it."""
+    occupied = drawn.occupied()
+    cells = np.where(occupied, OCCUPIED, np.where(drawn.free(), FREE, UNKNOWN)).astype(np.int8)
+    return OccupancyMap(cells, drawn.resolution, drawn.origin, from_start=True)
+
+
+def outcome(session: MappingSession, made: Surveyed, drawn: Raster, seconds: float) -> MapResult:
+    """Of what was mapped and drawn, in so many seconds."""
+    path = np.array([pose[:2] for pose in made.poses])
+    rows, columns = drawn.hits.shape
+    return MapResult(
+        scans=len(made.poses),
+        empty_scans=session.empty,
+        record_whole=session.whole,
+        places=len(made.places),
+        loops=len(made.loops),
+        encounters=len(encounters(made)),
+        marks=tuple(_said(mark) for mark in session.marks),
+        odometry_scale=made.scale,
+        travelled_m=float(np.hypot(*np.diff(path, axis=0).T).sum()),
+        width_m=columns * drawn.resolution,
+        height_m=rows * drawn.resolution,
+        resolution_m=drawn.resolution,
+        seconds=seconds,
+    )
+
+
+def _said(mark: Mark) -> str:
+    """A mark as on the command line."""
+    if mark.kind == "remove-loop":
+        a, b = (round(value) for value in mark.values[0])
+        return f"--remove-loop between scans {a} and {b}"
+    return f"--{mark.kind} {':'.join(f'{value:g}' for value in mark.values[0])}"
+
+
+def write(
+    folder: Path, session: MappingSession, made: Surveyed, drawn: Raster, result: MapResult
+) -> None:
+    """All but the session itself. CohelmError where the folder can not be written."""
+    try:
+        write_map(folder, occupancy(drawn))
+        stamps = np.array(session.stamps)
+        rows = np.column_stack((stamps, np.array(made.poses)))
+        np.savetxt(
+            folder / "trajectory.csv", rows, "%.6f", ",", header="t_s,x_m,y_m,psi_rad", comments=""
+        )
+        met = encounters(made)
+        _save_loops(folder / "loops.csv", met, stamps - stamps[0], made.poses)
+        text = json.dumps(result.as_dict(), indent=2)
+        (folder / "mapping.json").write_text(text + "\n", encoding="utf-8")
+        picture(folder / "map.png", drawn, made.poses, met)
+    except OSError as error:
+        raise CohelmError(
+            f"{folder} can not be written ({error.strerror}): choose another folder with --out"
+        ) from error
+
+
+def _save_loops(
+    path: Path, met: list[list[tuple[int, int]]], since: Floats, poses: list[Pose]
+) -> None:
+    """Each time that the robot came back: when it was there, when it came again, and where."""
+    rows = ["loop,from_s,to_s,again_from_s,again_to_s,x_m,y_m,pairs"]
+    for number, pairs in enumerate(met, 1):
+        ends = np.array(pairs)
+        first, again = since[ends[:, 0]], since[ends[:, 1]]
+        at = poses[pairs[len(pairs) // 2][1]]
+        rows.append(
+            f"{number},{first.min():.1f},{first.max():.1f},{again.min():.1f},{again.max():.1f},"
+            f"{at.x:.2f},{at.y:.2f},{len(pairs)}"
+        )
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def picture(path: Path, drawn: Raster, poses: list[Pose], met: list[list[tuple[int, int]]]) -> None:
+    """The map with the way driven, and the loops that were closed, by their numbers."""
+    from matplotlib.figure import Figure
+
+    shown = np.where(drawn.occupied(), 0, np.where(drawn.free(), 255, 190)).astype(np.uint8)
+    rows, columns = shown.shape
+    x, y, r = drawn.origin.x, drawn.origin.y, drawn.resolution
+    wide = 7.0
+    figure: Any = Figure(figsize=(wide, min(max(wide * rows / columns, 3.0), 12.0)), dpi=90)
+    axes = figure.subplots()
+    axes.imshow(
+        shown, origin="lower", cmap="gray", vmin=0, vmax=255,
+        extent=(x, x + columns * r, y, y + rows * r),
+    )  # fmt: skip
+    way = np.array([pose[:2] for pose in poses])
+    every = max(1, sum(map(len, met)) // 200)
+    for number, pairs in enumerate(met, 1):
+        for a, b in pairs[::every]:
+            axes.plot(way[[a, b], 0], way[[a, b], 1], color="tab:orange", linewidth=0.5)
+        at = way[pairs[len(pairs) // 2][1]]
+        axes.annotate(
+            str(number), at, color="tab:red", fontsize=7, xytext=(3, 3),
+            textcoords="offset points", clip_on=True,
+        )  # fmt: skip
+    axes.plot(way[:, 0], way[:, 1], color="tab:blue", linewidth=0.8)
+    axes.plot(way[0, 0], way[0, 1], "o", color="tab:green", markersize=4)
+    axes.set_xlim(x, x + columns * r)
+    axes.set_ylim(y, y + rows * r)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    figure.tight_layout()
+    figure.savefig(path)
