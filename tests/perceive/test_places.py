@@ -420,3 +420,36 @@ def test_people_who_walk_about_in_a_hall_that_looks_alike_turned_round_make_nobo
     for moment in drive(poses, twists, field, around=people, walls=around.walls):
         seen = perception.take(moment.now, moment.readings)
         assert moment.now < 1.0 or not seen.lost, (moment.now, seen.reason)
+
+
+@pytest.mark.parametrize("field", few.first([0, 2, 4, 5], 1))
+@pytest.mark.parametrize("pose", [Pose(7.1, 5.2, -1.2), Pose(5.7, 6.6, 2.3)])
+def test_people_round_a_robot_that_stands_do_not_turn_it_round_in_a_hall_that_looks_alike(
+    field, pose
+):
+    """They gather about it, hide much of the hall, and contradict each scan before: it was lost for
+    most of the time, and sure of the other end of the hall for some."""
+    around = movers.case(5500, field).setup.around
+    seconds = 40.0
+    still = round(seconds / DT)
+
+    def people(t):
+        discs = np.empty((len(around.discs), 6))
+        place(discs, around, t + 2.0)
+        away = discs[:, :2] - (pose.x, pose.y)
+        far = np.hypot(*away.T)
+        to = 0.75 + discs[:, RADIUS] + 0.35 * np.maximum(far - discs[:, RADIUS], 0.0)
+        discs[:, :2] = (pose.x, pose.y) + (to / far)[:, None] * away
+        return discs
+
+    hall = map_from_geometry(around.walls, pose, np.empty((0, 3)))
+    perception, lost, wrong = Perception(SALLY, hall, pose), 0, 0
+    moments = drive(
+        [pose] * (still + 1), [Twist(0.0, 0.0)] * still, field, around=people, walls=around.walls
+    )
+    for moment in moments:
+        seen = perception.take(moment.now, moment.readings)
+        lost += seen.lost
+        wrong += not seen.lost and math.dist(seen.pose[:2], pose[:2]) > 0.3
+    assert wrong == 0
+    assert lost * DT < 5.0

@@ -326,8 +326,8 @@ class Hypotheses:
         if left.knew:
             beyond = left.away(one.pose) - (c.near + 0.5 + c.pace * self.alarm.carried)
             carried = min(0.5 * (max(beyond, 0.0) / c.put) ** 2, c.unmoved)
-            if any(twin(one, own, c) for own in self.all if left.strayed(own) < 9.0):
-                carried = c.unmoved
+        if any(twin(one, own, c) for own in self.all if left.strayed(own) < 9.0):
+            carried = c.unmoved
         if self.everywhere:
             return -carried
         turned = wrap(one.pose.psi - left.pose.psi) / c.turned
