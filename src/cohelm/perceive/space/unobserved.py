@@ -145,8 +145,9 @@ def taken(
     viewed: Viewed, views: tuple[View, ...], hidden: Floats, pose: Pose, outline: Floats,
     fastest: float, dt: float,
 ) -> Viewed:  # fmt: skip
-    """With the cells that those out of view may be in dt [s] later: where each may have gone by
-    what is known of his way, and out of cells that nothing looks at.
+    """With the cells that those out of view may be in dt [s] later: where they left the view, and
+    where one can have walked to from there, and from beyond what is known, over cells that nothing
+    looks at.
 
     fastest: nobody is faster, but who was seen to be [m/s].
     """
@@ -154,8 +155,9 @@ def taken(
     after = np.zeros_like(before)
     if not len(hidden):
         return Viewed(viewed.which, after)
-    pace = fastest
+    pace, away = fastest, False
     for k in range(len(hidden)):
+        away = away or hidden[k, UNSEEN] >= _JUST
         pace = max(pace, math.hypot(hidden[k, HVX], hidden[k, HVY]))
     steps = math.ceil(pace * dt / CELL)
     low_x, low_y = cell(pose.x - KEPT), cell(pose.y - KEPT)
@@ -167,12 +169,12 @@ def taken(
             x, y = (i + 0.5) * CELL, (j + 0.5) * CELL
             if _looked_at(views, x, y) or disc_clearance(pose, outline, x, y, 0.0) < _APART:
                 continue
+            dark[a, b] = True
+            full[a, b] = before[i % SIDE, j % SIDE] or (away and not holds(viewed.which, i, j))
             for k in range(len(hidden)):
-                if math.hypot(x - hidden[k, HX], y - hidden[k, HY]) < hidden[k, REACH]:
-                    dark[a, b] = True
-                    held = holds(viewed.which, i, j)
-                    just = hidden[k, UNSEEN] < _JUST
-                    full[a, b] |= just or not held or before[i % SIDE, j % SIDE]
+                just = hidden[k, UNSEEN] < _JUST
+                near = math.hypot(x - hidden[k, HX], y - hidden[k, HY]) < hidden[k, REACH]
+                full[a, b] |= just and near
     for _ in range(steps):
         one = full.copy()
         for a in range(1, wide - 1):
