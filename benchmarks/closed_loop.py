@@ -36,7 +36,7 @@ from cohelm.perceive.localize.localization_map import LocalizationMap  # noqa: E
 from cohelm.plan.distance_field import swept  # noqa: E402
 from cohelm.plan.elastic_band import tangents  # noqa: E402
 from cohelm.plan.path_planner import PathParams  # noqa: E402
-from cohelm.robot.gate.modes import Mode as GateMode  # noqa: E402
+from cohelm.robot.gate.modes import GateMode  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.model import Scenario  # noqa: E402
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, write_map  # noqa: E402
@@ -167,21 +167,21 @@ def driven(site: Site) -> Result:
     rows: list[tuple[float, float, float, float, bool]] = []
     said: list[tuple[float, str]] = []
     with Session(SessionConfig(made, known=site.known)) as session:
-        keeper, loop = session.loop.keeper, session.loop
+        gated, loop = session.loop.gated, session.loop
 
         def until(_: object) -> bool:
-            now, truth, seen = keeper.now(), keeper.truth(), loop.seen
+            now, truth, seen = gated.now(), gated.truth(), loop.seen
             assert seen is not None
             off = math.hypot(seen.pose.x - truth.pose.x, seen.pose.y - truth.pose.y)
             rows.append((now, *truth.pose[:2], off, seen.lost))
             if seen.lost:
                 said.append((now, f"{truth.pose.x:.1f} {truth.pose.y:.1f}: {seen.reason}"))
-            stopped = GateMode(keeper.gate.mode) == GateMode.FAULTED
+            stopped = GateMode(gated.gate.mode) == GateMode.FAULTED
             return loop.driver.arrived or now > limit or stopped
 
         session.run(until, Mode.AUTOMATIC)
-        arrived, least = loop.driver.arrived, keeper.truth().least_moving
-        mode = "" if arrived else f"{GateMode(keeper.gate.mode).name} {keeper.gate.reason}"
+        arrived, least = loop.driver.arrived, gated.truth().least_moving
+        mode = "" if arrived else f"{GateMode(gated.gate.mode).name} {gated.gate.reason}"
     t = np.array(rows)
     return Result(
         site.name, arrived, float(np.hypot(*np.diff(t[:, 1:3], axis=0).T).sum()), t[-1, 0], least,

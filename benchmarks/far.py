@@ -22,7 +22,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose, Stick, wrap
 from cohelm.link import keys
-from cohelm.link.messages import Arming, Ask, Device, Line, Mode, Polyline
+from cohelm.link.messages import Arming, Ask, Device, LineKind, Mode, Polyline
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd, WholeScan
 from cohelm.robot.kinematics import arc
@@ -166,7 +166,7 @@ def _by_hand(
     begun = time.monotonic()
     while (now := time.monotonic()) - begun < limit:
         for message in bulk.news():
-            if isinstance(message, Polyline) and message.what is Line.REFERENCE:
+            if isinstance(message, Polyline) and message.what is LineKind.REFERENCE:
                 person = Person(np.asarray(message.points, dtype=np.float64))
         station.steer(wanted, True, True, Device.SCRIPT)
         time.sleep(BEAT)

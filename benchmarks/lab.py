@@ -18,7 +18,7 @@ from cohelm.drive.simulated import Kind, simulated
 from cohelm.law.verdict import UNTOUCHED
 from cohelm.link.messages import Mode
 from cohelm.pilot.step import FOLLOWING
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.study.campaign.plant import looking_round
 
 FREE = 0.5
@@ -65,11 +65,11 @@ def drive(
     blind = looking_round(blind) if all_round else blind
     made = replace(made, scenario=made.scenario.model_copy(update={"robot": blind}))
     with Session(SessionConfig(made)) as session:
-        keeper, loop = session.loop.keeper, session.loop
+        gated, loop = session.loop.gated, session.loop
 
         def until(_: object) -> bool:
             nonlocal pushed, found
-            now, truth, seen, d = keeper.now(), keeper.truth(), loop.seen, loop.decision
+            now, truth, seen, d = gated.now(), gated.truth(), loop.seen, loop.decision
             assert seen is not None
             off = math.hypot(seen.pose.x - truth.pose.x, seen.pose.y - truth.pose.y)
             if d is not None:
@@ -80,15 +80,15 @@ def drive(
                 row = (now, *truth.pose[:2], d.x_d, d.y_d, free, off, turned, float(seen.lost))
                 rows.append(row)
             if push and math.isnan(pushed) and now >= at:
-                keeper._robot.push(push, 0.0, 0.0)
+                gated._robot.push(push, 0.0, 0.0)
                 pushed = now
             elif math.isnan(found) and now > pushed + 0.2 and off < 0.05 and not seen.lost:
                 found = now - pushed
             return loop.driver.arrived or now > limit
 
         session.run(until, Mode.AUTOMATIC)
-        truth, gate = keeper.truth(), keeper.gate
-        arrived, time = loop.driver.arrived, keeper.now()
+        truth, gate = gated.truth(), gated.gate
+        arrived, time = loop.driver.arrived, gated.now()
     table = np.array(rows)
     ahead = round(session.plan.robot.delay(session.plan.period) / session.plan.period)
     there, wanted = table[ahead:, 1:3], table[:-ahead, 3:5]

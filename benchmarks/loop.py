@@ -155,7 +155,7 @@ def measure(rate: float, seconds: float, twin: bool, folder: Path) -> dict[str, 
         shares["loop"] = (time.process_time() - own) / wall
         ours.send("enough")
         bare: Punctuality = ours.recv()
-        kept, gate = session.loop.timing.kept(), session.loop.keeper.gate
+        kept, gate = session.loop.timing.kept(), session.loop.gated.gate
         return {
             "rate_hz": rate, "seconds": wall, "scheduling": session.scheduling,
             **kept._asdict(), "bare_timer": bare._asdict(), "core_share": shares,

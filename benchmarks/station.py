@@ -124,7 +124,7 @@ def _still() -> list[m.FromRobot]:
         m.Hello("pattern", "", outline, 0.8, 1.5, 0.3, "stop", (1.05, 0.3, 0.5, 0.1)),
         m.Map(1, Pose(-25.0, -25.0, 0.0), 0.05, CELLS, CELLS, 0, 0, CELLS, CELLS,
               zlib.compress(cells.tobytes())),
-        m.Polyline(m.Line.REFERENCE, circle.astype(np.float32)),
+        m.Polyline(m.LineKind.REFERENCE, circle.astype(np.float32)),
     ]  # fmt: skip
 
 
@@ -135,8 +135,10 @@ def _status(pose: Pose) -> m.Status:
     return m.Status(
         m.Lease(1, 1, "bench", 0, "", NAN), m.Mode.SHARED, "", m.Arming.ARMED, Stick(0.0, 0.0),
         1.0, pose, pose, twist, twist, twist, "",
-        m.Guarding(m.Verdict.UNTOUCHED, 1.0, (NAN, NAN), 1.0), 0.1, pose, 0.5, math.inf, "",
-        m.Localised.GOOD, 0.01, False, m.Timing(0.0, 0, 0.0, 0.0, 0.0, 0), (), (), ahead, 0.15,
+        m.Guarding(m.ReportedVerdict.UNTOUCHED, 1.0, (NAN, NAN), 1.0), 0.1, pose, 0.5,
+        math.inf, "",
+        m.Localised.GOOD, 0.01, False, m.TimingReport(0.0, 0, 0.0, 0.0, 0.0, 0), (), (), ahead,
+        0.15,
     )  # fmt: skip
 
 

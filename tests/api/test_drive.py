@@ -35,8 +35,8 @@ def test_it_drives_as_the_simulated_robot_of_the_same_site_does():
             track = []
 
             def until(loop, track=track):
-                track.append((*loop.seen.pose, *loop.keeper.gate.out))
-                return loop.keeper.now() > 5.0
+                track.append((*loop.seen.pose, *loop.gated.gate.out))
+                return loop.gated.now() > 5.0
 
             session.run(until, Mode.AUTOMATIC)
             tracks.append(np.array(track))

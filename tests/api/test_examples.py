@@ -90,7 +90,7 @@ def test_somebody_elses_robot_drives_the_lab(monkeypatch):
     made = own_robot(Cart, "lab-guard", "sally")
     simulated = type(made)(made.scenario, Simulated, real_time=False)
     with Session(SessionConfig(simulated)) as session:
-        session.run(lambda loop: loop.keeper.now() > 12.0, Mode.AUTOMATIC)
-        assert session.keeper.gate.reason == ""
+        session.run(lambda loop: loop.gated.now() > 12.0, Mode.AUTOMATIC)
+        assert session.gated.gate.reason == ""
         assert session.loop.seen.pose.y > 0.0
         assert not session.loop.seen.lost

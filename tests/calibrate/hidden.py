@@ -7,7 +7,7 @@ import numpy as np
 from cohelm.calibrate.excitation import excitation
 from cohelm.calibrate.ride import PERIOD, ride
 from cohelm.core.types import Pose, Twist, wrap
-from cohelm.robot.keep.gated_robot import GatedRobot, rules
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.port import Odometry
 from cohelm.scenario.load import load_robot
 from cohelm.sim.kinematic import Kinematic
@@ -97,5 +97,5 @@ def made(seed, kind, of=Hidden):
 
 def ridden(seed, kind, of=Hidden, plan=lambda plan: plan):
     robot, truth = made(seed, kind, of)
-    keeper = GatedRobot(robot, rules(robot.model, PERIOD))
-    return ride(keeper, plan(excitation(robot.model))), truth, keeper
+    gated = LocalGatedRobot(robot, rules(robot.model, PERIOD))
+    return ride(gated, plan(excitation(robot.model))), truth, gated

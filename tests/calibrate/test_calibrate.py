@@ -15,7 +15,7 @@ from cohelm.calibrate.rewrite import rewritten
 from cohelm.calibrate.ride import PERIOD, ride
 from cohelm.calibrate.verdict import findings
 from cohelm.core.errors import CohelmError
-from cohelm.robot.keep.gated_robot import GatedRobot, rules, standing
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules, standing
 from cohelm.robot.model import shipped_path
 from cohelm.scenario.load import load_robot
 from tests.calibrate.hidden import Gyro, Hidden, drawn, ridden
@@ -97,26 +97,26 @@ class Backwards(Hidden):
 def test_what_can_not_be_measured_gets_a_sentence(kind, said):
     model, true, scale, _ = drawn(1, "kinematic")
     robot = kind(model, true, 1, "kinematic", scale)
-    keeper = GatedRobot(robot, rules(model, PERIOD))
+    gated = LocalGatedRobot(robot, rules(model, PERIOD))
     with pytest.raises(CohelmError, match=said):
-        ride(keeper, excitation(model))
+        ride(gated, excitation(model))
     assert standing(robot.inside.truth().twist)
 
 
 def test_an_obstacle_on_the_floor_is_seen_before_anything_moves():
     model, true, scale, _ = drawn(1, "kinematic")
-    keeper = GatedRobot(Hidden(model, true, 1, "kinematic", scale), rules(model, PERIOD))
+    gated = LocalGatedRobot(Hidden(model, true, 1, "kinematic", scale), rules(model, PERIOD))
     plan = excitation(model)._replace(length=6.0)
     with pytest.raises(CohelmError, match="within the free floor"):
-        ride(keeper, plan)
-    assert keeper.truth().pose[:2] == (0.0, 0.0)
+        ride(gated, plan)
+    assert gated.truth().pose[:2] == (0.0, 0.0)
 
 
 def test_an_interrupt_stops_the_robot_and_keeps_what_was_measured():
     model, true, scale, _ = drawn(1, "kinematic")
     robot = Hidden(model, true, 1, "kinematic", scale)
-    keeper = GatedRobot(robot, rules(model, PERIOD))
-    made = ride(keeper, excitation(model), lambda: "Ctrl-C" if keeper.now() > 6.0 else "")
+    gated = LocalGatedRobot(robot, rules(model, PERIOD))
+    made = ride(gated, excitation(model), lambda: "Ctrl-C" if gated.now() > 6.0 else "")
     assert made.ended == "Ctrl-C"
     assert made.segments
     assert standing(robot.inside.truth().twist)

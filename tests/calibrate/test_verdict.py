@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cohelm.calibrate.interval import half_widths
-from cohelm.calibrate.mount import Mount
+from cohelm.calibrate.mount import MeasuredMount
 from cohelm.calibrate.response import AxisResponse, Measured, Response
 from cohelm.calibrate.verdict import as_dict, earlier_run, findings, with_load
 from cohelm.core.errors import CohelmError
@@ -33,7 +33,7 @@ def answered(total=0.05, rise=2.0, brake=2.0, speed=1.0, turn_gain=1.0, off=0.01
 
 
 def placed(x=0.30, way=1.0, heading=1.0):
-    return Mount(Measured(x, 0.001), Measured(0.0, 0.001), Measured(0.0, 0.001),
+    return MeasuredMount(Measured(x, 0.001), Measured(0.0, 0.001), Measured(0.0, 0.001),
                  Measured(way, 0.0), Measured(heading, 0.0), NONE, 0.02)  # fmt: skip
 
 

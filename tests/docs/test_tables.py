@@ -9,7 +9,7 @@ from cohelm.law.verdict import Verdict
 from cohelm.link.messages import Arming
 from cohelm.pilot import step
 from cohelm.record import period, topics
-from cohelm.robot.gate.modes import Mode
+from cohelm.robot.gate.modes import GateMode
 from tools.tables import DOCS, TABLES, written
 
 RECORDS = (DOCS / "records.md").read_text(encoding="utf-8")
@@ -54,7 +54,7 @@ def test_every_verdict_is_told_with_its_number():
 @pytest.mark.parametrize(
     ("field", "names"),
     [
-        ("mode", dict(Mode.__members__)),
+        ("mode", dict(GateMode.__members__)),
         ("arming", dict(Arming.__members__)),
         ("behavior", {n: getattr(step, n) for n in ("FOLLOWING", "LED", "ESCAPING", "EVADING")}),
     ],
@@ -69,7 +69,7 @@ def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(fiel
 
 
 def test_every_status_of_the_diagnostics_is_told_with_its_values():
-    from cohelm.link.messages import Alarm, Mode as Chosen, Severity
+    from cohelm.link.messages import Alarm, GateMode as Chosen, Severity
     from cohelm.link.recorded_status import StatusWords
     from cohelm.record.shown import said
 

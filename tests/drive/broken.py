@@ -20,11 +20,11 @@ def main() -> None:
     fault, when, record = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
     robot = failing(fault, math.inf, real_time=True, when=when)
     with Session(SessionConfig(robot, record=record)) as session:
-        keeper = session.loop.keeper
-        session.run(lambda _: latched(keeper.gate.mode), Mode.AUTOMATIC)
-        latched_at = keeper.now()
-        session.run(lambda _: abs(keeper.truth().twist.v) < STANDS_V)
-        stood = keeper.now() - latched_at
+        gated = session.loop.gated
+        session.run(lambda _: latched(gated.gate.mode), Mode.AUTOMATIC)
+        latched_at = gated.now()
+        session.run(lambda _: abs(gated.truth().twist.v) < STANDS_V)
+        stood = gated.now() - latched_at
         session.end("the drive is over")
         print(json.dumps(session.summary() | {"stood_after_s": stood}))
 

@@ -1,6 +1,6 @@
 """Freeze one process of a drive at random moments, again and again, and see what the robot does.
 
-    python -m tests.drive.freezing [loop keeper planner recorder] [--rounds 500] [--seed 1]
+    python -m tests.drive.freezing [loop gate planner recorder] [--rounds 500] [--seed 1]
 
 The lab is driven lap after lap by real processes in real time. Each round one process is stopped
 (SIGSTOP) at a random moment for a random time, and goes on (SIGCONT); then somebody resets what was
@@ -35,15 +35,15 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.planning import ANSWER
-from cohelm.robot.gate.modes import Mode as GateMode, latched
+from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.processes import children
 from cohelm.robot.keep.record_pipe import MUTE
 from cohelm.robot.port import Readings
 
-PROCESSES = ("loop", "keeper", "planner", "recorder")
+PROCESSES = ("loop", "gate", "planner", "recorder")
 STARTED = 900.0  # with nothing compiled, on a busy machine [s]
 WATCHDOG, LOOK, TIMEOUT, BRAKES = 0.1, 0.02, 0.5, 2.0
-"""Of the gate, between two looks of the keeper, the robot's own [s]; and its brakes [m/s^2]."""
+"""Of the gate, between two looks of its process, the robot's own [s]; and its brakes [m/s^2]."""
 SLACK = 0.05
 """So long a busy machine may keep a process waiting that comes before all others [s]."""
 _TRACE = struct.Struct("=dddd")
@@ -119,11 +119,11 @@ def _drive(line: Connection, made: Traced, record: Path) -> None:
                 if line.recv() == "end":
                     return True
                 wanted = True
-            gate = loop.keeper.gate
+            gate = loop.gated.gate
             if wanted and latched(gate.mode):
-                loop.keeper.reset()
+                loop.gated.reset()
             elif wanted:
-                wanted = bool(loop.choose(Mode.AUTOMATIC))
+                wanted = bool(loop.supervisor.choose(Mode.AUTOMATIC))
             told = tuple(alarm.text for alarm in loop.alarms.worst() if alarm.active)
             state = State(gate.mode.name, gate.reason, told)
             if state != last:
@@ -196,12 +196,12 @@ class Drive:
 def allowed(who: str, v: float) -> float:
     """How far a robot of this speed may come from the freeze to standing [m]."""
     faster = v + BRAKES * (LOOK + 0.05)  # what was on its way to the wheels
-    late = TIMEOUT if who == "keeper" else WATCHDOG + LOOK
+    late = TIMEOUT if who == "gate" else WATCHDOG + LOOK
     return faster * (late + 0.05 + SLACK) + faster**2 / (2.0 * BRAKES)
 
 
 def moved(drive: Drive, who: str, chance: random.Random) -> dict[str, Any]:
-    """One round for loop or keeper."""
+    """One round for loop or gate process."""
     went = drive.wait(lambda s, t: s.mode == "AUTOMATIC" and t.v > 0.2, 20.0)
     if went is None:
         return {"who": who, "wrong": f"it does not drive: {drive.state}"}
@@ -265,7 +265,7 @@ def rounds(who: str, number: int, seed: int, folder: Path) -> list[dict[str, Any
     drive = Drive(folder)
     try:
         for _ in range(number):
-            one = moved if who in ("loop", "keeper") else helped
+            one = moved if who in ("loop", "gate") else helped
             found.append(one(drive, who, chance) | {"least": drive.trace().least})
             if found[-1]["wrong"]:
                 print(found[-1], file=sys.stderr, flush=True)

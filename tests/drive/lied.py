@@ -88,17 +88,17 @@ def drive(lie: str, mode: str, kind: str, mapped: bool, seed: int, seconds: floa
     def stick(t: float) -> Stick:
         return Stick(0.0 if t < FORWARD else 1.0, 0.0)
 
-    operator = Scripted(stick, lambda: box[0].loop.keeper.now() if box else 0.0)
+    operator = Scripted(stick, lambda: box[0].loop.gated.now() if box else 0.0)
     if mode == "automatic":
         operator = Scripted(lambda _: None, lambda: 0.0)
     plan = SessionConfig(lying(made, lie, at), localise=mapped)
     with Session(plan, operator) as session:
         box.append(session)
-        keeper, judge = session.keeper, _Judge(made.model.reach, at)
-        keeper._told = judge.hear
-        keeper.propose = judge.watch(keeper.propose)
-        session.run(lambda loop: judge.look(loop, keeper) or keeper.now() > seconds, MODES[mode])
-        judge.settle(keeper.gate)
+        gated, judge = session.gated, _Judge(made.model.reach, at)
+        gated._told = judge.hear
+        gated.propose = judge.watch(gated.propose)
+        session.run(lambda loop: judge.look(loop, gated) or gated.now() > seconds, MODES[mode])
+        judge.settle(gated.gate)
     return Came(
         lie, mode, kind, mapped, seed, judge.contact, judge.noticed, judge.reason, judge.way,
         judge.fast,
@@ -138,10 +138,10 @@ class _Judge:
         if self._now >= self._at and self.noticed == math.inf:
             self.noticed, self.reason = self._now - max(self._at, FORWARD), reason
 
-    def look(self, loop, keeper) -> bool:
+    def look(self, loop, gated) -> bool:
         """After every period; whether all has happened that will."""
-        truth = keeper.truth()
-        before, self._now = self._now, keeper.now()
+        truth = gated.truth()
+        before, self._now = self._now, gated.now()
         speed = abs(truth.twist.v) + self._reach * abs(truth.twist.omega)
         if truth.clearance < 0.0 or getattr(truth, "touching", False):
             self.contact = max(self.contact, speed, self._before)
@@ -151,7 +151,7 @@ class _Judge:
         if self._place is not None:
             self.way += math.dist(self._place, truth.pose[:2])
         self._place = truth.pose[:2]
-        gate = keeper.gate
+        gate = gated.gate
         self._still = self._still + 1 if latched(gate.mode) and speed < 1e-3 else 0
         return self._still > 10
 

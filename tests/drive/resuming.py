@@ -107,13 +107,13 @@ class FakeRecording:
         self.path = path
         path.touch()
         self.loop, self._loop = line()
-        self.keeper, self._keeper = line()
+        self.gated, self._gated = line()
 
     def begin(self, epoch: int) -> None:
         pass
 
     def close(self, within: float = 0.0) -> bool:
-        for end in (self.loop, self.keeper, self._loop, self._keeper):
+        for end in (self.loop, self.gated, self._loop, self._gated):
             end.close()
         return True
 
@@ -224,9 +224,9 @@ class Drive:
         self.session = Session(
             SessionConfig(made, known=known, loop=ways or LoopParams()), self.link
         )
-        self.keeper, self.loop = self.session.loop.keeper, self.session.loop
-        self.link.clock = self.keeper.now
-        self.wheels: Wheels = self.keeper._robot
+        self.gated, self.loop = self.session.loop.gated, self.session.loop
+        self.link.clock = self.gated.now
+        self.wheels: Wheels = self.gated._robot
         self.rule = Rule()
         self.moved = self.docked = 0
         """Periods in which it moved, and docked or undocked."""
@@ -261,11 +261,11 @@ class Drive:
         self.desk.turn(loop)
         if self.topics is not None:
             self.topics.turn(loop)
-        on = self.loop.docking.on
-        self.rule.follow(self.keeper.now(), self.link.log, self.keeper.gate, on)
+        on = self.loop.supervisor.docking.on
+        self.rule.follow(self.gated.now(), self.link.log, self.gated.gate, on)
         self.docked += on
         self.link.log.clear()
-        self.rule.holds(self.keeper.now(), self.wheels.sent)
+        self.rule.holds(self.gated.now(), self.wheels.sent)
         self.moved += self.wheels.sent != Twist(0.0, 0.0)
         self.beside.turn()
         self.link.turn()

@@ -19,13 +19,13 @@ def test_nobody_backs_it_into_what_it_has_never_seen_and_the_screen_says_so():
             return Stick(0.0, 0.0)
         return Stick(-1.0, 0.0) if t < 4.0 or t > 10.0 else Stick(0.9, 0.0)
 
-    operator = Scripted(stick, lambda: box[0].loop.keeper.now() if box else 0.0)
+    operator = Scripted(stick, lambda: box[0].loop.gated.now() if box else 0.0)
     with Session(SessionConfig(made), operator) as session:
         box.append(session)
 
         def drive(until: float) -> float:
-            session.run(lambda loop: loop.keeper.now() >= until - 1e-9, Mode.MANUAL)
-            return session.keeper.truth().pose.x
+            session.run(lambda loop: loop.gated.now() >= until - 1e-9, Mode.MANUAL)
+            return session.gated.truth().pose.x
 
         began = drive(1.5)
         backed = drive(4.0)

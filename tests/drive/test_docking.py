@@ -18,7 +18,7 @@ from cohelm.loop.docking import Docking
 from cohelm.plan.docks import Dock
 from cohelm.record.write import Recorder
 from cohelm.robot.collision_monitor.fields import CRAWL
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.scenario import build, load
 from cohelm.sim.run import pieces
 from cohelm.study.single import scene
@@ -58,14 +58,14 @@ def drive(tmp_path):
 
 
 def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
-    loop, docking, told = drive.loop, drive.loop.docking, events(drive)
+    loop, docking, told = drive.loop, drive.loop.supervisor.docking, events(drive)
     fastest, clear = [0.0], [math.inf]
 
     def here() -> tuple[DockPhase, int]:
         return docking.phase(loop.seen)
 
     def goes(on: bool) -> bool:
-        fastest[0] = max(fastest[0], abs(drive.keeper.truth().twist.v))
+        fastest[0] = max(fastest[0], abs(drive.gated.truth().twist.v))
         clear[0] = min(clear[0], loop.seen.pose.x)
         return docking.on is on
 
@@ -94,8 +94,8 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         assert drive.moved == 0
         anna.ask(Ask.DOCK)
         yield from until(drive, lambda: goes(True))
-        assert loop.mode == Mode.AUTOMATIC
-        assert drive.keeper.gate.mode == GateMode.AUTOMATIC
+        assert loop.supervisor.mode == Mode.AUTOMATIC
+        assert drive.gated.gate.mode == GateMode.AUTOMATIC
         assert here() == (DockPhase.DOCKING, 1)
         anna.propose([(4.0, 0.3), (6.0, 0.0)])
         yield from waits(10)
@@ -103,22 +103,22 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         assert said.answer.reason == "it is docking at short: hold it first"
         yield from until(drive, lambda: goes(False))
         assert here() == (DockPhase.DOCKED, 1)
-        assert loop.mode == Mode.HOLD
+        assert loop.supervisor.mode == Mode.HOLD
         yield from waits(60)
-        at = drive.keeper.truth().pose
+        at = drive.gated.truth().pose
         assert at == pytest.approx((0.45, 0.0, 0.0), abs=0.03)
         again = anna.ask(Ask.DOCK)
         yield from waits(50)
         assert anna.answers[again] == (False, "it is docked at short already")
-        assert drive.keeper.truth().pose == at
+        assert drive.gated.truth().pose == at
         anna.ask(Ask.UNDOCK)
         yield from until(drive, lambda: goes(True))
         assert here() == (DockPhase.UNDOCKING, 1)
         yield from until(drive, lambda: goes(False))
         yield from waits(40)
         assert here() == (DockPhase.STAGED, 1)
-        assert drive.keeper.truth().pose == pytest.approx((0.0, 0.0, 0.0), abs=0.07)
-        assert loop.mode == Mode.HOLD
+        assert drive.gated.truth().pose == pytest.approx((0.0, 0.0, 0.0), abs=0.07)
+        assert loop.supervisor.mode == Mode.HOLD
         assert fastest[0] == pytest.approx(0.3, abs=0.02)
 
     drive.run(script())
@@ -149,7 +149,7 @@ def test_whatever_ends_docking_ends_it_for_good(drive, ends, said):
         yield from waits(10)
         anna.ask(Ask.DOCK)
         yield from waits(40)
-        assert loop.docking.on
+        assert loop.supervisor.docking.on
         match ends:
             case "hold" | "automatic":
                 anna.ask(Ask.MODE, Mode[ends.upper()])
@@ -162,11 +162,11 @@ def test_whatever_ends_docking_ends_it_for_good(drive, ends, said):
             case "stick":
                 anna.stick = Stick(0.0, 0.3)
         yield from waits(10)
-        assert not loop.docking.on
-        assert loop.mode == (Mode.AUTOMATIC if ends == "automatic" else Mode.HOLD)
+        assert not loop.supervisor.docking.on
+        assert loop.supervisor.mode == (Mode.AUTOMATIC if ends == "automatic" else Mode.HOLD)
         anna.stick, drive.wheels.bumped = CENTRED, False
         yield from waits(60)
-        assert (drive.keeper.truth().twist.v == 0.0) is (ends != "automatic")
+        assert (drive.gated.truth().twist.v == 0.0) is (ends != "automatic")
 
     drive.run(script())
     assert f"docking at short ended: {said}" in told
@@ -324,16 +324,18 @@ def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
     made = simulated("dock", kind, real_time=False, seed=seed)
     with Session(SessionConfig(made)) as session:
         loop = session.loop
-        session.run(lambda _: bool(loop.docking.last.why), dock=1)
+        session.run(lambda _: bool(loop.supervisor.docking.last.why), dock=1)
         assert session.summary()["docked"] is True
-        truth = loop.keeper.truth()
+        truth = loop.gated.truth()
         assert truth.least_moving > 0.0355  # half of the hard margin is the promise
-        assert loop.docking.docks[0].off(truth.pose) == pytest.approx((0.0, 0.0, 0.0), abs=0.04)
-        loop.docking.last = loop.docking.last._replace(why="")
-        assert loop.dock(backwards=True) == ""
-        session.run(lambda _: bool(loop.docking.last.why))
-        assert loop.docking.last == ("charger is left", True)
-        assert loop.keeper.truth().least_moving > 0.0355
+        assert loop.supervisor.docking.docks[0].off(truth.pose) == pytest.approx(
+            (0.0, 0.0, 0.0), abs=0.04
+        )
+        loop.supervisor.docking.last = loop.supervisor.docking.last._replace(why="")
+        assert loop.supervisor.dock(backwards=True) == ""
+        session.run(lambda _: bool(loop.supervisor.docking.last.why))
+        assert loop.supervisor.docking.last == ("charger is left", True)
+        assert loop.gated.truth().least_moving > 0.0355
 
 
 def test_a_replay_shows_the_docks_there_were(tmp_path):

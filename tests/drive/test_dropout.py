@@ -9,7 +9,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Arming, Ask, Command, Device, Mode
 from cohelm.loop.dropout import CENTRED_WITHIN, WAITING
 from cohelm.loop.operator import Scripted
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import failing
 from tests.drive.test_losing import BRAKING, drive, speed
 from tests.few import first
@@ -56,7 +56,7 @@ def lead(session: Session, anna: Anna, mode: Mode) -> None:
     anna.stick = Stick(0.9, 0.0)
     drive(session, 1.5)
     assert speed(session) > 0.15
-    assert session.loop.mode == mode
+    assert session.loop.supervisor.mode == mode
 
 
 def away(anna: Anna, how: str, yes: bool) -> None:
@@ -70,22 +70,22 @@ def test_a_moment_of_silence_is_no_stop_and_nothing_goes_on_uncentred(session, a
     lead(session, anna, mode)
     away(anna, how, True)
     drive(session, 0.5)
-    assert session.loop.paused.startswith("the stick is lost")
+    assert session.loop.supervisor.paused.startswith("the stick is lost")
     away(anna, how, False)  # still held forward
     drive(session, 0.3)
-    assert session.loop.paused == WAITING
+    assert session.loop.supervisor.paused == WAITING
     assert anna.statuses[-1].why == WAITING
     assert anna.statuses[-1].arming == Arming.WAITING
     drive(session, 1.0)
     assert speed(session) == 0.0
     anna.stick = Stick(0.0, 0.0)
     drive(session, 0.04)
-    assert session.loop.paused == ""
+    assert session.loop.supervisor.paused == ""
     anna.stick = Stick(0.9, 0.0)
     drive(session, 1.5)
     assert speed(session) > 0.15
-    assert session.loop.mode == mode
-    assert session.keeper.gate.mode == GateMode.SHARED
+    assert session.loop.supervisor.mode == mode
+    assert session.gated.gate.mode == GateMode.SHARED
     assert not anna.statuses[-1].stopped
     assert not session.loop.alarms.worst()
 
@@ -95,31 +95,31 @@ def test_in_automatic_mode_the_drivers_silence_is_forgiven_likewise(session, ann
     drive(session, 1.5)
     away(anna, "link", True)
     drive(session, 0.3 + BRAKING)
-    assert "the driver is lost" in session.loop.paused
+    assert "the driver is lost" in session.loop.supervisor.paused
     assert speed(session) == 0.0
     away(anna, "link", False)
     drive(session, 1.0)
     assert speed(session) > 0.15
-    assert session.loop.mode == Mode.AUTOMATIC
+    assert session.loop.supervisor.mode == Mode.AUTOMATIC
     assert not session.loop.alarms.worst()
 
 
 @pytest.mark.parametrize("how", ["page", "link"])
 def test_more_than_a_second_latches_a_stop(session, anna, how, monkeypatch):
     said = []
-    monkeypatch.setattr(session.loop, "_event", lambda text, *_: said.append(text))
+    monkeypatch.setattr(session.loop.log, "event", lambda text, *_: said.append(text))
     lead(session, anna, Mode.SHARED)
     away(anna, how, True)
     drive(session, 0.9)
-    assert session.keeper.gate.mode == GateMode.SHARED
+    assert session.gated.gate.mode == GateMode.SHARED
     drive(session, 0.3)
-    assert session.keeper.gate.mode == GateMode.STOPPED
-    assert "the stick is lost" in session.keeper.gate.reason
+    assert session.gated.gate.mode == GateMode.STOPPED
+    assert "the stick is lost" in session.gated.gate.reason
     away(anna, how, False)
     anna.stick = Stick(0.0, 0.0)
     drive(session, 1.0)
     assert speed(session) == 0.0
-    assert session.loop.paused == ""
+    assert session.loop.supervisor.paused == ""
     assert any("stands: the stick is lost" in text for text in said)
     assert not any("goes on" in text for text in said)
     assert any("the stick is lost" in a.text for a in session.loop.alarms.worst())
@@ -131,7 +131,7 @@ def test_a_stick_that_is_not_let_go_of_latches_a_stop(session, anna):
     drive(session, 0.4)
     away(anna, "page", False)
     drive(session, CENTRED_WITHIN + 0.1)
-    assert session.keeper.gate.mode == GateMode.STOPPED
+    assert session.gated.gate.mode == GateMode.STOPPED
 
 
 @pytest.mark.parametrize("what", ["disarmed", "released", "given away", "another device"])
@@ -146,7 +146,7 @@ def test_what_somebody_does_meanwhile_is_no_short_gap(session, anna, what):
     anna.device = Device.KEYBOARD if what == "another device" else Device.GAMEPAD
     anna.stick = Stick(0.0, 0.0)
     drive(session, 0.06)
-    assert session.keeper.gate.mode == GateMode.STOPPED
+    assert session.gated.gate.mode == GateMode.STOPPED
     drive(session, 1.0)
     assert speed(session) == 0.0
 
@@ -156,14 +156,14 @@ def test_a_mode_chosen_meanwhile_wins(session, anna, mode):
     lead(session, anna, Mode.SHARED)
     away(anna, "page", True)
     drive(session, 0.5)
-    assert session.loop.paused
+    assert session.loop.supervisor.paused
     anna.ask(Ask.MODE, mode)
     drive(session, 0.04)
-    assert session.loop.mode == mode
+    assert session.loop.supervisor.mode == mode
     away(anna, "page", False)
     anna.stick = Stick(0.0, 0.0)
     drive(session, 1.0)
-    assert session.loop.mode == mode
+    assert session.loop.supervisor.mode == mode
     assert (speed(session) > 0.1) is (mode == Mode.SHARED)  # which she chose, and nobody steers
 
 
@@ -175,8 +175,8 @@ def test_a_stop_meanwhile_wins(session, anna):
     away(anna, "page", False)
     anna.stick = Stick(0.0, 0.0)
     drive(session, 1.0)
-    assert session.keeper.gate.reason == "stop by script"
-    assert session.loop.paused == ""
+    assert session.gated.gate.reason == "stop by script"
+    assert session.loop.supervisor.paused == ""
     anna.ask(Ask.RESET)
     drive(session, 1.0)
     assert speed(session) == 0.0
@@ -187,7 +187,7 @@ def test_a_stop_is_done_before_whatever_came_with_it(session, anna):
     anna.ask(Ask.MODE, Mode.HOLD)
     anna.ask(Ask.STOP)
     drive(session, 0.04)
-    assert session.keeper.gate.reason == "stop by script"
+    assert session.gated.gate.reason == "stop by script"
     assert [number for number, _, _ in anna.answers][-2:] == [3, 2]
 
 
@@ -200,11 +200,11 @@ def test_after_a_stop_a_stick_that_is_held_does_not_steer_until_it_was_centred(s
     drive(session, 0.1)
     anna.ask(Ask.MODE, mode)
     drive(session, 0.5)
-    assert session.loop.stick_state.arming == Arming.WAITING
-    assert session.loop.stick_state.stick == Stick(0.0, 0.0)
+    assert session.loop.supervisor.stick_state.arming == Arming.WAITING
+    assert session.loop.supervisor.stick_state.stick == Stick(0.0, 0.0)
     anna.stick = Stick(0.0, 0.0)
     drive(session, 0.1)
     anna.stick = Stick(0.9, 0.0)
     drive(session, 1.5)
-    assert session.loop.stick_state.arming == Arming.ARMED
+    assert session.loop.supervisor.stick_state.arming == Arming.ARMED
     assert speed(session) > 0.15

@@ -22,7 +22,7 @@ from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.stick_arming import ArmingParams
 from cohelm.record import period
 from cohelm.record.messages import messages
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.far import PORT, FarRobot
 from tests.drive.faults import CORRIDOR
 from tests.link import net

@@ -13,5 +13,5 @@ def test_whichever_process_stands_still_at_whatever_moment_the_robot_does_as_pro
 ):
     found = rounds(who, 20, 3, tmp_path)
     assert [one for one in found if one["wrong"]] == []
-    if who in ("loop", "keeper"):
+    if who in ("loop", "gate process"):
         assert any("went_on" not in one for one in found)

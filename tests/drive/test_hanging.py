@@ -63,14 +63,14 @@ def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(
             assert took < ANSWER + SLACK
             took += drive(session, 10.0, until=lambda loop: told(loop, "recorder does not"))
             assert took < MUTE + SLACK
-            assert loop.mode == Mode.AUTOMATIC
+            assert loop.supervisor.mode == Mode.AUTOMATIC
             assert loop.seen.pose.x > before + 0.3
             assert not loop.driver.stuck
         drive(session, 10.0, until=lambda loop: not alarms(loop))
         assert not alarms(loop)
-        assert loop.mode == Mode.AUTOMATIC
+        assert loop.supervisor.mode == Mode.AUTOMATIC
         session.end("enough")
-        assert loop.keeper.gate.reason == "enough"
+        assert loop.gated.gate.reason == "enough"
     log = (tmp_path / "drive.log").read_text()
     for helper in ("the path planner does not answer", "the recorder does not answer"):
         assert f"! loop: {helper}" in log
@@ -84,7 +84,7 @@ def test_who_follows_no_route_waits_for_no_plan():
         drive(session, 1.0, Mode.AUTOMATIC)
         with stopped(planner):
             drive(session, 10.0, until=lambda loop: told(loop, "path planner does not"))
-            loop.choose(Mode.HOLD)
+            loop.supervisor.choose(Mode.HOLD)
             drive(session, 1.0, until=lambda loop: not alarms(loop))
             assert not alarms(loop)
         drive(session, ANSWER + 0.5)

@@ -9,7 +9,7 @@ from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import CORRIDOR
 from tests.ros.test_joy import Topic
 
@@ -30,23 +30,23 @@ def driven(mode: Mode, hand, seconds: float, **params) -> Seen:
     joy.now = 0.0
     topics = OnTopics(None, None, joy=joy.operator)
     with Session(SessionConfig(made, localise=False), joy.operator) as session:
-        keeper = session.loop.keeper
-        begun = joy.now = keeper.now()
+        gated = session.loop.gated
+        begun = joy.now = gated.now()
         topics.begin(session)
 
         def until(loop) -> bool:
-            joy.now = keeper.now()
+            joy.now = gated.now()
             t = round(joy.now - begun, 2)
             said = hand(t)
             if said is not None:
                 joy.say(said[0], 1e-9 * t, said[1])  # a hand trembles
             topics.turn(loop)
-            seen.speeds[t] = keeper.truth().twist.v
-            seen.reasons[t] = loop.paused
+            seen.speeds[t] = gated.truth().twist.v
+            seen.reasons[t] = loop.supervisor.paused
             return t >= seconds
 
         session.run(until, mode)
-        seen.gate = keeper.gate
+        seen.gate = gated.gate
     topics.close()
     return seen
 

@@ -1,6 +1,6 @@
 """Real processes, killed, stopped and starved: the robot stops in time, and the record says why.
 
-What the robot did is read from the record: the keeper and the recorder outlive the loop.
+What the robot did is read from the record: the gate process and the recorder outlive the loop.
 """
 
 import json
@@ -255,11 +255,11 @@ def test_without_its_helpers_the_loop_drives_on(drive, who):
 
 
 @pytest.mark.slow
-def test_a_killed_keeper_ends_the_loop_with_one_sentence(drive):
+def test_a_killed_gate_ends_the_loop_with_one_sentence(drive):
     """The robot itself stops by its own time-out, as the port says; the simulated one is gone."""
     going = drive()
     going.driving()
-    os.kill(child(going.process.pid, "keeper"), signal.SIGKILL)
+    os.kill(child(going.process.pid, "gate"), signal.SIGKILL)
     _, err = going.process.communicate(timeout=STARTED)
     assert going.process.returncode == 2
     assert "the process that keeps the robot is gone" in err

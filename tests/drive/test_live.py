@@ -30,8 +30,8 @@ from cohelm.link.messages import Mode
 from cohelm.loop.drive_log import DriveLog
 from cohelm.record.messages import records
 from cohelm.record.topics import IMAGE, LASTING, Photo, definitions
-from cohelm.robot.keep.gated_robot import GatedRobot, rules
-from cohelm.robot.keep.record_pipe import Line, line
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
+from cohelm.robot.keep.record_pipe import RecordLine, line
 from cohelm.sim.kinematic import Kinematic
 from tests import own_loop
 from tests.drive.onlooker import HEAD, Onlooker
@@ -70,8 +70,8 @@ def drive(tmp_path_factory):
         marks = itertools.count()
 
         def on(seconds: float) -> int:
-            until, before = session.loop.keeper.now() + seconds, session.loop.timing.kept().periods
-            session.run(lambda loop: loop.keeper.now() >= until, Mode.AUTOMATIC)
+            until, before = session.loop.gated.now() + seconds, session.loop.timing.kept().periods
+            session.run(lambda loop: loop.gated.now() >= until, Mode.AUTOMATIC)
             return session.loop.timing.kept().periods - before
 
         def all_shown(to: Onlooker) -> None:
@@ -89,11 +89,11 @@ def drive(tmp_path_factory):
         all_shown(seen.first)
         seen.later = Onlooker(session.live.address)
         all_shown(seen.later)
-        seen.before = session.loop.mode, session.loop.alarms.worst()
+        seen.before = session.loop.supervisor.mode, session.loop.alarms.worst()
         os.kill(session.live.pid, signal.SIGKILL)
         session.live._process.join()
         seen.on_after = on(0.5)
-        seen.after = session.loop.mode, session.loop.alarms.worst()
+        seen.after = session.loop.supervisor.mode, session.loop.alarms.worst()
         session.end("the drive is over")
         seen.summary = session.summary()
     seen.summary |= session.record_summary()
@@ -150,11 +150,11 @@ def test_a_live_view_that_dies_stops_nothing_and_is_said(drive):
 def test_recording_begins_and_ends_while_it_is_shown():
     """As somebody at the link asks for: whatever is recorded, all of it is shown."""
     (loop, hears), shown = line(), []
-    log = DriveLog(Line(None), lambda: 1.0, Line(loop))
-    gated = GatedRobot(Kinematic(SALLY, seed=1), rules(SALLY, 0.02), shown=shown.append)
+    log = DriveLog(RecordLine(None), lambda: 1.0, RecordLine(loop))
+    gated = LocalGatedRobot(Kinematic(SALLY, seed=1), rules(SALLY, 0.02), shown=shown.append)
     for turn in range(3):
         (of_loop, hears_loop), (of_gate, hears_gate) = line(), line()
-        log.into(Line(of_loop if turn == 1 else None))
+        log.into(RecordLine(of_loop if turn == 1 else None))
         gated.record_into(of_gate if turn == 1 else None)
         log.event(f"event {turn}")
         gated.say(f"gate {turn}")
@@ -178,7 +178,7 @@ def live():
 
 
 def test_pictures_are_asked_for_only_while_somebody_looks(live):
-    loop = Line(live.loop)
+    loop = RecordLine(live.loop)
 
     def asked() -> object:
         end = time.monotonic() + 30.0
@@ -199,7 +199,7 @@ def of_memory(pid: int) -> int:
 
 
 def test_who_never_reads_costs_no_memory_and_holds_nobody_up(live):
-    photo, camera = os.urandom(100_000), Line(live.loop)
+    photo, camera = os.urandom(100_000), RecordLine(live.loop)
     reads = Onlooker(live.address, [IMAGE])
     lazy = [
         Onlooker(live.address, max_queue=1, close_timeout=0.1) for _ in range(3)

@@ -10,7 +10,7 @@ from cohelm.link.messages import Arming, Ask, Mode
 from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import standing
 from tests.drive.faults import FAULTS, HELD_UP, NOTICED, REAR_FAULTS, failing
 from tests.few import first
@@ -21,26 +21,26 @@ BRAKING = 0.05 + 0.5 / 2.0 + 0.1
 
 
 def speed(session: Session) -> float:
-    return abs(session.keeper.truth().twist.v)
+    return abs(session.gated.truth().twist.v)
 
 
 def drive(session: Session, seconds: float, mode: Mode = Mode.HOLD) -> None:
-    end = session.loop.keeper.now() + seconds
-    session.run(lambda loop: loop.keeper.now() >= end - 1e-9, mode)
+    end = session.loop.gated.now() + seconds
+    session.run(lambda loop: loop.gated.now() >= end - 1e-9, mode)
 
 
 @pytest.mark.parametrize("fault", list(FAULTS))
 def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
     record = tmp_path / "drive.mcap" if fault == "scans stop" else None  # a process more
     with Session(SessionConfig(failing(fault, AT), record=record)) as session:
-        drive(session, AT - session.loop.keeper.now() - 0.02, Mode.AUTOMATIC)
+        drive(session, AT - session.loop.gated.now() - 0.02, Mode.AUTOMATIC)
         assert speed(session) > 0.4
         drive(session, 0.02 + NOTICED.get(fault, 0.04) + 0.02)
-        assert session.keeper.gate.mode == GateMode.FAULTED
-        assert FAULTS[fault] in session.keeper.gate.reason
+        assert session.gated.gate.mode == GateMode.FAULTED
+        assert FAULTS[fault] in session.gated.gate.reason
         drive(session, BRAKING)
         assert speed(session) == 0.0
-        assert session.loop.mode == Mode.HOLD
+        assert session.loop.supervisor.mode == Mode.HOLD
         assert session.loop.alarms.worst()[0].active
         drive(session, 1.0)
         assert speed(session) == 0.0
@@ -53,35 +53,35 @@ def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
 @pytest.mark.parametrize("fault", first(REAR_FAULTS, 2))
 def test_a_broken_rear_lidar_stops_the_robot_too_and_is_named(fault):
     with Session(SessionConfig(failing(fault, AT))) as session:
-        drive(session, AT - session.loop.keeper.now() - 0.02, Mode.AUTOMATIC)
+        drive(session, AT - session.loop.gated.now() - 0.02, Mode.AUTOMATIC)
         assert speed(session) > 0.4
         drive(session, 0.04 + NOTICED.get(fault, 0.04) + BRAKING)
-        assert session.keeper.gate.mode == GateMode.FAULTED
-        assert REAR_FAULTS[fault] in session.keeper.gate.reason
+        assert session.gated.gate.mode == GateMode.FAULTED
+        assert REAR_FAULTS[fault] in session.gated.gate.reason
         assert speed(session) == 0.0
 
 
 def test_a_loop_that_is_held_up_while_it_reads_takes_nothing_to_be_from_the_future():
     with Session(SessionConfig(failing(HELD_UP, AT))) as session:
         drive(session, AT + 0.2, Mode.AUTOMATIC)
-        assert session.loop.problem == ""
-        assert "future" not in session.keeper.gate.reason
+        assert session.loop.supervisor.problem == ""
+        assert "future" not in session.gated.gate.reason
 
 
 def test_after_a_fault_has_gone_only_a_reset_and_a_choice_drive_again():
     operator = Scripted(lambda _: None, lambda: 0.0)
     with Session(SessionConfig(failing("scans stop", AT)), operator) as session:
         drive(session, 4.5, Mode.AUTOMATIC)
-        robot = session.keeper._robot
+        robot = session.gated._robot
         operator.ask(Ask.RESET)
         drive(session, 0.1)
-        assert session.keeper.gate.mode == GateMode.FAULTED  # the cause is still there
+        assert session.gated.gate.mode == GateMode.FAULTED  # the cause is still there
         robot._fault = ""
         drive(session, 1.0)
-        assert session.keeper.gate.mode == GateMode.FAULTED
+        assert session.gated.gate.mode == GateMode.FAULTED
         operator.ask(Ask.RESET)
         drive(session, 1.0)
-        assert session.keeper.gate.mode == GateMode.IDLE
+        assert session.gated.gate.mode == GateMode.IDLE
         assert speed(session) == 0.0
         operator.ask(Ask.MODE, Mode.AUTOMATIC)
         drive(session, 2.0)
@@ -105,7 +105,7 @@ def hand(steer_from: float, gone_from: float, back_at: float = 1e9):
 
 def shared(session_plan: SessionConfig, script) -> tuple[Session, Scripted]:
     box: list[Session] = []
-    operator = Scripted(script, lambda: box[0].loop.keeper.now() if box else 0.0)
+    operator = Scripted(script, lambda: box[0].loop.gated.now() if box else 0.0)
     session = Session(session_plan, operator)
     box.append(session)
     return session, operator
@@ -114,16 +114,16 @@ def shared(session_plan: SessionConfig, script) -> tuple[Session, Scripted]:
 def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
     session, operator = shared(SessionConfig(failing("", AT)), hand(2.0, 3.0))
     with session:
-        drive(session, 3.0 - session.loop.keeper.now() - 0.02, Mode.SHARED)
-        assert session.loop.stick_state.arming == Arming.ARMED
+        drive(session, 3.0 - session.loop.gated.now() - 0.02, Mode.SHARED)
+        assert session.loop.supervisor.stick_state.arming == Arming.ARMED
         assert session.loop.decision.authority_x < 0.2
         drive(session, 0.06)
-        assert "the stick vanished" in session.loop.paused  # at once it brakes
+        assert "the stick vanished" in session.loop.supervisor.paused  # at once it brakes
         drive(session, BRAKING)
         assert speed(session) == 0.0
         drive(session, BACK_WITHIN + 0.06 - BRAKING)
-        assert session.keeper.gate.mode == GateMode.STOPPED
-        assert "the stick vanished" in session.keeper.gate.reason
+        assert session.gated.gate.mode == GateMode.STOPPED
+        assert "the stick vanished" in session.gated.gate.reason
         status = operator.statuses[-1]
         assert "the stick vanished" in status.stopped
         assert any("the stick is lost" in alarm.text for alarm in status.alarms)
@@ -136,11 +136,11 @@ def test_carrying_on_alone_is_a_setting_and_takes_over_without_a_jump():
     with session:
 
         def until(loop):
-            twists.append(session.keeper.truth().twist)
-            return loop.keeper.now() >= 5.5
+            twists.append(session.gated.truth().twist)
+            return loop.gated.now() >= 5.5
 
         session.run(until, Mode.SHARED)
-        assert session.keeper.gate.mode == GateMode.SHARED
+        assert session.gated.gate.mode == GateMode.SHARED
         assert speed(session) > 0.3
         alarm = next(a for a in operator.statuses[-1].alarms if "the stick is lost" in a.text)
         assert not alarm.active  # the stick is back and centred
@@ -153,7 +153,7 @@ def test_a_stick_nobody_held_is_not_missed_in_automatic_mode():
     session, _ = shared(SessionConfig(failing("", AT)), hand(2.0, 3.0))
     with session:
         drive(session, 4.0, Mode.AUTOMATIC)
-        assert session.keeper.gate.mode == GateMode.AUTOMATIC
+        assert session.gated.gate.mode == GateMode.AUTOMATIC
         assert speed(session) > 0.4
 
 
@@ -164,13 +164,13 @@ def test_stop_by_anyone_and_a_mode_by_hand():
     session, operator = shared(SessionConfig(failing("", AT)), script)
     with session:
         drive(session, 2.5, Mode.MANUAL)
-        assert session.keeper.gate.mode == GateMode.SHARED
+        assert session.gated.gate.mode == GateMode.SHARED
         v = speed(session)
         assert 0.25 < v < 0.5  # 0.8 of the speed, less the share of nothing
         operator.ask(Ask.STOP)
         drive(session, 0.02 + BRAKING)
         assert speed(session) == 0.0
-        assert session.keeper.gate.reason == "stop by script"
+        assert session.gated.gate.reason == "stop by script"
         operator.ask(Ask.MODE, Mode.MANUAL)
         operator.ask(Ask.ACKNOWLEDGE, 0)
         operator.ask(Ask.MODE, 77)
@@ -186,8 +186,8 @@ def test_stop_by_anyone_and_a_mode_by_hand():
 
 def test_the_route_is_driven_to_its_end_and_both_clocks_agree():
     with Session(SessionConfig(failing("", AT))) as session:
-        session.run(lambda loop: loop.driver.arrived or loop.keeper.now() > 25.0, Mode.AUTOMATIC)
-        truth = session.keeper.truth()
+        session.run(lambda loop: loop.driver.arrived or loop.gated.now() > 25.0, Mode.AUTOMATIC)
+        truth = session.gated.truth()
         assert session.loop.driver.arrived
         assert truth.pose.x == pytest.approx(8.0, abs=0.05)
         assert abs(truth.pose.y) < 0.03

@@ -13,7 +13,7 @@ from cohelm.link.messages import Localised, Mode
 from cohelm.loop.latency_limit import LOST
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import CORRIDOR
 
 ROOM = [[-2.5, 17.2, 4.5, 20.0], [4.5, 20.0, -2.5, 22.8], [-2.5, 22.8, -2.5, 17.2]]
@@ -37,21 +37,21 @@ def test_lost_it_waits_and_the_person_still_drives_with_the_guard_on_the_scan():
     blind = made.model.model_copy(update={"camera": None})
     made = replace(made, scenario=scenario.model_copy(update={"robot": blind}))
     box: list[Session] = []
-    operator = Scripted(stick, lambda: box[0].loop.keeper.now() if box else 0.0)
+    operator = Scripted(stick, lambda: box[0].loop.gated.now() if box else 0.0)
     with Session(SessionConfig(made, known=known), operator) as session:
         box.append(session)
-        keeper, loop = session.keeper, session.loop
+        gated, loop = session.gated, session.loop
 
         def drive(until: float) -> list:
             truths = []
             session.run(
-                lambda loop: truths.append(keeper.truth()) or loop.keeper.now() >= until - 1e-9,
+                lambda loop: truths.append(gated.truth()) or loop.gated.now() >= until - 1e-9,
                 Mode.SHARED if until == PUSHED else Mode.HOLD,
             )
             return truths
 
         assert abs(drive(PUSHED)[-1].twist.v) > 0.3  # the controller drives
-        keeper._robot.push(0.0, 20.0, 0.7)
+        gated._robot.push(0.0, 20.0, 0.7)
         drive(PUSHED + 3.0)  # scans and odometry disagree: it is held, and looks on standing
         assert loop.seen.lost
         tau = loop.driver.pilot.state.clock
@@ -71,5 +71,5 @@ def test_lost_it_waits_and_the_person_still_drives_with_the_guard_on_the_scan():
         away = drive(END)
         assert math.dist(away[0].pose[:2], away[-1].pose[:2]) > 0.2
         assert away[-1].least_moving > 0.01
-        assert keeper.gate.mode == GateMode.SHARED
+        assert gated.gate.mode == GateMode.SHARED
         assert any("lost" in alarm.text for alarm in operator.statuses[-1].alarms)

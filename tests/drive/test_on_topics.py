@@ -73,7 +73,7 @@ def test_a_goal_is_driven_in_the_mode_that_the_driver_chose(drive, told):
         yield from range(60)
         assert told.said == ["/goal_pose: it is the robot's way from now on"]
         assert drive.loop.driver is not first
-        assert drive.loop.mode == Mode.AUTOMATIC
+        assert drive.loop.supervisor.mode == Mode.AUTOMATIC
         for _ in range(800):
             yield
             if drive.loop.driver.arrived:
@@ -101,7 +101,7 @@ def test_no_goal_sets_a_robot_off_that_was_told_to_stand(drive, told):
         yield from range(100)
         assert len(told.said) == 2
         assert drive.moved == stood
-        assert drive.loop.mode == Mode.HOLD
+        assert drive.loop.supervisor.mode == Mode.HOLD
 
     drive.run(script())  # which holds the rule of `resuming` besides
 
@@ -138,7 +138,7 @@ def test_a_goal_that_can_not_be_reached_changes_nothing(drive, told, where, why)
         (said,) = told.said
         assert why in said
         assert drive.loop.driver is first
-        assert not drive.loop.paused
+        assert not drive.loop.supervisor.paused
 
     drive.run(script())
 
@@ -171,13 +171,13 @@ def test_where_no_station_drives_it_stands_until_the_first_goal_and_then_drives_
     topics = OnTopics(None, told)
     with Session(SessionConfig(made, localise=True)) as session:
         topics.begin(session, SessionJobs)
-        begun = session.loop.keeper.now()
+        begun = session.loop.gated.now()
         stood: list[bool] = []
 
         def until(loop) -> bool:
             topics._jobs.turn()
             topics.turn(loop)
-            now = loop.keeper.now() - begun
+            now = loop.gated.now() - begun
             if 1.0 <= now < 1.02:
                 told.newest = IN_WALL
             if 2.0 <= now < 2.02:

@@ -32,8 +32,8 @@ def test_a_drive_of_the_twin_holds_its_pictures(rate, tmp_path):
     made = replace(made, scenario=made.scenario.model_copy(update={"robot": robot}))
     record = tmp_path / "drive.mcap"
     with Session(SessionConfig(made, record=record, pictures=rate)) as session:
-        end = session.loop.keeper.now() + 2.0
-        session.run(lambda loop: loop.keeper.now() >= end, Mode.AUTOMATIC)
+        end = session.loop.gated.now() + 2.0
+        session.run(lambda loop: loop.gated.now() >= end, Mode.AUTOMATIC)
         assert session.loop.log.dropped == 0
     seen = [(stamp, m) for _, stamp, m in messages(record, (IMAGE,))]
     assert len(seen) == pytest.approx(2.0 * rate, abs=1)

@@ -16,7 +16,7 @@ from cohelm.drive.simulated import simulated
 from cohelm.link.messages import (
     Ask,
     Discs,
-    Line,
+    LineKind,
     Map,
     Mode,
     Picture,
@@ -40,11 +40,11 @@ def driven(tmp_path_factory):
     robot = simulated(CORRIDOR, real_time=False)
     operator = Scripted(lambda t: Stick(0.0, 0.6 if 2.0 < t < 3.0 else 0.0), lambda: 0.0)
     with Session(SessionConfig(robot, record=path), operator) as session:
-        keeper = session.loop.keeper
-        operator._clock = keeper.now
-        session.run(lambda loop: keeper.now() >= 4.0, Mode.SHARED)
+        gated = session.loop.gated
+        operator._clock = gated.now
+        session.run(lambda loop: gated.now() >= 4.0, Mode.SHARED)
         operator.ask(Ask.STOP)
-        session.run(lambda loop: keeper.now() >= 5.0)
+        session.run(lambda loop: gated.now() >= 5.0)
         told = list(operator.statuses)
         known = map_from_geometry(robot.scenario.walls(), robot.start)
         shown = [drawn(known), *way(robot.scenario.reference.spline())]
@@ -91,8 +91,8 @@ def test_map_way_scan_and_obstacles_are_those_of_the_drive(driven):
     path, _, (grid, line, points) = driven
     seen = at(Playback(path), 2.0)
     assert seen[Map] == grid
-    assert np.array_equal(seen[Line.REFERENCE].points, line.points)
-    assert np.array_equal(seen[Line.WAYPOINTS].points, points.points)
+    assert np.array_equal(seen[LineKind.REFERENCE].points, line.points)
+    assert np.array_equal(seen[LineKind.WAYPOINTS].points, points.points)
     scan = seen[WholeScan]
     assert 1.8 < scan.taken <= 2.0
     known = scan.ranges[(scan.ranges > 0) & (scan.ranges < 65535)] / 1000.0

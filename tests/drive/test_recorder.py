@@ -10,7 +10,7 @@ import pytest
 from cohelm.drive.recorder import Recording
 from cohelm.record.messages import messages
 from cohelm.robot.keep.gated_robot import Event
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from tests.robot.keep.robots import SALLY
 
 
@@ -24,7 +24,7 @@ def recording(tmp_path):
     made.close()
 
 
-def working(line: Line) -> None:
+def working(line: RecordLine) -> None:
     """Wait until the recorder's process is at work."""
     end = time.monotonic() + 60.0
     while line._alive > time.monotonic():
@@ -35,7 +35,7 @@ def working(line: Line) -> None:
 
 def test_nothing_told_is_lost_when_who_told_it_ends_without_listening(recording):
     """As a killed loop does: signs of life lie unread in its end of the line."""
-    line = Line(recording.loop)
+    line = RecordLine(recording.loop)
     working(line)
     time.sleep(1.2)  # two signs more
     for k in range(200):
@@ -49,7 +49,7 @@ def test_nothing_told_is_lost_when_who_told_it_ends_without_listening(recording)
 
 
 def test_a_recorder_that_hangs_holds_nobody_up_and_does_not_outstay_the_drive(recording):
-    line = Line(recording.loop)
+    line = RecordLine(recording.loop)
     working(line)
     os.kill(recording.pid, signal.SIGSTOP)
     begun = time.monotonic()

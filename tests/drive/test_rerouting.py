@@ -87,6 +87,6 @@ def test_a_watchers_way_is_checked_and_never_followed(drive):
         (said,) = checked(bert)
         assert said.answer.reason == "you do not drive"
         assert drive.loop.driver is first
-        assert drive.loop.mode == Mode.AUTOMATIC
+        assert drive.loop.supervisor.mode == Mode.AUTOMATIC
 
     drive.run(script())

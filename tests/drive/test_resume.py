@@ -11,7 +11,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Ask, Mode
 from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import failing
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import CENTRED
@@ -33,7 +33,7 @@ def drive(tmp_path):
 
 
 def speed(drive: Drive) -> float:
-    return abs(drive.keeper.truth().twist.v)
+    return abs(drive.gated.truth().twist.v)
 
 
 def waits(periods: int):
@@ -58,11 +58,11 @@ def test_a_new_way_is_taken_up_in_the_mode_it_is_and_nobody_remembers_one(drive)
         anna = yield from driving(drive)
         anna.propose(BACK)
         yield from waits(10)
-        assert drive.loop.paused
-        assert drive.loop.mode == Mode.AUTOMATIC
+        assert drive.loop.supervisor.paused
+        assert drive.loop.supervisor.mode == Mode.AUTOMATIC
         yield from waits(40)
         assert drive.loop.driver is not drive.first
-        assert not drive.loop.paused
+        assert not drive.loop.supervisor.paused
         yield from waits(40)
         assert speed(drive) > 0.1
         assert [(c.answer.granted, c.answer.reason) for c in anna.bulk.replies] == [(True, "")]
@@ -97,11 +97,11 @@ def test_what_ends_a_mode_while_a_way_is_made_is_not_undone(drive, ends, after):
             anna.ask(Ask.RESET)
         yield from waits(120)
         assert drive.rule.mode == Mode.HOLD
-        assert drive.loop.mode == Mode.HOLD
-        assert not drive.loop.paused
+        assert drive.loop.supervisor.mode == Mode.HOLD
+        assert not drive.loop.supervisor.paused
         assert speed(drive) == 0.0
         if ends == "stop and reset":
-            assert drive.keeper.gate.mode == GateMode.IDLE
+            assert drive.gated.gate.mode == GateMode.IDLE
             anna.ask(Ask.MODE, Mode.AUTOMATIC)
             yield from waits(60)
             assert speed(drive) > 0.1
@@ -116,11 +116,11 @@ def test_a_way_that_can_not_be_made_ends_in_hold_and_the_driver_is_told(drive, f
         drive.beside.ways.takes = 10**9 if fails == "takes for ever" else 5
         anna.propose(BACK)
         yield from waits(6)
-        assert drive.loop.paused
+        assert drive.loop.supervisor.paused
         drive.beside.fails = fails
         yield from waits(1100 if fails == "takes for ever" else 80)
-        assert drive.loop.mode == Mode.HOLD
-        assert not drive.loop.paused
+        assert drive.loop.supervisor.mode == Mode.HOLD
+        assert not drive.loop.supervisor.paused
         assert any("no new way, the robot holds" in a.text for a in drive.loop.alarms.worst())
         drive.beside.fails, drive.beside.ways.takes = "", 0  # and the next one is made
         if fails == "takes for ever":
@@ -130,7 +130,7 @@ def test_a_way_that_can_not_be_made_ends_in_hold_and_the_driver_is_told(drive, f
         assert speed(drive) > 0.1
         anna.propose(BACK)
         yield from waits(60)
-        assert drive.loop.mode == Mode.AUTOMATIC
+        assert drive.loop.supervisor.mode == Mode.AUTOMATIC
         assert drive.loop.driver is not drive.first
         yield from waits(20)
         assert speed(drive) > 0.1
@@ -176,7 +176,7 @@ def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
         anna.ask(Ask.GIVE, bert.number)
         yield from waits(60)
         assert drive.rule.driver == bert.number
-        assert drive.loop.mode == Mode.HOLD
+        assert drive.loop.supervisor.mode == Mode.HOLD
         assert speed(drive) == 0.0
 
     drive.run(script())
@@ -198,7 +198,7 @@ def test_carrying_on_alone_is_for_a_driver_who_is_lost_not_for_one_who_gives_up(
         yield from waits(5)
         bert.ask(Ask.TAKE)  # and with another driver it is over
         yield from waits(60)
-        assert drive.loop.mode == Mode.HOLD
+        assert drive.loop.supervisor.mode == Mode.HOLD
         assert speed(drive) == 0.0
 
     with Drive(tmp_path, LoopParams(carry_on=True)) as made:
@@ -229,7 +229,7 @@ def test_a_mode_asked_for_before_somebody_elses_stop_is_not_done_after_it(drive)
         yield from waits(16)
         anna.silent = False
         yield from waits(60)
-        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert drive.gated.gate.mode == GateMode.STOPPED
         late = [answer for answer in anna.answers.values() if not answer[0]]
         assert late[0][1] == "the robot was told to stand after you asked: ask again"
         anna.ask(Ask.RESET)
@@ -258,7 +258,7 @@ def test_who_stops_together_with_the_driver_is_not_overlooked(drive):
         assert anna.answers[mode] == (
             False, "the robot was told to stand after you asked: ask again",
         )  # fmt: skip
-        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert drive.gated.gate.mode == GateMode.STOPPED
 
     drive.run(script())
 
@@ -275,7 +275,7 @@ def test_a_mode_asked_for_with_the_release_behind_it_is_not_done(drive):
         yield from waits(60)
         assert anna.answers[2] == (False, "you do not drive any more")
         assert drive.rule.driver == anna.number
-        assert drive.loop.mode == Mode.HOLD
+        assert drive.loop.supervisor.mode == Mode.HOLD
         assert drive.moved == 0
 
     drive.run(script())
@@ -287,11 +287,11 @@ def test_stop_and_mode_in_one_datagram_end_in_a_stop(drive):
         anna.ask(Ask.STOP)
         anna.ask(Ask.MODE, Mode.MANUAL)
         yield from waits(5)
-        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert drive.gated.gate.mode == GateMode.STOPPED
         anna.ask(Ask.MODE, Mode.MANUAL)
         anna.ask(Ask.STOP)
         yield from waits(60)
-        assert drive.keeper.gate.mode == GateMode.STOPPED
+        assert drive.gated.gate.mode == GateMode.STOPPED
         assert speed(drive) == 0.0
 
     drive.run(script())
@@ -301,15 +301,15 @@ def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
     """The link hands stops over before all else."""
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 1e9)), operator) as session:
-        session.keeper.stop("for a start")
+        session.gated.stop("for a start")
         operator.ask(Ask.RESET)
         operator.ask(Ask.MODE, Mode.AUTOMATIC)
         operator.ask(Ask.STOP)
         operator._asked.reverse()
         periods = iter(range(10))
         session.run(lambda _: next(periods, None) is None)
-        assert session.keeper.gate.mode == GateMode.STOPPED
-        assert session.loop.mode == Mode.HOLD
+        assert session.gated.gate.mode == GateMode.STOPPED
+        assert session.loop.supervisor.mode == Mode.HOLD
 
 
 def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
@@ -319,7 +319,7 @@ def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
             operator.ask(Ask.MODE, Mode.AUTOMATIC)
         operator.ask(Ask.STOP)
         session.run(lambda _: True)
-        assert session.keeper.gate.mode == GateMode.STOPPED
+        assert session.gated.gate.mode == GateMode.STOPPED
         assert operator.answers[0][:2] == (101, True)  # the stop, before all that came with it
         assert sum(granted for _, granted, _ in operator.answers) == 1
         assert operator.answers[50][2] == "too many requests: wait a moment and ask again"
@@ -329,13 +329,13 @@ def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():
     """The robot can not drive at once; somebody stops it meanwhile, and has it let go."""
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 0.0)), operator) as session:
-        loop, end = session.loop, session.loop.keeper.now()
-        robot = session.keeper._robot
+        loop, end = session.loop, session.loop.gated.now()
+        robot = session.gated._robot
         robot._fault = "odometry is gone"
         asked = {1.0: Ask.STOP, 2.0: Ask.RESET}
 
         def until(_) -> bool:
-            now = loop.keeper.now() - end
+            now = loop.gated.now() - end
             for at in [at for at in asked if now >= at]:
                 operator.ask(asked.pop(at))
             if now > 1.2:
@@ -344,9 +344,9 @@ def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():
 
         session.run(until, Mode.AUTOMATIC)
         assert [answer[1] for answer in operator.answers] == [True, True]
-        assert session.keeper.gate.mode == GateMode.IDLE
-        assert loop.mode == Mode.HOLD
-        assert session.keeper.truth().pose.x == pytest.approx(0.0, abs=1e-3)
+        assert session.gated.gate.mode == GateMode.IDLE
+        assert loop.supervisor.mode == Mode.HOLD
+        assert session.gated.truth().pose.x == pytest.approx(0.0, abs=1e-3)
 
 
 # ---- any sequence ---------------------------------------------------------------------------
@@ -452,7 +452,7 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
             for person in people:
                 person.silent, person.valid, person.armed = False, True, True
         said = does(what)
-        history.append(f"{drive.keeper.now():.2f} {what} {said}")
+        history.append(f"{drive.gated.now():.2f} {what} {said}")
         yield from waits(rng.choice([1, 1, 1, 1, 1, 1, 1, 1, 3, 3, 10]))
 
 

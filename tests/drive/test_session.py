@@ -53,7 +53,7 @@ def test_after_a_drive_the_process_is_an_ordinary_one_again():
 
 
 class Clock:
-    """A keeper as far as a rehearsal needs one, in real time."""
+    """A gate process as far as a rehearsal needs one, in real time."""
 
     def now(self) -> float:
         return time.monotonic()

@@ -5,7 +5,7 @@ import pytest
 
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
-from cohelm.link.messages import Ask, Health, Line, Mode, Polyline
+from cohelm.link.messages import Ask, HealthReport, LineKind, Mode, Polyline
 from cohelm.loop.operator import Scripted
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
@@ -33,7 +33,7 @@ def test_the_detour_that_is_driven_is_shown_and_taken_away_when_it_is_over(tmp_p
         yield from range(5)
         anna.ask(Ask.MODE, int(Mode.AUTOMATIC))
         for _ in range(1500):
-            line = seen(anna, Line.DETOUR)
+            line = seen(anna, LineKind.DETOUR)
             if line is not None:
                 shown.append(line)
             if drive.loop.driver.arrived:
@@ -56,7 +56,7 @@ def test_what_the_robot_says_is_wrong_with_it_comes_to_the_station(tmp_path):
         yield from range(5)
         drive.wheels.bumped = True
         for _ in range(10):
-            said.extend(m for m in anna.bulk.slots.values() if isinstance(m, Health))
+            said.extend(m for m in anna.bulk.slots.values() if isinstance(m, HealthReport))
             yield
 
     with Drive(tmp_path) as drive:
@@ -74,9 +74,9 @@ def test_how_near_the_nearest_thing_is_is_shown_whether_the_filter_minds_it_or_n
         def look(loop) -> bool:
             if operator.statuses:
                 shown = operator.statuses[-1].guarding.clearance
-                off.append(shown - session.keeper.truth().clearance)
-            return loop.keeper.now() > 4.0
+                off.append(shown - session.gated.truth().clearance)
+            return loop.gated.now() > 4.0
 
         session.run(look, mode)
-        assert session.loop.mode == mode
+        assert session.loop.supervisor.mode == mode
     assert np.abs(off).max() < 0.08  # what is shown is a scan older

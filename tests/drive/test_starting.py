@@ -51,7 +51,7 @@ def test_ctrl_c_ends_a_start_at_once_with_all_that_it_has_begun():
     robot = Started("robot", str(CORRIDOR))
     try:
         end = time.monotonic() + STARTED
-        while robot.processes() < 3:  # the keeper is being started
+        while robot.processes() < 3:  # the gate process is being started
             assert time.monotonic() < end
             time.sleep(0.02)
         time.sleep(0.3)

@@ -81,14 +81,14 @@ class Ride:
         """Of the true outline in keep-out zones [m]."""
         self.poses: list[Pose] = []
         with Session(SessionConfig(made, zones=zones), hand) as session:
-            begun = session.loop.keeper.now()
+            begun = session.loop.gated.now()
 
             def until(loop) -> bool:
-                truth = loop.keeper.truth().pose
+                truth = loop.gated.truth().pose
                 self.poses.append(truth)
                 if zones.keep_out is not None:
                     self.depths.append(float(zones.keep_out.depth.at(placed(body, truth)).max()))
-                return loop.driver.arrived or loop.keeper.now() - begun > seconds
+                return loop.driver.arrived or loop.gated.now() - begun > seconds
 
             session.run(until, Mode.AUTOMATIC if stick is None else Mode.MANUAL)
             self.arrived = session.loop.driver.arrived

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings, strategies as st
 from cohelm.core.types import Pose, Twist, wrap
 from cohelm.law.gains import Gains
 from cohelm.law.govern import (
-    Clock,
+    CourseClock,
     PaceParams,
     allowed,
     govern,
@@ -42,7 +42,7 @@ def paced(reference, clearance=OPEN, pace=PACE):
 
 def follow(reference, pose, seconds, clock=None, held=(), leads=(), hand=HAND):
     """The closed loop; from held[0] to held[1] the wheels are blocked, and likewise `leads`."""
-    clock = Clock() if clock is None else clock
+    clock = CourseClock() if clock is None else clock
     profiled = paced(reference)
     history = []
     for k in range(round(seconds / DT)):
@@ -59,7 +59,7 @@ def follow(reference, pose, seconds, clock=None, held=(), leads=(), hand=HAND):
 
 
 poses = st.builds(Pose, st.floats(-3, 9), st.floats(-3, 6), st.floats(-10, 10))
-clocks = st.builds(Clock, st.floats(0.0, 9.0), st.floats(0.0, 1.0), st.just(0.0))
+clocks = st.builds(CourseClock, st.floats(0.0, 9.0), st.floats(0.0, 1.0), st.just(0.0))
 
 
 @given(poses, clocks, st.booleans())
@@ -82,7 +82,7 @@ def test_the_reference_never_goes_back_nor_past_its_end(pose, clock, leads):
 @pytest.mark.parametrize("field", ["x", "y", "psi"])
 def test_the_reference_waits_for_a_pose_that_is_not_finite(bad, field):
     pose = Pose(1.0, 0.0, 0.0)._replace(**{field: bad})
-    clock = Clock(1.0, 0.0)
+    clock = CourseClock(1.0, 0.0)
     assert govern(clock, pose, STRAIGHT, paced(STRAIGHT), False, PACE, DT)[:2] == (1.0, 0.0)
     assert govern(clock, pose, STRAIGHT, paced(STRAIGHT), True, PACE, DT)[:2] == (1.0, 0.0)
 
@@ -187,15 +187,15 @@ def test_the_rate_between_two_samples_is_between_theirs():
 def test_on_the_path_the_demand_is_the_references_own_times_the_rate(share, rate):
     tau = share * BENDS.duration
     d = desired(BENDS, tau, True)
-    ours = governed(BENDS, Clock(tau, rate), Pose(d.x, d.y, 0.3), PACE)
+    ours = governed(BENDS, CourseClock(tau, rate), Pose(d.x, d.y, 0.3), PACE)
     assert ours == pytest.approx((d.x, d.y, d.psi, rate * d.u, rate * d.r), abs=1e-9)
 
 
 @given(st.floats(-2.0, 2.0))
 def test_beside_the_path_the_robot_is_turned_towards_it(beside):
-    d = governed(STRAIGHT, Clock(5.0, 1.0), Pose(5.0, beside, 0.0), PACE)
+    d = governed(STRAIGHT, CourseClock(5.0, 1.0), Pose(5.0, beside, 0.0), PACE)
     assert d.psi == pytest.approx(-math.atan(beside / PACE.guide))
-    backwards = governed(STRAIGHT, Clock(5.0, 1.0), Pose(5.0, beside, math.pi), PACE)
+    backwards = governed(STRAIGHT, CourseClock(5.0, 1.0), Pose(5.0, beside, math.pi), PACE)
     assert abs(backwards.psi - math.pi) == pytest.approx(0.5 * math.pi)
 
 

@@ -59,10 +59,10 @@ statuses = st.builds(
     st.builds(m.Lease, short, short, texts(24), short, texts(24), single),
     st.sampled_from(m.Mode), texts(128), st.sampled_from(m.Arming),
     st.builds(Stick, single, single), single, poses, poses, twists, twists, twists, texts(128),
-    st.builds(m.Guarding, st.sampled_from(m.Verdict), single, points, single),
+    st.builds(m.Guarding, st.sampled_from(m.ReportedVerdict), single, points, single),
     single, poses, single, single, texts(64), st.sampled_from(m.Localised), single, st.booleans(),
     st.sampled_from(m.DockPhase), byte,
-    st.builds(m.Timing, single, long, single, single, single, long),
+    st.builds(m.TimingReport, single, long, single, single, single, long),
     listed(
         st.builds(
             m.Alarm, short, st.sampled_from(m.Severity), st.booleans(), st.booleans(), texts(64)
@@ -88,7 +88,7 @@ bulk_down = st.one_of(
         m.Hello, texts(64), texts(32), rows("f4", 2, 64), single, single, single, texts(32),
         st.tuples(single, single, single, single),
     ),
-    st.builds(m.Polyline, st.sampled_from(m.Line), rows("f4", 2, 50)),
+    st.builds(m.Polyline, st.sampled_from(m.LineKind), rows("f4", 2, 50)),
     st.builds(
         m.Map, long, poses, single, short, short, short, short, short, short,
         st.binary(max_size=99),
@@ -98,7 +98,7 @@ bulk_down = st.one_of(
         st.binary(max_size=99),
     ),
     st.builds(m.Docks, listed(st.builds(m.DockPlace, texts(24), poses, single), 50)),
-    st.builds(m.Health, single, listed(texts(120), 16)),
+    st.builds(m.HealthReport, single, listed(texts(120), 16)),
     st.builds(m.Picture, long, clock, poses, st.binary(max_size=99)),
     st.builds(m.Records, listed(st.builds(m.RecordInfo, texts(128), huge, st.floats()), 9)),
     st.builds(m.Piece, texts(128), huge, st.binary(max_size=99)),

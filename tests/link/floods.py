@@ -24,7 +24,7 @@ import numpy as np
 from OpenSSL import SSL
 
 from cohelm.core.types import Stick
-from cohelm.link.dtls import Channel, Refused, context, stream_context
+from cohelm.link.dtls import Channel, HandshakeRefused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask, Command, Device, Fetch, Request, Waypoints
 from cohelm.link.robot_bulk import both_ends
@@ -154,7 +154,7 @@ class Flood:
                 channel.take(sock.recv(4096))
             except TimeoutError:
                 channel.tick()
-        raise Refused("not let in")
+        raise HandshakeRefused("not let in")
 
     def sealed(self, data: bytes) -> None:
         """From inside, as a paired station that does not drive."""
@@ -205,7 +205,7 @@ class Flood:
         sock.settimeout(0.05)
         client = Channel(context(self.stranger, server=False), server=False)
         client.start()
-        with contextlib.suppress(TimeoutError, Refused):
+        with contextlib.suppress(TimeoutError, HandshakeRefused):
             sock.sendto(client.waiting()[0], self.to)
             client.take(sock.recv(4096))
             for datagram in client.waiting():
@@ -213,7 +213,7 @@ class Flood:
         self.idle = [sock, *self.idle[:50]]
 
     def strangers(self) -> None:
-        with contextlib.suppress(Refused, TimeoutError):
+        with contextlib.suppress(HandshakeRefused, TimeoutError):
             self.connected(self.stranger)[0].close()
 
     def requests(self) -> None:
@@ -246,7 +246,7 @@ class Flood:
         self.sock.sendto(self.rng.choice(self.kept), self.to)
 
     def reconnects(self) -> None:
-        with contextlib.suppress(Refused, TimeoutError):
+        with contextlib.suppress(HandshakeRefused, TimeoutError):
             sock, channel = self.connected()
             self.session = self.rng.getrandbits(64)
             for datagram in channel.seal(self.command()):
@@ -275,7 +275,7 @@ class Flood:
                 stream.put(encode(Header(self.session, 1, 0.0, 0.0, 0.0), message))
                 stream.push()
             stream.pull()
-        except (Refused, SSL.Error):
+        except (HandshakeRefused, SSL.Error):
             self.idle = []
 
     def proposals(self) -> None:
@@ -317,7 +317,7 @@ def _main(kind: str, port: int, seconds: float, rate: float) -> None:
         for _ in range(at_once):
             try:
                 once()
-            except Refused:  # the robot has had enough of this one: it comes again
+            except HandshakeRefused:  # the robot has had enough of this one: it comes again
                 made.channel = None
         due = max(due + at_once / rate, time.monotonic())
         time.sleep(max(0.0, due - time.monotonic()))

@@ -19,7 +19,7 @@ import numpy as np
 from OpenSSL import SSL
 
 from cohelm.core.types import Stick
-from cohelm.link.dtls import Channel, Refused, context, stream_context
+from cohelm.link.dtls import Channel, HandshakeRefused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask, Command, Device, Fetch, Request, Waypoints
 from cohelm.link.robot_bulk import both_ends
@@ -146,7 +146,7 @@ class Attack:
                         sock.sendto(datagram, self.to)
                 if client.up:
                     self.sent["handshakes finished by strangers, as they see it"] += 1
-            except (Refused, TimeoutError):
+            except (HandshakeRefused, TimeoutError):
                 self.sent["handshakes of strangers"] += 1
 
     def _strangers_stream(self) -> None:
@@ -177,7 +177,7 @@ class Attack:
             if self.rng.random() < 0.3:
                 stream._ssl.send(self.rng.randbytes(2000))
                 stream.push()
-        except (Refused, SSL.Error):
+        except (HandshakeRefused, SSL.Error):
             pass
         finally:
             stream.close()
@@ -230,7 +230,7 @@ class _Inside:
                     continue
             try:
                 sealed = self.channel.seal(data[:1150] or b"x")
-            except Refused:  # the robot has had enough of this one
+            except HandshakeRefused:  # the robot has had enough of this one
                 self.close()
                 self._connect()
                 return

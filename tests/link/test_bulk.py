@@ -18,8 +18,8 @@ from cohelm.link.messages import (
     Checked,
     Digest,
     Fetch,
-    Health,
-    Line,
+    HealthReport,
+    LineKind,
     Picture,
     Piece,
     Polyline,
@@ -71,10 +71,10 @@ def both(tmp_path):
 
 
 def test_what_is_published_comes_to_all_and_to_who_comes_later(both):
-    line = Polyline(Line.REFERENCE, np.random.default_rng(1).random((5000, 2), np.float32))
+    line = Polyline(LineKind.REFERENCE, np.random.default_rng(1).random((5000, 2), np.float32))
     both.down.publish(line)
-    both.down.publish(Health(0.5, ("the left wheel squeaks",)))
-    until(lambda: both.got(Polyline) and both.got(Health), turn=both.turn)
+    both.down.publish(HealthReport(0.5, ("the left wheel squeaks",)))
+    until(lambda: both.got(Polyline) and both.got(HealthReport), turn=both.turn)
     assert np.array_equal(both.got(Polyline)[0].points, line.points)
     with both.stream(both.keys, 77) as late:
         news: list[object] = []
@@ -157,7 +157,7 @@ def test_no_more_of_a_record_leaves_the_robot_than_was_asked_for(both, tmp_path)
 
 def test_an_unpaired_station_gets_nothing(both):
     stranger = pair_here("stranger")[1]._replace(trusted=both.keys.trusted)
-    both.down.publish(Health(0.5, ()))
+    both.down.publish(HealthReport(0.5, ()))
     with both.stream(stranger, 5) as stream:
         time.sleep(0.5)
         assert not stream.news()
@@ -173,8 +173,8 @@ def test_slow_and_silent_strangers_do_not_keep_a_station_out(both):
         sock.send(b"\x16\x03")
     with both.stream(both.keys, 9) as late:
         until(lambda: late.connected, within=5.0)
-    both.down.publish(Health(0.25, ()))
-    until(lambda: both.got(Health), turn=both.turn)
+    both.down.publish(HealthReport(0.25, ()))
+    until(lambda: both.got(HealthReport), turn=both.turn)
     for sock in held:
         sock.close()
 

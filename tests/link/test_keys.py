@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.link import keys
-from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.dtls import Channel, HandshakeRefused, context
 
 
 @pytest.fixture(autouse=True)
@@ -68,16 +68,18 @@ def test_a_station_that_was_shut_out_is_refused(tmp_path, moved):
     robot = keys.robot()
     moved()
     keys.install(tmp_path / "anna.pair")
-    with pytest.raises(Refused, match="certificate"):
+    with pytest.raises(HandshakeRefused, match="certificate"):
         shaken(robot, keys.station())
 
 
 def test_a_station_takes_no_other_robot_for_its_own_even_one_that_stole_its_certificate():
     robot, station = keys.pair_here()
     impostor, _ = keys.pair_here()
-    with pytest.raises(Refused, match="certificate"):
+    with pytest.raises(HandshakeRefused, match="certificate"):
         shaken(impostor._replace(trusted=robot.trusted), station)
-    with pytest.raises(Refused, match="certificate"):  # a station does not pass for a robot
+    with pytest.raises(
+        HandshakeRefused, match="certificate"
+    ):  # a station does not pass for a robot
         shaken(station._replace(trusted=(station.certificate,)), station)
 
 
@@ -98,7 +100,7 @@ def test_a_certificate_signed_by_a_paired_station_is_not_let_in():
         .sign(key, hashes.SHA256())
     )  # fmt: skip
     pem = signed.public_bytes(serialization.Encoding.PEM)
-    with pytest.raises(Refused, match="certificate"):
+    with pytest.raises(HandshakeRefused, match="certificate"):
         shaken(robot, station._replace(certificate=pem, key=stranger[1]))
 
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 
 from cohelm.core.types import Stick
 from cohelm.link.client import AT_ONCE, free_number
-from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.pending import MOST_WAITING
@@ -161,7 +161,7 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
         def speak() -> None:
             robot.tell(STATUS)
             for k, one in enumerate(raws):
-                with contextlib.suppress(Refused):
+                with contextlib.suppress(HandshakeRefused):
                     one.say(command(int(1e4 * time.monotonic()) % 2**31, session=100 + k))
             time.sleep(0.05)
 

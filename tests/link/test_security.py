@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask
 from cohelm.link.robot_end import RobotEnd
@@ -111,7 +111,7 @@ def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
                         for datagram in client.waiting():
                             sock.sendto(datagram, driven.to)
                         finished += 1
-                except (TimeoutError, Refused):
+                except (TimeoutError, HandshakeRefused):
                     pass
         if time.monotonic() - began > 3.0:
             break

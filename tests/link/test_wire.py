@@ -90,7 +90,7 @@ def test_too_large_messages_are_refused_before_they_are_read():
 
 
 def test_a_count_larger_than_the_message_costs_no_memory():
-    head = encode(HEADER, m.Polyline(m.Line.DETOUR, np.zeros((0, 2), np.float32)))[:-4]
+    head = encode(HEADER, m.Polyline(m.LineKind.DETOUR, np.zeros((0, 2), np.float32)))[:-4]
     with pytest.raises(Malformed, match="rows"):
         from_robot(head + b"\xff\xff\xff\xff", bulk=True)
     with pytest.raises(Malformed, match="ends after"):
@@ -99,7 +99,7 @@ def test_a_count_larger_than_the_message_costs_no_memory():
 
 def test_each_way_takes_only_its_own_messages():
     command = encode(HEADER, COMMAND)
-    health = encode(HEADER, m.Health(0.5, ()))
+    health = encode(HEADER, m.HealthReport(0.5, ()))
     for data, reader, bulk in (
         (command, from_robot, False), (command, from_operator, True),
         (health, from_operator, True), (health, from_robot, False),
@@ -131,9 +131,9 @@ def test_way_points_must_be_numbers(number):
 
 
 def test_long_texts_are_cut_between_letters_show_that_they_are_and_are_cleaned():
-    message = m.Health(1.0, ("ü" * 100, "a\x1b[31mb\n"))
+    message = m.HealthReport(1.0, ("ü" * 100, "a\x1b[31mb\n"))
     got = from_robot(encode(HEADER, message), bulk=True)[1]
-    assert isinstance(got, m.Health)
+    assert isinstance(got, m.HealthReport)
     assert got.faults == ("ü" * 58 + "…", "a [31mb ")
 
 

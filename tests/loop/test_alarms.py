@@ -5,13 +5,13 @@ import pytest
 from cohelm.link import messages as m
 from cohelm.link.wire import encode, from_robot
 from cohelm.loop import loop
-from cohelm.loop.alarms import Alarms
+from cohelm.loop.alarms import ActiveAlarms
 from tests.link.ends import STATUS
 from tests.link.test_wire import HEADER
 
 
 def test_no_number_is_too_large_for_the_link_after_a_hundred_thousand_alarms():
-    alarms, numbers = Alarms(), set()
+    alarms, numbers = ActiveAlarms(), set()
     for _ in range(100_000):
         assert alarms.on("stick", "it flutters")
         numbers.add(alarms.worst()[0].number)
@@ -22,7 +22,7 @@ def test_no_number_is_too_large_for_the_link_after_a_hundred_thousand_alarms():
 
 
 def test_what_is_said_of_a_cause_changes_and_it_stays_the_same_alarm():
-    alarms = Alarms()
+    alarms = ActiveAlarms()
     alarms.reword("lost", "nobody is")
     assert alarms.worst() == ()
     assert alarms.on("lost", "lost: looking for the robot on the map")

@@ -18,8 +18,8 @@ from cohelm.loop.operator import NullOperator
 from cohelm.loop.planning import InProcessPlanner
 from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.robot.keep.gated_robot import GatedRobot, rules
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.sensors import OdometryModel
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -66,27 +66,31 @@ def looped(model, setup, steps: int) -> np.ndarray:
     planning = InProcessPlanner(driver_pilot.planner, pilot.thinking)
     driver = Driver(driver_pilot, settings, setup.delay, planning)
     perception = Perception(model, watching=pilot.watching)
-    keeper = GatedRobot(plant, rules(model, DT))
+    gated = LocalGatedRobot(plant, rules(model, DT))
     loop = Loop(
-        keeper, perception, driver, NullOperator(), Line(None), LoopParams(period=DT), has_map=False
+        gated,
+        perception,
+        driver,
+        NullOperator(),
+        RecordLine(None),
+        LoopParams(period=DT),
+        has_map=False,
     )
     rows = []
 
     def until(loop: Loop) -> bool:
         truth = plant.truth()
-        rows.append(
-            (*truth.pose, *keeper.gate.out, loop.decision.behavior if loop.decision else -1)
-        )
-        assert loop.mode == Mode.AUTOMATIC, keeper.gate.reason
+        rows.append((*truth.pose, *gated.gate.out, loop.decision.behavior if loop.decision else -1))
+        assert loop.supervisor.mode == Mode.AUTOMATIC, gated.gate.reason
         return len(rows) == steps
 
     loop.period()  # the gate wants to have heard from the loop before it lets it drive
-    assert loop.choose(Mode.AUTOMATIC) == ""
+    assert loop.supervisor.choose(Mode.AUTOMATIC) == ""
     try:
         loop.run(until)
     finally:
         driver.close()
-        keeper.close()
+        gated.close()
     return np.array(rows)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.types import Pose, Twist, disc, discs
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, PaceParams, govern, governed, profile
+from cohelm.law.govern import CourseClock, PaceParams, govern, governed, profile
 from cohelm.law.guard.step import Rules, guard_step
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
@@ -43,7 +43,7 @@ def fence(ax, ay, bx, by):
 
 def drive(pose, world, goal_line, seconds, seen=NOTHING):
     """Where the robot ended, and its least gap to the truth; a new way every 0.4 s."""
-    points, twist, clock = seen, Twist(0.0, 0.0), Clock()
+    points, twist, clock = seen, Twist(0.0, 0.0), CourseClock()
     ranges = np.empty(len(LIDAR.beams))
     outline, limits = ROBOT.outline, ROBOT.bounds()
     reference = paced = None
@@ -60,7 +60,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
             if found is not None and len(found.points) > 2:
                 reference = through(found.points, CRUISE)
                 paced = profile(reference, np.full(200, math.inf), PACE)
-                clock = Clock(0.0, min(max(twist.v / CRUISE, 0.0), 1.0))
+                clock = CourseClock(0.0, min(max(twist.v / CRUISE, 0.0), 1.0))
                 x, y = found.points[2] - pose[:2]
                 heading = math.atan2(y, x)
                 if abs(math.remainder(heading - pose.psi, 2.0 * math.pi)) > 1.2:

@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Stick, Twist
-from cohelm.law.govern import Clock
+from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.verdict import INVALID
@@ -53,7 +53,7 @@ def test_who_is_held_up_does_not_lose_count_by_planning_anew(waited, then):
     """Another course every 0.6 s kept the robot from ever looking for a way out. But a plan that
     was made because it had waited for long enough gets its time."""
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
-    held = pilot.state._replace(clock=Clock(0.0, 0.0, waited))
+    held = pilot.state._replace(clock=CourseClock(0.0, 0.0, waited))
     other = Plan(course(through(STRAIGHT, 0.5), 1, True, SETTINGS.pace), True, None, False, 9.0)
     now = taken(held, other, pilot.planner, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
     assert now.clock.waited == then

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist, disc
-from cohelm.law.govern import Clock
+from cohelm.law.govern import CourseClock
 from cohelm.law.guard.step import farthest, guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
@@ -194,8 +194,8 @@ def _foretold_and_driven(rng):
     around, reach = surroundings(np.empty((0, 6))), farthest(ON.outline)
     e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
     case = case_at(
-        trajectories(movers, reach, e), movers, around, start, way, Clock(), ON.outline, reach,
-        ON.limits, e,
+        trajectories(movers, reach, e), movers, around, start, way, CourseClock(),
+        ON.outline, reach, ON.limits, e,
     )  # fmt: skip
     went = leg(case, Foretold(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9)
     pose, twist = start, before
@@ -288,8 +288,8 @@ def test_an_overlap_has_a_risk_like_any_other(v):
     here, course_ = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace)
     around, reach, e = surroundings(np.empty((0, 6))), farthest(ON.outline), EvasionParams()
     case = case_at(
-        trajectories(movers, reach, e), movers, around, here, course_, Clock(), ON.outline, reach,
-        ON.limits, e,
+        trajectories(movers, reach, e), movers, around, here, course_, CourseClock(),
+        ON.outline, reach, ON.limits, e,
     )  # fmt: skip
     risk, gap = risk_at(case, here, 0, e)
     assert gap < 0.0 < risk < math.inf

@@ -22,7 +22,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.link.messages import (
     Alarm,
     Discs,
-    Line,
+    LineKind,
     Map,
     Mode,
     Polyline,
@@ -39,7 +39,7 @@ from cohelm.robot.base import Robot as BaseRobot
 from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import OnTheWall
-from cohelm.robot.port import Readings, Robot
+from cohelm.robot.port import Readings, RobotPort
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.twin.robot import Twin
@@ -47,7 +47,7 @@ from cohelm.sim.world import World, world
 
 
 class Adapter(NamedTuple):
-    make: Callable[[], Robot]
+    make: Callable[[], RobotPort]
     """A new robot, standing, at least 2 m from anything."""
     obeys: bool = True
     """Whether it moves as it is told; a replayed record does not."""
@@ -75,9 +75,9 @@ SHOWN = (
     Map(1, Pose(-4.0, -3.0, 0.5), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(bytes([0, 100, 255] * 2))),
     ZoneMap(Zone.KEEP_OUT, Pose(1.0, 2.0, 0.5), 0.05, math.nan, 2, 1, zlib.compress(b"\0d")),
     ZoneMap(Zone.SPEED, Pose(-1.0, 2.0, 0.0), 0.1, math.nan, 1, 2, zlib.compress(bytes([40, 0]))),
-    Polyline(Line.REFERENCE, np.array([[0.0, 0.0], [1.0, 0.5]], dtype=np.float32)),
-    Polyline(Line.DETOUR, np.array([[0.0, 0.5], [1.0, 0.5]], dtype=np.float32)),
-    Polyline(Line.WAYPOINTS, np.array([[1.0, 0.5]], dtype=np.float32)),
+    Polyline(LineKind.REFERENCE, np.array([[0.0, 0.0], [1.0, 0.5]], dtype=np.float32)),
+    Polyline(LineKind.DETOUR, np.array([[0.0, 0.5], [1.0, 0.5]], dtype=np.float32)),
+    Polyline(LineKind.WAYPOINTS, np.array([[1.0, 0.5]], dtype=np.float32)),
     Discs(0, np.array([[2.0, 1.0, 0.25, -0.5, 0.25, 0.75]], dtype=np.float32)),
 )  # fmt: skip
 """What stations were shown of a drive, one of each kind."""

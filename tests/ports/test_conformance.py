@@ -12,7 +12,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
-from cohelm.robot.port import Odometry, Robot
+from cohelm.robot.port import Odometry, RobotPort
 from tests.few import first
 from tests.ports.adapters import ADAPTERS, Adapter
 
@@ -39,7 +39,7 @@ def robot(adapter: Adapter):
     made.close()
 
 
-def drive(robot: Robot, twist: Twist, seconds: float) -> list[Odometry]:
+def drive(robot: RobotPort, twist: Twist, seconds: float) -> list[Odometry]:
     """Ask for a twist at 50 Hz; every new odometry reading meanwhile."""
     seen: list[Odometry] = []
     end = robot.now() + seconds
@@ -52,7 +52,7 @@ def drive(robot: Robot, twist: Twist, seconds: float) -> list[Odometry]:
     return seen
 
 
-def braking(robot: Robot) -> float:
+def braking(robot: RobotPort) -> float:
     """How long Sally may take to stand from full speed, with everything between [s]."""
     bounds = robot.model.bounds()
     return robot.model.delay_s + bounds.wheel_speed / bounds.wheel_acceleration + 0.15

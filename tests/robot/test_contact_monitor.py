@@ -9,8 +9,8 @@ from cohelm.core.types import Twist
 from cohelm.robot.contact_monitor import ContactMonitor
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.gate.gate import Proposal
-from cohelm.robot.gate.modes import Mode
-from cohelm.robot.keep.gated_robot import GatedRobot, rules
+from cohelm.robot.gate.modes import GateMode
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.monitor import UNRESTRICTED
 from cohelm.robot.pace import AsFast
 from cohelm.robot.port import Contact, Readings
@@ -146,7 +146,7 @@ class Bumped:
 
 def test_behind_the_gate_the_robot_stops_at_once_latches_and_after_a_reset_only_backs():
     plant, events = Bumped(), []
-    keeper = GatedRobot(
+    gated = LocalGatedRobot(
         plant, rules(MODEL, 0.02), events.append, watched_by=(ContactMonitor(MODEL),)
     )
     count = 0
@@ -154,23 +154,23 @@ def test_behind_the_gate_the_robot_stops_at_once_latches_and_after_a_reset_only_
     def driven(v, seconds):
         nonlocal count
         for _ in range(round(seconds / 0.02)):
-            keeper.read()
-            passed = keeper.propose(Proposal(count, keeper.now(), Twist(v, 0.0)))
+            gated.read()
+            passed = gated.propose(Proposal(count, gated.now(), Twist(v, 0.0)))
             count += 1
-            keeper.wait(keeper.now() + 0.02)
+            gated.wait(gated.now() + 0.02)
         return passed
 
     driven(0.0, 0.1)
-    assert keeper.drive(Mode.SHARED) == ""
+    assert gated.drive(GateMode.SHARED) == ""
     driven(0.5, 1.5)
     assert plant.truth().twist.v > 0.4
     plant.on = ("front",)
     driven(0.5, 1.0)
     assert plant.truth().twist.v == 0.0
-    assert keeper.gate.reason == "contact monitor: the front bumper is pressed"
+    assert gated.gate.reason == "contact monitor: the front bumper is pressed"
     assert any("FAULTED: contact monitor: the front bumper" in one.text for one in events)
-    assert keeper.reset() == ""
-    assert keeper.drive(Mode.SHARED) == ""
+    assert gated.reset() == ""
+    assert gated.drive(GateMode.SHARED) == ""
     where = plant.truth().pose.x
     assert "only drive away" in driven(0.5, 1.0).reason
     assert plant.truth().pose.x == where
@@ -182,4 +182,4 @@ def test_behind_the_gate_the_robot_stops_at_once_latches_and_after_a_reset_only_
     plant.mute = ("rear",)
     driven(0.3, 1.0)
     assert plant.truth().twist.v == 0.0
-    assert keeper.gate.mode == Mode.SHARED  # goes on when it is heard again
+    assert gated.gate.mode == GateMode.SHARED  # goes on when it is heard again

@@ -7,15 +7,15 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate.bounds import Bounds
-from cohelm.robot.gate.gate import Proposal, Rules
-from cohelm.robot.gate.modes import Mode
-from cohelm.robot.keep.gated_robot import GatedRobot
+from cohelm.robot.gate.gate import GateRules, Proposal
+from cohelm.robot.gate.modes import GateMode
+from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.monitor import UNRESTRICTED, Restriction, strictest
 from cohelm.robot.port import Odometry, Readings
 from cohelm.scenario import load
 from cohelm.sim.kinematic import Kinematic
 
-RULES = Rules(Bounds(1.0, 50.0, 3.0, 50.0, math.inf, math.inf, 0.5))
+RULES = GateRules(Bounds(1.0, 50.0, 3.0, 50.0, math.inf, math.inf, 0.5))
 
 
 class Says:
@@ -38,11 +38,11 @@ def kept(*monitors):
     alone = load.standing_alone(made, Path())
     robot = Kinematic(alone.robot, Pose(0.0, 0.0, 0.0), alone.around(), seed=0)
     events = []
-    it = GatedRobot(robot, RULES, events.append, monitors)
+    it = LocalGatedRobot(robot, RULES, events.append, monitors)
     it.wait(0.1)
     it.read()
     it.propose(Proposal(0, it.now(), Twist(0.0, 0.0)))
-    assert it.drive(Mode.SHARED) == ""
+    assert it.drive(GateMode.SHARED) == ""
     return it, events
 
 
@@ -61,7 +61,7 @@ def test_a_fault_is_latched_whatever_the_others_say():
     watch.of_twist = Restriction(1.0, "a broken sense", fault=True)
     passed = it.propose(Proposal(1, it.now(), Twist(0.3, 0.0)))
     assert passed.out == (0.0, 0.0)
-    assert it.gate.mode == Mode.FAULTED
+    assert it.gate.mode == GateMode.FAULTED
     assert it.gate.reason == "a broken sense"
 
 
@@ -70,7 +70,7 @@ def test_a_fault_of_a_reading_stops_a_robot_that_nobody_asks_anything():
     it, _ = kept(watch)
     watch.at_reading = Restriction(fault=True, reason="the scan repeats")
     it.read()
-    assert it.gate.mode == Mode.FAULTED
+    assert it.gate.mode == GateMode.FAULTED
 
 
 def test_of_several_a_fault_comes_before_the_least_share():

@@ -26,7 +26,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.gate.modes import latched
-from cohelm.robot.keep.gated_robot import GatedRobot
+from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Readings
@@ -40,7 +40,7 @@ from cohelm.ros.robot import Ros2Robot
 from cohelm.ros.served import ServedRobot
 from cohelm.ros.types import packed, unpacked
 from cohelm.scenario.load import robot as load_robot
-from cohelm.sim.kinematic import Kinematic, Truth
+from cohelm.sim.kinematic import Kinematic, KinematicTruth
 from cohelm.sim.world import world
 from tests.link.fuzz import mutated, resident
 from tests.ros.stage import HALL, until
@@ -118,7 +118,7 @@ class Shared(Kinematic):
         with self.lock:
             super().stop()
 
-    def truth(self) -> Truth:
+    def truth(self) -> KinematicTruth:
         with self.lock:
             return super().truth()
 
@@ -165,8 +165,8 @@ def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
     try:
         found = _found(network, model, rng, count, wrong)
         rules = gate_rules(found.model, PERIOD)
-        keeper = GatedRobot(RobotAdapter(Ros2Robot(found.model, found, network)), rules)
-        node = FilterNode(network, keeper, found, FilterParams(PERIOD))
+        gated = LocalGatedRobot(RobotAdapter(Ros2Robot(found.model, found, network)), rules)
+        node = FilterNode(network, gated, found, FilterParams(PERIOD))
         node.warm_up()
         node.may_drive = True
         begun, drove, memory = time.monotonic(), 0, 0
@@ -194,7 +194,7 @@ def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
             sent = row.applied
             if not (abs(sent.v) <= model.limits.speed_mps + 1e-9 and math.isfinite(sent.omega)):
                 wrong.append(f"sent {sent}")
-            if quiet and latched(keeper.gate.mode):
+            if quiet and latched(gated.gate.mode):
                 reset.send(Empty(0))
                 count["resets"] += 1
             drove += abs(robot.truth().twist.v) > 0.05
@@ -209,7 +209,7 @@ def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
         if not driven and robot.truth().pose != Pose(0.0, 0.0, 0.0):
             wrong.append(f"nobody commanded, and it went to {robot.truth().pose}")
         if driven and not drove:
-            wrong.append(f"it never drove: {keeper.gate.mode.name}, {row.reason}")
+            wrong.append(f"it never drove: {gated.gate.mode.name}, {row.reason}")
         if grown > 20_000:
             wrong.append(f"memory grew by {grown} kB")
         if robot.truth().least_moving <= 0.0:

@@ -207,16 +207,14 @@ class Controller:
 
 
 class Filter:
-    """The node, running in a thread; its keeper in a process of its own."""
+    """The node, running in a thread; its gate process in a process of its own."""
 
     def __init__(self, found: Found, transport: Any) -> None:
         self.rows: list[Any] = []
         self.said: list[str] = []
         length = period(found.command_period)
-        self.keeper = RemoteGatedRobot(partial(adapted, found), gate_rules(found.model, length))
-        self.node = FilterNode(
-            transport, self.keeper, found, FilterParams(length), self.said.append
-        )
+        self.gated = RemoteGatedRobot(partial(adapted, found), gate_rules(found.model, length))
+        self.node = FilterNode(transport, self.gated, found, FilterParams(length), self.said.append)
         self.node.warm_up()
         step = self.node.step
 
@@ -238,12 +236,12 @@ class Filter:
 
     @property
     def latched(self) -> bool:
-        return latched(self.keeper.gate.mode)
+        return latched(self.gated.gate.mode)
 
     def close(self) -> None:
         self._over.set()
         self._thread.join(10.0)
-        self.keeper.close()
+        self.gated.close()
 
 
 def until(true: Callable[[], bool], within: float = 20.0) -> bool:

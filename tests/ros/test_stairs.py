@@ -97,15 +97,15 @@ def driven(made: AtAStair, speed: float, seconds: float) -> tuple[float, float, 
 
     def look(loop) -> bool:
         nonlocal far, fast
-        truth = loop.keeper.truth()
+        truth = loop.gated.truth()
         far, fast = max(far, truth.pose.x + front), max(fast, truth.twist.v)
-        return loop.keeper.now() > seconds
+        return loop.gated.now() > seconds
 
-    operator = Scripted(stick, lambda: box[0].keeper.now() if box else 0.0)
+    operator = Scripted(stick, lambda: box[0].gated.now() if box else 0.0)
     with Session(SessionConfig(made, localise=False), operator) as session:
         box.append(session)
         session.run(look, Mode.MANUAL)
-        gate = session.keeper.gate
+        gate = session.gated.gate
         return far, fast, gate.reason if latched(gate.mode) else ""
 
 

@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, expect
 from cohelm.core.errors import CohelmError
 from cohelm.station import listener, serve
 from cohelm.station.app import pages
-from cohelm.station.listener import Listener
+from cohelm.station.listener import ListeningSocket
 from cohelm.station.serve import Server
 from cohelm.station.tls import certificate
 from tests.few import first
@@ -167,7 +167,7 @@ def test_one_address_of_the_network_takes_only_its_own_room(
 ) -> None:
     """Of an address that has too many, its own oldest goes; another's stays."""
     monkeypatch.setattr(listener, "MOST_OF_ONE_ADDRESS", 3)
-    door = Listener(socket.AF_INET)
+    door = ListeningSocket(socket.AF_INET)
     pairs = [socket.socketpair() for _ in range(6)]
     given = iter(
         [(pair[0], (f"10.0.0.{1 if i == 1 else 2}", i)) for i, pair in enumerate(pairs, 1)]

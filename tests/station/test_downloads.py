@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.link.messages import Fetch, Health, Picture, Piece
+from cohelm.link.messages import Fetch, HealthReport, Picture, Piece
 from cohelm.link.robot_records import Wanted
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
@@ -371,12 +371,14 @@ def test_of_what_is_published_nothing_piles_up_at_a_station_that_does_not_look(
     with end, StationBulk(bare.keys, "127.0.0.1", bare.port, end.session) as watcher:
         until(lambda: watcher.connected)
         for number in range(200):
-            bare.bulk.publish(Health(number / 200.0, ()))
+            bare.bulk.publish(HealthReport(number / 200.0, ()))
             time.sleep(0.005)
         until(
-            lambda: any(isinstance(m, Health) and m.battery > 0.99 for m in watcher._news.values())
+            lambda: any(
+                isinstance(m, HealthReport) and m.battery > 0.99 for m in watcher._news.values()
+            )
         )
-        assert sum(isinstance(m, Health) for m in watcher._news.values()) == 1
+        assert sum(isinstance(m, HealthReport) for m in watcher._news.values()) == 1
 
 
 def test_a_robot_that_sends_more_than_was_asked_for_is_left(bare: Bare, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from websockets.sync.client import ClientConnection
 from cohelm.link.messages import Mode
 from cohelm.station import app
 from cohelm.station.messages import Do, from_page
-from cohelm.station.operator import Operator
+from cohelm.station.operator import PageOperator
 from cohelm.station.serve import Server
 from tests.few import first
 from tests.link.ends import until
@@ -232,7 +232,7 @@ def test_pages_that_leave_in_the_handshake_or_in_a_word_leave_nothing_behind(
 
 
 def test_a_page_that_is_gone_while_its_words_still_come_breaks_nothing_down(robot: Robot) -> None:
-    operator = Operator("key", "operator 1", robot.connect, 0.25)
+    operator = PageOperator("key", "operator 1", robot.connect, 0.25)
     heard, sent, gone = [0], [0], asyncio.Event()
 
     async def receive() -> dict[str, object]:

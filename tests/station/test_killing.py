@@ -23,7 +23,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.stick_arming import ArmingParams
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from tests.drive.far import PORT, FarRobot
 from tests.drive.test_far import BRAKING, PERIOD, Row, rows
 from tests.link import net

@@ -7,14 +7,14 @@ import pytest
 
 from cohelm.link.messages import Ask
 from cohelm.station.messages import Do, from_page
-from cohelm.station.operator import Operator
+from cohelm.station.operator import PageOperator
 
 
 @pytest.mark.parametrize("late", [0.0, 0.4, 5.0])
 def test_a_press_that_was_long_under_way_is_no_new_one(late):
     asked = []
     link = SimpleNamespace(ask=lambda *request: asked.append(request) or 1)
-    operator = Operator("key", "anna", lambda _: link, 0.25)
+    operator = PageOperator("key", "anna", lambda _: link, 0.25)
     pressed = time.monotonic() - late
     operator._said(from_page(Do(what="automatic", heard_ms=pressed * 1e3).model_dump_json()))
     (what, _, made), *more = asked

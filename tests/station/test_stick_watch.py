@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.link.messages import Device
 from cohelm.station import messages as page
-from cohelm.station.operator import Operator
+from cohelm.station.operator import PageOperator
 
 STALE = 0.25
 
@@ -24,7 +24,7 @@ class Link:
 @pytest.mark.parametrize("on_the_way", [0.0, 0.1, 0.2])
 def test_no_deflection_is_repeated_once_it_may_be_older_than_the_limit(on_the_way):
     link = Link()
-    operator = Operator("key", "anna", lambda _: link, STALE)
+    operator = PageOperator("key", "anna", lambda _: link, STALE)
     now = time.monotonic()
     heard = 1e3 * (now - on_the_way)  # the beat that the page had heard when it sent this
     operator._said(

@@ -33,7 +33,7 @@ _LEAST = 0.5  # of the points, so many have to lie on what was seen before
 _NOTHING = np.diag([1e-2, 1e-2, 1e-2])  # information of a guess that is worth little
 
 
-class Mount(NamedTuple):
+class MeasuredMount(NamedTuple):
     """What the scans show."""
 
     x: Measured
@@ -50,7 +50,7 @@ class Mount(NamedTuple):
     """Standard deviation of a range at rest [m]."""
 
 
-def mount(model: RobotModel, ride: Ride) -> Mount:
+def mount(model: RobotModel, ride: Ride) -> MeasuredMount:
     """Fit all rests of a ride. Raises CohelmError where the scans can not be matched."""
     if model.lidar is None:
         raise CohelmError(f"{model.name} has no LiDAR: give lidar in its file")
@@ -90,7 +90,9 @@ def mount(model: RobotModel, ride: Ride) -> Mount:
     )
     x, y, yaw, way, heading = (Measured(float(a), float(b)) for a, b in zip(p, half, strict=True))
     rest = residual(p).reshape(-1, 3) * scale
-    return Mount(x, y, yaw._replace(value=wrap(yaw.value)), way, heading, rest, _noise(ride.rests))
+    return MeasuredMount(
+        x, y, yaw._replace(value=wrap(yaw.value)), way, heading, rest, _noise(ride.rests)
+    )
 
 
 def _alike(ride: Ride) -> Ints:

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from cohelm.calibrate.mount import Mount
+from cohelm.calibrate.mount import MeasuredMount
 from cohelm.calibrate.response import Response
 from cohelm.calibrate.ride import Ride
 
 
-def pictures(folder: Path, ride: Ride, response: Response, mount: Mount | None) -> list[Path]:
+def pictures(
+    folder: Path, ride: Ride, response: Response, mount: MeasuredMount | None
+) -> list[Path]:
     """Write response.png, and scans.png where the scans told something."""
     commands = np.array(ride.commands)
     figure = Figure(figsize=(11.0, 6.5), layout="constrained")

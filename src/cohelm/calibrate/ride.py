@@ -12,8 +12,8 @@ from cohelm.calibrate.excitation import Excitation, Segment, on_the_floor
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Twist
 from cohelm.robot.gate.gate import Proposal
-from cohelm.robot.gate.modes import Mode, latched
-from cohelm.robot.keep.gated_robot import Keeper, standing
+from cohelm.robot.gate.modes import GateMode, latched
+from cohelm.robot.keep.gated_robot import GatedRobot, standing
 from cohelm.robot.port import Odometry
 
 PERIOD = 0.02
@@ -62,7 +62,7 @@ class Ride:
 
 
 def ride(
-    keeper: Keeper, plan: Excitation, over: Callable[[], str] = lambda: "",
+    gated: GatedRobot, plan: Excitation, over: Callable[[], str] = lambda: "",
     told: Callable[[str, float], None] = lambda _, __: None,
 ) -> Ride:  # fmt: skip
     """Drive all motions, or as many as can be. The robot stands at the end, whatever happens.
@@ -70,7 +70,7 @@ def ride(
     over: why to end now, or nothing. told: what is done, and how much of all.
     Raises CohelmError where nothing could be measured; else `Ride.ended` says why it is not whole.
     """
-    rider = _Rider(keeper, over)
+    rider = _Rider(gated, over)
     try:
         rider.begin(plan)
         for number, segment in enumerate(plan.segments):
@@ -92,8 +92,8 @@ class _EndedError(Exception):
 
 
 class _Rider:
-    def __init__(self, keeper: Keeper, over: Callable[[], str]) -> None:
-        self.keeper, self._over = keeper, over
+    def __init__(self, gated: GatedRobot, over: Callable[[], str]) -> None:
+        self.gated, self._over = gated, over
         self.made = Ride()
         self._sequence, self._number = 0, -1
         self._resting: Rest | None = None
@@ -101,17 +101,17 @@ class _Rider:
 
     def begin(self, plan: Excitation) -> None:
         """The senses speak, nothing is in the way, and the gate lets the robot drive."""
-        keeper, began = self.keeper, self.keeper.now()
+        gated, began = self.gated, self.gated.now()
         while True:
-            readings = keeper.read()
+            readings = gated.read()
             if readings.odometry is not None and readings.scan is not None:
                 break
-            if keeper.now() - began > _PATIENCE:
+            if gated.now() - began > _PATIENCE:
                 what = "odometry" if readings.odometry is None else "scan"
                 raise _EndedError(f"no {what} came within {_PATIENCE:.0f} s: is its sensor on?")
             self._over_now()
-            keeper.wait(keeper.now() + PERIOD)
-        if in_the_way := on_the_floor(keeper.model, readings.scan, plan):
+            gated.wait(gated.now() + PERIOD)
+        if in_the_way := on_the_floor(gated.model, readings.scan, plan):
             raise _EndedError(in_the_way)
         for _ in range(25):
             self._period(_STILL)
@@ -119,13 +119,13 @@ class _Rider:
 
     def rest(self) -> None:
         """Stand, until enough scans were measured."""
-        began, still = self.keeper.now(), math.nan
+        began, still = self.gated.now(), math.nan
         rest: Rest | None = None
-        lidar = self.keeper.model.lidar
+        lidar = self.gated.model.lidar
         longest = _PATIENCE + (0.0 if lidar is None else _SCANS / lidar.rate_hz)
         while rest is None or len(rest.scans) < _SCANS:
             odometry = self._period(_STILL)
-            now = self.keeper.now()
+            now = self.gated.now()
             if not standing(odometry.twist):
                 still = math.nan
             elif still != still:
@@ -135,13 +135,13 @@ class _Rider:
             if now - began > longest:
                 why = "it does not come to stand" if rest is None else "no new scan comes"
                 raise _EndedError(f"{why}: measuring ends here")
-        rest.until = self.keeper.now()
+        rest.until = self.gated.now()
         self.made.rests.append(rest)
         self._resting = None
 
     def drive(self, segment: Segment) -> None:
         """One motion, until the robot stands again."""
-        keeper = self.keeper
+        gated = self.gated
         twist, hold = segment.twist, segment.hold
         before = self.made.odometry[-1].pose
         if segment.legs:  # half turns lead back to the line, whatever was turned too much before
@@ -154,22 +154,22 @@ class _Rider:
                 hold = min(abs(angle / twist.omega), 1.3 * hold)
         elif twist.v:
             self._line = before.psi
-        began = keeper.now()
-        while keeper.now() < began + hold - 1e-6:
+        began = gated.now()
+        while gated.now() < began + hold - 1e-6:
             self._period(twist)
         if segment.hard:
-            keeper.stop("measuring how it brakes")
-            self.made.commands.append((keeper.now(), 0.0, 0.0))
+            gated.stop("measuring how it brakes")
+            self.made.commands.append((gated.now(), 0.0, 0.0))
         still = 0
-        ended = keeper.now()
+        ended = gated.now()
         # a robot that brakes harder than its file says stands before the gate has braked to 0
-        while still < 5 or (segment.hard and keeper.gate.out != _STILL):
+        while still < 5 or (segment.hard and gated.gate.out != _STILL):
             odometry = self._period(_STILL, stopped=segment.hard)
             still = still + 1 if standing(odometry.twist) else 0
-            if keeper.now() - ended > _PATIENCE:
+            if gated.now() - ended > _PATIENCE:
                 raise _EndedError("the robot does not come to stand: measuring ends here")
         if segment.hard:
-            if refused := keeper.reset():
+            if refused := gated.reset():
                 raise _EndedError(f"the stop can not be let go of: {refused}")
             self._go()
         after = self.made.odometry[-1].pose
@@ -185,30 +185,30 @@ class _Rider:
                 f"the robot made {done:.0%} of a motion that it was told: is it switched on, "
                 "released, and does it listen to these commands?"
             )
-        self.made.segments.append((began, keeper.now(), segment))
+        self.made.segments.append((began, gated.now(), segment))
 
     def stand(self) -> None:
         """Brake, and wait until the odometry says that it stands, or for long enough."""
-        keeper = self.keeper
-        keeper.stop(self.made.ended or "measured")
-        until = keeper.now() + 3.0
-        while keeper.now() < until:
-            keeper.wait(keeper.now() + PERIOD)
-            odometry = keeper.read().odometry
-            self._propose(_STILL, keeper.now())
+        gated = self.gated
+        gated.stop(self.made.ended or "measured")
+        until = gated.now() + 3.0
+        while gated.now() < until:
+            gated.wait(gated.now() + PERIOD)
+            odometry = gated.read().odometry
+            self._propose(_STILL, gated.now())
             if odometry is not None and standing(odometry.twist):
                 break
 
     def _go(self) -> None:
-        if refused := self.keeper.drive(Mode.AUTOMATIC):
+        if refused := self.gated.drive(GateMode.AUTOMATIC):
             raise _EndedError(
-                f"the gate does not let it drive: {self.keeper.gate.reason or refused}"
+                f"the gate does not let it drive: {self.gated.gate.reason or refused}"
             )
 
     def _period(self, twist: Twist, stopped: bool = False) -> Odometry:
-        keeper = self.keeper
-        keeper.wait(keeper.now() + PERIOD)
-        readings = keeper.read()
+        gated = self.gated
+        gated.wait(gated.now() + PERIOD)
+        readings = gated.read()
         odometry, scan = readings.odometry, readings.scan
         if odometry is None or scan is None:
             raise _EndedError("the readings are gone: measuring ends here")
@@ -221,8 +221,8 @@ class _Rider:
             if self._resting is not None and scan.stamp >= self._resting.since:
                 self._resting.scans.append(scan.ranges.copy())
         reason = self._propose(twist, odometry.stamp)
-        gate = keeper.gate
-        if gate.mode == Mode.FAULTED or (latched(gate.mode) and not stopped):
+        gate = gated.gate
+        if gate.mode == GateMode.FAULTED or (latched(gate.mode) and not stopped):
             raise _EndedError(f"the robot was stopped: {gate.reason}")
         if twist != _STILL and reason not in _USUAL:
             raise _EndedError(f"the robot was slowed down ({reason}): more free floor is needed")
@@ -230,11 +230,11 @@ class _Rider:
         return odometry
 
     def _propose(self, twist: Twist, stamp: float) -> str:
-        keeper = self.keeper
+        gated = self.gated
         self._sequence += 1
-        now = keeper.now()
-        passed = keeper.propose(Proposal(self._sequence, stamp, twist))
-        stopped = latched(keeper.gate.mode)  # the robot brakes as hard as it can, not as the gate
+        now = gated.now()
+        passed = gated.propose(Proposal(self._sequence, stamp, twist))
+        stopped = latched(gated.gate.mode)  # the robot brakes as hard as it can, not as the gate
         out = _STILL if stopped else passed.out
         self.made.commands.append((now, out.v, out.omega))
         return passed.reason

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from cohelm.calibrate.mount import Mount
+from cohelm.calibrate.mount import MeasuredMount
 from cohelm.calibrate.response import Measured, Response
 from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
@@ -40,7 +40,7 @@ class Comparison(NamedTuple):
 
 
 def findings(
-    model: RobotModel, response: Response, mount: Mount | None, added: float = 0.0
+    model: RobotModel, response: Response, mount: MeasuredMount | None, added: float = 0.0
 ) -> list[Comparison]:
     """Of a run. No limit is written larger than it was assumed.
 
@@ -92,7 +92,7 @@ def findings(
     return found
 
 
-def _track(model: RobotModel, response: Response, mount: Mount) -> Measured:
+def _track(model: RobotModel, response: Response, mount: MeasuredMount) -> Measured:
     """By how far the wheels roll for a metre and for a radian that are commanded [m].
 
     Commanded and not by the odometry, whose heading may be a gyro's and know nothing of the track.

@@ -89,14 +89,14 @@ def calibrate(
     options = DriveOptions(named, scenario, kind, True, None, [], driver, where)
     with starting(model.name) as line, ended() as stop:
         made = robot_factory(options)
-        keeper = RemoteGatedRobot(made, rules(made.model, PERIOD))
+        gated = RemoteGatedRobot(made, rules(made.model, PERIOD))
         try:
             stop.heed()
             line.over()
             with progress("driving") as told:
-                driven = ride(keeper, plan, lambda: stop.reason, told)
+                driven = ride(gated, plan, lambda: stop.reason, told)
         finally:
-            keeper.close()
+            gated.close()
     answered = response(made.model, driven)
     placed, unplaced = None, ""
     try:

@@ -229,7 +229,7 @@ def _shown(session: Session) -> Generator[None]:
                 if shows and session.loop.log.view_lost:
                     shows = False
                     say("the live view is gone: the robot goes on without")
-                gate = session.loop.keeper.gate
+                gate = session.loop.gated.gate
                 now = gate.mode.name.lower() + (f": {gate.reason}" if gate.reason else "")
                 if now != last:
                     last = now

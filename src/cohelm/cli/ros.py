@@ -272,10 +272,10 @@ def _served(
     from cohelm.ros.robot import adapted
 
     length = period(found.command_period) if rate is None else (1.0 + SPARE) / rate
-    keeper = RemoteGatedRobot(partial(adapted, found), gate_rules(found.model, length))
+    gated = RemoteGatedRobot(partial(adapted, found), gate_rules(found.model, length))
     try:
         node = FilterNode(
-            transport, keeper, found, FilterParams(length, timeout), lambda text: say(plain(text))
+            transport, gated, found, FilterParams(length, timeout), lambda text: say(plain(text))
         )
         node.warm_up()
         stop.heed()
@@ -295,7 +295,7 @@ def _served(
         say(plain(stop.reason or "its time is over"))
     finally:
         ordinary()
-        keeper.close()
+        gated.close()
 
 
 def _printed(found: Found, as_json: bool) -> None:

@@ -16,7 +16,7 @@ from cohelm.law.reference import desired
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Robot as Port
+from cohelm.robot.port import RobotPort
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
 
@@ -59,7 +59,7 @@ class RobotFactory(Protocol):
         """From a command to its effect, as the guard has to foresee it [s]."""
         ...
 
-    def __call__(self) -> Port:
+    def __call__(self) -> RobotPort:
         """A new one."""
         ...
 
@@ -102,7 +102,7 @@ class OwnRobot:
         """As measured, lag included; see docs/loop.md."""
         return self.model.delay_s
 
-    def __call__(self) -> Port:
+    def __call__(self) -> RobotPort:
         """Make it, here. Raises CohelmError where that fails, or it is another robot."""
         try:
             robot = self.make if isinstance(self.make, Robot) else _made(self.make, self.model)

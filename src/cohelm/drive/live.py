@@ -1,7 +1,7 @@
 """Shows a drive as it goes to Foxglove and Lichtblick: the topics of a record, over WebSocket.
 
-The server is a process of its own, told by loop and keeper as a recorder is: they never wait for
-it, nor does it for who looks on. Who looks on can do nothing else. The protocol is Foxglove's
+The server is a process of its own, told by loop and gate process as a recorder is: they never wait
+for it, nor does it for who looks on. Who looks on can do nothing else. The protocol is Foxglove's
 (https://github.com/foxglove/ws-protocol, docs/spec.md).
 """
 
@@ -32,7 +32,7 @@ from websockets.typing import Subprotocol
 from cohelm.core.errors import CohelmError
 from cohelm.drive.recorder import Listening, received
 from cohelm.link.udp import resolved
-from cohelm.record.topics import IMAGE, LASTING, Topics, definitions
+from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions
 from cohelm.robot.keep.record_pipe import ALIVE
 from cohelm.robot.model import RobotModel
 
@@ -80,7 +80,7 @@ class LiveConfig:
 
 
 class Live(Listening):
-    """A server at work. `loop` and `keeper` are the ends to speak into, as `record_pipe.Line`."""
+    """A server at work. `loop` and `gated` are the ends to speak into, see `RecordLine`."""
 
     def __init__(self, config: LiveConfig, model: RobotModel) -> None:
         """Raises CohelmError where it can not listen."""
@@ -116,12 +116,12 @@ def _bound(host: str, port: int) -> socket.socket:
 
 def _show(
     listening: socket.socket, token: str, model: RobotModel,
-    loop: socket.socket, keeper: socket.socket,
+    loop: socket.socket, gated: socket.socket,
 ) -> None:  # fmt: skip
     """The other process. It ends when both lines are closed."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    os.nice(5)  # loop, keeper and recorder come first
-    asyncio.run(_shown(listening, LiveServer(model, token), [loop, keeper]))
+    os.nice(5)  # loop, gate process and recorder come first
+    asyncio.run(_shown(listening, LiveServer(model, token), [loop, gated]))
 
 
 async def _shown(listening: socket.socket, server: LiveServer, lines: list[socket.socket]) -> None:
@@ -178,7 +178,7 @@ class LiveServer:
 
     def __init__(self, model: RobotModel, token: str) -> None:
         self._model, self._path = model, f"/{token}".encode()
-        self._topics: Topics | None = None
+        self._topics: RecordTopics | None = None
         self._viewers: set[_Viewer] = set()
         self._last: dict[str, tuple[int, bytes]] = {}
         made = definitions(model)
@@ -197,9 +197,9 @@ class LiveServer:
         self._greetings = [json.dumps(one) for one in (info, _op("advertise", channels=channels))]
 
     def take(self, message: Any) -> None:
-        """One message of loop or keeper; first the time stamp of t = 0 [ns]."""
+        """One message of loop or gate process; first the time stamp of t = 0 [ns]."""
         if isinstance(message, int):
-            self._topics = Topics(message, self.put, self._model, self.wanted)
+            self._topics = RecordTopics(message, self.put, self._model, self.wanted)
             self._topics.begin()
         elif self._topics is not None:
             self._topics.write(message)

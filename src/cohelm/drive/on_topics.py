@@ -77,7 +77,7 @@ class OnTopics:
         """Of a session that no station drives: ways are made here, and the robot stands until the
         first one comes. jobs: what works beside the loop."""
         if self.joy is not None:
-            session.loop.pause(_JOY, f"waits for {self.joy.topic}, centred")
+            session.loop.supervisor.pause(_JOY, f"waits for {self.joy.topic}, centred")
         if self._goals is None or not self._goals.ways:
             return
         robot = session.plan.robot
@@ -86,7 +86,7 @@ class OnTopics:
         self._rerouting = Rerouting(
             (self,), self._jobs.checking, self._jobs.ways, self._build, self._taken_up
         )
-        session.loop.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
+        session.loop.supervisor.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
@@ -97,9 +97,9 @@ class OnTopics:
             return
         if self._localized is not None and loop.has_map:
             line = None if pilot is None else pilot.course.poses
-            self._localized.take(seen, readings.odometry, loop.keeper.now(), line)
+            self._localized.take(seen, readings.odometry, loop.gated.now(), line)
         if self._goals is not None:
-            if pilot is not None and not loop.paused:
+            if pilot is not None and not loop.supervisor.paused:
                 self._goals.route = pilot.planner.route.line
             told = self._goals.initial()
             if told is not None:
@@ -136,16 +136,16 @@ class OnTopics:
     def _hold(self, loop: Loop, joy: JoyOperator) -> None:
         """Until the joystick was seen once the robot stands; where it has to be held to run, also
         later whenever it is not."""
-        self._joy_armed = self._joy_armed or loop.stick_state.arming == Arming.ARMED
+        self._joy_armed = self._joy_armed or loop.supervisor.stick_state.arming == Arming.ARMED
         why = ""
         if not self._joy_armed:
             why = joy.problem() or f"waits for {joy.topic} to be centred"
         elif joy.params.hold_to_run and not joy.held():
             why = joy.problem() or f"the enable button of {joy.topic} is not held"
         if why:
-            loop.pause(_JOY, why)
+            loop.supervisor.pause(_JOY, why)
         else:
-            loop.go_on(_JOY)
+            loop.supervisor.go_on(_JOY)
 
     def _place(self, loop: Loop, told: Placed) -> str:
         """Why it is not, or nothing."""
@@ -174,7 +174,7 @@ class OnTopics:
             self._session.driver = loop.driver
         for line in way(reference):
             loop.log.show(line)
-        loop.go_on(_FIRST)
+        loop.supervisor.go_on(_FIRST)
 
 
 @contextmanager

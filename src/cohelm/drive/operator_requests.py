@@ -23,7 +23,7 @@ from cohelm.drive.rerouting import PathRequests, Rerouting
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.shown import NO_ZONES, detour, drawn, told, way, zoned
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Health, Map, Polyline, ZoneMap
+from cohelm.link.messages import HealthReport, Map, Polyline, ZoneMap
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -70,11 +70,11 @@ class OperatorRequests:
         self._drawn: tuple[Map | ZoneMap | Polyline, ...] = ()
         self._course: Course | None = None
         self._detour = detour(None)
-        self._health: Health | None = None
+        self._health: HealthReport | None = None
         session.shown = operator.picture
         for none in NO_ZONES:
             operator.publish(none)
-        operator.publish(told(session.loop.docking.docks))
+        operator.publish(told(session.loop.supervisor.docking.docks))
         zones = zoned(session.plan.zones, robot.scenario.reference.speed_mps)
         self._map = zones if known is None else (drawn(known), *zones)
         self._show(*self._map, *way(robot.scenario.reference.spline()))
@@ -103,7 +103,7 @@ class OperatorRequests:
                 loop.log.show(line)
         said = None if loop.readings is None else loop.readings.health
         if said is not None:
-            health = Health(round(said.battery, 2), said.faults)
+            health = HealthReport(round(said.battery, 2), said.faults)
             if str(health) != str(self._health):  # a NaN is not itself
                 self._health = health
                 self._operator.publish(health)

@@ -26,7 +26,7 @@ from cohelm.record.read import RecordedPeriods, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, ZONES, understood
 from cohelm.record.topics import IMAGE, scan_topic
-from cohelm.robot.gate.modes import Mode as GateMode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario

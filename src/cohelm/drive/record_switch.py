@@ -19,7 +19,7 @@ from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
 from cohelm.link.messages import Map, Polyline, ZoneMap
 from cohelm.loop.loop import Loop
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import dump
 
@@ -46,7 +46,7 @@ class RecordSwitch:
         self._made: Recording | None = None
         """The one that is written, or about to be."""
         self._spoken = False
-        """Whether loop and keeper speak into it."""
+        """Whether loop and gate process speak into it."""
         operator.record = self.ask
 
     def ask(self, on: bool) -> str:
@@ -72,8 +72,8 @@ class RecordSwitch:
             self._jobs.do(lambda: self._finish(made, _FINISH))
         elif made is not None and not self._spoken:
             self._spoken = True
-            loop.record_into(Line(made.loop))
-            loop.keeper.record_into(made.keeper)
+            loop.record_into(RecordLine(made.loop))
+            loop.gated.record_into(made.gated)
             for one in self._drawn():
                 loop.log.show(one)
 
@@ -89,15 +89,15 @@ class RecordSwitch:
         """Nobody may speak into a line that is closed."""
         if self._spoken:
             self._spoken = False
-            loop.record_into(Line(None))
-            with contextlib.suppress(CohelmError):  # there may be no keeper any more
-                loop.keeper.record_into(None)
+            loop.record_into(RecordLine(None))
+            with contextlib.suppress(CohelmError):  # there may be no gate process any more
+                loop.gated.record_into(None)
 
     def _begin(self) -> None:
         robot = self._session.plan.robot
         try:
             made = self._make(_free(self._folder), robot.model, dump(robot.scenario))
-            now = self._session.loop.keeper.now()
+            now = self._session.loop.gated.now()
             made.begin(time.time_ns() - round(now * 1e9))
             self._made = made
         except (CohelmError, OSError) as error:

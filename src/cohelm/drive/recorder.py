@@ -1,6 +1,6 @@
 """The record in a process of its own: the loop never waits for a disk, nor ends unexplained.
 
-Loop and keeper have a line each. When both are silent for good, the file is finished. Beside
+Loop and gate process have a line each. When both are silent for good, the file is finished. Beside
 `NAME.mcap` stands `NAME.log`, one line for everything that happened, which can still grow when the
 disk is full: room for it is kept in `NAME.reserve` until then.
 """
@@ -31,17 +31,17 @@ _FLUSH = 0.5  # from one time the file is made good to the next [s]
 
 
 class Listening:
-    """A process that loop and keeper speak to, each into its end of a line."""
+    """A process that loop and gate process speak to, each into its end of a line."""
 
     def __init__(
         self, name: str, target: Callable[..., None], *args: Any, outlives: bool = False
     ) -> None:
         """target: is given the other ends of both lines behind the arguments."""
         self.loop, loops = line()
-        self.keeper, keepers = line()
-        self._process = started(name, target, *args, loops, keepers, outlives=outlives)
+        self.gated, gates = line()
+        self._process = started(name, target, *args, loops, gates, outlives=outlives)
         loops.close()
-        keepers.close()
+        gates.close()
 
     @property
     def pid(self) -> int:
@@ -54,7 +54,7 @@ class Listening:
 
     def hang_up(self) -> None:
         """Nothing more is said; the process ends by itself."""
-        for end in (self.loop, self.keeper):
+        for end in (self.loop, self.gated):
             with contextlib.suppress(OSError):
                 end.close()
 
@@ -134,7 +134,7 @@ class Log:
 
 
 def _record(
-    path: Path, model: RobotModel, scenario: str, loop: socket.socket, keeper: socket.socket
+    path: Path, model: RobotModel, scenario: str, loop: socket.socket, gated: socket.socket
 ) -> None:
     """The other process."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -143,7 +143,7 @@ def _record(
     log = Log(path)
     with path.open("wb", buffering=0) as file:  # closing it writes nothing, so never fails
         desk = _Desk(file, log, model, scenario)
-        desk.sit(loop, keeper)
+        desk.sit(loop, gated)
     log.close()
     if desk.full:
         raise SystemExit(1)
@@ -159,9 +159,9 @@ class _Desk:
         """Why nothing more is written; empty while it is."""
         self._latest = 0.0
 
-    def sit(self, loop: socket.socket, keeper: socket.socket) -> None:
+    def sit(self, loop: socket.socket, gated: socket.socket) -> None:
         """Until both lines are closed."""
-        lines = {loop.fileno(): loop, keeper.fileno(): keeper}
+        lines = {loop.fileno(): loop, gated.fileno(): gated}
         poll = select.poll()
         for fd in lines:
             poll.register(fd, select.POLLIN)

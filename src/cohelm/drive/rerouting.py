@@ -98,10 +98,10 @@ class Rerouting:
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
-        now = loop.keeper.now()
+        now = loop.gated.now()
         for source in self._sources:
             for one in source.path_requests():
-                self._take(one, loop.lease, now)
+                self._take(one, loop.supervisor.lease, now)
         self._expire(now)
         checked_path = self._checking.result(now) if self._checked is not None else None
         if checked_path is not None:
@@ -138,7 +138,9 @@ class Rerouting:
         if way is not None and way.checking:
             self._checked, where = way, way.wish.where
         elif self._wishes:
-            own = sorted(key for key in self._wishes if key[0] == loop.lease[0])  # first: to go
+            own = sorted(
+                key for key in self._wishes if key[0] == loop.supervisor.lease[0]
+            )  # first: to go
             wish = self._wishes.pop(own[0] if own else next(iter(self._wishes)))
             self._checked, where = wish, wish.where
         else:
@@ -153,11 +155,11 @@ class Rerouting:
                 what.reference, what.made = checked_path.reference, checked_path.why or None
         elif what is not None:
             ok, why = checked_path.reference is not None, checked_path.why
-            if ok and not what.only_check and what.lease != loop.lease:
+            if ok and not what.only_check and what.lease != loop.supervisor.lease:
                 ok = False
                 why = "you do not drive" if what.client > 0 else _DRIVES_NO_MORE
-            if ok and not what.only_check and loop.docking.on:
-                ok, why = False, f"it is {loop.docking.doing}: hold it first"
+            if ok and not what.only_check and loop.supervisor.docking.on:
+                ok, why = False, f"it is {loop.supervisor.docking.doing}: hold it first"
             if ok and not what.only_check:
                 self._accept(loop, what, now)
             self._reply(what, ok, why, checked_path.worst)
@@ -171,11 +173,11 @@ class Rerouting:
     def _accept(self, loop: Loop, wish: _Waiting, now: float) -> None:
         """Stand, whatever the mode; one that was accepted before is forgotten."""
         self._way = _ProposedPath(wish, now)
-        loop.pause(_PAUSE, "a new way is being made")
+        loop.supervisor.pause(_PAUSE, "a new way is being made")
 
     def _go_on(self, loop: Loop, way: _ProposedPath, now: float) -> None:
         """Once it stands: check again from there, have a driver made, and go."""
-        if loop.lease != way.wish.lease:
+        if loop.supervisor.lease != way.wish.lease:
             self._give_up(loop, "who asked for it drives no more")
         elif isinstance(way.made, str):
             self._give_up(loop, way.made)
@@ -212,13 +214,13 @@ class Rerouting:
         self._way = None
         self._jobs.do(old.close)
         self._shown(loop, reference)
-        loop.go_on(_PAUSE)
+        loop.supervisor.go_on(_PAUSE)
 
     def _give_up(self, loop: Loop, why: str) -> None:
         self._way = None
-        if loop.mode != Mode.HOLD:
-            loop.choose(Mode.HOLD)
-        loop.go_on(_PAUSE)
+        if loop.supervisor.mode != Mode.HOLD:
+            loop.supervisor.choose(Mode.HOLD)
+        loop.supervisor.go_on(_PAUSE)
         loop.alarms.on("way", f"no new way, the robot holds: {why}", Severity.WARNING)
         loop.alarms.off("way")  # to be acknowledged; there is nothing that goes on
 
@@ -226,4 +228,4 @@ class Rerouting:
 def stands(loop: Loop) -> bool:
     """Whether the robot does, and is not told otherwise."""
     seen = loop.seen
-    return seen is not None and standing(seen.twist) and loop.keeper.gate.out == STANDING
+    return seen is not None and standing(seen.twist) and loop.gated.gate.out == STANDING

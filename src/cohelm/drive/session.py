@@ -32,18 +32,18 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import Zones
 from cohelm.record.topics import Photo
-from cohelm.robot.gate.modes import Mode as GateMode, latched
-from cohelm.robot.keep.gated_robot import GatedRobot, Keeper, rules, standing
+from cohelm.robot.gate.modes import GateMode, latched
+from cohelm.robot.keep.gated_robot import GatedRobot, LocalGatedRobot, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.limits import checked_braking
 from cohelm.robot.port import Encoded, Frame
 from cohelm.scenario.docks import checked
 from cohelm.scenario.load import dump
 from cohelm.scenario.zones import check, given_first
 
-_BRAKING = 3.0  # a robot that has not come to stand by then is left to its keeper [s]
+_BRAKING = 3.0  # a robot that has not come to stand by then is left to its gate process [s]
 SIMULATED_TIME = "simulated time"
 """How a session is scheduled that no clock hurries."""
 _READY = 10.0  # the robot's sensors must speak within this [s]
@@ -108,7 +108,7 @@ class Session:
             checked_braking(model.bounds())
         self.recording: Recording | None = None
         self.live: Live | None = None
-        self.keeper: Keeper | None = None
+        self.gated: GatedRobot | None = None
         self.driver: Driver | None = None
         self.known: LocalizationMap | None = None
         """The map that the robot localises on."""
@@ -137,23 +137,23 @@ class Session:
             docks = docks_of(plan, known)
             warmed_up = _in_thread(lambda: rehearse(model, has_map)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
-            ends = [None if one is None else one.keeper for one in (self.recording, self.live)]
+            ends = [None if one is None else one.gated for one in (self.recording, self.live)]
             if real_time:
-                self.keeper = RemoteGatedRobot(robot, gate, *ends)
+                self.gated = RemoteGatedRobot(robot, gate, *ends)
             else:
-                lines = [Line(end, waits=True) for end in ends]
-                self.keeper = GatedRobot(robot(), gate, lines[0], shown=lines[1])
-            epoch = time.time_ns() - round(self.keeper.now() * 1e9)
+                lines = [RecordLine(end, waits=True) for end in ends]
+                self.gated = LocalGatedRobot(robot(), gate, lines[0], shown=lines[1])
+            epoch = time.time_ns() - round(self.gated.now() * 1e9)
             for one in self._recorders():
                 if real_time:
-                    one.keeper.close()  # the keeper's process has it
+                    one.gated.close()  # the gate process has it
                 one.begin(epoch)
             if warmed_up is not None:
                 warmed_up()
             perception = Perception(model, known, robot.start)
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(
-                self.keeper, perception, self.driver, operator or NullOperator(),
+                self.gated, perception, self.driver, operator or NullOperator(),
                 _line(self.recording, real_time), _loop_params(plan), has_map=has_map,
                 live=_line(self.live, real_time), docks=docks,
             )  # fmt: skip
@@ -183,20 +183,23 @@ class Session:
         dock: dock there instead, from 1. A stop, hold or fault meanwhile ends the wish, and so does
         a mode that a person chooses.
         """
-        keeper, begun = self.loop.keeper, self.loop.keeper.now()
+        gated, supervisor = self.loop.gated, self.loop.supervisor
+        begun, ended = gated.now(), supervisor.rights.ended
         self._to_dock = dock > 0
-        wanted, ended = (Mode.AUTOMATIC if dock else mode), self.loop.rights.ended
+        wanted = Mode.AUTOMATIC if dock else mode
 
         def chosen(loop: Loop) -> bool:
             nonlocal wanted
             if wanted != Mode.HOLD:
-                over = loop.rights.ended != ended or loop.mode not in (Mode.HOLD, wanted)
-                over = over or latched(keeper.gate.mode)
-                late = keeper.now() - begun > _READY
-                said = "" if over else loop.dock(dock) if dock else loop.choose(wanted)
-                if late and said and dock:
-                    loop.docking.over(Ended(said))
-                if over or late or not said:
+                over = supervisor.rights.ended != ended or latched(gated.gate.mode)
+                over = over or supervisor.mode not in (Mode.HOLD, wanted)
+                late = gated.now() - begun > _READY
+                refusal = ""
+                if not over:
+                    refusal = supervisor.dock(dock) if dock else supervisor.choose(wanted)
+                if late and refusal and dock:
+                    supervisor.docking.over(Ended(refusal))
+                if over or late or not refusal:
                     wanted = Mode.HOLD
             self._look()
             self._periods += 1
@@ -214,7 +217,7 @@ class Session:
             return
         frame = loop.readings.frame
         if self._camera is not None:
-            self._frame = frame = self._camera(loop.keeper.now()) or self._frame
+            self._frame = frame = self._camera(loop.gated.now()) or self._frame
         if frame is None:
             return
         due = rate > 0.0 and loop.log.wants_pictures and frame.stamp - self._recorded > 0.9 / rate
@@ -227,25 +230,25 @@ class Session:
             self._recorded = packed.stamp
             loop.log(Photo(packed.stamp, packed.number, packed.data))
         if self.shown is not None:
-            self.shown(packed, loop.keeper.now() - packed.stamp)
+            self.shown(packed, loop.gated.now() - packed.stamp)
 
     def end(self, reason: str) -> None:
         """Stop the robot, and go on turning until it stands, so that the record has it."""
-        keeper = self.loop.keeper
-        keeper.stop(reason)
-        until = keeper.now() + _BRAKING
+        gated = self.loop.gated
+        gated.stop(reason)
+        until = gated.now() + _BRAKING
 
         def stands(loop: Loop) -> bool:
-            return keeper.now() > until or (loop.seen is not None and standing(loop.seen.twist))
+            return gated.now() > until or (loop.seen is not None and standing(loop.seen.twist))
 
         self.loop.run(stands, self.plan.robot.real_time)
 
     def line(self) -> str:
         """How it goes, for a terminal."""
         loop, kept = self.loop, self.loop.timing.kept()
-        gate, seen = loop.keeper.gate, loop.seen
+        gate, seen = loop.gated.gate, loop.seen
         where = f"at {seen.pose.x:.2f} {seen.pose.y:.2f}" if seen else "nowhere yet"
-        said = f"{loop.mode.name} {gate.mode.name} {gate.reason} {where}"
+        said = f"{loop.supervisor.mode.name} {gate.mode.name} {gate.reason} {where}"
         return (
             f"{said} | {kept.periods} periods, {100.0 * kept.within_2ms:.2f} % within 2 ms, worst "
             f"{1e3 * kept.late_worst:.1f} ms, work {1e3 * kept.took_median:.1f} ms, "
@@ -254,8 +257,8 @@ class Session:
 
     def summary(self) -> dict[str, Any]:
         """What became of it, in numbers; read before `close`."""
-        loop, kept, gate = self.loop, self.loop.timing.kept(), self.loop.keeper.gate
-        truth = getattr(loop.keeper, "truth", lambda: None)()
+        loop, kept, gate = self.loop, self.loop.timing.kept(), self.loop.gated.gate
+        truth = getattr(loop.gated, "truth", lambda: None)()
         least = truth.least_moving if truth is not None else math.nan
         return {
             "scenario": self.plan.robot.scenario.name,
@@ -266,8 +269,8 @@ class Session:
             "reason": gate.reason,
             "faulted": gate.mode == GateMode.FAULTED,
             "arrived": loop.driver.arrived,
-            "docking": loop.docking.last.why or None,
-            "docked": loop.docking.last.arrived if self._to_dock else None,
+            "docking": loop.supervisor.docking.last.why or None,
+            "docked": loop.supervisor.docking.last.arrived if self._to_dock else None,
             "least_clearance_moving_m": least if math.isfinite(least) else None,
             "lost_share": self._lost / self._periods if self._periods else None,
             "lost": bool(loop.seen is not None and loop.seen.lost),
@@ -292,8 +295,8 @@ class Session:
 
     def close(self) -> None:
         """The robot first, then what plans, then the record."""
-        if self.keeper is not None:
-            self.keeper.close()
+        if self.gated is not None:
+            self.gated.close()
         if self.driver is not None:
             self.driver.close()
         self.pictures.close()
@@ -310,26 +313,26 @@ class Session:
     def _warm_up(self) -> None:
         """Compile what a period needs, before the first one is due: a few, standing."""
         loop = self.loop
-        keeper = loop.keeper
-        end = keeper.now() + (0.5 if self.plan.robot.real_time else 0.1)
+        gated = loop.gated
+        end = gated.now() + (0.5 if self.plan.robot.real_time else 0.1)
         while True:
-            seen = loop.perception.take(keeper.now(), keeper.read())
+            seen = loop.perception.take(gated.now(), gated.read())
             loop.driver.rehearse(seen.pose, loop.driver.around(seen))
-            keeper.wait(keeper.now() + self.plan.period)
-            if keeper.now() >= end:
+            gated.wait(gated.now() + self.plan.period)
+            if gated.now() >= end:
                 break
-        loop.driver.rehearse_plan(seen, keeper)
+        loop.driver.rehearse_plan(seen, gated)
         loop.period()
         loop.timing = Timing()
 
 
-def _line(listener: Listening | None, real_time: bool) -> Line:
+def _line(listener: Listening | None, real_time: bool) -> RecordLine:
     """From the loop."""
-    return Line(None if listener is None else listener.loop, waits=not real_time)
+    return RecordLine(None if listener is None else listener.loop, waits=not real_time)
 
 
 def _in_thread(what: Callable[[], None]) -> Callable[[], None]:
-    """Do something in a thread: what compiles here, and what compiles in the keeper's process, take
+    """Do something in a thread: what compiles here, and what compiles in the gate process, take
     as long as the longer of the two. Returns what waits for its end, and raises what it raised."""
     raised: list[BaseException] = []
 

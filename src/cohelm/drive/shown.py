@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.law.reference import Reference, desired
-from cohelm.link.messages import DockPlace, Docks, Line, Map, Polyline, Zone, ZoneMap
+from cohelm.link.messages import DockPlace, Docks, LineKind, Map, Polyline, Zone, ZoneMap
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import Course, poses_along
 from cohelm.plan.docks import Dock
@@ -73,7 +73,7 @@ def told(docks: Sequence[Dock]) -> Docks:
 def detour(course: Course | None) -> Polyline:
     """The course that is driven, where it is not the reference's own; else no points."""
     points = np.empty((0, 2)) if course is None or course.row == 0 else course.poses[:, :2]
-    return Polyline(Line.DETOUR, points.astype(np.float32))
+    return Polyline(LineKind.DETOUR, points.astype(np.float32))
 
 
 def way(reference: Reference) -> tuple[Polyline, Polyline]:
@@ -81,4 +81,4 @@ def way(reference: Reference) -> tuple[Polyline, Polyline]:
     at = [desired(reference, float(t), False) for t in reference.knots]
     points = np.array([(d.x, d.y) for d in at], dtype=np.float32)
     line = poses_along(reference, _STEP)[:, :2].astype(np.float32)
-    return Polyline(Line.REFERENCE, line), Polyline(Line.WAYPOINTS, points)
+    return Polyline(LineKind.REFERENCE, line), Polyline(LineKind.WAYPOINTS, points)

@@ -1,4 +1,4 @@
-"""The robot of a scenario, simulated: what the keeper's process is handed to make it there."""
+"""The robot of a scenario, simulated: what the gate process is handed to make it there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cohelm.drive.factory import beginning, described
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import pace
-from cohelm.robot.port import Robot
+from cohelm.robot.port import RobotPort
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.worlds.maps import read_map
@@ -52,7 +52,7 @@ class Simulated:
             return self.model.delay_s
         return lag(self.model, TwinModel(), period)
 
-    def __call__(self) -> Robot:
+    def __call__(self) -> RobotPort:
         """A new one, standing at the start."""
         scenery, clock = self.scenario.scenery(), pace(self.real_time)
         if scenery.grid is not NO_GRID:  # its borders come with the map, and a LiDAR sees its cells

@@ -39,7 +39,7 @@ def drive_here(
     number = dock_of(plan, dock)
     with Session(plan, operator, None if topics is None else topics.camera) as session:
         stop.heed()
-        clock = session.loop.keeper.now
+        clock = session.loop.gated.now
         with begun(session):
             if topics is not None:
                 topics.begin(session)
@@ -50,7 +50,7 @@ def drive_here(
                 if topics is not None:
                     topics.turn(loop)
                 over = clock() >= end or (arrive and loop.driver.arrived)
-                over = over or bool(number and loop.docking.last.why)
+                over = over or bool(number and loop.supervisor.docking.last.why)
                 return over or stop.reason != ""
 
             session.run(until, mode, number)

@@ -51,7 +51,7 @@ class PaceParams(NamedTuple):
     """Fastest fall of the rate [1/s]."""
 
 
-class Clock(NamedTuple):
+class CourseClock(NamedTuple):
     """Where the reference is, tau [s], and how fast it goes, d tau / d t in [0, 1].
 
     waited: how long it has stood still, not at its end and not for a person [s]; when that is
@@ -121,7 +121,7 @@ def allowed(profile: Profile, tau: float) -> float:
 
 
 @jit
-def governed(reference: Reference, clock: Clock, pose: Pose, pace: PaceParams) -> Desired:
+def governed(reference: Reference, clock: CourseClock, pose: Pose, pace: PaceParams) -> Desired:
     """The desired pose, speed and yaw rate at the clock's time and rate, for the tracking law.
 
     u_d = rate ||S'|| and r_d = rate r_d(tau); at rate 0 the reference rests where it is. The
@@ -145,9 +145,9 @@ def governed(reference: Reference, clock: Clock, pose: Pose, pace: PaceParams) -
 
 @jit
 def govern(
-    clock: Clock, pose: Pose, reference: Reference, profile: Profile, leads: bool, pace: PaceParams,
-    dt: float,
-) -> Clock:  # fmt: skip
+    clock: CourseClock, pose: Pose, reference: Reference, profile: Profile, leads: bool,
+    pace: PaceParams, dt: float,
+) -> CourseClock:  # fmt: skip
     """The clock one step of `dt` later.
 
     The rate follows the profile, less the robot is behind (from `slack` to `lag`, along the
@@ -175,7 +175,7 @@ def govern(
     if not leads:
         tau = min(tau + rate * dt, reference.knots[-1])
     stands = rate < 0.02 and not leads and tau < reference.knots[-1]
-    return Clock(tau, rate, clock.waited + dt if stands else 0.0)
+    return CourseClock(tau, rate, clock.waited + dt if stands else 0.0)
 
 
 @jit

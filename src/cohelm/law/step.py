@@ -73,7 +73,7 @@ def hand_of(stick: Stick, gains: Gains) -> Hand:
 
 
 @jit_inline
-def avoidance(pose: Pose, tau: Twist, discs: Floats, gains: Gains) -> Avoidance:
+def _avoidance(pose: Pose, tau: Twist, discs: Floats, gains: Gains) -> Avoidance:
     """u of (33); nothing with the barrier off."""
     if gains.barrier:
         return barrier(pose, tau, discs, gains)
@@ -104,7 +104,7 @@ def control_step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gain
     hand = hand_of(stick, gains)
     tau_c = track(pose, desired, gains)
     tau = blend(tau_c, hand.wish, hand.share)
-    return decided(tau_c, hand, tau, avoidance(pose, tau, discs, gains))
+    return decided(tau_c, hand, tau, _avoidance(pose, tau, discs, gains))
 
 
 @jit_inline

@@ -58,7 +58,7 @@ class Reader:
             raise Malformed(f"{len(self.data) - self.at} bytes too many")
 
 
-class Field(NamedTuple, Generic[T]):
+class WireField(NamedTuple, Generic[T]):
     """One part of a message."""
 
     write: Callable[[bytearray, T], None]
@@ -69,7 +69,7 @@ class Field(NamedTuple, Generic[T]):
     """Bytes it takes at most."""
 
 
-def whole(form: str) -> Field[int]:
+def whole(form: str) -> WireField[int]:
     """An unsigned integer: `B`, `H`, `I` or `Q` of struct."""
     layout = struct.Struct("<" + form)
     largest = 256**layout.size - 1
@@ -82,10 +82,10 @@ def whole(form: str) -> Field[int]:
     def read(reader: Reader) -> int:
         return layout.unpack(reader.take(layout.size))[0]
 
-    return Field(write, read, layout.size)
+    return WireField(write, read, layout.size)
 
 
-def real(form: str, least: float = -math.inf, most: float = math.inf) -> Field[float]:
+def real(form: str, least: float = -math.inf, most: float = math.inf) -> WireField[float]:
     """A finite number, `f` or `d` of struct, in [least, most]."""
     layout = struct.Struct("<" + form)
 
@@ -106,10 +106,10 @@ def real(form: str, least: float = -math.inf, most: float = math.inf) -> Field[f
             raise Malformed(refused(value))
         return value
 
-    return Field(write, read, layout.size)
+    return WireField(write, read, layout.size)
 
 
-def reported(form: str) -> Field[float]:
+def reported(form: str) -> WireField[float]:
     """Any number at all; NaN says that it is not known, infinity that there is none."""
     layout = struct.Struct("<" + form)
 
@@ -122,7 +122,7 @@ def reported(form: str) -> Field[float]:
     def read(reader: Reader) -> float:
         return layout.unpack(reader.take(layout.size))[0]
 
-    return Field(write, read, layout.size)
+    return WireField(write, read, layout.size)
 
 
 def _write_flag(into: bytearray, value: bool) -> None:
@@ -136,10 +136,10 @@ def _read_flag(reader: Reader) -> bool:
     return byte == 1
 
 
-FLAG: Field[bool] = Field(_write_flag, _read_flag, 1)
+FLAG: WireField[bool] = WireField(_write_flag, _read_flag, 1)
 
 
-def choice(of: type[E]) -> Field[E]:
+def choice(of: type[E]) -> WireField[E]:
     """One of an enumeration, as a byte."""
 
     def read(reader: Reader) -> E:
@@ -152,10 +152,10 @@ def choice(of: type[E]) -> Field[E]:
     def write(into: bytearray, value: E) -> None:
         into.append(of(value))
 
-    return Field(write, read, 1)
+    return WireField(write, read, 1)
 
 
-def text(most: int) -> Field[str]:
+def text(most: int) -> WireField[str]:
     """UTF-8 of at most `most` bytes, without control characters; a longer text ends with "…"."""
     count = whole("B" if most < 256 else "H")
 
@@ -179,10 +179,10 @@ def text(most: int) -> Field[str]:
             raise Malformed("a text with control characters")
         return value
 
-    return Field(write, read, count.most + most)
+    return WireField(write, read, count.most + most)
 
 
-def many(item: Field[T], most: int) -> Field[tuple[T, ...]]:
+def many(item: WireField[T], most: int) -> WireField[tuple[T, ...]]:
     """Up to `most` of them; of more, the first."""
     count = whole("B" if most < 256 else "H")
 
@@ -197,10 +197,10 @@ def many(item: Field[T], most: int) -> Field[tuple[T, ...]]:
             raise Malformed(f"{length} of what may be there {most} times")
         return tuple(item.read(reader) for _ in range(length))
 
-    return Field(write, read, count.most + most * item.most)
+    return WireField(write, read, count.most + most * item.most)
 
 
-def array(dtype: str, columns: int, most: int) -> Field[NDArray[Any]]:
+def array(dtype: str, columns: int, most: int) -> WireField[NDArray[Any]]:
     """Up to `most` rows of numbers, shape (n, columns), or (n,) for 0 columns; of more, the first.
 
     Reading takes any numbers; what they may be is for the message to say (`checked`).
@@ -224,10 +224,10 @@ def array(dtype: str, columns: int, most: int) -> Field[NDArray[Any]]:
         rows = np.frombuffer(raw, kind).reshape((length, columns) if columns else (length,))
         return rows.astype(kind.newbyteorder("="))
 
-    return Field(write, read, count.most + most * wide * kind.itemsize)
+    return WireField(write, read, count.most + most * wide * kind.itemsize)
 
 
-def blob(most: int) -> Field[bytes]:
+def blob(most: int) -> WireField[bytes]:
     """Up to `most` bytes as they are."""
     count = whole("I")
 
@@ -243,10 +243,10 @@ def blob(most: int) -> Field[bytes]:
             raise Malformed(f"{length} bytes where {most} are allowed")
         return reader.take(length)
 
-    return Field(write, read, count.most + most)
+    return WireField(write, read, count.most + most)
 
 
-def record(of: Callable[..., T], *fields: Field[Any]) -> Field[T]:
+def record(of: Callable[..., T], *fields: WireField[Any]) -> WireField[T]:
     """A NamedTuple, its fields in order."""
 
     def write(into: bytearray, value: Any) -> None:
@@ -256,10 +256,10 @@ def record(of: Callable[..., T], *fields: Field[Any]) -> Field[T]:
     def read(reader: Reader) -> T:
         return of(*[field.read(reader) for field in fields])
 
-    return Field(write, read, sum(field.most for field in fields))
+    return WireField(write, read, sum(field.most for field in fields))
 
 
-def checked(field: Field[T], wrong: Callable[[T], str]) -> Field[T]:
+def checked(field: WireField[T], wrong: Callable[[T], str]) -> WireField[T]:
     """The same field, with a further condition: `wrong` says what is wrong, or nothing."""
 
     def write(into: bytearray, value: T) -> None:
@@ -273,7 +273,7 @@ def checked(field: Field[T], wrong: Callable[[T], str]) -> Field[T]:
             raise Malformed(said)
         return value
 
-    return Field(write, read, field.most)
+    return WireField(write, read, field.most)
 
 
 class UpTo(NamedTuple):
@@ -289,7 +289,7 @@ def _tuple(*parts: Any) -> Any:
 _REPORTED = reported("f")
 
 
-def layout(of: Any) -> Field[Any]:
+def layout(of: Any) -> WireField[Any]:
     """The bytes of a type, from its annotations.
 
     `Annotated[...]` says them with a `Field`, or of a tuple with `UpTo`. Without: a float is an `f`
@@ -299,7 +299,7 @@ def layout(of: Any) -> Field[Any]:
         plain, about = get_args(of)
         if isinstance(about, UpTo):
             return many(layout(get_args(plain)[0]), about.most)
-        said: Field[Any] = about
+        said: WireField[Any] = about
         return said
     if get_origin(of) is tuple:
         return record(_tuple, *map(layout, get_args(of)))

@@ -26,7 +26,7 @@ CIPHERS = (
 _BUFFER = 65536
 
 
-class Refused(Exception):
+class HandshakeRefused(Exception):
     """The other end is not let in, or broke off; says why."""
 
 
@@ -63,7 +63,7 @@ def shown_by(peer: SSL.Connection) -> tuple[str, str]:
     """Fingerprint and name of the certificate the other end has shown."""
     shown = peer.get_peer_certificate(as_cryptography=True)
     if shown is None:
-        raise Refused("no certificate was shown")
+        raise HandshakeRefused("no certificate was shown")
     names = shown.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
     return fingerprint(shown.public_bytes(Encoding.PEM)), str(names[0].value) if names else ""
 
@@ -126,7 +126,7 @@ class Channel:
         except SSL.WantReadError:
             return False
         except SSL.Error as error:
-            raise Refused(said(error)) from None
+            raise HandshakeRefused(said(error)) from None
         return True
 
     def start(self) -> None:
@@ -136,7 +136,7 @@ class Channel:
         except SSL.WantReadError:
             return
         except SSL.Error as error:
-            raise Refused(said(error)) from None
+            raise HandshakeRefused(said(error)) from None
         self.peer, self.name = shown_by(self._ssl)
         self.up = True
 
@@ -151,7 +151,7 @@ class Channel:
         try:
             self._ssl.bio_write(datagram)
         except SSL.Error as error:
-            raise Refused(said(error)) from None
+            raise HandshakeRefused(said(error)) from None
         if not self.up:
             self.start()
             if not self.up:
@@ -162,16 +162,16 @@ class Channel:
             except SSL.WantReadError:
                 return messages
             except SSL.ZeroReturnError:
-                raise Refused("the other end closed the connection") from None
+                raise HandshakeRefused("the other end closed the connection") from None
             except SSL.Error as error:
-                raise Refused(said(error)) from None
+                raise HandshakeRefused(said(error)) from None
 
     def seal(self, message: bytes) -> list[bytes]:
         """The datagrams that carry a message to the other end."""
         try:
             self._ssl.send(message)
         except SSL.Error as error:
-            raise Refused(said(error)) from None
+            raise HandshakeRefused(said(error)) from None
         return self.waiting()
 
     def waiting(self) -> list[bytes]:
@@ -194,7 +194,7 @@ class Channel:
                 self._ssl.DTLSv1_handle_timeout()
                 left = self._ssl.DTLSv1_get_timeout()
         except SSL.Error as error:
-            raise Refused(said(error)) from None
+            raise HandshakeRefused(said(error)) from None
         return left
 
     def close(self) -> list[bytes]:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from OpenSSL import SSL
 
 from cohelm.link import udp
-from cohelm.link.dtls import Channel, Refused
+from cohelm.link.dtls import Channel, HandshakeRefused
 from cohelm.link.udp import Address
 
 _PER_TURN = 16
@@ -102,7 +102,7 @@ class Listener:
         channel = self._listener
         try:
             known = channel.greeted(datagram, address)
-        except Refused as refused:
+        except HandshakeRefused as refused:
             self.refuse(address, f"no greeting: {refused}")
             self._listener = Channel(self._context, server=True)
             return
@@ -143,7 +143,7 @@ class Listener:
                 handshake.channel.start()
             else:
                 first = handshake.channel.take(datagram)
-        except Refused as refused:
+        except HandshakeRefused as refused:
             why = str(refused)
         udp.send(handshake.socket, handshake.channel.waiting())
         if why:
@@ -160,7 +160,7 @@ class Listener:
                 continue
             try:
                 handshake.channel.tick()
-            except Refused as refused:
+            except HandshakeRefused as refused:
                 self._drop(address, str(refused))
                 continue
             udp.send(handshake.socket, handshake.channel.waiting())

@@ -189,7 +189,7 @@ class Localised(IntEnum):
     LOST = 4
 
 
-class Verdict(IntEnum):
+class ReportedVerdict(IntEnum):
     """What the filter did with the wish. Numbers of the link, not those of `law.verdict`."""
 
     UNTOUCHED = 0
@@ -217,7 +217,7 @@ class Lease(NamedTuple):
 class Guarding(NamedTuple):
     """What the filter says of the last step."""
 
-    verdict: Verdict
+    verdict: ReportedVerdict
     clearance: float
     """Smallest clearance of the outline to anything [m]."""
     limiting: tuple[float, float]
@@ -226,7 +226,7 @@ class Guarding(NamedTuple):
     """Least value of the paper's barrier (22) [m^2]."""
 
 
-class Timing(NamedTuple):
+class TimingReport(NamedTuple):
     """How well the robot keeps time, and hears this client."""
 
     late: float
@@ -284,7 +284,7 @@ class Status(NamedTuple):
     docking: DockPhase
     dock: Byte
     """At which dock, as `Docks` has them, from 1; 0: at none."""
-    timing: Timing
+    timing: TimingReport
     alarms: Annotated[tuple[Alarm, ...], UpTo(4)]
     """The worst first, at most 4."""
     answers: Annotated[tuple[Answer, ...], UpTo(3)]
@@ -345,7 +345,7 @@ class Hello(NamedTuple):
     """Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera."""
 
 
-class Line(IntEnum):
+class LineKind(IntEnum):
     """What a polyline is."""
 
     REFERENCE = 0
@@ -357,7 +357,7 @@ class Line(IntEnum):
 class Polyline(NamedTuple):
     """Bulk: points in the map, joined; replaces the earlier of its kind."""
 
-    what: Line
+    what: LineKind
     points: Annotated[NDArray[np.float32], array("f4", 2, 100_000)]
     """(n, 2) [m]"""
 
@@ -424,7 +424,7 @@ class Docks(NamedTuple):
     all: Annotated[tuple[DockPlace, ...], UpTo(MOST_DOCKS)]
 
 
-class Health(NamedTuple):
+class HealthReport(NamedTuple):
     """Bulk: what the robot says of itself; told at every change."""
 
     battery: float
@@ -510,7 +510,7 @@ class Fetch(NamedTuple):
 
 FromOperator: TypeAlias = Command | Waypoints | Fetch
 FromRobot: TypeAlias = (
-    Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Docks | Health | Picture
+    Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Docks | HealthReport | Picture
     | Records | Piece | Digest | Checked
 )  # fmt: skip
 Message: TypeAlias = FromOperator | FromRobot

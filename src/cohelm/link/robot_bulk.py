@@ -22,7 +22,7 @@ from typing import NamedTuple
 from cohelm.core.errors import CohelmError
 from cohelm.link import udp
 from cohelm.link.codec import Malformed
-from cohelm.link.dtls import Refused, stream_context
+from cohelm.link.dtls import HandshakeRefused, stream_context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
@@ -168,7 +168,7 @@ class RobotBulk(IoThread):
         for station in list(self._stations):
             try:
                 self._serve(station, now)
-            except Refused as refused:
+            except HandshakeRefused as refused:
                 self._leave(station, str(refused))
         self._digest()
 
@@ -210,7 +210,7 @@ class RobotBulk(IoThread):
             with self._lock:
                 station.slots.update(self._published)
         if not station.stream.up and now - station.since > _PATIENCE:
-            raise Refused("the handshake took too long")
+            raise HandshakeRefused("the handshake took too long")
         times = self._end.round_trips().get(self._number(station) or 0)
         if times is not None:
             station.pace.saw(*times, now)
@@ -245,7 +245,7 @@ class RobotBulk(IoThread):
         try:
             header, message = from_operator(data, bulk=True)
         except Malformed as malformed:
-            raise Refused(str(malformed)) from None
+            raise HandshakeRefused(str(malformed)) from None
         station.session = header.session
         if isinstance(message, Fetch):
             self._fetch(station, message)

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from cohelm.link import lease, udp
 from cohelm.link.client import Client, free_number
 from cohelm.link.codec import Malformed
-from cohelm.link.dtls import Refused, context
+from cohelm.link.dtls import HandshakeRefused, context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.listener import Guest, Listener
@@ -217,7 +217,7 @@ class RobotEnd(IoThread):
     def _datagram(self, client: Client, datagram: bytes) -> None:
         try:
             messages = client.channel.take(datagram)
-        except Refused as refused:
+        except HandshakeRefused as refused:
             self._leave(client, str(refused))
             return
         for message in messages:
@@ -419,7 +419,7 @@ class RobotEnd(IoThread):
             self.counts["could not be sent"] += 1
             _log.error("a %s can not be sent: %s", type(message).__name__, error)
             return
-        except Refused as refused:
+        except HandshakeRefused as refused:
             self._leave(client, str(refused))
             return
         udp.send(client.socket, datagrams)

@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 from cohelm.link import udp
 from cohelm.link.codec import Malformed
-from cohelm.link.dtls import Refused, stream_context
+from cohelm.link.dtls import HandshakeRefused, stream_context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
@@ -90,7 +90,7 @@ class StationBulk(IoThread):
         """One connection, from its beginning to its end."""
         try:
             self._connection()
-        except Refused as refused:
+        except HandshakeRefused as refused:
             _log.info("no bulk from the robot: %s", refused)
         finally:
             self.connected = False
@@ -111,7 +111,7 @@ class StationBulk(IoThread):
             sock.connect(self._to)
         except OSError as error:
             sock.close()
-            raise Refused(error.strerror or "the robot does not answer") from None
+            raise HandshakeRefused(error.strerror or "the robot does not answer") from None
         stream = Stream(self._context, sock, server=False, most=LARGEST_BULK)
         began = self._clock()
         hello: FromOperator | None = Fetch("")  # says which session this is, and asks for the list
@@ -127,7 +127,7 @@ class StationBulk(IoThread):
                 for data in stream.pull():
                     self._message(data)
                 if not stream.up and self._clock() - began > _PATIENCE:
-                    raise Refused("the handshake took too long")
+                    raise HandshakeRefused("the handshake took too long")
                 self.connected = stream.up
                 if stream.up and stream.idle:
                     if hello is not None:
@@ -147,7 +147,7 @@ class StationBulk(IoThread):
         try:
             _, message = from_robot(data, bulk=True)
         except Malformed as malformed:
-            raise Refused(str(malformed)) from None
+            raise HandshakeRefused(str(malformed)) from None
         with self._lock:
             if isinstance(message, Picture):
                 self._picture = message
@@ -157,7 +157,7 @@ class StationBulk(IoThread):
                 self._unread += len(message.data) if isinstance(message, Piece) else 0
                 slot: object = self._answers
                 if self._unread > _MOST_UNREAD or self._answers > _MOST_ANSWERS:
-                    raise Refused("it sends more than was asked for")
+                    raise HandshakeRefused("it sends more than was asked for")
             elif isinstance(message, Map):
                 slot = (Map, message.column, message.row)
             else:

@@ -26,7 +26,7 @@ from cohelm.core.types import Pose, Stick
 from cohelm.link import udp
 from cohelm.link.clock import Path
 from cohelm.link.codec import Malformed
-from cohelm.link.dtls import Channel, Refused, context
+from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
@@ -255,7 +255,7 @@ class StationEnd(IoThread):
         if self._next is not None:
             try:
                 self._next.channel.tick()
-            except Refused as refused:
+            except HandshakeRefused as refused:
                 self._failed(self._next, str(refused))
                 return
             udp.send(self._next.socket, self._next.channel.waiting())
@@ -282,7 +282,7 @@ class StationEnd(IoThread):
                 way.channel.start()
                 return []
             return way.channel.take(datagram)
-        except Refused as refused:
+        except HandshakeRefused as refused:
             self._failed(way, str(refused))
             return []
         finally:
@@ -407,7 +407,7 @@ class StationEnd(IoThread):
             header = Header(self.session, self._sequence, now, echo, hold)
         try:
             datagrams = way.channel.seal(encode(header, command))
-        except Refused as refused:
+        except HandshakeRefused as refused:
             self._failed(way, str(refused))
             return
         udp.send(way.socket, datagrams)

@@ -7,7 +7,7 @@ import socket
 
 from OpenSSL import SSL
 
-from cohelm.link.dtls import Refused, said, shown_by
+from cohelm.link.dtls import HandshakeRefused, said, shown_by
 
 _PIECE = 16_000  # about a TLS record
 _READ = 65536
@@ -78,9 +78,9 @@ class Stream:
         except (BlockingIOError, InterruptedError):
             pass
         except OSError as error:
-            raise Refused(error.strerror or "the connection broke") from None
+            raise HandshakeRefused(error.strerror or "the connection broke") from None
         except SSL.Error as error:
-            raise Refused(said(error)) from None
+            raise HandshakeRefused(said(error)) from None
         return left
 
     def pull(self) -> list[bytes]:
@@ -90,9 +90,9 @@ class Stream:
         except (BlockingIOError, InterruptedError):
             return []
         except OSError as error:
-            raise Refused(error.strerror or "the connection broke") from None
+            raise HandshakeRefused(error.strerror or "the connection broke") from None
         if not data:
-            raise Refused("the other end closed the connection")
+            raise HandshakeRefused("the other end closed the connection")
         try:
             self._ssl.bio_write(data)
             if not self.up:
@@ -102,10 +102,10 @@ class Stream:
         except SSL.WantReadError:
             pass
         except SSL.ZeroReturnError:
-            raise Refused("the other end closed the connection") from None
+            raise HandshakeRefused("the other end closed the connection") from None
         except SSL.Error as error:
             self._last_words()
-            raise Refused(said(error)) from None
+            raise HandshakeRefused(said(error)) from None
         return self._messages()
 
     def close(self) -> None:
@@ -139,7 +139,7 @@ class Stream:
         while len(self._in) >= 4:
             size = int.from_bytes(self._in[:4], "little")
             if size > self._most:
-                raise Refused(f"a message of {size} bytes")
+                raise HandshakeRefused(f"a message of {size} bytes")
             if len(self._in) < 4 + size:
                 break
             messages.append(bytes(self._in[4 : 4 + size]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
-from cohelm.link.codec import Field, Malformed, Reader, layout, reported
+from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
 from cohelm.link.messages import (
     LARGEST_BULK,
     Ask,
@@ -17,7 +17,7 @@ from cohelm.link.messages import (
     Fetch,
     FromOperator,
     FromRobot,
-    Health,
+    HealthReport,
     Hello,
     Huge,
     Long,
@@ -60,13 +60,13 @@ class Header(NamedTuple):
 _UP: Mapping[int, type[Any]] = {1: Command, 2: Waypoints, 4: Fetch}
 _DOWN: Mapping[int, type[Any]] = {
     64: Status, 65: ScanPart, 66: Discs,
-    96: Hello, 97: Polyline, 98: Map, 99: Health, 100: Picture, 102: Records, 103: Piece,
+    96: Hello, 97: Polyline, 98: Map, 99: HealthReport, 100: Picture, 102: Records, 103: Piece,
     104: Checked, 105: Digest, 106: ZoneMap, 107: Docks,
 }  # fmt: skip
-_LAYOUTS: Mapping[int, tuple[type[Any], Field[Any]]] = {
+_LAYOUTS: Mapping[int, tuple[type[Any], WireField[Any]]] = {
     kind: (of, layout(of)) for kind, of in {**_UP, **_DOWN}.items()
 }
-_HEADER: Field[Header] = layout(Header)
+_HEADER: WireField[Header] = layout(Header)
 _KINDS = {of: kind for kind, (of, _) in _LAYOUTS.items()}
 DATAGRAMS = (Command, Status, ScanPart, Discs)
 """What travels as datagrams."""

@@ -7,12 +7,13 @@ from cohelm.link.messages import Alarm, Severity
 _MOST = 65535  # the number has two bytes on the link
 
 
-class Alarms:
+class ActiveAlarms:
     """A few alarms by name; the same thing happening again is a new number."""
 
     def __init__(self) -> None:
         self._all: dict[str, Alarm] = {}
         self._number = 0
+        self._trouble: dict[str, str] = {}
 
     def on(self, name: str, text: str, severity: Severity = Severity.ALARM) -> bool:
         """Its cause is there; returns whether that is new."""
@@ -38,6 +39,22 @@ class Alarms:
             del self._all[name]
         else:
             self._all[name] = old._replace(active=False)
+
+    def trouble(self, name: str, text: str) -> str:
+        """There is this trouble now, empty: none; where it is another than before it is a new
+        alarm. Returns what it was before."""
+        before = self._trouble.get(name, "")
+        if text != before:
+            self._trouble[name] = text
+            self.off(name)
+            if text:
+                self.on(name, text)
+        return before
+
+    def over(self, name: str) -> None:
+        """Its cause has gone, and the trouble is forgotten: the same again is told again."""
+        self._trouble.pop(name, "")
+        self.off(name)
 
     def acknowledge(self, number: int) -> bool:
         """Somebody has seen alarm `number`, or all (0); whether there was any."""

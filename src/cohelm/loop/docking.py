@@ -15,7 +15,7 @@ import numpy as np
 
 from cohelm.core.frames import placed
 from cohelm.core.types import Floats, Stick, Twist
-from cohelm.law.govern import Clock
+from cohelm.law.govern import CourseClock
 from cohelm.law.reference import through
 from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import DockPhase as Phase
@@ -155,7 +155,7 @@ class Docking:
         along = min(max(dock.off(seen.pose).x + dock.approach, 0.0), dock.approach)
         gone = dock.approach - along if backwards else along
         tau = gone / dock.approach * pilot.course.reference.duration
-        pilot.state = START._replace(clock=Clock(tau, 0.0, 0.0))
+        pilot.state = START._replace(clock=CourseClock(tau, 0.0, 0.0))
         self._begun = self._moved = self._alone = now
 
     def over(self, ended: Ended) -> None:

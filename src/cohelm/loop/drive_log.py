@@ -13,7 +13,7 @@ from cohelm.core.row import ROW, values
 from cohelm.link.messages import Discs, Map, Polyline, ZoneMap
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.robot.keep.gated_robot import Event
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.port import Readings, Scan
 
 _NO_VIEW = "the live view is gone: the robot goes on without"
@@ -24,10 +24,12 @@ class DriveLog:
     """Says things once, to the recorder there is and to the live view, as much as they have room
     for."""
 
-    def __init__(self, line: Line, clock: Callable[[], float], live: Line | None = None) -> None:
+    def __init__(
+        self, line: RecordLine, clock: Callable[[], float], live: RecordLine | None = None
+    ) -> None:
         """clock: the robot's [s]."""
         self._line, self._clock = line, clock
-        self._live = Line(None) if live is None else live
+        self._live = RecordLine(None) if live is None else live
         self._looks = False
         """Whether somebody looks through the camera, in the live view."""
         self.fault = ""
@@ -42,7 +44,7 @@ class DriveLog:
         self._line(message)
         self._live(message)
 
-    def into(self, line: Line) -> None:
+    def into(self, line: RecordLine) -> None:
         """Another recorder from now on, or none; the one before is not closed."""
         self._line, self.fault, self._words = line, "", None
 

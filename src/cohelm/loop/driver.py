@@ -24,7 +24,7 @@ from cohelm.pilot.replanning import entered
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.distance_field import swept
 from cohelm.plan.zones import Zoned, Zones
-from cohelm.robot.keep.gated_robot import Keeper
+from cohelm.robot.keep.gated_robot import GatedRobot
 from cohelm.robot.limits import achievable
 
 _NOTHING: Floats = np.empty((0, 2))
@@ -189,16 +189,16 @@ class Driver:
             pilot.sent[:] = sent
         self.clear(pose, around, 0)
 
-    def rehearse_plan(self, seen: Seen, keeper: Keeper) -> None:
+    def rehearse_plan(self, seen: Seen, gated: GatedRobot) -> None:
         """Have one plan made, and thrown away: what plans compiles too, and takes long over it."""
         if self.pilot is None or self._planning is None:
             return
         task = self.pilot.task(seen.pose, Twist(0.0, 0.0), self.around(seen))
-        end = keeper.now() + _COMPILING
-        self._planning.offer(keeper.now(), task)
-        while self._planning.busy and not self._planning.broken and keeper.now() < end:
-            keeper.wait(keeper.now() + 0.02)
-            self._planning.plan(keeper.now())  # what compiled for long is too old to be used
+        end = gated.now() + _COMPILING
+        self._planning.offer(gated.now(), task)
+        while self._planning.busy and not self._planning.broken and gated.now() < end:
+            gated.wait(gated.now() + 0.02)
+            self._planning.plan(gated.now())  # what compiled for long is too old to be used
         self._planning.late = False
 
     def close(self) -> None:

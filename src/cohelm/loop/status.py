@@ -18,10 +18,10 @@ from cohelm.link.messages import (
     Guarding,
     Lease,
     Localised,
+    ReportedVerdict,
     ScanPart,
     Status,
-    Timing,
-    Verdict,
+    TimingReport,
 )
 from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.stick_arming import StickState
@@ -37,9 +37,9 @@ AHEAD, AHEAD_STEP = 12, 0.15
 """Points of the predicted path, and the time from one to the next [s]."""
 _AS_ASKED = 0.03  # what differs by less is as asked [m/s, rad/s]
 _VERDICTS = {
-    verdicts.UNTOUCHED: Verdict.UNTOUCHED, verdicts.SHAPED: Verdict.SHAPED,
-    verdicts.POWERLESS: Verdict.SHAPED, verdicts.INVALID: Verdict.INVALID,
-    verdicts.BRAKING: Verdict.BRAKING, verdicts.STANDING: Verdict.STANDING,
+    verdicts.UNTOUCHED: ReportedVerdict.UNTOUCHED, verdicts.SHAPED: ReportedVerdict.SHAPED,
+    verdicts.POWERLESS: ReportedVerdict.SHAPED, verdicts.INVALID: ReportedVerdict.INVALID,
+    verdicts.BRAKING: ReportedVerdict.BRAKING, verdicts.STANDING: ReportedVerdict.STANDING,
 }  # fmt: skip
 """What the link calls the verdicts of `law.verdict`."""
 
@@ -108,7 +108,7 @@ def status(
         applied=Twist(f("applied_v"), f("applied_omega")),
         why=words.why,
         guarding=Guarding(
-            _VERDICTS.get(int(row["verdict"]), Verdict.UNTOUCHED),
+            _VERDICTS.get(int(row["verdict"]), ReportedVerdict.UNTOUCHED),
             f("clearance_seen"),
             (f("limiting_x"), f("limiting_y")),
             f("h"),
@@ -123,7 +123,7 @@ def status(
         recording=False,
         docking=DockPhase(max(int(row["docking"]), 0)),
         dock=max(int(row["dock"]), 0),
-        timing=Timing(f("late"), int(row["overruns"]), f("stick_age"), math.nan, math.nan, 0),
+        timing=TimingReport(f("late"), int(row["overruns"]), f("stick_age"), math.nan, math.nan, 0),
         alarms=words.alarms,
         answers=(),
         ahead=ahead,

@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Desired, Floats, Pose, Twist, X, Y
-from cohelm.law.govern import Clock, governed, nearest_ahead
+from cohelm.law.govern import CourseClock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.rollout import ahead
@@ -173,7 +173,7 @@ def _held(task: Task, replan_params: ReplanParams) -> bool:
 
 def _taken_up(
     made: Plan, task: Task, route: Route, settings: Settings
-) -> tuple[Clock, Desired, float]:
+) -> tuple[CourseClock, Desired, float]:
     """The clock of a plan's course now, what is desired then, and by how much the robot looks
     another way [rad]."""
     clock = task.state.clock
@@ -290,7 +290,7 @@ def _way_out(
     return move
 
 
-def entered(course: Course, route: Route, row: int, pose: Pose, twist: Twist) -> Clock:
+def entered(course: Course, route: Route, row: int, pose: Pose, twist: Twist) -> CourseClock:
     """The clock with which another course is taken up on the way.
 
     row: of the route, where the robot is.
@@ -298,7 +298,7 @@ def entered(course: Course, route: Route, row: int, pose: Pose, twist: Twist) ->
     on_route = course.row == 0
     first = float(route.times[max(row - 2, 0)]) if on_route else 0.0
     tau = nearest_ahead(course.reference, pose, first, 0.6)
-    return Clock(tau, min(max(twist.v / course.reference.speed, 0.0), 1.0), 0.0)
+    return CourseClock(tau, min(max(twist.v / course.reference.speed, 0.0), 1.0), 0.0)
 
 
 def _once_a_second(task: Task) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.law.govern import Clock, govern, governed
+from cohelm.law.govern import CourseClock, govern, governed
 from cohelm.law.guard.bounds import WHEEL_ROWS, wheel_rows
 from cohelm.law.guard.project import project
 from cohelm.law.track import track
@@ -22,7 +22,7 @@ _SLOWEST = 0.1  # what takes longer than at this speed is not looked at [m/s]
 
 @jit
 def ahead(
-    course: Course, clock: Clock, pose: Pose, twist: Twist, far: float, s: Settings
+    course: Course, clock: CourseClock, pose: Pose, twist: Twist, far: float, s: Settings
 ) -> Floats:
     """Where a robot that follows a course will be, if nothing holds it up, (n, 3) [m, rad].
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import Floats, Ints, Pose, Twist, is_finite
@@ -27,6 +28,17 @@ _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 0.16
 """Wheels that do so much else than they were told [m/s, rad/s], for so long [s], are believed: more
 than the noise of wheel odometry, longer than a drive takes to follow a step."""
 _RULES = Rules()
+
+
+class _FilterSettings(NamedTuple):
+    """What stays the same from call to call, beside the outline."""
+
+    limits: Limits
+    rules: Rules
+    horizon: float
+    """From a command to what it does [s]."""
+    patience: float
+    """So long the wheels may do something else before it is believed [s]."""
 
 
 class LimitingObstacle(NamedTuple):
@@ -110,7 +122,7 @@ class SafetyFilter:
         whole, _ = periods(self.horizon, self.period)
         patience = (max(round(_OFF_FOR / self.period), 1) - 0.5) * self.period
         self._outline = robot.outline
-        self._settings = np.array([*self.limits, *self._rules, self.horizon, patience])
+        self._settings = numbers(_FilterSettings(self.limits, self._rules, self.horizon, patience))
         self._sent = np.zeros((2 * whole + 3, 3))
         self._count, self._off = np.zeros(1, dtype=np.int64), np.zeros(1)
         nan = math.nan
@@ -176,9 +188,7 @@ def _filtered(
     """One call. after: since the last one [s]. sent: (d, 3), the command in effect now and those
     under way, each with the time until the next; the newest in row (count - 1) % d. away: for how
     long the wheels have done something else [s]."""
-    limits = Limits(s[0], s[1], s[2], s[3], s[4], s[5], s[6])
-    rules = Rules(s[7], s[8], s[9], s[10], s[11])
-    horizon, patience = s[12], s[13]
+    limits, rules, horizon, patience = read(_FilterSettings, s, 0)
     d, k = len(sent), count[0]
     if not after >= 0.0:  # nor for NaN
         after = rules.dt

@@ -10,11 +10,11 @@ from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance
 from cohelm.law.blend import blend
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, PaceParams, govern, governed
+from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
-from cohelm.law.step import avoidance, decided, hand_of
+from cohelm.law.step import control_step, decided, hand_of
 from cohelm.law.track import track
 from cohelm.pilot.delay_compensation import foreseen, moved_on, stopping
 from cohelm.plan.course import Course, nearest_row
@@ -65,7 +65,7 @@ class PilotState(NamedTuple):
     """Steps so far."""
     time: float
     """Since the first step [s]."""
-    clock: Clock
+    clock: CourseClock
     """Of the course."""
     left: RecoveryMove
     """What is left of a move out of a tight spot."""
@@ -78,7 +78,7 @@ class PilotState(NamedTuple):
     evasion: Evasion = NO_EVASION
 
 
-START = PilotState(0, 0.0, Clock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
+START = PilotState(0, 0.0, CourseClock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
 
 
 class Decision(NamedTuple):
@@ -169,9 +169,9 @@ def pilot_step(
         tau_c = wish(left, s.recovery_speed, s.recovery_yaw_rate, s.rules.dt)
     else:
         tau_c = track(then, target, s.gains)
-    tau = _slowed(blend(tau_c, hand.wish, hand.share), s.fastest)
     clearance, change = math.inf, 0.0
     if s.guarded:
+        tau = _slowed(blend(tau_c, hand.wish, hand.share), s.fastest)
         asked = tau if hand.sound else Twist(math.nan, math.nan)  # not a centred stick: brake
         rules = _nearer(s.rules) if recovering else s.rules
         passed = guard(then, before, asked, things, s.outline, s.limits, rules)
@@ -183,7 +183,7 @@ def pilot_step(
         )  # fmt: skip
         v, omega = passed.v, passed.omega  # also when a number was none: it brakes
     else:
-        step = decided(tau_c, hand, tau, avoidance(then, tau, things.discs, s.gains))
+        step = control_step(then, target, stick, things.discs, s.gains)
         v, omega = step.safe_v, step.safe_omega
     d = len(sent)
     if d > 0:
@@ -269,11 +269,11 @@ def _reference(
     recovering: bool,
     s: Settings,
     dt: float,
-) -> tuple[Clock, Desired]:
+) -> tuple[CourseClock, Desired]:
     """The clock one step on, and what is desired then."""
     if not s.guarded:
         time = state.time
-        return Clock(time, 1.0, 0.0), desired(course.reference, time, s.spline_speed)
+        return CourseClock(time, 1.0, 0.0), desired(course.reference, time, s.spline_speed)
     clock = state.clock
     if not recovering:
         clock = govern(clock, pose, course.reference, course.paced, led, s.pace, dt)

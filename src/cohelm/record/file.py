@@ -16,7 +16,7 @@ from cohelm import __version__
 from cohelm.core.types import Floats
 from cohelm.record import period
 from cohelm.record.period import NO_DISCS, NO_H
-from cohelm.record.topics import NO_WALLS, Topics, definitions
+from cohelm.record.topics import NO_WALLS, RecordTopics, definitions
 from cohelm.robot.model import RobotModel
 
 METADATA, SCENARIO, ROBOT = "cohelm", "scenario.yaml", "robot.json"
@@ -67,7 +67,7 @@ class RecordWriter:
             schema = self._mcap.register_schema(name, SchemaEncoding.ROS2, text.encode())
             channel = self._mcap.register_channel(topic, MessageEncoding.CDR, schema)
             self._channels[topic] = channel
-        self._topics = Topics(about.epoch, self._put, robot)
+        self._topics = RecordTopics(about.epoch, self._put, robot)
         self._topics.begin(outline, walls)
 
     def write(self, message: object) -> None:

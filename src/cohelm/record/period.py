@@ -19,7 +19,7 @@ from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, X, Y
 from cohelm.law.verdict import BRAKING, INVALID, POWERLESS, SHAPED, STANDING, UNTOUCHED
 from cohelm.link.messages import Arming, DockPhase
 from cohelm.pilot.step import ESCAPING, EVADING, FOLLOWING, LED
-from cohelm.robot.gate.modes import Mode
+from cohelm.robot.gate.modes import GateMode
 
 TOPIC = "/period"
 TYPE = "cohelm_msgs/msg/Period"
@@ -34,7 +34,7 @@ _CONSTANTS: dict[str, dict[str, int]] = {
     },
     "behavior": {"FOLLOWING": FOLLOWING, "LED": LED, "ESCAPING": ESCAPING, "EVADING": EVADING},
     "arming": {arming.name: arming.value for arming in Arming},
-    "mode": {mode.name: mode.value for mode in Mode},
+    "mode": {mode.name: mode.value for mode in GateMode},
     "docking": {phase.name: phase.value for phase in DockPhase},
 }  # fmt: skip
 _COLUMNS = {

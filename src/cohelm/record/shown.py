@@ -36,7 +36,7 @@ from cohelm.core.types import Pose
 from cohelm.link.messages import (
     Alarm,
     Discs,
-    Line,
+    LineKind,
     Map,
     Mode,
     Polyline,
@@ -58,7 +58,7 @@ TOPICS = {
     "/obstacles": "visualization_msgs/msg/MarkerArray",
 }
 _LINES = {
-    Line.REFERENCE: "/reference", Line.DETOUR: "/detour", Line.WAYPOINTS: "/waypoints",
+    LineKind.REFERENCE: "/reference", LineKind.DETOUR: "/detour", LineKind.WAYPOINTS: "/waypoints",
 }  # fmt: skip
 ZONES = {"/keep_out": Zone.KEEP_OUT, "/speed_zones": Zone.SPEED}
 _LEVELS = {Severity.NOTICE: 0, Severity.WARNING: 1, Severity.ALARM: 2}

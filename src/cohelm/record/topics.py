@@ -130,7 +130,7 @@ def _text(name: str) -> str:
     return STORE.generate_msgdef(name, ros_version=2)[0]
 
 
-class Topics:
+class RecordTopics:
     """Makes the messages of a run or a drive, and puts them where they belong."""
 
     def __init__(

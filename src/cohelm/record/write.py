@@ -15,7 +15,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.link.messages import Discs, Line, Polyline, ZoneMap
+from cohelm.link.messages import Discs, LineKind, Polyline, ZoneMap
 from cohelm.link.recorded_status import Displayed
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.walls import drawn
@@ -118,7 +118,7 @@ class Recorder:
         about = About("run", self._epoch, piece.scenario, piece.names, piece.dt)
         scene, t = self._scene, float(piece.rows["t"][0])
         self._record = RecordWriter(self._file, about, outline=scene.outline, walls=scene.walls)
-        route = [line.points for line in scene.lines if line.what is Line.REFERENCE]
+        route = [line.points for line in scene.lines if line.what is LineKind.REFERENCE]
         also = np.vstack([np.empty((0, 2)), *route]).astype(np.float64)
         for what in (drawn(scene.walls, also), *scene.zones, *scene.lines):
             self._record.write(Displayed(t, what))

@@ -28,7 +28,7 @@ def _again(new: Odometry, old: Odometry | None) -> bool:
 
 
 class RobotAdapter:
-    """A `robot.port.Robot` made of a `robot.base.Robot`."""
+    """A `robot.port.RobotPort` made of a `robot.base.Robot`."""
 
     def __init__(self, robot: Robot) -> None:
         """Raises CohelmError for what is no robot."""

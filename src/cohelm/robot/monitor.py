@@ -1,4 +1,4 @@
-"""What watches the robot beside the gate, in the keeper's process, and may slow or stop it.
+"""What watches the robot beside the gate, in the gate process, and may slow or stop it.
 
 A monitor sees what the robot itself reads, not what the loop made of it. It never adds motion: it
 allows a share of what is proposed, or faults the gate, and says why.

@@ -117,7 +117,7 @@ def untouched(model: RobotModel, now: float) -> tuple[Contact, ...]:
     return tuple(Contact(now, one.name, False) for one in model.contacts)
 
 
-class Robot(Protocol):
+class RobotPort(Protocol):
     """The port. All calls come from one thread and return at once, but for `wait`."""
 
     @property

@@ -1,7 +1,7 @@
 """The safety filter as a ROS 2 node: any controller's commands in, safe ones out to the base.
 
 Two layers, in two processes. Here perception and `pilot.SafetyFilter` shape each command; in the
-keeper's process, which alone holds the base, gate and monitors watch the raw scan and refuse. When
+gate process, which alone holds the base, gate and monitors watch the raw scan and refuse. When
 this process dies, that one brakes the base.
 """
 
@@ -20,9 +20,9 @@ from cohelm.law.verdict import Verdict
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
 from cohelm.perceive.pipeline import Perception, Seen, rehearse
 from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
-from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
-from cohelm.robot.gate.modes import Mode, driving, latched
-from cohelm.robot.keep.gated_robot import Keeper, rules, standing
+from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
+from cohelm.robot.gate.modes import GateMode, driving, latched
+from cohelm.robot.keep.gated_robot import GatedRobot, rules, standing
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
 from cohelm.ros.clock import SimulatedClock
@@ -34,7 +34,7 @@ from cohelm.ros.report import Report, Row
 from cohelm.ros.reshaping import Shape
 
 WATCHDOG = 0.2
-"""Without a sound proposal for so long the keeper brakes the base [s]."""
+"""Without a sound proposal for so long the gate process brakes the base [s]."""
 FRESH = 0.015
 """Readings that were taken in longer ago are taken in anew before a command goes by them [s]: more
 than `LEAD` and the spare time of the longest period."""
@@ -58,7 +58,7 @@ class FilterParams(NamedTuple):
     """A command counts for so long [s]."""
 
 
-def gate_rules(model: RobotModel, period: float) -> Rules:
+def gate_rules(model: RobotModel, period: float) -> GateRules:
     """The gate's, for readings as seldom as this robot's."""
     may = patience(model, period)
     made = rules(model, period, WATCHDOG)
@@ -69,13 +69,13 @@ class FilterNode:
     """One robot's filter. `run` until it is over."""
 
     def __init__(
-        self, transport: Transport, keeper: Keeper, found: Found, params: FilterParams,
+        self, transport: Transport, gated: GatedRobot, found: Found, params: FilterParams,
         say: Callable[[str], None] = lambda _: None,
     ) -> None:  # fmt: skip
-        """transport: for commands and reports; the keeper has one of its own for the robot. say:
-        hears each new reason."""
+        """transport: for commands and reports; the gate process has one of its own for the robot.
+        say: hears each new reason."""
         model = found.model
-        self._keeper, self._params, self._every = keeper, params, found.command_period
+        self._gated, self._params, self._every = gated, params, found.command_period
         self._perception = Perception(model)
         self._filter = SafetyFilter(model, params.period)
         self._watchdog = SensorWatchdog(model, patience(model, params.period))
@@ -98,14 +98,14 @@ class FilterNode:
 
     def warm_up(self) -> None:
         """Everything once, standing: what has to be compiled is not when a command waits for it."""
-        rehearse(self._keeper.model, False)
+        rehearse(self._gated.model, False)
         end = time.monotonic() + WARM
         while time.monotonic() < end:
             self.step()
             time.sleep(self._params.period)
 
     def run(self, over: Callable[[], bool]) -> None:
-        """Until somebody says that it is over; the keeper is left to be closed."""
+        """Until somebody says that it is over; the gate process is left to be closed."""
         self.may_drive = True
         pacing = Pacing(self._params.period, time.monotonic(), self._every)
         while not over():
@@ -121,12 +121,12 @@ class FilterNode:
     def step(self) -> Row:
         """One control period: the newest command, through filter and gate, to the base."""
         begun = time.monotonic()
-        keeper = self._keeper
+        gated = self._gated
         nominal = self._commands.now(begun)
         after, self._begun = begun - self._begun, begun
         if begun - self._looked > FRESH:
             self._look()
-        readings, now = self._readings, keeper.now()
+        readings, now = self._readings, gated.now()
         wrong = self._watchdog.wrong(now, readings)
         wrong = wrong and (self._transport.lost() or wrong)
         seen = self._perception.seen(now)
@@ -141,13 +141,13 @@ class FilterNode:
             stamp = readings.odometry.stamp
         safe = _STILL if wrong else result.twist
         self._drive(nominal, wrong)
-        passed = keeper.propose(Proposal(self._number, stamp, safe))
+        passed = gated.propose(Proposal(self._number, stamp, safe))
         self._number += 1
         if math.isfinite(passed.out.v) and math.isfinite(passed.out.omega):
             self._filter.sent(passed.out)
         stands = passed.out == _STILL and standing(seen.twist)
         reshaping = self._shape.settle(result.verdict, stands)
-        gate = keeper.gate
+        gate = gated.gate
         kind, text = _reason(nominal, wrong, result, passed, gate)
         if reshaping and kind in ("brakes", "monitor"):
             kind, text = "footprint", f"{text}: the outline changes, and both count until it fits"
@@ -166,19 +166,19 @@ class FilterNode:
     def _look(self) -> None:
         """Take in what the sensors have seen since: between two commands, so that none waits."""
         self._looked = time.monotonic()
-        self._readings = self._keeper.read()
-        self._perception.hear(self._keeper.now(), self._readings)
+        self._readings = self._gated.read()
+        self._perception.hear(self._gated.now(), self._readings)
 
     def _drive(self, nominal: Nominal, wrong: str) -> None:
         """The base may move as soon as a controller is there, and nothing is amiss."""
-        gate = self._keeper.gate
+        gate = self._gated.gate
         if self._reset_asked:
             self._reset_asked = False
             if latched(gate.mode):
-                said = self._keeper.reset()
+                said = self._gated.reset()
                 self._report.note(f"reset: {said}" if said else "reset")
-        elif gate.mode == Mode.IDLE and nominal.fresh and not wrong and self.may_drive:
-            self._keeper.drive(Mode.AUTOMATIC)
+        elif gate.mode == GateMode.IDLE and nominal.fresh and not wrong and self.may_drive:
+            self._gated.drive(GateMode.AUTOMATIC)
 
     def _asked_to_reset(self, _: object) -> None:
         self._reset_asked = True

@@ -39,7 +39,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
 from cohelm.record.markers import header, pose
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Frame, Odometry, Robot, Scan
+from cohelm.robot.port import Frame, Odometry, RobotPort, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, rendered
 from cohelm.ros.camera import COMPRESSED
@@ -69,7 +69,7 @@ class ServedRobot:
     """One robot on a transport, until `run` is over."""
 
     def __init__(
-        self, transport: Transport, robot: Robot, topics: Topics, *, stamped: bool = False,
+        self, transport: Transport, robot: RobotPort, topics: Topics, *, stamped: bool = False,
         commands: Qos | None = None, tamper: Tamper = lambda _, message: message,
         simulated: bool = False,
     ) -> None:  # fmt: skip

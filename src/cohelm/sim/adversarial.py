@@ -35,7 +35,7 @@ TURNS = 10
 """Steps for which a walker keeps what it does."""
 
 
-class Scene(NamedTuple):
+class AdversarialScene(NamedTuple):
     """What there is to hit.
 
     discs: (n, 6) at t = 0. agility: (n,), acceleration that a disc uses and is assumed to be
@@ -62,7 +62,7 @@ class Attack(NamedTuple):
 
 @jit
 def rollout(
-    start: Pose, scene: Scene, attack: Attack, law: int, gains: Gains, outline: Floats,
+    start: Pose, scene: AdversarialScene, attack: Attack, law: int, gains: Gains, outline: Floats,
     limits: Limits, rules: Rules, steps: int, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> float:  # fmt: skip
     """The smallest clearance while the robot moves [m], at most FAR, over `steps` control steps.

@@ -29,7 +29,7 @@ _LOOKS = 5  # ticks between two looks at the clearance
 _MOVING = 1e-9  # a robot slower than this stands [m/s]
 
 
-class Truth(NamedTuple):
+class KinematicTruth(NamedTuple):
     """What no sensor says: for scores and tests, never for the loop."""
 
     stamp: float
@@ -45,7 +45,7 @@ class Truth(NamedTuple):
 
 
 @dataclass
-class Scanner:
+class KinematicScanner:
     """One LiDAR at work."""
 
     model: LidarModel
@@ -115,7 +115,7 @@ class Kinematic(Paced):
         self._odometry = self._odometer.start(0.0)
         self._next_odometry = _ticks(model.odometry.rate_hz, 1, step)
         self._scanners = [
-            Scanner(given, given.lidar(), noise_seed(seed, i))
+            KinematicScanner(given, given.lidar(), noise_seed(seed, i))
             for i, given in enumerate(model.lidars)
         ]
         self._on(0)
@@ -154,13 +154,15 @@ class Kinematic(Paced):
         self._coming.append((min([self._tick + self._delay, *under_way]), still))
         self._arrive()
 
-    def truth(self) -> Truth:
+    def truth(self) -> KinematicTruth:
         """How it really is."""
         self._catch_up()
         m = self._motion
         place(self._discs, self._world, self._tick * self._step)
         clearance = _clearance(m.pose, self._outline, self._reach, self._discs, self._world.walls)
-        return Truth(self._tick * self._step, m.pose, m.twist, clearance, m.least, m.least_moving)
+        return KinematicTruth(
+            self._tick * self._step, m.pose, m.twist, clearance, m.least, m.least_moving
+        )
 
     def push(self, x: float, y: float, psi: float) -> None:
         """Somebody lifts the robot and puts it down so far off [m, m, rad], in the world frame;
@@ -207,7 +209,7 @@ class Kinematic(Paced):
         self._motion = m._replace(left=0.0, right=0.0, yaw=0.0)
         self._next_odometry = _after(tick, rate, self._step)
 
-    def _look(self, tick: int, scanner: Scanner) -> None:
+    def _look(self, tick: int, scanner: KinematicScanner) -> None:
         lidar, number = scanner.lidar, scanner.number
         ranges = np.empty(len(lidar.beams))
         place(self._discs, self._world, tick * self._step)

@@ -27,7 +27,7 @@ from starlette.websockets import WebSocket
 
 from cohelm.core.errors import CohelmError
 from cohelm.station.doors import Doorkeeper, from_elsewhere, own_name, same_origin
-from cohelm.station.operator import Operator
+from cohelm.station.operator import PageOperator
 from cohelm.station.records import Downloads
 from cohelm.station.robot_link import Connect
 
@@ -77,7 +77,7 @@ class Station:
         self.doors = Doorkeeper(token)
         self._names, self._admitted = names, admitted
         self._downloads = Downloads(connect)
-        self.operators: dict[str, Operator] = {}
+        self.operators: dict[str, PageOperator] = {}
         self._count = 0
         self._leaving: set[asyncio.Task[None]] = set()
 
@@ -203,7 +203,7 @@ class Station:
         except Exception:
             _log.exception("the page of %s broke down", operator.name)
 
-    def _operator(self, key: str | None) -> Operator | None:
+    def _operator(self, key: str | None) -> PageOperator | None:
         """Who comes again is who it was, unless that one is here already: a second tab."""
         known = self.operators.get(key or "")
         if known is not None and known.socket is None:
@@ -212,7 +212,7 @@ class Station:
             return None
         self._count += 1
         key = secrets.token_urlsafe(16)
-        operator = Operator(key, f"operator {self._count}", self.connect, self.stale)
+        operator = PageOperator(key, f"operator {self._count}", self.connect, self.stale)
         self.operators[key] = operator
         _log.info("%s is here", operator.name)
         return operator

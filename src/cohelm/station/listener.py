@@ -43,7 +43,7 @@ class _Connection:
         self.abort: Callable[[], None] | None = None
 
 
-class Listener(socket.socket):
+class ListeningSocket(socket.socket):
     """All calls but the making come from the thread of the server."""
 
     def __init__(self, family: socket.AddressFamily) -> None:

@@ -36,7 +36,7 @@ _NO_STICK = (Stick(0.0, 0.0), False, False, robot.Device.NONE, 1.0)
 _log = logging.getLogger("cohelm.station")
 
 
-class Operator:
+class PageOperator:
     """All calls come from the event loop's thread."""
 
     def __init__(self, key: str, name: str, connect: Connect, stale: float) -> None:
@@ -54,7 +54,7 @@ class Operator:
         self._status_at = 0.0
         """Our clock when the newest status was true [s]."""
         self._shown: object = None
-        self._health: robot.Health | None = None
+        self._health: robot.HealthReport | None = None
         self._steered: tuple[Stick, bool, bool, robot.Device, float] = _NO_STICK
         self._stick_at = self._steered_at = -math.inf
         """When the page's newest stick was made at the earliest: then it had just heard us [s]."""
@@ -108,7 +108,7 @@ class Operator:
                 self._keep("docks", view.docks(message).model_dump_json())
             case robot.Records():
                 self._keep("records", view.records(message).model_dump_json())
-            case robot.Health():
+            case robot.HealthReport():
                 self._health = message
             case robot.Checked():
                 self._checked(message)

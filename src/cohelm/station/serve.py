@@ -18,7 +18,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from cohelm.core.errors import CohelmError
 from cohelm.station.app import Station
-from cohelm.station.listener import Listener
+from cohelm.station.listener import ListeningSocket
 from cohelm.station.robot_link import Connect
 from cohelm.station.tls import certified
 
@@ -33,7 +33,7 @@ _BACKLOG = 128
 _log = logging.getLogger("cohelm.station")
 
 
-def _patient(listener: Listener) -> type[H11Protocol]:
+def _patient(listener: ListeningSocket) -> type[H11Protocol]:
     """HTTP with an end to its patience, whatever trickles in meanwhile."""
 
     class Patient(H11Protocol):
@@ -158,8 +158,8 @@ class _Unhurried(uvicorn.Server):
             super().handle_exit(sig, frame)
 
 
-def _listening(host: str, port: int) -> Listener:
-    listening = Listener(socket.AF_INET6 if ":" in host else socket.AF_INET)
+def _listening(host: str, port: int) -> ListeningSocket:
+    listening = ListeningSocket(socket.AF_INET6 if ":" in host else socket.AF_INET)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))

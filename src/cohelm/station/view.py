@@ -153,7 +153,10 @@ def docks(message: robot.Docks) -> page.Docks:
 
 
 def link(
-    quality: Quality, timing: robot.Timing | None, age: float, health: robot.Health | None
+    quality: Quality,
+    timing: robot.TimingReport | None,
+    age: float,
+    health: robot.HealthReport | None,
 ) -> page.Link:
     """How good the link is. age: of the newest status [s]."""
     return page.Link(

@@ -3,10 +3,10 @@
 `python -m tests.robot.collision_monitor.rooms [--n 1000] [--seed 7000] [--seconds 12]`
 
 Rooms are those of the campaign `random` without the walkers; the robot is Sally in the kinematic
-simulator, in simulated time, behind the real gate (`GatedRobot`). What asks for motion keeps clear
-of nothing, in a different way in every room of four: it heads for the goal, and backs out a little
-wherever it got stuck; deflects at random; drives full ahead and steers at random; makes for what
-is nearest.
+simulator, in simulated time, behind the real gate (`LocalGatedRobot`). What asks for motion keeps
+clear of nothing, in a different way in every room of four: it heads for the goal, and backs out a
+little wherever it got stuck; deflects at random; drives full ahead and steers at random; makes
+for what is nearest.
 
 `--all-round`: the LiDAR looks all round; else it is Sally's, which sees 270 degrees. `--ahead`:
 nothing backs, as what stands behind may never have been seen. `--off`: without the monitor.
@@ -24,8 +24,8 @@ import numpy as np
 
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
 from cohelm.robot.gate.gate import Proposal
-from cohelm.robot.gate.modes import Mode
-from cohelm.robot.keep.gated_robot import GatedRobot, rules
+from cohelm.robot.gate.modes import GateMode
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -117,7 +117,7 @@ def drive(
     model: RobotModel = robot("sally")
     model = looking_round(model) if all_round else model
     simulated = Kinematic(model, drawn.setup.start, around, seed=number)
-    kept = GatedRobot(simulated, rules(model, PERIOD), None, None if watched else ())
+    kept = LocalGatedRobot(simulated, rules(model, PERIOD), None, None if watched else ())
     wants = Wants(kind, drawn, around, seed)
     truth, hit, at, acted, way, before = simulated.truth(), 0.0, math.nan, 0, 0.0, 0.0
     n = round(seconds / PERIOD)
@@ -137,7 +137,7 @@ def drive(
         passed = kept.propose(Proposal(k, readings.odometry.stamp, asked))
         acted += passed.reason.startswith("collision monitor")
         if k == 10:
-            assert kept.drive(Mode.SHARED) == ""
+            assert kept.drive(GateMode.SHARED) == ""
     return Driven(
         number, kind, hit, at, truth.least_moving, acted, n, way, kept.gate.reason
     )  # fmt: skip

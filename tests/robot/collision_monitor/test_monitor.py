@@ -12,7 +12,7 @@ from cohelm.robot.collision_monitor.free_space import VOUCHED
 from cohelm.robot.collision_monitor.monitor import LASTS, CollisionMonitor, seen_by
 from cohelm.robot.collision_monitor.odometry import advanced, seen_from
 from cohelm.robot.collision_monitor.source import AHEAD, MISSED
-from cohelm.robot.collision_monitor.surroundings import REMEMBERED, Surroundings
+from cohelm.robot.collision_monitor.surroundings import REMEMBERED, MonitorSurroundings
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described, monitors
 from cohelm.robot.monitor import UNRESTRICTED
@@ -578,8 +578,8 @@ def test_it_says_on_which_side_the_thing_is():
         ((0.3, 0.2), "0.00 m ahead"), ((0.5, 0.32), "0.14 m ahead"),
     ):  # fmt: skip
         here = np.array([point])
-        assert it._where(Surroundings(here, *[nothing] * 3), 0) == f"something {said}"
-        there = Surroundings(here, unknown, nothing, nothing)
+        assert it._where(MonitorSurroundings(here, *[nothing] * 3), 0) == f"something {said}"
+        there = MonitorSurroundings(here, unknown, nothing, nothing)
         assert it._where(there, 0) == f"ground that nothing looked at {said}"
 
 
@@ -679,7 +679,7 @@ def test_nothing_near_enough_is_left_out():
     random = np.random.default_rng(3)
     points = random.uniform(-1.0, 1.0, (200, 2))
     margins = random.uniform(0.0, 0.2, 200)
-    things = Surroundings(points, np.zeros(200), margins, np.arange(200.0))
+    things = MonitorSurroundings(points, np.zeros(200), margins, np.arange(200.0))
     pose = Pose(0.3, -0.2, 2.0)
     found = seen_by(things, pose, 0.5)
     near = np.hypot(*(points - (0.3, -0.2)).T) <= 0.5 + margins

@@ -13,8 +13,8 @@ from cohelm.robot.collision_monitor.surroundings import (
     GRAIN,
     NOTHING,
     REMEMBERED,
-    Look,
-    Surroundings,
+    MonitorSurroundings,
+    PosedScan,
     all_round,
     joined,
     looked_past,
@@ -33,7 +33,7 @@ def sensor(view_deg, beams=720, mount=Pose(0.3, 0.0, 0.0)):  # noqa: B008, a val
 
 def things(*points, seen=0.0):
     n = len(points)
-    return Surroundings(
+    return MonitorSurroundings(
         np.array(points, dtype=float).reshape(-1, 2), np.full(n, 0.01), np.full(n, 0.03),
         np.full(n, seen),
     )  # fmt: skip
@@ -169,7 +169,7 @@ CENTRE = sensor(180.0, mount=Pose(0.0, 0.0, 0.0))._replace(range_max=12.0)
 
 def past(thing, ranges, s=CENTRE, stamp=1.0, first=HERE, last=HERE):
     """Whether a scan shows that one thing is not there any more."""
-    found = looked_past(thing, Look(s, Scan(stamp, 0, ranges, 0.1), first, last))
+    found = looked_past(thing, PosedScan(s, Scan(stamp, 0, ranges, 0.1), first, last))
     assert found.shape == (1,)
     return bool(found[0])
 
@@ -183,9 +183,12 @@ def ranges_but(value=math.inf, beams=slice(0, 0), there=0.0):
 def test_what_all_beams_go_past_is_not_there_any_more():
     assert past(at(0.3), ranges_but())
     assert past(at(0.3), ranges_but(5.0))
-    assert looked_past(NOTHING, Look(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)).size == 0
+    assert (
+        looked_past(NOTHING, PosedScan(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)).size
+        == 0
+    )
     both = looked_past(
-        joined(at(0.3), at(2.0)), Look(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)
+        joined(at(0.3), at(2.0)), PosedScan(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)
     )
     assert both.tolist() == [True, False]
 

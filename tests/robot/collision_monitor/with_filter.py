@@ -17,7 +17,7 @@ from cohelm.core.types import RADIUS, X, Y
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
-from cohelm.robot.keep.gated_robot import GatedRobot
+from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.monitor import UNRESTRICTED
 from cohelm.scenario.worlds.barn import Barn
 from cohelm.study.campaign.barn import read
@@ -96,17 +96,17 @@ class Counted:
 def drive(scenario: str | Path, kind: Kind, seed: int, *, watched: bool, limit: float = 150.0):
     """Until it arrives or the time is up: arrived, when [s], least clearance moving [m], counts."""
     with Session(SessionConfig(simulated(scenario, kind, real_time=False, seed=seed))) as session:
-        keeper = session.keeper
-        assert isinstance(keeper, GatedRobot)
-        counted = [Counted(monitor) for monitor in keeper._monitors]
-        keeper._monitors = tuple(counted) if watched else ()
-        end = keeper.now() + limit
-        session.run(lambda loop: loop.driver.arrived or loop.keeper.now() > end, Mode.AUTOMATIC)
-        truth = keeper.truth()
+        gated = session.gated
+        assert isinstance(gated, LocalGatedRobot)
+        counted = [Counted(monitor) for monitor in gated._monitors]
+        gated._monitors = tuple(counted) if watched else ()
+        end = gated.now() + limit
+        session.run(lambda loop: loop.driver.arrived or loop.gated.now() > end, Mode.AUTOMATIC)
+        truth = gated.truth()
         acted, periods = sum(c.acted for c in counted), max([c.periods for c in counted], default=0)
         said = sorted(s for c in counted for s in c.said)
-        arrived, when = session.loop.driver.arrived, keeper.now()
-        return arrived, when, truth.least_moving, acted, periods, said, keeper.gate.reason
+        arrived, when = session.loop.driver.arrived, gated.now()
+        return arrived, when, truth.least_moving, acted, periods, said, gated.gate.reason
 
 
 def main() -> None:

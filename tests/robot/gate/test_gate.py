@@ -7,15 +7,15 @@ import pytest
 from cohelm.core.types import Twist
 from cohelm.robot.gate import gate as g
 from cohelm.robot.gate.bounds import Bounds, needed, slowed, towards
-from cohelm.robot.gate.gate import STANDING, Gate, Passed, Proposal, Rules
-from cohelm.robot.gate.modes import Mode, driving, latched
+from cohelm.robot.gate.gate import STANDING, Gate, GateRules, Passed, Proposal
+from cohelm.robot.gate.modes import GateMode, driving, latched
 
 BOUNDS = Bounds(1.0, 4.0, 2.0, 16.0, 1.2, 2.0, 0.5)
-RULES = Rules(BOUNDS)
+RULES = GateRules(BOUNDS)
 NAN, INF = math.nan, math.inf
 
 
-def ready(now: float = 10.0, out: Twist = STANDING, mode: Mode = Mode.AUTOMATIC) -> Gate:
+def ready(now: float = 10.0, out: Twist = STANDING, mode: GateMode = GateMode.AUTOMATIC) -> Gate:
     """A gate in the middle of good work: the last proposal, number 7, came a period ago."""
     return Gate(mode, "", out, now - 0.02, now - 0.02, 7, now - 0.02, 0)
 
@@ -32,17 +32,17 @@ def test_a_sound_proposal_within_the_bounds_passes_as_it_is():
     gate, passed = ask(ready(), 0.03, 0.02)
     assert passed == Passed(Twist(0.03, 0.02), "")
     assert gate == Gate(
-        Mode.AUTOMATIC, "", Twist(0.03, 0.02),
+        GateMode.AUTOMATIC, "", Twist(0.03, 0.02),
         pytest.approx(10.0 - 0.02 + 0.0175), 10.0, 8, 10.0, 0,
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("mode", [Mode.AUTOMATIC, Mode.SHARED])
+@pytest.mark.parametrize("mode", [GateMode.AUTOMATIC, GateMode.SHARED])
 def test_both_driving_modes_let_the_wheels_turn(mode):
     assert ask(ready(mode=mode), 0.02)[1].out == Twist(0.02, 0.0)
 
 
-@pytest.mark.parametrize("mode", [Mode.IDLE, Mode.STOPPED, Mode.FAULTED])
+@pytest.mark.parametrize("mode", [GateMode.IDLE, GateMode.STOPPED, GateMode.FAULTED])
 def test_in_all_other_modes_the_robot_brakes_and_stands(mode):
     gate = ready(out=Twist(0.1, 0.0), mode=mode)._replace(reason="why")
     now, speeds = 10.0, []
@@ -57,8 +57,8 @@ def test_in_all_other_modes_the_robot_brakes_and_stands(mode):
 
 
 def test_standing_idle_says_so():
-    assert ask(ready(mode=Mode.IDLE), 0.5)[1] == Passed(STANDING, "idle")
-    assert g.tick(ready(mode=Mode.IDLE), 10.0, RULES)[1] == Passed(STANDING, "idle")
+    assert ask(ready(mode=GateMode.IDLE), 0.5)[1] == Passed(STANDING, "idle")
+    assert g.tick(ready(mode=GateMode.IDLE), 10.0, RULES)[1] == Passed(STANDING, "idle")
 
 
 # -- speed and acceleration ----------------------------------------------------------------------
@@ -156,7 +156,7 @@ def test_what_acceleration_allows_is_saved_up_for_one_period_only():
 
 def test_the_first_proposal_of_all_gains_no_more():
     gate, _ = ask(Gate(), 0.5)
-    gate, said = g.drive(gate, Mode.AUTOMATIC, 10.0, RULES)
+    gate, said = g.drive(gate, GateMode.AUTOMATIC, 10.0, RULES)
     assert said == ""
     assert ask(gate, 0.5, n=9)[1].out.v == pytest.approx(2.0 * 0.03)
 
@@ -168,7 +168,7 @@ def test_the_first_proposal_of_all_gains_no_more():
 def test_out_of_order_is_refused_and_the_wheels_keep_what_they_have(n):
     gate, passed = ask(ready(out=Twist(0.3, 0.1)), 0.2, n=n)
     assert passed == Passed(Twist(0.3, 0.1), "out of order")
-    assert (gate.refused, gate.heard, gate.sequence, gate.mode) == (1, 9.98, 7, Mode.AUTOMATIC)
+    assert (gate.refused, gate.heard, gate.sequence, gate.mode) == (1, 9.98, 7, GateMode.AUTOMATIC)
 
 
 def test_a_gap_in_the_numbers_is_no_disorder():
@@ -183,7 +183,7 @@ def test_old_readings_are_refused():
 
 
 def test_a_refused_proposal_moves_nobody_who_rests():
-    gate, passed = ask(ready(out=Twist(0.3, 0.0), mode=Mode.IDLE), 0.2, n=3)
+    gate, passed = ask(ready(out=Twist(0.3, 0.0), mode=GateMode.IDLE), 0.2, n=3)
     assert passed.out.v == pytest.approx(0.24)
     assert gate.refused == 1
 
@@ -205,7 +205,7 @@ def test_a_refused_proposal_moves_nobody_who_rests():
 )
 def test_what_is_broken_is_a_fault_at_once(proposal, said):
     gate, passed = g.propose(ready(out=Twist(0.3, 0.0)), proposal, 10.0, RULES)
-    assert gate.mode == Mode.FAULTED
+    assert gate.mode == GateMode.FAULTED
     assert gate.reason == passed.reason == said
     assert passed.out == pytest.approx((0.24, 0.0))  # braking has begun
     assert (gate.refused, gate.heard) == (1, 9.98)
@@ -215,7 +215,7 @@ def test_a_little_ahead_is_the_clocks_jitter():
     assert ask(ready(), 0.02, stamp=10.0099)[1].reason == ""
 
 
-@pytest.mark.parametrize("mode", [Mode.AUTOMATIC, Mode.SHARED])
+@pytest.mark.parametrize("mode", [GateMode.AUTOMATIC, GateMode.SHARED])
 def test_silence_trips_the_watchdog(mode):
     gate = ready(out=Twist(0.3, 0.0), mode=mode)
     assert g.due(gate, RULES) == pytest.approx(10.08)
@@ -223,7 +223,7 @@ def test_silence_trips_the_watchdog(mode):
     assert early.mode == mode
     assert passed == Passed(Twist(0.3, 0.0), "")
     late, passed = g.tick(early, 10.0801, RULES)
-    assert late.mode == Mode.FAULTED
+    assert late.mode == GateMode.FAULTED
     assert passed.reason == late.reason == "no sound command for more than 100 ms"
     assert passed.out.v == pytest.approx(0.24)
 
@@ -233,16 +233,16 @@ def test_refused_proposals_are_silence():
     while now < 10.095:
         gate, _ = ask(gate, 0.1, now=now, n=7)
         now += 0.01
-    assert gate.mode == Mode.FAULTED
+    assert gate.mode == GateMode.FAULTED
 
 
 def test_a_late_proposal_does_not_hide_that_it_is_late():
     gate, passed = ask(ready(), 0.1, now=10.1)
-    assert gate.mode == Mode.FAULTED
+    assert gate.mode == GateMode.FAULTED
     assert passed.out == STANDING
 
 
-@pytest.mark.parametrize("mode", [Mode.IDLE, Mode.STOPPED, Mode.FAULTED])
+@pytest.mark.parametrize("mode", [GateMode.IDLE, GateMode.STOPPED, GateMode.FAULTED])
 def test_who_does_not_drive_needs_no_watchdog(mode):
     gate = ready(mode=mode)
     assert g.due(gate, RULES) == INF
@@ -252,7 +252,7 @@ def test_who_does_not_drive_needs_no_watchdog(mode):
 def test_a_clock_that_goes_back_is_a_fault_and_the_new_time_counts():
     gate = ready(out=Twist(0.3, 0.0))
     gate, passed = g.tick(gate, 9.5, RULES)
-    assert (gate.mode, gate.reason) == (Mode.FAULTED, "the robot's clock went back")
+    assert (gate.mode, gate.reason) == (GateMode.FAULTED, "the robot's clock went back")
     assert passed.out.v == pytest.approx(0.24)
     for k in range(1, 20):
         gate, passed = g.propose(
@@ -271,26 +271,26 @@ def test_every_limit_in_time_is_still_allowed():
     """With numbers that binary fractions hold exactly."""
     rules = RULES._replace(age=0.125, ahead=0.0625, watchdog=2.0)
     gate = ready()._replace(heard=8.0)
-    assert g.tick(gate, 10.0, rules)[0].mode == Mode.AUTOMATIC
+    assert g.tick(gate, 10.0, rules)[0].mode == GateMode.AUTOMATIC
     late, _ = g.tick(gate, 10.25, rules)
     assert late.reason == "no sound command for more than 2000 ms"
     for stamp in (10.0 - 0.125, 10.0 + 0.0625):
         _, passed = g.propose(gate, Proposal(8, stamp, Twist(0.02, 0.0)), 10.0, rules)
         assert passed.reason == ""
-    idle = gate._replace(mode=Mode.IDLE)
-    assert g.drive(idle, Mode.SHARED, 10.0, rules)[1] == ""
+    idle = gate._replace(mode=GateMode.IDLE)
+    assert g.drive(idle, GateMode.SHARED, 10.0, rules)[1] == ""
 
 
 def test_the_same_time_twice_is_no_step_back():
     gate, _ = g.tick(ready(), 10.0, RULES)
-    assert g.tick(gate, 10.0, RULES)[0].mode == Mode.AUTOMATIC
+    assert g.tick(gate, 10.0, RULES)[0].mode == GateMode.AUTOMATIC
 
 
 @pytest.mark.parametrize("now", [NAN, INF, -INF])
 def test_a_clock_that_is_no_number_stops_at_once(now):
     gate, passed = g.tick(ready(out=Twist(0.3, 0.0)), now, RULES)
     assert passed == Passed(STANDING, "the robot's clock is no number")
-    assert gate.mode == Mode.FAULTED
+    assert gate.mode == GateMode.FAULTED
     assert gate.out == STANDING
     assert gate.clock == 9.98
 
@@ -298,12 +298,12 @@ def test_a_clock_that_is_no_number_stops_at_once(now):
 # -- stop, fault, reset, drive -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", [Mode.IDLE, Mode.AUTOMATIC, Mode.SHARED])
+@pytest.mark.parametrize("mode", [GateMode.IDLE, GateMode.AUTOMATIC, GateMode.SHARED])
 def test_stop_and_fault_latch_with_their_reason(mode):
     stopped = g.stop(ready(mode=mode), "the person pressed STOP")
-    assert (stopped.mode, stopped.reason) == (Mode.STOPPED, "the person pressed STOP")
+    assert (stopped.mode, stopped.reason) == (GateMode.STOPPED, "the person pressed STOP")
     faulted = g.fault(ready(mode=mode), "bumper")
-    assert (faulted.mode, faulted.reason) == (Mode.FAULTED, "bumper")
+    assert (faulted.mode, faulted.reason) == (GateMode.FAULTED, "bumper")
 
 
 def test_the_first_reason_stays():
@@ -316,7 +316,7 @@ def test_the_first_reason_stays():
 
 def test_a_fault_while_stopped_keeps_both_reasons():
     both = g.fault(g.stop(ready(), "STOP"), "bumper")
-    assert (both.mode, both.reason) == (Mode.FAULTED, "bumper (and stopped: STOP)")
+    assert (both.mode, both.reason) == (GateMode.FAULTED, "bumper (and stopped: STOP)")
 
 
 @pytest.mark.parametrize("latch", [g.stop, g.fault])
@@ -325,18 +325,18 @@ def test_only_a_reset_leads_out_and_it_moves_nothing(latch):
     for n in range(8, 40):
         gate, passed = ask(gate, 0.5, now=10.0 + 0.02 * (n - 8), n=n)
         assert passed.out == STANDING
-    assert g.drive(gate, Mode.AUTOMATIC, 10.62, RULES) == (gate, "reset first: why")
+    assert g.drive(gate, GateMode.AUTOMATIC, 10.62, RULES) == (gate, "reset first: why")
     gate, said = g.reset(gate, 10.62, RULES)
-    assert (gate.mode, gate.reason, said) == (Mode.IDLE, "", "")
+    assert (gate.mode, gate.reason, said) == (GateMode.IDLE, "", "")
     gate, passed = ask(gate, 0.5, now=10.64, n=40)
     assert passed.out == STANDING  # still nobody has chosen to drive
-    gate, said = g.drive(gate, Mode.SHARED, 10.64, RULES)
-    assert (gate.mode, said) == (Mode.SHARED, "")
+    gate, said = g.drive(gate, GateMode.SHARED, 10.64, RULES)
+    assert (gate.mode, said) == (GateMode.SHARED, "")
     assert ask(gate, 0.5, now=10.66, n=41)[1].out.v > 0.0
 
 
 def test_no_reset_where_there_is_nothing_to_reset():
-    for mode in (Mode.IDLE, Mode.AUTOMATIC, Mode.SHARED):
+    for mode in (GateMode.IDLE, GateMode.AUTOMATIC, GateMode.SHARED):
         gate = ready(mode=mode)
         assert g.reset(gate, 10.0, RULES) == (gate, "there is nothing to reset")
 
@@ -351,26 +351,26 @@ def test_no_reset_and_no_driving_without_a_living_loop():
     stopped = g.stop(ready(), "why")
     assert g.reset(stopped, 10.0801, RULES) == (stopped, "the loop sends nothing sound")
     assert g.reset(stopped, 10.0799, RULES)[1] == ""
-    idle = ready(mode=Mode.IDLE)
-    for mode in (Mode.AUTOMATIC, Mode.SHARED):
+    idle = ready(mode=GateMode.IDLE)
+    for mode in (GateMode.AUTOMATIC, GateMode.SHARED):
         assert g.drive(idle, mode, 10.0801, RULES) == (idle, "the loop sends nothing sound")
         assert g.drive(idle, mode, 10.0799, RULES)[0].mode == mode
-    assert g.drive(idle, Mode.IDLE, 99.0, RULES) == (idle, "")
+    assert g.drive(idle, GateMode.IDLE, 99.0, RULES) == (idle, "")
 
 
 def test_the_modes_one_can_choose():
-    gate = ready(mode=Mode.AUTOMATIC)
-    for mode in (Mode.SHARED, Mode.AUTOMATIC, Mode.IDLE):
+    gate = ready(mode=GateMode.AUTOMATIC)
+    for mode in (GateMode.SHARED, GateMode.AUTOMATIC, GateMode.IDLE):
         assert g.drive(gate, mode, 10.0, RULES)[0].mode == mode
-    for mode in (Mode.STOPPED, Mode.FAULTED):
+    for mode in (GateMode.STOPPED, GateMode.FAULTED):
         assert g.drive(gate, mode, 10.0, RULES) == (gate, "stop and fault are not chosen")
 
 
 def test_which_modes_drive_and_which_are_latched():
-    assert [m for m in Mode if driving(m)] == [Mode.AUTOMATIC, Mode.SHARED]
-    assert [m for m in Mode if latched(m)] == [Mode.STOPPED, Mode.FAULTED]
+    assert [m for m in GateMode if driving(m)] == [GateMode.AUTOMATIC, GateMode.SHARED]
+    assert [m for m in GateMode if latched(m)] == [GateMode.STOPPED, GateMode.FAULTED]
 
 
 def test_a_new_gate_stands_idle():
-    assert Gate() == Gate(Mode.IDLE, "", STANDING, -INF, -INF, -1, -INF, 0)
+    assert Gate() == Gate(GateMode.IDLE, "", STANDING, -INF, -INF, -1, -INF, 0)
     assert RULES[1:] == (0.1, 0.01, 0.1, 0.02, 0.01)

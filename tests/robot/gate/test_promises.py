@@ -8,11 +8,11 @@ from hypothesis import given, strategies as st
 from cohelm.core.types import Twist
 from cohelm.robot.gate import gate as g
 from cohelm.robot.gate.bounds import Bounds
-from cohelm.robot.gate.gate import Gate, Proposal, Rules
-from cohelm.robot.gate.modes import Mode, driving, latched
+from cohelm.robot.gate.gate import Gate, GateRules, Proposal
+from cohelm.robot.gate.modes import GateMode, driving, latched
 
 BOUNDS = Bounds(1.0, 4.0, 2.0, 16.0, 1.2, 2.0, 0.5)
-RULES = Rules(BOUNDS)
+RULES = GateRules(BOUNDS)
 
 number = st.one_of(
     st.floats(-1.5, 1.5), st.floats(), st.sampled_from([0.0, math.nan, math.inf, 1e300])
@@ -25,7 +25,7 @@ event = st.one_of(
     st.tuples(st.just("stop")),
     st.tuples(st.just("fault")),
     st.tuples(st.just("reset")),
-    st.tuples(st.just("drive"), st.sampled_from(list(Mode))),
+    st.tuples(st.just("drive"), st.sampled_from(list(GateMode))),
 )
 step = st.one_of(st.floats(0.0, 0.03), st.floats(0.0, 0.3), st.sampled_from([0.02, -0.5, math.nan]))
 history = st.lists(st.tuples(step, event), max_size=60)
@@ -86,7 +86,7 @@ def test_nothing_but_a_reset_leads_out_of_a_latch_and_only_to_idle(events):
     for before, gate, _, what in played(events):
         if latched(before.mode) and not latched(gate.mode):
             assert what == "reset"
-            assert gate.mode == Mode.IDLE
+            assert gate.mode == GateMode.IDLE
             assert gate.out == Twist(0.0, 0.0)
 
 
@@ -95,7 +95,7 @@ def test_nothing_but_a_choice_makes_it_drive(events):
     for before, gate, _, what in played(events):
         if driving(gate.mode) and not driving(before.mode):
             assert what == "drive"
-            assert before.mode == Mode.IDLE
+            assert before.mode == GateMode.IDLE
 
 
 @given(history)
@@ -117,4 +117,4 @@ def test_after_silence_it_never_drives(events, silence):
     *_, (_, gate, _, _) = [*played(events), (None, Gate(), 0.0, "")][: len(events) or 1]
     if driving(gate.mode):
         after, _ = g.tick(gate, gate.heard + silence, RULES)
-        assert after.mode == Mode.FAULTED
+        assert after.mode == GateMode.FAULTED

@@ -11,7 +11,7 @@ from typing import Any
 
 from cohelm.core.types import Twist
 from cohelm.robot.gate.gate import Proposal
-from cohelm.robot.gate.modes import Mode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.priority import urgent
 from cohelm.robot.keep.process import RemoteGatedRobot
@@ -30,10 +30,10 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
     wrong: a call in which it freezes, with its request on the way; or `only reads`, or `listens
     no more`, and goes on asking.
     """
-    keeper = RemoteGatedRobot(make, rules(make.model, PERIOD), record)
+    gated = RemoteGatedRobot(make, rules(make.model, PERIOD), record)
     urgent()
-    said.send(keeper.pid)
-    ask, wanted = keeper._ask, False
+    said.send(gated.pid)
+    ask, wanted = gated._ask, False
 
     def freezing(what: str, *more: Any) -> Any:
         nonlocal wanted
@@ -42,35 +42,35 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
         wanted = False
         if what == "read":  # whose answer brings scan and frame, as one in a few does
             more = ((-1, {}, -1),)
-        before = keeper._answer
+        before = gated._answer
 
         def frozen(*given: Any) -> Any:
-            keeper._answer = before
+            gated._answer = before
             os.kill(os.getpid(), signal.SIGSTOP)
             answer = before(*given)
             whole = what != "read" or isinstance(readings_of(answer), Readings)
-            said.send((keeper.gate.mode.name, whole))
+            said.send((gated.gate.mode.name, whole))
             return answer
 
-        keeper._answer = frozen
+        gated._answer = frozen
         return ask(what, *more)
 
-    keeper._ask = freezing
-    due = keeper.now()
+    gated._ask = freezing
+    due = gated.now()
     for number in range(10_000):
-        readings = keeper.read()
-        keeper.propose(Proposal(number, readings.odometry.stamp, Twist(SPEED, 0.0)))
-        keeper.truth()
+        readings = gated.read()
+        gated.propose(Proposal(number, readings.odometry.stamp, Twist(SPEED, 0.0)))
+        gated.truth()
         if number == 10:
-            assert not keeper.drive(Mode.AUTOMATIC)
+            assert not gated.drive(GateMode.AUTOMATIC)
         if number == 70:
             said.send("drives")
         wanted = wanted or number == 80
         while wanted and wrong == "only reads":
-            keeper.read()
+            gated.read()
         while wanted and wrong == "listens no more":
-            keeper._line.say((number, "read", (-1, {}, -1)))
-            keeper._line.say((number, "truth", None))
+            gated._line.say((number, "read", (-1, {}, -1)))
+            gated._line.say((number, "truth", None))
             time.sleep(0.001)
         due += PERIOD
-        keeper.wait(due)
+        gated.wait(due)

@@ -1,4 +1,4 @@
-"""A loop that freezes, wherever it freezes: the keeper hears and acts, and the robot stands."""
+"""A loop that freezes, wherever it freezes: its gate process hears and acts, and it stands."""
 
 import multiprocessing
 import os
@@ -20,13 +20,13 @@ pytestmark = pytest.mark.xdist_group("realtime")
 STARTED = 120.0  # with nothing compiled, on a busy machine [s]
 WATCHDOG = 0.1
 STOPPING = SPEED * (WATCHDOG + PERIOD + SALLY.delay_s) + SPEED**2 / (2.0 * 2.0)
-"""From the last command to standing: watchdog, one look of the keeper, delay, brakes [m]."""
+"""From the last command to standing: watchdog, one look of the gate process, delay, brakes [m]."""
 SLACK = 0.02
-"""... and 40 ms in which a busy machine may keep the keeper waiting [m]."""
+"""... and 40 ms in which a busy machine may keep the gate process waiting [m]."""
 
 
 class Frozen:
-    """A small loop at work, in another process; what its keeper says."""
+    """A small loop at work, in another process; what its gate process says."""
 
     def __init__(self, tmp_path, wrong: str, width: int, beams: int) -> None:
         self.watch = Watch(tmp_path / "trace")
@@ -39,13 +39,13 @@ class Frozen:
         theirs.close()
         told.close()
         assert self._ours.poll(STARTED)
-        self.keeper: int = self._ours.recv()
+        self.gated: int = self._ours.recv()
         assert self._ours.poll(10.0)
         assert self._ours.recv() == "drives"
         self._said: list[str] = []
 
     def said(self, what: str, within: float) -> bool:
-        """Whether the keeper says so."""
+        """Whether the gate process says so."""
         end = time.monotonic() + within
         while not any(what in text for text in self._said):
             self._heard.settimeout(max(end - time.monotonic(), 1e-3))
@@ -56,7 +56,7 @@ class Frozen:
         return True
 
     def stands(self, by: float) -> None:
-        """The keeper says so in time, and the robot has come no farther than this."""
+        """The gate process says so in time, and the robot has come no farther than this."""
         assert self.said("no sound command for more than 100 ms", 1.0)
         assert self.said("stands, ", 2.0)
         end = time.monotonic() + 0.5  # it says so when next to nothing is left
@@ -104,7 +104,7 @@ def frozen(tmp_path, wrong: str, width: int = 0, beams: int = 720):
     finally:
         made.close()
         for _ in range(100):
-            if not Path(f"/proc/{made.keeper}").exists():
+            if not Path(f"/proc/{made.gated}").exists():
                 break
             time.sleep(0.1)
 
@@ -119,7 +119,7 @@ def frozen(tmp_path, wrong: str, width: int = 0, beams: int = 720):
         pytest.param(0, 100_000, id="scans of 0.8 MB", marks=pytest.mark.slow),
     ],
 )
-def test_no_answer_that_the_loop_does_not_take_makes_the_keeper_deaf(tmp_path, width, beams):
+def test_no_answer_that_the_loop_does_not_take_makes_the_gate_deaf(tmp_path, width, beams):
     with frozen(tmp_path, "read", width, beams) as loop:
         at = loop.frozen()
         loop.stands(at + STOPPING + SLACK)

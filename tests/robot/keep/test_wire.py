@@ -1,4 +1,4 @@
-"""What loop and keeper tell each other in every period comes out as it went in."""
+"""What loop and gate process tell each other in every period comes out as it went in."""
 
 import math
 import pickle
@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate.gate import Gate, Passed, Proposal
-from cohelm.robot.gate.modes import Mode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.wire import (
     gate_of,
     packed_gate,
@@ -33,7 +33,15 @@ READINGS = st.builds(
     contacts=st.lists(st.builds(Contact, NUMBERS, st.text(), st.booleans()), max_size=2).map(tuple),
 )  # fmt: skip
 GATES = st.builds(
-    Gate, st.sampled_from(list(Mode)), st.text(), TWISTS, NUMBERS, NUMBERS, WHOLE, NUMBERS, WHOLE
+    Gate,
+    st.sampled_from(list(GateMode)),
+    st.text(),
+    TWISTS,
+    NUMBERS,
+    NUMBERS,
+    WHOLE,
+    NUMBERS,
+    WHOLE,
 )
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.robot.plausibility.view import View
+from cohelm.robot.plausibility.view import ScanView
 from cohelm.scenario.load import robot
 
 DEEP = robot("sally-depth").further_lidars[0]
@@ -18,6 +18,6 @@ LIDAR = DEEP.lidar()
      (LIDAR._replace(floor_from=math.nan), math.inf, False)],
 )  # fmt: skip
 def test_where_the_floor_is_seen_all_along_the_camera_sees(lidar, ranges, sees):
-    view = View(lidar)
+    view = ScanView(lidar)
     view.take(np.full(DEEP.beams, ranges), None)
     assert (view.vouches(0.0), view.blank) == (sees, not sees)

@@ -6,7 +6,7 @@ import numpy as np
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Robot
+from cohelm.robot.port import RobotPort
 from cohelm.scenario.load import robot
 from cohelm.sim.world import Body, World, world
 
@@ -26,7 +26,7 @@ def scene(*bodies: Body, walls: Sequence[Sequence[float]] = ()) -> World:
     return world((list(bodies), np.array(walls, dtype=np.float64).reshape(-1, 4)))
 
 
-def drive(robot: Robot, twist: Twist, seconds: float) -> list:
+def drive(robot: RobotPort, twist: Twist, seconds: float) -> list:
     """The truth every 20 ms."""
     seen = []
     end = robot.now() + seconds
@@ -37,5 +37,5 @@ def drive(robot: Robot, twist: Twist, seconds: float) -> list:
     return seen
 
 
-def brake(robot: Robot, seconds: float = 2.0):
+def brake(robot: RobotPort, seconds: float = 2.0):
     return drive(robot, Twist(0.0, 0.0), seconds)[-1]

@@ -65,10 +65,10 @@ def test_nobody_backs_it_over_an_edge_that_only_the_lidar_looked_past(bearing):
 def test_a_robot_that_is_asked_past_an_edge_without_a_filter_is_counted_as_fallen(monkeypatch):
     """The judge works: whoever is let through everything falls."""
 
-    def through(keeper, proposal):
-        keeper._monitors = ()
-        keeper._robot.send(Twist(-0.3, 0.0))
-        return Passed(keeper.gate.out, "")
+    def through(gated, proposal):
+        gated._monitors = ()
+        gated._robot.send(Twist(-0.3, 0.0))
+        return Passed(gated.gate.out, "")
 
     monkeypatch.setattr(Watched, "propose", through)
     row = run_episode(beside_a_dock(math.pi), "guard")

@@ -54,10 +54,10 @@ def test_a_fault_of_the_robot_is_reset_as_somebody_would_and_counted(monkeypatch
 def test_a_loop_that_is_not_heard_is_stopped_by_the_watchdog_of_a_campaign_too(monkeypatch):
     propose = Watched.propose
 
-    def mute(keeper, proposal):
-        if 3.0 < keeper.now() < 3.5:
-            return Passed(keeper.gate.out, "")
-        return propose(keeper, proposal)
+    def mute(gated, proposal):
+        if 3.0 < gated.now() < 3.5:
+            return Passed(gated.gate.out, "")
+        return propose(gated, proposal)
 
     monkeypatch.setattr(Watched, "propose", mute)
     (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))

@@ -13,7 +13,7 @@ from cohelm.core.trace import Trace
 from cohelm.pilot.step import EVADING
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
-from cohelm.study.campaign.episode import Episode, Goal
+from cohelm.study.campaign.episode import Episode, EpisodeGoal
 from cohelm.study.campaign.pictures import drawn, strip
 from cohelm.study.campaign.report import caption
 from cohelm.study.campaign.result import NOT_DRIVEN
@@ -36,7 +36,7 @@ def drive(walls=None):
     rows["x"], rows["clearance"] = 0.01 * np.arange(200), 0.5
     discs = np.zeros((200, 2, 6))
     discs[:, 0, :2], discs[:, 1, 0] = (2.0, 2.0), np.linspace(0.0, 1.0, 200)
-    case = Episode("lab", 3, "", setup, Goal(5.0, 0.0, 0.1))
+    case = Episode("lab", 3, "", setup, EpisodeGoal(5.0, 0.0, 0.1))
     return case, Trace(rows, np.zeros((200, 2)), discs, ("a", "b"), 0.02)
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist, is_finite
 from cohelm.law.guard.approach import approach_rows, most_rows
@@ -138,6 +139,13 @@ GuardStep = Callable[[Pose, Twist, Twist, Surroundings], Guarded]
 _RULES = Rules()
 
 
+class _GuardSettings(NamedTuple):
+    """What stays the same from step to step, beside the outline."""
+
+    limits: Limits
+    rules: Rules
+
+
 def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> GuardStep:
     """`guard` from Python, with what stays the same taken in once.
 
@@ -149,10 +157,10 @@ def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> Guard
     tuple either way.
     """
     corners, limits, rules = checked_outline(outline), checked_limits(limits), checked_rules(rules)
-    settings = np.array([*limits, *rules], dtype=np.float64)
+    row = numbers(_GuardSettings(limits, rules))
 
     def step(pose: Pose, before: Twist, wish: Twist, around: Surroundings) -> Guarded:
-        return Guarded._make(_flat(*pose, *before, *wish, *around, corners, settings))
+        return Guarded._make(_flat(*pose, *before, *wish, *around, corners, row))
 
     return step
 
@@ -168,11 +176,11 @@ def guard_step(
 @jit
 def _flat(
     x: float, y: float, psi: float, v0: float, omega0: float, v: float, omega: float,
-    discs: Floats, agility: Floats, segments: Floats, points: Floats, outline: Floats, s: Floats,
+    discs: Floats, agility: Floats, segments: Floats, points: Floats, outline: Floats, row: Floats,
 ) -> tuple[float, float, int, float, float, int]:  # fmt: skip
+    s = read(_GuardSettings, row, 0)
     g = guard(
         Pose(x, y, psi), Twist(v0, omega0), Twist(v, omega),
-        Surroundings(discs, agility, segments, points), outline,
-        Limits(s[0], s[1], s[2], s[3], s[4], s[5], s[6]), Rules(s[7], s[8], s[9], s[10], s[11]),
+        Surroundings(discs, agility, segments, points), outline, s.limits, s.rules,
     )  # fmt: skip
     return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting

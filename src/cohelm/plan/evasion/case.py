@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
-from cohelm.law.govern import Clock
+from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.plan.course import Course, window
 from cohelm.plan.evasion.params import EvasionParams
@@ -42,8 +42,8 @@ class Case(NamedTuple):
 
 @jit
 def case_at(
-    ahead: Floats, movers: Floats, around: Surroundings, pose: Pose, course: Course, clock: Clock,
-    outline: Floats, reach: float, limits: Limits, e: EvasionParams,
+    ahead: Floats, movers: Floats, around: Surroundings, pose: Pose, course: Course,
+    clock: CourseClock, outline: Floats, reach: float, limits: Limits, e: EvasionParams,
 ) -> Case:  # fmt: skip
     """All that candidates are held against, for a robot at this pose."""
     edge = outline_points(outline)
@@ -59,7 +59,7 @@ def case_at(
 
 
 @jit
-def _way(course: Course, clock: Clock) -> Floats:
+def _way(course: Course, clock: CourseClock) -> Floats:
     """The course ahead, every 20 cm for 8 m, and how much of it is left from there."""
     poses = course.poses
     first, end = window(course, clock.tau, 8.0)

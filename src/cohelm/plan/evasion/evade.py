@@ -19,7 +19,7 @@ import numpy as np
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.gains import Gains
-from cohelm.law.govern import Clock, PaceParams, govern, governed
+from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
 from cohelm.law.guard.step import Rules, farthest
 from cohelm.law.guard.surroundings import Surroundings
@@ -40,8 +40,9 @@ _NEARLY = 0.4  # what is so much worse than the best is not looked at to its end
 
 @jit
 def evade(
-    was: Evasion, pose: Pose, twist: Twist, around: Surroundings, course: Course, clock: Clock,
-    outline: Floats, limits: Limits, gains: Gains, rules: Rules, pace: PaceParams, e: EvasionParams,
+    was: Evasion, pose: Pose, twist: Twist, around: Surroundings, course: Course,
+    clock: CourseClock, outline: Floats, limits: Limits, gains: Gains, rules: Rules,
+    pace: PaceParams, e: EvasionParams,
     watched: Floats,
 ) -> Evasion:  # fmt: skip
     """What to do about moving obstacles, from now on for `e.period`.
@@ -74,7 +75,7 @@ def _steps(e: EvasionParams, rules: Rules) -> int:
 
 @jit
 def _follows(
-    ahead: Floats, movers: Floats, pose: Pose, twist: Twist, course: Course, clock: Clock,
+    ahead: Floats, movers: Floats, pose: Pose, twist: Twist, course: Course, clock: CourseClock,
     outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams, e: EvasionParams,
 ) -> bool:  # fmt: skip
     """Whether following the course as it is meets nobody who moves within the horizon."""

@@ -1,4 +1,4 @@
-"""The second layer: protective fields on the raw scan, in the keeper's process.
+"""The second layer: protective fields on the raw scan, in the gate process.
 
 What safety scanners (IEC 61496-3, ISO 13855) and Nav2's collision monitor are. It shares no code
 with perception, filter or the robot's kinematics. `returns` where a scan's returns are and how

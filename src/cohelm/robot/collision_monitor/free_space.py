@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.robot.collision_monitor.odometry import placed_at, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor
-from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING, Surroundings
+from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING, MonitorSurroundings
 from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
 
 CELL = 0.05
@@ -83,7 +83,9 @@ class FreeSpace:
         self._at, self._vouched = None, False
         self.unknown, self.cells = NOTHING, None
 
-    def look(self, ranges: Floats, pose: Pose, turned: float, seen: float) -> Surroundings | None:
+    def look(
+        self, ranges: Floats, pose: Pose, turned: float, seen: float
+    ) -> MonitorSurroundings | None:
         """After a scan from a pose: what is unknown within reach, or None where that is as before.
 
         turned: by how much the robot turned during the scan [rad]. seen: when that was [s].
@@ -132,7 +134,7 @@ class FreeSpace:
         unknown: Floats = points[~under]
         n = len(unknown)
         self.cells = cells[~under]
-        self.unknown = Surroundings(
+        self.unknown = MonitorSurroundings(
             unknown, np.full(n, self._error), np.full(n, CORNER), np.full(n, seen)
         )  # fmt: skip
         return self.unknown
@@ -156,7 +158,7 @@ class FreeSpace:
         self._known = known & self._kept
 
 
-def unknown_to_all(spaces: Sequence[FreeSpace]) -> Surroundings:
+def unknown_to_all(spaces: Sequence[FreeSpace]) -> MonitorSurroundings:
     """Ground that no sensor looks at or has looked at before; of those that have not looked yet,
     nothing is asked."""
     looked = [space for space in spaces if space.cells is not None]
@@ -166,7 +168,7 @@ def unknown_to_all(spaces: Sequence[FreeSpace]) -> Surroundings:
     found, own = first.unknown, _keys(first)
     for other in others:
         both = np.isin(own, _keys(other))
-        found, own = Surroundings(*(column[both] for column in found)), own[both]
+        found, own = MonitorSurroundings(*(column[both] for column in found)), own[both]
     return found
 
 

@@ -21,10 +21,10 @@ from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
 from cohelm.robot.collision_monitor.odometry import PoseHistory
 from cohelm.robot.collision_monitor.returns import Sensor, returns
 from cohelm.robot.collision_monitor.runaway import Runaway
-from cohelm.robot.collision_monitor.source import Source
+from cohelm.robot.collision_monitor.source import MonitorSource
 from cohelm.robot.collision_monitor.surroundings import (
     NOTHING,
-    Surroundings,
+    MonitorSurroundings,
     all_round,
     joined,
 )  # fmt: skip
@@ -87,7 +87,7 @@ class Met(NamedTuple):
 NEVER = Met(math.inf, -1, math.inf, -1)
 
 
-class Field(NamedTuple):
+class MonitoredMotion(NamedTuple):
     """A motion, and what is in its way."""
 
     share: float
@@ -96,7 +96,7 @@ class Field(NamedTuple):
     """Which of the points allows the least; -1: none."""
 
 
-FREE = Field(math.inf, -1)
+FREE = MonitoredMotion(math.inf, -1)
 
 
 class CollisionMonitor:
@@ -118,7 +118,7 @@ class CollisionMonitor:
             all_round(sensor) and sensor.forgets == math.inf for sensor in described.sensors
         )
         self._sources = [
-            Source(sensor, i == 0, self._shape, self._farthest(), remembers)
+            MonitorSource(sensor, i == 0, self._shape, self._farthest(), remembers)
             for i, sensor in enumerate(described.sensors)
         ]
         self._measured, self._commanded = PoseHistory(), PoseHistory()
@@ -176,7 +176,7 @@ class CollisionMonitor:
         """What has to be compiled is not when the gate's process is waited for."""
         here, sensor = Pose(0.0, 0.0, 0.0), self._robot.sensors[0]
         found = returns(np.ones(len(sensor.bearings)), sensor, math.inf)
-        seen = Surroundings(found.points, found.errors, found.margins, found.passed)
+        seen = MonitorSurroundings(found.points, found.errors, found.margins, found.passed)
         met(seen_by(seen, here, math.inf), _NONE, self._shape)
         edge_distances(seen.points, self._shape)
 
@@ -204,7 +204,7 @@ class CollisionMonitor:
         """Of the fastest point of the outline, as far as is measured [m/s]."""
         return max(fastest(twist, self._shape) for twist in self._motions())
 
-    def _things(self, when: float, twist: Twist) -> Surroundings:
+    def _things(self, when: float, twist: Twist) -> MonitorSurroundings:
         """What is near enough to matter to a twist, or to the one that was sent last: by odometry
         and by what was sent, seen from where the robot is then."""
         robot, reach = self._robot, self._shape.reach
@@ -264,7 +264,7 @@ class CollisionMonitor:
         """What the odometry's twist says, and what its poses say."""
         return self._measured.twist, self._measured.mean_twist(INCREMENTS)
 
-    def _braking(self, now: float, things: Surroundings, met: Met) -> str:
+    def _braking(self, now: float, things: MonitorSurroundings, met: Met) -> str:
         """Where something is that the robot meets if it brakes one period from now; nothing where
         nothing is. What is no faster than a crawl can not do harm.
 
@@ -293,13 +293,13 @@ class CollisionMonitor:
             for sent in self._commanded.twists(stamp - LAG, stamp)
         )
 
-    def _stop(self, met: Met, twist: Twist, reaction: float) -> Field:
+    def _stop(self, met: Met, twist: Twist, reaction: float) -> MonitoredMotion:
         """The stop field of a motion that goes on for a reaction time [s]."""
         if fastest(twist, self._shape) <= CRAWL:
             return FREE
         return self._field(met, twist, reaction, 1.0)
 
-    def _field(self, met: Met, twist: Twist, reaction: float, brakes: float) -> Field:
+    def _field(self, met: Met, twist: Twist, reaction: float, brakes: float) -> MonitoredMotion:
         """How much of a motion is allowed. brakes: share of the deceleration that is counted on.
 
         The stop field is the outline with the error of each return, and nothing may end in it;
@@ -310,18 +310,22 @@ class CollisionMonitor:
         crawl = min(CRAWL / fastest(twist, self._shape), 1.0)
         stop = allowed(met.solid, reaction, braking)
         slow = allowed(met.anything, reaction, braking, crawl)
-        return Field(stop, met.solid_point) if stop < slow else Field(slow, met.point)
+        return (
+            MonitoredMotion(stop, met.solid_point)
+            if stop < slow
+            else MonitoredMotion(slow, met.point)
+        )
 
     def _brakes(self, twist: Twist, brakes: float) -> float:
         """How long a motion takes to stand, with a share of the deceleration [s]."""
         return needed(twist, self._robot.bounds) / brakes
 
-    def _met(self, things: Surroundings, twist: Twist) -> Met:
+    def _met(self, things: MonitorSurroundings, twist: Twist) -> Met:
         if twist == _NONE:
             return NEVER
         return met(things, Twist(float(twist.v), float(twist.omega)), self._shape)
 
-    def _where(self, things: Surroundings, which: int) -> str:
+    def _where(self, things: MonitorSurroundings, which: int) -> str:
         """In words: what it is, how far from the outline, and on which side."""
         shape, point = self._shape, things.points[which]
         what = _WHAT.get(float(things.errors[which]), "something")
@@ -342,20 +346,24 @@ class CollisionMonitor:
         return Restriction(share, words)
 
 
-def all_of(parts: list[Surroundings]) -> Surroundings:
+def all_of(parts: list[MonitorSurroundings]) -> MonitorSurroundings:
     """Those of several LiDARs."""
     return reduce(joined, parts)
 
 
-def seen_by(things: Surroundings, pose: Pose, within: float) -> Surroundings:
+def seen_by(things: MonitorSurroundings, pose: Pose, within: float) -> MonitorSurroundings:
     """In the body frame at a pose, those that are so near to its origin, with their margins [m]."""
     return seen_by_both(things, pose, NOTHING, pose, within)
 
 
 @jit
 def seen_by_both(
-    things: Surroundings, pose: Pose, others: Surroundings, other_pose: Pose, within: float
-) -> Surroundings:
+    things: MonitorSurroundings,
+    pose: Pose,
+    others: MonitorSurroundings,
+    other_pose: Pose,
+    within: float,
+) -> MonitorSurroundings:
     """The same, and of others in the frame of another pose."""
     n, k = len(things.points) + len(others.points), 0
     points, errors, margins, seen = np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n)
@@ -367,11 +375,11 @@ def seen_by_both(
                 points[k, 0], points[k, 1] = c * x + s * y, c * y - s * x
                 errors[k], margins[k], seen[k] = of.errors[i], margin, of.seen[i]
                 k += 1
-    return Surroundings(points[:k], errors[:k], margins[:k], seen[:k])
+    return MonitorSurroundings(points[:k], errors[:k], margins[:k], seen[:k])
 
 
 @jit
-def met(things: Surroundings, twist: Twist, shape: Outline) -> Met:
+def met(things: MonitorSurroundings, twist: Twist, shape: Outline) -> Met:
     """What a motion meets. What is in the outline may be left. What is beside it, but may be nearer
     by its error, may be passed along too, and so may unknown ground, as that takes in no more of
     it."""

@@ -16,8 +16,8 @@ from cohelm.robot.collision_monitor.surroundings import (
     BESIDE,
     LEVEL,
     NOTHING,
-    Look,
-    Surroundings,
+    MonitorSurroundings,
+    PosedScan,
     all_round,
     joined,
     looked_past,
@@ -34,7 +34,7 @@ MISSED = 3.0
 """Scans that may be due and not there: two lost in a row are ordinary, three are not."""
 
 
-class Source:
+class MonitorSource:
     """Of one LiDAR."""
 
     def __init__(
@@ -56,7 +56,7 @@ class Source:
         """Which floor it has seen, if it watches that."""
         self.reshape(shape, farthest)
         self._scan: Scan | None = None
-        self._newest: Look | None = None
+        self._newest: PosedScan | None = None
         self.by_odometry = NOTHING
         """Returns of the newest scan, in the frame of the odometry's poses, and remembered ones."""
         self.by_command = NOTHING
@@ -101,18 +101,18 @@ class Source:
         # the robot is now.
         here = seen_from(before.points, last)
         ended = (before.margins == 0.0) & (edge_distances(here, self._own).max(axis=1) < 0.0)
-        before = Surroundings(*(column[~ended] for column in before))
+        before = MonitorSurroundings(*(column[~ended] for column in before))
         if sensor.forgets < math.inf:
             lately = scan.stamp - before.seen <= sensor.forgets
-            before = Surroundings(*(column[lately] for column in before))
-        self._scan, self._newest = scan, Look(sensor, scan, first, last)
+            before = MonitorSurroundings(*(column[lately] for column in before))
+        self._scan, self._newest = scan, PosedScan(sensor, scan, first, last)
         found = returns(scan.ranges, sensor, self._near)
         self.by_odometry = joined(of_scan(found, scan, measured), before)
         self.by_command = of_scan(found, scan, commanded)
         self._look_at_ground(scan, first, last, measured)
         return True, ""
 
-    def heed(self, other: Source) -> None:
+    def heed(self, other: MonitorSource) -> None:
         """Of what it does not see any more, forget what another's newest scan goes past."""
         look, own = other._newest, self._scan
         if look is None or own is None:
@@ -120,7 +120,7 @@ class Source:
         if abs(look.sensor.height - self._sensor.height) <= LEVEL:  # not for NaN
             old = self.by_odometry
             stays = (old.seen >= own.stamp) | ~looked_past(old, look)
-            self.by_odometry = Surroundings(*(column[stays] for column in old))
+            self.by_odometry = MonitorSurroundings(*(column[stays] for column in old))
 
     def stale(self, now: float) -> str:
         """What is wrong with the newest scan's age, or nothing."""

@@ -28,7 +28,7 @@ LEVEL = 0.01
 """Planes whose heights differ by no more are one [m]: the spot of a beam is as high."""
 
 
-class Surroundings(NamedTuple):
+class MonitorSurroundings(NamedTuple):
     """Returns as points of a frame, with their errors."""
 
     points: Floats
@@ -42,10 +42,10 @@ class Surroundings(NamedTuple):
     """When, (n,) [s]."""
 
 
-NOTHING = Surroundings(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+NOTHING = MonitorSurroundings(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
 
 
-class Look(NamedTuple):
+class PosedScan(NamedTuple):
     """A scan, and where it was taken."""
 
     sensor: Sensor
@@ -56,20 +56,20 @@ class Look(NamedTuple):
     """... and at its last."""
 
 
-def of_scan(found: Returns, scan: Scan, poses: PoseHistory) -> Surroundings:
+def of_scan(found: Returns, scan: Scan, poses: PoseHistory) -> MonitorSurroundings:
     """A scan's returns in the frame of the poses, each seen from where the robot was then."""
     stamps = scan.stamp + scan.duration * found.passed
     if not len(stamps):
         return NOTHING
     points = placed(found.points, *poses.during(stamps))
-    return Surroundings(points, found.errors, found.margins, stamps)
+    return MonitorSurroundings(points, found.errors, found.margins, stamps)
 
 
-def joined(new: Surroundings, old: Surroundings) -> Surroundings:
+def joined(new: MonitorSurroundings, old: MonitorSurroundings) -> MonitorSurroundings:
     """Both."""
     if not len(old.points):
         return new
-    return Surroundings(*(np.concatenate(both) for both in zip(new, old, strict=True)))
+    return MonitorSurroundings(*(np.concatenate(both) for both in zip(new, old, strict=True)))
 
 
 def all_round(sensor: Sensor) -> bool:
@@ -78,9 +78,9 @@ def all_round(sensor: Sensor) -> bool:
 
 
 def out_of_sight(
-    old: Surroundings, now: float, first: Pose, last: Pose, sensor: Sensor, reach: float,
+    old: MonitorSurroundings, now: float, first: Pose, last: Pose, sensor: Sensor, reach: float,
     ranges: Floats | None = None,
-) -> Surroundings:  # fmt: skip
+) -> MonitorSurroundings:  # fmt: skip
     """What of it a scan could not see, and is still to be reckoned with: at the end of the view,
     or so near that beams may go past above it, unless they end there or before.
 
@@ -108,12 +108,12 @@ def out_of_sight(
     kept = hidden[near]
     grains = np.round(old.points[kept] / GRAIN).astype(np.int64)
     _, one = np.unique((grains[:, 0] << 32) + grains[:, 1], return_index=True)
-    left = Surroundings(*(column[kept[one]] for column in old))
+    left = MonitorSurroundings(*(column[kept[one]] for column in old))
     left.errors[now - left.seen >= REMEMBERED] = -math.inf
     return left
 
 
-def looked_past(old: Surroundings, look: Look) -> NDArray[np.bool_]:
+def looked_past(old: MonitorSurroundings, look: PosedScan) -> NDArray[np.bool_]:
     """Which of these a scan shows not to be there any more, (n,): all beams that would meet the
     thing, wherever it is within its margin, go past it, and have done so since it was seen.
 

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 from cohelm.core.types import Twist
 from cohelm.robot.gate.bounds import Bounds, slowed, towards
-from cohelm.robot.gate.modes import Mode, driving, latched
+from cohelm.robot.gate.modes import GateMode, driving, latched
 
 STANDING = Twist(0.0, 0.0)
 
 
-class Rules(NamedTuple):
+class GateRules(NamedTuple):
     """How strict the gate is. All times in seconds, of the robot's clock."""
 
     bounds: Bounds
@@ -46,7 +46,7 @@ class Proposal(NamedTuple):
 class Gate(NamedTuple):
     """The state between two calls."""
 
-    mode: Mode = Mode.IDLE
+    mode: GateMode = GateMode.IDLE
     reason: str = ""
     """Why it is stopped or faulted: the first reason, until the reset."""
     out: Twist = STANDING
@@ -72,7 +72,7 @@ class Passed(NamedTuple):
     """Why it is not what was proposed; empty where it is."""
 
 
-def propose(gate: Gate, proposal: Proposal, now: float, rules: Rules) -> tuple[Gate, Passed]:
+def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tuple[Gate, Passed]:
     """What the wheels get instead of, or as, the proposed twist."""
     gate = _watched(gate, now, rules)
     wrong = _broken(proposal, now, rules)
@@ -98,7 +98,7 @@ def propose(gate: Gate, proposal: Proposal, now: float, rules: Rules) -> tuple[G
     return gate, Passed(gate.out, reason)
 
 
-def tick(gate: Gate, now: float, rules: Rules) -> tuple[Gate, Passed]:
+def tick(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, Passed]:
     """Time passes without a proposal: the watchdog looks, and what rests brakes."""
     gate = _watched(gate, now, rules)
     if driving(gate.mode):
@@ -106,7 +106,7 @@ def tick(gate: Gate, now: float, rules: Rules) -> tuple[Gate, Passed]:
     return _resting(gate, now, rules)
 
 
-def due(gate: Gate, rules: Rules) -> float:
+def due(gate: Gate, rules: GateRules) -> float:
     """When the watchdog will bark if nothing comes [s]; infinite while nothing drives."""
     return gate.heard + rules.watchdog if driving(gate.mode) else math.inf
 
@@ -115,19 +115,19 @@ def stop(gate: Gate, reason: str) -> Gate:
     """Latch a stop; a fault stays one, and the first reason stays."""
     if latched(gate.mode):
         return gate
-    return gate._replace(mode=Mode.STOPPED, reason=reason)
+    return gate._replace(mode=GateMode.STOPPED, reason=reason)
 
 
 def fault(gate: Gate, reason: str) -> Gate:
     """Latch a fault; of several the first reason stays."""
-    if gate.mode == Mode.FAULTED:
+    if gate.mode == GateMode.FAULTED:
         return gate
-    if gate.mode == Mode.STOPPED:
-        return gate._replace(mode=Mode.FAULTED, reason=f"{reason} (and stopped: {gate.reason})")
-    return gate._replace(mode=Mode.FAULTED, reason=reason)
+    if gate.mode == GateMode.STOPPED:
+        return gate._replace(mode=GateMode.FAULTED, reason=f"{reason} (and stopped: {gate.reason})")
+    return gate._replace(mode=GateMode.FAULTED, reason=reason)
 
 
-def reset(gate: Gate, now: float, rules: Rules) -> tuple[Gate, str]:
+def reset(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, str]:
     """Let go of a stop or fault, into IDLE: nothing moves by that. Else why not.
 
     Not while the wheels still turn, and not before sound proposals come again.
@@ -138,10 +138,10 @@ def reset(gate: Gate, now: float, rules: Rules) -> tuple[Gate, str]:
         return gate, "the robot is still braking"
     if not _lively(gate, now, rules):
         return gate, "the loop sends nothing sound"
-    return gate._replace(mode=Mode.IDLE, reason=""), ""
+    return gate._replace(mode=GateMode.IDLE, reason=""), ""
 
 
-def drive(gate: Gate, mode: Mode, now: float, rules: Rules) -> tuple[Gate, str]:
+def drive(gate: Gate, mode: GateMode, now: float, rules: GateRules) -> tuple[Gate, str]:
     """Choose who drives (AUTOMATIC, SHARED) or nobody (IDLE). Else why not."""
     if latched(gate.mode):
         return gate, f"reset first: {gate.reason}"
@@ -152,7 +152,7 @@ def drive(gate: Gate, mode: Mode, now: float, rules: Rules) -> tuple[Gate, str]:
     return gate._replace(mode=mode), ""
 
 
-def _watched(gate: Gate, now: float, rules: Rules) -> Gate:
+def _watched(gate: Gate, now: float, rules: GateRules) -> Gate:
     """The watchdog, and the clock it trusts."""
     if not math.isfinite(now):
         return fault(gate, "the robot's clock is no number")
@@ -166,7 +166,7 @@ def _watched(gate: Gate, now: float, rules: Rules) -> Gate:
     return gate
 
 
-def _broken(proposal: Proposal, now: float, rules: Rules) -> str:
+def _broken(proposal: Proposal, now: float, rules: GateRules) -> str:
     """What shows that something is broken; empty where nothing does."""
     if not (math.isfinite(proposal.twist.v) and math.isfinite(proposal.twist.omega)):
         return "the loop asked for a speed that is no number"
@@ -177,7 +177,7 @@ def _broken(proposal: Proposal, now: float, rules: Rules) -> str:
     return ""
 
 
-def _unfit(gate: Gate, proposal: Proposal, now: float, rules: Rules) -> str:
+def _unfit(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> str:
     """Why this proposal is not to be used; empty where it is."""
     if proposal.sequence <= gate.sequence:
         return "out of order"
@@ -186,18 +186,18 @@ def _unfit(gate: Gate, proposal: Proposal, now: float, rules: Rules) -> str:
     return ""
 
 
-def _lively(gate: Gate, now: float, rules: Rules) -> bool:
+def _lively(gate: Gate, now: float, rules: GateRules) -> bool:
     return now - gate.heard <= rules.watchdog
 
 
-def _moved(gate: Gate, goal: Twist, now: float, rules: Rules) -> Gate:
+def _moved(gate: Gate, goal: Twist, now: float, rules: GateRules) -> Gate:
     """On towards a goal, as far as the accelerations allow by now."""
     paid = max(gate.paid, now - rules.period)
     out, used = towards(gate.out, goal, rules.bounds, now + rules.jitter - paid)
     return gate._replace(out=out, paid=paid + used)
 
 
-def _resting(gate: Gate, now: float, rules: Rules) -> tuple[Gate, Passed]:
+def _resting(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, Passed]:
     """Brake, or stand."""
     if not math.isfinite(now):
         return gate._replace(out=STANDING), Passed(STANDING, gate.reason)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 
-class Mode(IntEnum):
+class GateMode(IntEnum):
     """Only AUTOMATIC and SHARED let the wheels turn."""
 
     IDLE = 0
@@ -20,11 +20,11 @@ class Mode(IntEnum):
     """Something is broken or late. Latched."""
 
 
-def driving(mode: Mode) -> bool:
+def driving(mode: GateMode) -> bool:
     """Whether the wheels may turn."""
-    return mode in (Mode.AUTOMATIC, Mode.SHARED)
+    return mode in (GateMode.AUTOMATIC, GateMode.SHARED)
 
 
-def latched(mode: Mode) -> bool:
+def latched(mode: GateMode) -> bool:
     """Whether only a deliberate reset leads out of it."""
-    return mode in (Mode.STOPPED, Mode.FAULTED)
+    return mode in (GateMode.STOPPED, GateMode.FAULTED)

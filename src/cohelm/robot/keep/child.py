@@ -83,7 +83,7 @@ def _framed(what: object) -> bytes:
 def _serve(
     line: socket.socket, answer: Callable[[Any], Any], begin: Callable[[], Any] | None
 ) -> None:
-    """The other process: below the loop, the keeper and the recorder."""
+    """The other process: below the loop, the gate process and the recorder."""
     bound()
     os.nice(5)
     with line, line.makefile("rb") as questions, contextlib.suppress(OSError):

@@ -1,5 +1,5 @@
-"""The control line between loop and keeper: small whole messages, and neither end ever waits for
-the other to take one.
+"""The control line between loop and gate process: small whole messages, and neither end ever waits
+for the other to take one.
 
 A message arrives whole or not at all, so a process that is stopped in the middle of anything leaves
 no half of one behind for the other to wait for. What is large goes by `shared_memory`.

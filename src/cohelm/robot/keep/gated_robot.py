@@ -10,13 +10,13 @@ from typing import Any, NamedTuple, Protocol
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate import gate as gates
 from cohelm.robot.gate.bounds import Bounds
-from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
-from cohelm.robot.gate.modes import Mode, driving, latched
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
+from cohelm.robot.gate.modes import GateMode, driving, latched
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
-from cohelm.robot.port import Odometry, Readings, Robot
+from cohelm.robot.port import Odometry, Readings, RobotPort
 
 QUIET = 1.0
 """A refusal or limit is told again when it has been away for so long [s]."""
@@ -39,7 +39,7 @@ class Event(NamedTuple):
     """Whether somebody should look at it."""
 
 
-class Keeper(Protocol):
+class GatedRobot(Protocol):
     """What the loop is given instead of a robot. One thread; only `wait` takes time."""
 
     @property
@@ -80,13 +80,13 @@ class Keeper(Protocol):
         """Let go of a stop or fault; why not, or nothing."""
         ...
 
-    def drive(self, mode: Mode) -> str:
+    def drive(self, mode: GateMode) -> str:
         """Choose who drives; why not, or nothing."""
         ...
 
     def record_into(self, end: socket.socket | None) -> None:
-        """Tell another recorder from now on what the gate does, or none. The end is the keeper's,
-        which closes it when the next one comes."""
+        """Tell another recorder from now on what the gate does, or none. The end is the
+        gate process's, which closes it when the next one comes."""
         ...
 
     def close(self) -> None:
@@ -94,21 +94,21 @@ class Keeper(Protocol):
         ...
 
 
-def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> Rules:
+def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> GateRules:
     """The gate's rules for a robot, and for a loop with this period [s]."""
     limits = model.bounds()
-    return Rules(
+    return GateRules(
         Bounds(*limits), age=max(0.1, 3.0 * period, watchdog), watchdog=max(watchdog, 2.0 * period),
         period=period, jitter=0.5 * period,
     )  # fmt: skip
 
 
-class GatedRobot:
+class LocalGatedRobot:
     """A robot and its gate in this process. In simulated time its watchdog is as good as one in
     a process of its own; in real time it can not outlive this process."""
 
     def __init__(
-        self, robot: Robot, rules: Rules, told: Callable[[Event], None] | None = None,
+        self, robot: RobotPort, rules: GateRules, told: Callable[[Event], None] | None = None,
         watched_by: tuple[Monitor, ...] | None = None, shown: Callable[[Event], None] | None = None,
     ) -> None:  # fmt: skip
         """watched_by: by default `watch.monitors`, all there are. shown: told what happens as the
@@ -120,7 +120,7 @@ class GatedRobot:
         self.let_through = 1.0
         """Share of the last proposal that the monitors let through."""
         self._told, self._shown = told or _nobody, shown or _nobody
-        self._line: Line | None = None
+        self._line: RecordLine | None = None
         self._gate = Gate()
         self._latched_at = math.nan
         self._why: dict[str, float] = {}
@@ -194,7 +194,7 @@ class GatedRobot:
         self._now(gate)
         return said
 
-    def drive(self, mode: Mode) -> str:
+    def drive(self, mode: GateMode) -> str:
         """Choose who drives."""
         gate, said = gates.drive(self._gate, mode, self._robot.now(), self._rules)
         self._now(gate)
@@ -206,7 +206,7 @@ class GatedRobot:
 
     def record_into(self, end: socket.socket | None) -> None:
         """Another recorder, which is told first how things stand."""
-        before, self._line = self._line, Line(end)
+        before, self._line = self._line, RecordLine(end)
         self._told = self._line
         self.say(f"{self._gate.mode.name} {self._gate.reason}".strip())
         if before is not None:

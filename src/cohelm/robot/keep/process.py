@@ -1,6 +1,6 @@
 """The robot and its gate in a process of their own: the loop's side of it.
 
-Loop and keeper speak over a `control` line that nobody waits at; scans and frames go by
+Loop and gate process speak over a `control` line that nobody waits at; scans and frames go by
 `shared_memory`. What the other process does is in `serve`.
 """
 
@@ -13,28 +13,28 @@ from collections.abc import Callable
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.robot.gate.gate import Gate, Passed, Proposal, Rules
-from cohelm.robot.gate.modes import Mode
+from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.control import control
 from cohelm.robot.keep.processes import left_alone, started
 from cohelm.robot.keep.serve import BRAKING, Begun, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.keep.wire import gate_of, packed_proposal, passed_of, readings_of
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Frame, Readings, Robot, Scan
+from cohelm.robot.port import Frame, Readings, RobotPort, Scan
 
 _START = 600.0  # a robot may take this long to be made, compiling included [s]
-_ANSWER = 2.0  # the keeper answers within this, or is gone [s]
+_ANSWER = 2.0  # the gate process answers within this, or is gone [s]
 _WATCHDOGS = 10.0  # ... or within so many times the patience of the watchdog, if that is longer
 
-Make = Callable[[], Robot]
+Make = Callable[[], RobotPort]
 
 
 class RemoteGatedRobot:
-    """A `Keeper` whose robot lives in another process. In real time only."""
+    """A `GatedRobot` whose robot lives in another process. In real time only."""
 
     def __init__(
-        self, make: Make, rules: Rules, record: socket.socket | None = None,
+        self, make: Make, rules: GateRules, record: socket.socket | None = None,
         live: socket.socket | None = None,
     ) -> None:  # fmt: skip
         """make: makes the robot, over there; must be picklable. record, live: where events go.
@@ -42,7 +42,7 @@ class RemoteGatedRobot:
         Raises CohelmError if the robot can not be made.
         """
         self._line, theirs = control()
-        self._process = started("cohelm keeper", serve, theirs, make, rules, record, live)
+        self._process = started("cohelm gate", serve, theirs, make, rules, record, live)
         theirs.close()
         self._scan: Scan | None = None
         self._further: dict[str, Scan] = {}
@@ -116,7 +116,7 @@ class RemoteGatedRobot:
         """Let go, into IDLE."""
         return self._ask("reset", None)
 
-    def drive(self, mode: Mode) -> str:
+    def drive(self, mode: GateMode) -> str:
         """Choose who drives."""
         return self._ask("drive", mode)
 
@@ -125,7 +125,7 @@ class RemoteGatedRobot:
         return self._ask("truth", None)
 
     def record_into(self, end: socket.socket | None) -> None:
-        """The recorder's end goes over to the keeper's process, and is closed here."""
+        """The recorder's end goes over to the gate process, and is closed here."""
         self._ask("record", None, None if end is None else end.fileno())
         if end is not None:
             end.close()
@@ -170,7 +170,7 @@ class RemoteGatedRobot:
         return answer
 
     def _begun(self) -> tuple[Begun, int]:
-        """What the keeper says once it has made the robot."""
+        """What the gate process says once it has made the robot."""
         try:
             if not self._line.wait(_START):
                 raise CohelmError(

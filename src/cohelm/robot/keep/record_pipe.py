@@ -24,7 +24,7 @@ def line() -> tuple[socket.socket, socket.socket]:
     return ours, theirs
 
 
-class Line:
+class RecordLine:
     """Says things to the recorder, if there is one."""
 
     def __init__(self, end: socket.socket | None, *, waits: bool = False) -> None:

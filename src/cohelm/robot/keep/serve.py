@@ -17,26 +17,27 @@ from typing import Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
 from cohelm.robot.gate import gate as gates
-from cohelm.robot.gate.gate import Gate, Rules
+from cohelm.robot.gate.gate import Gate, GateRules
 from cohelm.robot.keep.control import Control
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.gated_robot import GatedRobot, standing
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, standing
 from cohelm.robot.keep.priority import urgent, with_its_threads
 from cohelm.robot.keep.processes import bound
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
 from cohelm.robot.keep.wire import packed_gate, packed_passed, packed_readings, proposal_of
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Readings, Robot
+from cohelm.robot.port import Readings, RobotPort
 
 BRAKING = 5.0
 """A robot that does not stand by then is let go all the same [s]."""
 _TICK = 0.02  # the gate is looked after this often when nothing comes [s]
-_SWITCH = 5e-4  # so long may another thread of this process keep the keeper waiting [s]
+_SWITCH = 5e-4  # so long may another thread of this process keep the gate process waiting [s]
 
 
 class Begun(NamedTuple):
-    """What the keeper says first. With it comes the handle of the memory for scans and frames."""
+    """What the gate process says first. With it comes the handle of the memory for scans and
+    frames."""
 
     model: RobotModel
     gate: Gate
@@ -51,13 +52,13 @@ class Begun(NamedTuple):
 
 
 def serve(
-    line: Control, make: Callable[[], Robot], rules: Rules, record: socket.socket | None,
+    line: Control, make: Callable[[], RobotPort], rules: GateRules, record: socket.socket | None,
     live: socket.socket | None = None,
 ) -> None:  # fmt: skip
     """The other process, from its beginning to its end."""
     let_go = bound()  # nothing reaches the wheels before the loop knows of the robot
     try:
-        kept = GatedRobot(make(), rules, Line(record), shown=Line(live))
+        kept = LocalGatedRobot(make(), rules, RecordLine(record), shown=RecordLine(live))
         memory = shared(kept.model)
         kept.read()
     except CohelmError as error:
@@ -78,15 +79,15 @@ def serve(
     except (EOFError, OSError):
         kept.fault("the loop's process is gone")
     except BaseException as error:
-        kept.fault(f"the keeper failed: {error!r}")
-        kept.say(f"the keeper failed: {error!r}", True)
+        kept.fault(f"the gate process failed: {error!r}")
+        kept.say(f"the gate process failed: {error!r}", True)
         _bring_to_stand(kept)
         raise
     _bring_to_stand(kept)
     kept.close()
 
 
-def _attend(line: Control, kept: GatedRobot, memory: SharedMemory, rules: Rules) -> None:
+def _attend(line: Control, kept: LocalGatedRobot, memory: SharedMemory, rules: GateRules) -> None:
     """Answer the loop; look after the gate whether or not it says anything."""
     garbage, told = Sweeper(), kept.gate
     while True:
@@ -107,7 +108,7 @@ def _attend(line: Control, kept: GatedRobot, memory: SharedMemory, rules: Rules)
 
 
 def _answered(
-    kept: GatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
+    kept: LocalGatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
 ) -> Any:
     if what == "read":
         return packed_readings(memory.put(_news(kept.read(), *with_)))
@@ -126,7 +127,7 @@ def _answered(
     return kept.truth() if what == "truth" else None
 
 
-def _say(line: Control, number: int, answer: Any, kept: GatedRobot, told: Gate) -> Gate:
+def _say(line: Control, number: int, answer: Any, kept: LocalGatedRobot, told: Gate) -> Gate:
     """The gate as the loop knows it by now, from which it is told what is new. Where there is no
     room the loop does not listen, and the watchdog deals with it."""
     gate = kept.gate
@@ -150,7 +151,7 @@ def _news(readings: Readings, scan: int, further: dict[str, int], frame: int) ->
     return readings
 
 
-def _bring_to_stand(kept: GatedRobot) -> None:
+def _bring_to_stand(kept: LocalGatedRobot) -> None:
     """Brake until the robot stands, then say so."""
     if not kept.gate.reason:
         kept.stop("the loop has ended")

@@ -1,7 +1,7 @@
-"""Scans and frames from the keeper to the loop, in memory that both have: nobody waits for room.
+"""Scans and frames from the gate process to the loop, in memory that both have: nobody waits.
 
-The keeper writes only when the loop asks for what is new, and the loop takes it out before it asks
-again: so what is read is whole, and a loop that stands still holds nobody up.
+The gate process writes only when the loop asks for what is new, and the loop takes it out before
+it asks again: so what is read is whole, and a loop that stands still holds nobody up.
 """
 
 from __future__ import annotations

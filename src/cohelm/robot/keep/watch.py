@@ -10,14 +10,14 @@ from cohelm.core.types import Floats
 from cohelm.robot.collision_monitor.monitor import CollisionMonitor, Described
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.contact_monitor import ContactMonitor
-from cohelm.robot.gate.gate import Rules
+from cohelm.robot.gate.gate import GateRules
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import Monitor
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.sensors import LidarModel, vouched_floor
 
 
-def monitors(model: RobotModel, rules: Rules) -> tuple[Monitor, ...]:
+def monitors(model: RobotModel, rules: GateRules) -> tuple[Monitor, ...]:
     """New ones, that have seen nothing yet."""
     found: list[Monitor] = [PlausibilityMonitor(model)]
     if model.lidar is not None:
@@ -27,7 +27,7 @@ def monitors(model: RobotModel, rules: Rules) -> tuple[Monitor, ...]:
     return tuple(found)
 
 
-def described(model: RobotModel, rules: Rules) -> Described:
+def described(model: RobotModel, rules: GateRules) -> Described:
     """What the collision monitor has to know of a robot that has a LiDAR."""
     if model.lidar is None:
         raise ValueError("a robot without a LiDAR has no collision monitor")

@@ -1,4 +1,4 @@
-"""What loop and keeper tell each other in every period, as plain tuples of numbers.
+"""What loop and gate process tell each other in every period, as plain tuples of numbers.
 
 A class goes over the control line by its name, which is looked up for each one that comes: of what
 travels a hundred times a second that is most of the work.
@@ -10,7 +10,7 @@ from typing import Any
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate.gate import Gate, Passed, Proposal
-from cohelm.robot.gate.modes import Mode
+from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.port import Health, Odometry, Readings
 
 
@@ -22,7 +22,7 @@ def packed_gate(gate: Gate) -> tuple[Any, ...]:
 def gate_of(told: tuple[Any, ...]) -> Gate:
     """What `packed_gate` was given."""
     mode, reason, v, omega, *rest = told
-    return Gate(Mode(mode), reason, Twist(v, omega), *rest)
+    return Gate(GateMode(mode), reason, Twist(v, omega), *rest)
 
 
 def packed_proposal(proposal: Proposal) -> tuple[Any, ...]:

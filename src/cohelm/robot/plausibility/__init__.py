@@ -1,4 +1,4 @@
 """Whether the robot's senses agree: with themselves, with each other, with what it was told to do.
 
-Apart from perception, in the keeper's process, on raw readings, with code of its own.
+Apart from perception, in the gate process, on raw readings, with code of its own.
 """

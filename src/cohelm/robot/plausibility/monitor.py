@@ -17,7 +17,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.plausibility.finding import Action, Finding, fault
 from cohelm.robot.plausibility.rehearsal import rehearse
-from cohelm.robot.plausibility.source import Source
+from cohelm.robot.plausibility.source import PlausibilitySource
 from cohelm.robot.plausibility.trail import Trail, extended
 from cohelm.robot.plausibility.wheels import Following, consistent
 from cohelm.robot.port import Odometry, Readings
@@ -38,7 +38,7 @@ class PlausibilityMonitor:
         self._trail, self._commands = Trail(5), Trail(2)
         self._following = Following(model)
         self._sources = [
-            Source(lidar, i == 0)
+            PlausibilitySource(lidar, i == 0)
             for i, lidar in enumerate(model.lidars) if not lidar.range_sensor
         ]  # fmt: skip
         self._last: Odometry | None = None

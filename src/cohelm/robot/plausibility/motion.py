@@ -20,7 +20,7 @@ from cohelm.robot.plausibility.view import farther, vanished
 from cohelm.robot.sensors import Lidar
 
 
-class Tolerance(NamedTuple):
+class MotionTolerance(NamedTuple):
     """How far scans and odometry may be apart."""
 
     way: float = 0.05
@@ -52,7 +52,7 @@ class Tolerance(NamedTuple):
     """The way by the scans may lead so far beside that of the wheels [rad]: the mount."""
 
 
-TOLERANCE = Tolerance()
+TOLERANCE = MotionTolerance()
 _WINDOW = 0.65  # motion is compared over so long [s]
 _LATELY, _APART = 4.0, 0.5  # ranges are compared over so long, with sights so far apart [s]
 _FORGET = 0.995  # of what showed a lag, at each scan: half of it after 14 s
@@ -72,7 +72,7 @@ _OLD = 3.0  # a leg may take so long [s]
 class Motion:
     """Takes sights in order, and says what can not be."""
 
-    def __init__(self, lidar: Lidar, tolerance: Tolerance = TOLERANCE) -> None:
+    def __init__(self, lidar: Lidar, tolerance: MotionTolerance = TOLERANCE) -> None:
         self._lidar, self._t = lidar, tolerance
         self._recent: deque[Sight] = deque()
         self._lately: deque[Sight] = deque(maxlen=round(_LATELY / _APART))

@@ -14,7 +14,7 @@ from cohelm.robot.plausibility.finding import Finding, fault, slow
 from cohelm.robot.plausibility.motion import Motion
 from cohelm.robot.plausibility.sight import sighted
 from cohelm.robot.plausibility.trail import Trail
-from cohelm.robot.plausibility.view import View
+from cohelm.robot.plausibility.view import ScanView
 from cohelm.robot.port import Readings, Scan
 from cohelm.robot.sensors import LidarModel
 
@@ -24,14 +24,14 @@ _APART = 0.05  # sights nearer in time are not compared [s]
 _BLIND = math.radians(25.0)  # a LiDAR that lost so much is broken or covered
 
 
-class Source:
+class PlausibilitySource:
     """Of one LiDAR."""
 
     def __init__(self, model: LidarModel, first: bool) -> None:
         """first: whether its scans come as `Readings.scan`."""
         self._name, self._first, self._lidar = model.name, first, model.lidar()
         self._arrival, self._content = Arrival(model), Content(model)
-        self._motion, self._view = Motion(self._lidar), View(self._lidar)
+        self._motion, self._view = Motion(self._lidar), ScanView(self._lidar)
         self._pending: deque[Scan] = deque(maxlen=3)
         self._looked = -math.inf
         self._way = math.inf

@@ -113,7 +113,7 @@ def _farther(
     return (middle, surface) if middle > 0.0 and alike > _ALL * surface else (0.0, surface)
 
 
-class View:
+class ScanView:
     """Which directions of the LiDAR have shown that they see: by bins of ten degrees."""
 
     def __init__(self, lidar: Lidar) -> None:

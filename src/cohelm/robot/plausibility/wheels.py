@@ -12,7 +12,7 @@ from cohelm.robot.plausibility.finding import Finding, fault, hold
 from cohelm.robot.plausibility.trail import Trail
 
 
-class Tolerance(NamedTuple):
+class WheelTolerance(NamedTuple):
     """How far apart they may be."""
 
     step: float = 0.03
@@ -36,10 +36,10 @@ class Tolerance(NamedTuple):
     """For so long they have to be apart [s]."""
 
 
-TOLERANCE = Tolerance()
+TOLERANCE = WheelTolerance()
 
 
-def consistent(trail: Trail, t: Tolerance = TOLERANCE) -> Finding | None:
+def consistent(trail: Trail, t: WheelTolerance = TOLERANCE) -> Finding | None:
     """Pose against twist: the way between two poses is what the speeds between them add up to."""
     rows = trail.rows
     if len(rows) < 2:
@@ -89,7 +89,7 @@ class Following:
     """Whether the wheels do what they are told, later and not quite: measured twist against the
     range of what was commanded over the time in which a command may take effect."""
 
-    def __init__(self, model: RobotModel, tolerance: Tolerance = TOLERANCE) -> None:
+    def __init__(self, model: RobotModel, tolerance: WheelTolerance = TOLERANCE) -> None:
         self._t, self._late = tolerance, model.delay_s + tolerance.lag
         self._apart = math.nan
 

@@ -24,7 +24,7 @@ OUTSIDE = (*INSIDE, mjcf.ROBOT)
 """What is drawn as seen by the robot, and from outside."""
 
 
-class Camera(Protocol):
+class TwinCamera(Protocol):
     """What can draw a simulation."""
 
     @property
@@ -53,7 +53,7 @@ class Shot(NamedTuple):
 def camera(
     model: Any, width: int, height: int, kind: Kind = "auto", name: str = "camera",
     groups: tuple[int, ...] = INSIDE,
-) -> Camera:  # fmt: skip
+) -> TwinCamera:  # fmt: skip
     """A camera that can draw here.
 
     Raises CohelmError where OpenGL is asked for by name and can not draw.
@@ -81,7 +81,7 @@ class Eye:
         self._model, self._size, self._aside = model, (width, height), aside
         self._kind: Kind = kind
         self._data: Any = None
-        self._camera: Camera | None = None
+        self._camera: TwinCamera | None = None
         self._shot: Shot | None = None
         self._frame: Frame | None = None
         self._trouble: Exception | None = None

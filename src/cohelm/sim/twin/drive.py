@@ -37,7 +37,7 @@ from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.movers import Pursuers
-from cohelm.sim.twin.robot import Truth, Twin
+from cohelm.sim.twin.robot import Twin, TwinTruth
 from cohelm.sim.twin.settings import TwinModel, lag
 
 _GRIP = 0.6  # share of what friction can hold that the guard counts on
@@ -113,7 +113,7 @@ class TwinRun(ABC):
             replan_params=replan_params,
         )  # fmt: skip
         self.person, self.stick, self.energy = IDLE, Stick(0.0, 0.0), 0.0
-        self.truth: Truth = self.robot.truth()
+        self.truth: TwinTruth = self.robot.truth()
         end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
         self.goal = (end.x, end.y)
         self.done = nearly_done(self.pilot.planner.route.line, setup.near)
@@ -149,7 +149,7 @@ class TwinRun(ABC):
         self.energy = supplied_energy(self.energy, self.stick, stick, self.setup.gains)
         self.stick = stick
 
-    def write(self, row: Any, k: int, then: Truth, d: Decision | None) -> None:
+    def write(self, row: Any, k: int, then: TwinTruth, d: Decision | None) -> None:
         """What came of step k, from where it then was; d: None where nothing was decided,
         and what was to be followed is as it was."""
         setup, pose = self.setup, then.pose
@@ -209,7 +209,7 @@ class _Told(TwinRun):
         self.moved(stick)
         self.write(row, k, then, decided)
 
-    def _seen(self, t: float, now: Truth, things: Floats) -> tuple[Pose, Surroundings, Twist]:
+    def _seen(self, t: float, now: TwinTruth, things: Floats) -> tuple[Pose, Surroundings, Twist]:
         """Where the robot is, what is around it, in the same frame, and its speed."""
         if self.perception is None:
             around = Surroundings(things, self.agility, self.walls, _NO_POINTS)
@@ -260,7 +260,7 @@ def _h(pose: Pose, discs: Floats) -> Floats:
     return dx * dx + dy * dy - discs[:, SAFE] ** 2
 
 
-def between(a: Truth, b: Truth, dt: float) -> Twist:
+def between(a: TwinTruth, b: TwinTruth, dt: float) -> Twist:
     """The twist whose arc leads from one pose to the next; none while the robot stands."""
     if a.standing and b.standing:
         return Twist(0.0, 0.0)

@@ -65,7 +65,7 @@ def views(model: Any, data: Any) -> Views:
     )  # fmt: skip
 
 
-class PoseHistory(NamedTuple):
+class PhysicsHistory(NamedTuple):
     """Where robot and movers were in the last steps; step k is in row k % len."""
 
     poses: Floats
@@ -91,7 +91,7 @@ class WheelDrives(NamedTuple):
 def advance(
     last: int, deadline: int, step: float, views: Views, state: NDArray[np.void], orders: Floats,
     limits: Limits, wheels: WheelDrives, outline: Floats, reach: float, discs: Floats,
-    walls: Floats, movers: MovingDiscs, trail: PoseHistory,
+    walls: Floats, movers: MovingDiscs, trail: PhysicsHistory,
 ) -> None:  # fmt: skip
     """Physics up to step `last`.
 

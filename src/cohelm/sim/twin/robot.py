@@ -23,7 +23,7 @@ from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit
 from cohelm.sim.twin.movers import MovingDiscs, Pursuers, Pursuit
-from cohelm.sim.twin.physics import STATE, PoseHistory, WheelDrives, advance, views
+from cohelm.sim.twin.physics import STATE, PhysicsHistory, WheelDrives, advance, views
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.twin.sweep import rows, sweep
 from cohelm.sim.world import NOWHERE, World, moves, outline_clearance, place, world
@@ -36,7 +36,7 @@ _TIPPED = math.radians(20.0)
 _ORIGIN, _DEFAULT = Pose(0.0, 0.0, 0.0), TwinModel()
 
 
-class Truth(NamedTuple):
+class TwinTruth(NamedTuple):
     """What no sensor says: for scores and tests, never for the loop."""
 
     stamp: float
@@ -65,7 +65,7 @@ class Truth(NamedTuple):
     """What the drives have put in; braking gives nothing back [J]."""
 
 
-class Scanner:
+class TwinScanner:
     """One LiDAR at work."""
 
     def __init__(self, model: LidarModel, seed: int, sweep: int) -> None:
@@ -156,12 +156,12 @@ class Twin(Paced):
         self._odometry = self._odometer.start(0.0)
         self._next_odometry = self._at(model.odometry.rate_hz, 1)
         self._scanners = [
-            Scanner(given, noise_seed(seed, i), self._steps(given.sweep_s))
+            TwinScanner(given, noise_seed(seed, i), self._steps(given.sweep_s))
             for i, given in enumerate(model.lidars)
         ]
         longest = max((scanner.sweep for scanner in self._scanners), default=0)
         size = rows(longest * step, step) + _CHUNK
-        self._trail = PoseHistory(np.empty((size, 3)), np.empty((size, len(moving), 2)))
+        self._trail = PhysicsHistory(np.empty((size, 3)), np.empty((size, len(moving), 2)))
         self._trail.poses[:] = start
         self._trail.places[:] = self._discs[moving, :2]
         self._eye: Eye | None = None
@@ -210,7 +210,7 @@ class Twin(Paced):
             self._eye.close()
         super().close()
 
-    def truth(self) -> Truth:
+    def truth(self) -> TwinTruth:
         """How it really is."""
         self._catch_up()
         s = self._state[0]
@@ -218,7 +218,7 @@ class Twin(Paced):
         clearance = outline_clearance(
             pose, self._outline, self._reach, self._discs, self._walls, NOWHERE
         )
-        return Truth(
+        return TwinTruth(
             int(s["step"]) * self._step, pose, Twist(float(s["v"]), float(s["omega"])),
             float(s["side"]), clearance, float(s["least"]), float(s["least_moving"]),
             int(s["touched"]), int(s["touched_moving"]), bool(s["touching"]),
@@ -322,7 +322,7 @@ class Twin(Paced):
             self._frames += 1
             self._next_frame = self._after(step, self._model.camera.rate_hz)
 
-    def _scan(self, step: int, scanner: Scanner) -> None:
+    def _scan(self, step: int, scanner: TwinScanner) -> None:
         """The scan whose last beam is measured at this step."""
         model, lidar, number = scanner.model, scanner.lidar, scanner.number
         ranges = np.empty(len(lidar.beams))

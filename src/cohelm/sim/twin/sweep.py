@@ -12,12 +12,12 @@ from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import sight
 from cohelm.sim.twin.movers import MovingDiscs
-from cohelm.sim.twin.physics import PoseHistory
+from cohelm.sim.twin.physics import PhysicsHistory
 
 
 @jit
 def sweep(
-    first: int, steps: int, trail: PoseHistory, lidar: Lidar, discs: Floats, movers: MovingDiscs,
+    first: int, steps: int, trail: PhysicsHistory, lidar: Lidar, discs: Floats, movers: MovingDiscs,
     walls: Floats, grid: Grid, ranges: Floats,
 ) -> None:  # fmt: skip
     """True distances of a scan that began at step `first` and took `steps`, into `ranges` [m].

@@ -30,7 +30,7 @@ from cohelm.law.reference import through
 from cohelm.link.stick import StickRecording
 from cohelm.robot.footprint import disc_clearance, segment_clearance
 from cohelm.scenario.load import robot
-from cohelm.sim.adversarial import BANG, RAM, SCRIPT, SPIN, Attack, Scene
+from cohelm.sim.adversarial import BANG, RAM, SCRIPT, SPIN, AdversarialScene, Attack
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign.episode import (
@@ -159,7 +159,7 @@ def _six(row: Floats) -> tuple[float, float, float, float, float, float]:
 
 def _scene(
     rng: np.random.Generator, outline: Floats, reach: float, walkers: bool, beside: bool
-) -> Scene:
+) -> AdversarialScene:
     """Things at random, but _CLEAR of the robot; `beside`, one wall lies along it."""
     discs: list[tuple[float, float, float, float, float, float]] = []
     walls: list[list[float]] = []
@@ -196,7 +196,7 @@ def _scene(
         discs.append(disc(*at, 0.25, 0.25 + reach, speed * math.cos(course),
                           speed * math.sin(course)))  # fmt: skip
     agility = np.array([0.0] * resting + [_AGILITY] * count)
-    return Scene(np.array(discs), agility, _WALK, np.array(walls), np.array(points))
+    return AdversarialScene(np.array(discs), agility, _WALK, np.array(walls), np.array(points))
 
 
 def _flipped(rng: np.random.Generator, hand: StickRecording) -> Floats:

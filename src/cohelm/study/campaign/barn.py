@@ -24,7 +24,7 @@ from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal
+from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal
 
 SPEED = 1.5
 """Of the reference, where there is room [m/s]."""
@@ -84,6 +84,6 @@ def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Episode:
         duration=barn.time_limit,
         seed=int(np.random.default_rng([seed, number // len(worlds)]).integers(2**31)),
     )
-    goal = Goal(*barn.goal, barn.near_goal, barn.optimal_time)
+    goal = EpisodeGoal(*barn.goal, barn.near_goal, barn.optimal_time)
     piloted = with_pilot(setup, PACE, LIDAR, gains=GAINS)
     return Episode("barn", number, f"world {barn.number}", piloted, goal, robot=jackal.name)

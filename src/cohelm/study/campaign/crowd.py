@@ -29,7 +29,7 @@ from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.tracks import ELSEWHERE, Track, read_tracks
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal, sequence
+from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, sequence
 from cohelm.study.campaign.rooms import extremes
 
 FASTEST = 2.5
@@ -180,7 +180,7 @@ def case(crowds: tuple[Crowd, ...], seed: int, number: int) -> Episode:
         duration=_LIMIT,
         seed=number,
     )
-    return Episode("crowd", number, scene.name, setup, Goal(*goal, _NEAR))
+    return Episode("crowd", number, scene.name, setup, EpisodeGoal(*goal, _NEAR))
 
 
 def _crossing(

@@ -16,7 +16,7 @@ from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules
 from cohelm.sim import adversarial
-from cohelm.sim.adversarial import SCRIPT, Attack, Scene, rollout
+from cohelm.sim.adversarial import SCRIPT, AdversarialScene, Attack, rollout
 from cohelm.sim.heights import Heights
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup, with_pilot
@@ -41,7 +41,7 @@ _PIECE = 100
 
 
 @dataclass(frozen=True)
-class Goal:
+class EpisodeGoal:
     """Where an episode ends well."""
 
     x: float
@@ -56,7 +56,7 @@ class Goal:
 class AdversarialRollout:
     """An attacker alone with the filter, at its usual care; see `sim.adversarial`."""
 
-    scene: Scene
+    scene: AdversarialScene
     attack: Attack
 
     def scripted(self, script: Floats, hold: float) -> AdversarialRollout:
@@ -103,7 +103,7 @@ class Episode:
     kind: str
     """What kind of episode this is, in a few words; the report counts by it."""
     setup: Setup
-    goal: Goal | None
+    goal: EpisodeGoal | None
     rollout: AdversarialRollout | None = None
     plant: Plant = "kinematic"
     robot: str = "sally"

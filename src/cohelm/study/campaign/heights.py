@@ -41,7 +41,16 @@ from cohelm.sim.heights import Heights, between, box, drop, edges
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.twin.settings import TwinModel, Twinned
 from cohelm.sim.world import world
-from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal, Load, Uneven, lively, sequence
+from cohelm.study.campaign.episode import (
+    DT,
+    PAPER,
+    Episode,
+    EpisodeGoal,
+    Load,
+    Uneven,
+    lively,
+    sequence,
+)
 from cohelm.study.campaign.heights_camera import looking
 
 ROBOT = "sally-depth"
@@ -107,7 +116,7 @@ def case(seed: int, number: int) -> Episode:
     )  # fmt: skip
     return Episode(
         "heights", number, f"{hand or 'controller'}, {names if one else 'mixed'}, {carries}", setup,
-        None if manual else Goal(float(goal[0]), float(goal[1]), _NEAR),
+        None if manual else EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR),
         plant="twin", robot=ROBOT, uneven=uneven,
     )  # fmt: skip
 

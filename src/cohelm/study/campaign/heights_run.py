@@ -31,7 +31,7 @@ from cohelm.ros.types import packed, unpacked
 from cohelm.sim.adversarial import BANG, SPIN, Attack, deflection
 from cohelm.sim.heights import Heights, fallen, picture
 from cohelm.sim.twin.drive import stepped
-from cohelm.sim.twin.robot import Scanner, Twin
+from cohelm.sim.twin.robot import Twin, TwinScanner
 from cohelm.study.campaign.episode import Episode, Load
 from cohelm.study.campaign.heights_camera import ASKEW, lens, mounted, seen_by
 from cohelm.study.campaign.interventions import Interventions
@@ -70,7 +70,7 @@ class UnevenTwin(Twin):
             self._delay = self._steps(load.delay)
         return super().send(twist)
 
-    def _scan(self, step: int, scanner: Scanner) -> None:
+    def _scan(self, step: int, scanner: TwinScanner) -> None:
         made = self._ranges.get(scanner.model.name)
         if made is None:
             super()._scan(step, scanner)
@@ -134,7 +134,7 @@ class _Uneven(Looped):
             self.held = deflection(
                 self.attack, self.held, k, self.setup.dt, pose, _NO_DISCS, given.edges
             )
-        return self.held if self.loop.stick_state.arming == Arming.ARMED else CENTRED
+        return self.held if self.loop.supervisor.stick_state.arming == Arming.ARMED else CENTRED
 
     def step(self, k: int, row: Any) -> None:
         """As any; it ends with the first row in which it has fallen, or touches something."""

@@ -14,7 +14,7 @@ from cohelm.law.reference import PathMotion, evaluate
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
 from cohelm.sim.setup import REACHED, Setup
-from cohelm.study.campaign.episode import DT, Episode, Goal, sequence
+from cohelm.study.campaign.episode import DT, Episode, EpisodeGoal, sequence
 
 
 def scenario(name: str = "lab-guard") -> Scenario:
@@ -34,12 +34,12 @@ def limited(setup: Setup, times: float) -> Setup:
     return replace(setup, duration=times * setup.reference.duration, scenario="")
 
 
-def goal(setup: Setup) -> Goal:
+def goal(setup: Setup) -> EpisodeGoal:
     """The end of the reference."""
     end: PathMotion = evaluate(
         setup.reference.knots, setup.reference.coeffs, setup.reference.duration
     )
-    return Goal(end.x, end.y, REACHED)
+    return EpisodeGoal(end.x, end.y, REACHED)
 
 
 def _varied(base: Scenario, seed: int, number: int) -> Scenario:

@@ -1,4 +1,4 @@
-"""An episode on the twin, driven by the loop that drives robots: keeper, gate and monitors too.
+"""An episode on the twin, driven by the loop that drives robots, its gate and monitors too.
 
 What a robot is driven with is all here, in simulated time: `Loop` with its watch over the senses,
 the stick that has to be armed, plans that take their time, the gate, the collision monitor and the
@@ -27,8 +27,8 @@ from cohelm.loop.stick_arming import CENTRED
 from cohelm.perceive.pipeline import Perception
 from cohelm.robot.gate.gate import Passed, Proposal
 from cohelm.robot.gate.modes import driving, latched
-from cohelm.robot.keep.gated_robot import GatedRobot, rules
-from cohelm.robot.keep.record_pipe import Line
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
+from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.sim.adversarial import Attack, deflection
 from cohelm.sim.setup import Setup
 from cohelm.sim.twin.drive import TwinRun, stepped
@@ -40,15 +40,15 @@ _RESET_AFTER = 1.0
 """Somebody who looks on sees to a stop so soon [s]."""
 
 
-class Watched(GatedRobot):
-    """A keeper in this process that counts what it does."""
+class Watched(LocalGatedRobot):
+    """A gated robot in this process that counts what it does."""
 
     def __init__(self, robot: Twin, period: float, acted: Interventions) -> None:
         super().__init__(robot, rules(robot.model, period))
         self._acted = acted
 
     def propose(self, proposal: Proposal) -> Passed:
-        """As any keeper."""
+        """As any gated robot."""
         passed, acted = super().propose(proposal), self._acted
         if driving(self.gate.mode):
             by_monitor = self.let_through < 1.0
@@ -79,19 +79,19 @@ class Looped(TwinRun):
         if setup.twin is None or not (self.guarded and self.seeing):
             raise CohelmError("the loop needs a twin with a LiDAR and a pilot")
         self.acted = acted
-        self.keeper = Watched(self.robot, setup.dt, acted)
+        self.gated = Watched(self.robot, setup.dt, acted)
         hands = setup.operator.active or bool(np.any(setup.hands.x) or np.any(setup.hands.psi))
         self.mode = Mode.SHARED if hands else Mode.AUTOMATIC
         self.now = self.stick
         """The deflection of this step."""
         known = setup.twin.known
         self.loop = Loop(
-            self.keeper, Perception(self.robot.model, known, setup.start),
+            self.gated, Perception(self.robot.model, known, setup.start),
             Driver(
                 self.pilot, self.settings, self.delay, InProcessPlanner(self.pilot.planner),
                 self.piloted.zones,
             ),
-            Scripted(lambda _: self.now, self.keeper.now), Line(None),
+            Scripted(lambda _: self.now, self.gated.now), RecordLine(None),
             LoopParams(period=setup.dt), has_map=known is not None,
         )  # fmt: skip
         self.course = self.pilot.course
@@ -102,7 +102,7 @@ class Looped(TwinRun):
         then, self.now = self.truth, self.hand(k, self.things())
         self._seen_to(k * self.setup.dt)
         self.loop.period()
-        self.keeper.wait((k + 1) * self.setup.dt)
+        self.gated.wait((k + 1) * self.setup.dt)
         self.moved(self.now)
         self.acted.periods += 1
         if self.pilot.course is not self.course:
@@ -110,22 +110,22 @@ class Looped(TwinRun):
             self.courses = self.courses + 1 if self.course.row else 0
         decided = self.loop.decision
         if decided is not None:
-            row["saturated"] = self.keeper.gate.out != (decided.safe_v, decided.safe_omega)
+            row["saturated"] = self.gated.gate.out != (decided.safe_v, decided.safe_omega)
         self.write(row, k, then, decided)
 
     def _seen_to(self, now: float) -> None:
         """Whoever looks on has the robot drive, at first and again after each stop."""
-        gate = self.keeper.gate
+        gate = self.gated.gate
         if latched(gate.mode):
             if math.isnan(self.latched_at):
                 self.latched_at = now
                 self.acted.stops += 1
                 self.acted.why = self.acted.why or gate.reason
-            if now < self.latched_at + _RESET_AFTER or self.keeper.reset():
+            if now < self.latched_at + _RESET_AFTER or self.gated.reset():
                 return
         self.latched_at = math.nan
-        if not driving(self.keeper.gate.mode) and self.loop.seen is not None:
-            self.loop.choose(self.mode)
+        if not driving(self.gated.gate.mode) and self.loop.seen is not None:
+            self.loop.supervisor.choose(self.mode)
 
 
 class _Attacked(Looped):
@@ -143,4 +143,4 @@ class _Attacked(Looped):
         self.held = deflection(
             self.attack, self.held, k, setup.dt, self.truth.pose, things, setup.around.walls
         )
-        return self.held if self.loop.stick_state.arming == Arming.ARMED else CENTRED
+        return self.held if self.loop.supervisor.stick_state.arming == Arming.ARMED else CENTRED

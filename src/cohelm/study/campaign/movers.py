@@ -22,7 +22,7 @@ from cohelm.law.reference import Reference, through
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal, lively, sequence
+from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, lively, sequence
 
 LENGTH, WIDTH = 14.0, 11.0
 DENSITIES = {"easy": 4, "medium": 8, "hard": 14}
@@ -66,7 +66,9 @@ def case(seed: int, number: int) -> Episode:
         seed=number,
     )  # fmt: skip
     setup = with_pilot(setup, agility=AGILITY, gains=lively(setup.gains))
-    return Episode("movers", number, kind, setup, Goal(float(goal[0]), float(goal[1]), _NEAR))
+    return Episode(
+        "movers", number, kind, setup, EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR)
+    )
 
 
 def _disc(rng: np.random.Generator, reach: float) -> Body:

@@ -26,7 +26,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.episode import DT, PAPER, Episode, Goal, sequence
+from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, sequence
 
 WAY = 1.1
 """Width of the way that every room has [m]; Sally turns on the spot within 0.93 m."""
@@ -77,7 +77,7 @@ def case(seed: int, number: int) -> Episode:
         seed=number,
     )  # fmt: skip
     kind = f"{len(walkers)} walkers"
-    return Episode("random", number, kind, setup, Goal(float(goal[0]), float(goal[1]), NEAR))
+    return Episode("random", number, kind, setup, EpisodeGoal(float(goal[0]), float(goal[1]), NEAR))
 
 
 def sally() -> RobotModel:

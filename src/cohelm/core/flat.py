@@ -1,0 +1,115 @@
+"""Nested named tuples of numbers as rows of an array, and back, made from their fields.
+
+A call from Python into compiled code unpacks an array in 150 ns, and each named tuple in 800. So
+what goes in and comes out is one row: `numbers` and `made` in Python, `read` and `write` in
+compiled code. A bool is 0 or 1, an int a whole number below 2**53; arrays are none of the numbers.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable, Sequence
+from functools import cache
+from operator import attrgetter
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from cohelm.core.types import Floats
+
+T = TypeVar("T", bound=tuple[Any, ...])
+
+
+@cache
+def names(of: type) -> tuple[str, ...]:
+    """The numbers of a kind of named tuple, in order, as dotted names: `clock.tau`."""
+    found: list[str] = []
+    for field, kind in typing.get_type_hints(of).items():
+        if _is_tuple(kind):
+            found += [f"{field}.{inner}" for inner in names(kind)]
+        elif kind in (float, int, bool):
+            found.append(field)
+    return tuple(found)
+
+
+def numbers(value: tuple[Any, ...]) -> Floats:
+    """All of them, as `names` has them."""
+    return np.array(_getter(type(value))(value), dtype=np.float64)
+
+
+def made(of: type[T], row: Sequence[float], first: int = 0, arrays: tuple[Floats, ...] = ()) -> T:
+    """The named tuple of a row, from row[first] on. arrays: what in it is none of the numbers, in
+    order."""
+    return _maker(of)(of, row, first, arrays)
+
+
+def read(of: type[T], row: Floats, first: int, arrays: tuple[Floats, ...] = ()) -> T:
+    """As `made`, for compiled code."""
+    return made(of, row.tolist(), first, arrays)
+
+
+def write(value: tuple[Any, ...], row: Floats, first: int) -> None:
+    """The numbers of a named tuple into row[first] and what follows; for compiled code too."""
+    row[first : first + len(names(type(value)))] = _getter(type(value))(value)
+
+
+@overload(read, strict=False)
+def _read(of: Any, row: Any, first: Any, arrays: Any = ()) -> Any:
+    if not isinstance(of, types.NamedTupleClass):
+        return None
+    return _compilable(*_reader(cast(Any, of).instance_class))
+
+
+@overload(write, strict=False)
+def _write(value: Any, row: Any, first: Any) -> Any:
+    if not isinstance(value, types.BaseNamedTuple):
+        return None
+    known = names(cast(Any, value).instance_class)
+    lines = [f"    row[first + {i}] = value.{name}" for i, name in enumerate(known)]
+    return _compilable("\n".join(["def made(value, row, first):", *lines]), {})
+
+
+@cache
+def _getter(of: type) -> Callable[[Any], tuple[float, ...]]:
+    return attrgetter(*names(of))
+
+
+@cache
+def _maker(of: type) -> Callable[..., Any]:
+    return _compilable(*_reader(of))
+
+
+def _reader(of: type) -> tuple[str, dict[str, type]]:
+    """The source of a function that makes one, and the classes that it names."""
+    classes: dict[str, type] = {}
+    counts = [0, 0]  # numbers, arrays
+
+    def expression(kind: type) -> str:
+        name = f"_{len(classes)}"
+        classes[name] = kind
+        return f"{name}({', '.join(map(part, typing.get_type_hints(kind).values()))})"
+
+    def part(kind: Any) -> str:
+        if _is_tuple(kind):
+            return expression(kind)
+        number = kind in (float, int, bool)
+        at = counts[not number]
+        counts[not number] += 1
+        if not number:
+            return f"arrays[{at}]"
+        given = f"row[first + {at}]"
+        return f"int({given})" if kind is int else f"{given} != 0.0" if kind is bool else given
+
+    return f"def made(of, row, first, arrays=()):\n    return {expression(of)}", classes
+
+
+def _compilable(source: str, known: dict[str, Any]) -> Callable[..., Any]:
+    made: dict[str, Any] = dict(known)
+    exec(source, made)
+    return made["made"]
+
+
+def _is_tuple(kind: Any) -> bool:
+    return isinstance(kind, type) and hasattr(kind, "_fields")

@@ -1,0 +1,105 @@
+"""Tells the recorder, the live view and the operator what a period was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Twist
+from cohelm.link.latency_speed_limit import Cap
+from cohelm.link.messages import Discs
+from cohelm.link.recorded_status import StatusWords
+from cohelm.loop.drive_log import DriveLog
+from cohelm.loop.driver import Driver
+from cohelm.loop.operator import Operator
+from cohelm.loop.status import PeriodReport, known, predicted, scan_parts, status, unseen
+from cohelm.loop.stick_arming import StickState
+from cohelm.loop.supervisor import Supervisor
+from cohelm.perceive.pipeline import Seen
+from cohelm.pilot.step import Decision
+from cohelm.robot.model import RobotModel
+from cohelm.robot.port import Readings
+from cohelm.robot.sensors import Lidar
+
+_MOST_STATUSES = 50.0  # statuses a second, at most
+_MOST_DISCS = 40  # shown, at most
+
+
+class Reporter:
+    """Of one loop."""
+
+    def __init__(
+        self, log: DriveLog, operator: Operator, driver: Driver, model: RobotModel, lidar: Lidar,
+        has_map: bool, period: float,
+    ) -> None:  # fmt: skip
+        """lidar: the first one. has_map: whether poses are those of a map. period: [s]."""
+        self._log, self._operator, self._driver = log, operator, driver
+        self._has_map, self._period = has_map, period
+        self._lidars = {"": (0, lidar)} | {
+            one.name: (k, one.lidar()) for k, one in enumerate(model.further_lidars, 1)
+        }
+        """By the names of their scans; the first one's has none that counts."""
+        self._last_status = -math.inf
+        self.held = ""
+        """What the guard holds the robot back for that nothing shows."""
+
+    def report(
+        self, now: float, readings: Readings, seen: Seen, stick_state: StickState,
+        decision: Decision | None, applied: Twist,
+    ) -> PeriodReport:  # fmt: skip
+        """What there is to say of this period. New scans and discs are shown at once."""
+        driver, new = self._driver, self._log.readings(readings)
+        for scan in new:
+            which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
+            if lidar is not None:
+                self._operator.show(*scan_parts(scan, lidar, seen.pose, which))
+        if new and new[0] is readings.scan:
+            discs = Discs(new[0].number, self._discs(seen))
+            self._operator.show(discs)
+            self._log.show(discs)
+        clearance = driver.clear(seen.pose, driver.around(seen), seen.blind)
+        return PeriodReport(
+            now, readings, seen, stick_state, decision, applied, self._progress(), clearance
+        )
+
+    def record(self, report: PeriodReport, own: Mapping[str, Any]) -> NDArray[np.void]:
+        """The period's row, to the recorder, if it has room for it. own: what the loop adds."""
+        return self._log.period(known(report) | {"dropped": self._log.dropped} | dict(own))
+
+    def tell(
+        self, report: PeriodReport, row: NDArray[np.void], supervisor: Supervisor, refusal: str,
+        cap: Cap, late: float,
+    ) -> None:  # fmt: skip
+        """A status to the operator, where one is due. refusal: why the gate did not pass what it
+        was given. late: worst of late [s]."""
+        if report.now - self._last_status < 1.0 / _MOST_STATUSES - 0.25 * self._period:
+            return
+        self._last_status = report.now
+        nominal = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
+        self.held = unseen(report, nominal)
+        words = StatusWords(
+            *supervisor.driven_by, supervisor.mode, supervisor.gated.gate.reason,
+            refusal or supervisor.paused or self.held, *cap, supervisor.alarms.worst(),
+        )  # fmt: skip
+        self._log.words(words)
+        made = status(row, words, self._has_map, predicted(report.seen.pose, report.applied))
+        timing = made.timing._replace(late=late)
+        self._operator.tell(
+            made._replace(odometry=report.seen.odometry, recording=self._log.open, timing=timing)
+        )
+
+    def _discs(self, seen: Seen) -> NDArray[np.float32]:
+        """The nearest round things, in the map, as `core.types` has them, (n, 6)."""
+        rows = self._driver.around(seen).discs
+        far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
+        return rows[np.argsort(far)[:_MOST_DISCS]].astype(np.float32)
+
+    def _progress(self) -> float:
+        pilot = self._driver.pilot
+        if pilot is None:
+            return math.nan
+        return pilot.state.row / max(len(pilot.planner.route.line) - 1, 1)
