@@ -69,7 +69,7 @@ def still_room(seed: int, number: int) -> Setup:
     bodies = [Body(tuple(row)) for row in discs[rests].tolist()]
     names = tuple(f"disc_{i}" for i in range(len(bodies)))
     setup = replace(setup, around=world((bodies, setup.around.walls)), names=names, duration=LIMIT)
-    return with_pilot(setup, agility=0.0, gains=lively(setup.gains))
+    return with_pilot(setup, max_acceleration=0.0, gains=lively(setup.gains))
 
 
 def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:

@@ -45,7 +45,7 @@ from cohelm.sim.setup import Setup, with_pilot  # noqa: E402
 from cohelm.sim.world import World, place  # noqa: E402
 from cohelm.study.campaign import movers  # noqa: E402
 from cohelm.study.campaign.episode import lively  # noqa: E402
-from cohelm.study.campaign.movers import AGILITY  # noqa: E402
+from cohelm.study.campaign.movers import MAX_ACCELERATION  # noqa: E402
 from tests.perceive.drives import LIDAR, drive  # noqa: E402
 
 NEAR = 1.5
@@ -88,7 +88,9 @@ class Sample(NamedTuple):
 def driven(seed: int, number: int) -> Way:
     """A field, driven by LiDAR."""
     setup = movers.case(seed, number).setup
-    setup = with_pilot(setup, lidar=SALLY.lidar, agility=AGILITY, gains=lively(setup.gains))
+    setup = with_pilot(
+        setup, lidar=SALLY.lidar, max_acceleration=MAX_ACCELERATION, gains=lively(setup.gains)
+    )
     rows = run(setup).rows
     poses = [Pose(*p) for p in zip(*(rows[c].tolist() for c in ("x", "y", "psi")), strict=True)]
     twists = [
@@ -108,7 +110,7 @@ def sampled(way: Way, seed: int, care: TrackerParams | None = None) -> Iterator[
     """What perception told on the way."""
     around, outline = way.setup.around, way.setup.outline
     lidar = LIDAR.lidar()
-    eyes = Perception(SALLY, watching=care or TrackerParams(agility=AGILITY))
+    eyes = Perception(SALLY, watching=care or TrackerParams(max_acceleration=MAX_ACCELERATION))
     last = np.full(len(around.discs), -math.inf)  # in view for the third scan in a row
     runs = np.zeros(len(around.discs), np.int64)
     number = None

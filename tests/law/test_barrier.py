@@ -15,36 +15,36 @@ PAPER = Gains()
 EAGER = PAPER._replace(K=0.0, C=-1e12)  # the filter always acts, so that I is always reported
 
 
-def growth(pose, wish, scene, true_sign=True):
+def growth(pose, nominal, scene, true_sign=True):
     """I as the law reports it (31)."""
-    return barrier(pose, wish, scene, EAGER._replace(true_sign=true_sign)).I
+    return barrier(pose, nominal, scene, EAGER._replace(true_sign=true_sign)).I
 
 
-def B_after(pose, wish, scene, t):
+def B_after(pose, nominal, scene, t):
     """B (22) a moment later, robot on its arc and every disc on its way: only (6) and (22)."""
     x, y, psi = pose
-    a = wish.omega * t / 2
-    chord = wish.v * t * np.sinc(a / np.pi)
+    a = nominal.omega * t / 2
+    chord = nominal.v * t * np.sinc(a / np.pi)
     eta = np.array([x + chord * np.cos(psi + a), y + chord * np.sin(psi + a), psi + 2 * a])
     rows = states.as_rows(scene).copy()
     rows[:, :2] += t * rows[:, 2:4]
     return paper.B(eta, rows)
 
 
-def differenced(pose, wish, scene, dt=1e-5):
+def differenced(pose, nominal, scene, dt=1e-5):
     """dB/dt by a central difference of fourth order."""
-    b = [B_after(pose, wish, scene, k * dt) for k in (-2, -1, 1, 2)]
+    b = [B_after(pose, nominal, scene, k * dt) for k in (-2, -1, 1, 2)]
     return (b[0] - 8 * b[1] + 8 * b[2] - b[3]) / (12 * dt)
 
 
 @given(states.poses, states.twists, st.data())
-def test_the_growth_of_B_is_its_finite_difference(pose, wish, data):
+def test_the_growth_of_B_is_its_finite_difference(pose, nominal, data):
     """(26), (27) with the true sign, and (31) at once: L_gB and the discs' own motion."""
     scene = data.draw(states.scenes(pose, nearest=0.05))
-    told = differenced(pose, wish, scene)
+    told = differenced(pose, nominal, scene)
     steep = np.sum(1 / paper.margins(np.array(pose), states.as_rows(scene)) ** 2)
     slack = 1e-6 + 1e-7 * steep
-    assert growth(pose, wish, scene) == pytest.approx(told, rel=1e-6, abs=slack)
+    assert growth(pose, nominal, scene) == pytest.approx(told, rel=1e-6, abs=slack)
 
 
 @given(states.poses, st.data())
@@ -81,9 +81,9 @@ def test_with_the_printed_sign_an_approaching_obstacle_counts_as_receding(row):
 
 
 @given(states.poses, states.twists, states.gains(barrier=True), st.data())
-def test_a_wish_that_B_tolerates_passes_untouched(pose, wish, gains, data):
+def test_a_wish_that_B_tolerates_passes_untouched(pose, nominal, gains, data):
     scene = data.draw(states.scenes(pose))
-    out = barrier(pose, wish, scene, gains)
+    out = barrier(pose, nominal, scene, gains)
     if out.I <= out.J:
         assert out.verdict == UNTOUCHED
         assert out.input == (0.0, 0.0)
@@ -97,12 +97,12 @@ def test_under_the_filter_B_grows_no_faster_than_E4_says(data, psi):
     """Ḃ ≤ K B + C + k_cbf with the command, by the twin; the paper's C > k_cbf is not needed."""
     pose = Pose(0.0, 0.0, psi)
     gains = data.draw(states.gains(barrier=True, true_sign=True))
-    wish, scene = data.draw(states.twists), data.draw(states.scenes(pose))
+    nominal, scene = data.draw(states.twists), data.draw(states.scenes(pose))
     rows, p = states.as_rows(scene), states.as_parameters(gains)
     slope = paper.L_gB(np.array(pose), rows)
     assume(slope @ slope > 1e-8)
-    out = barrier(pose, wish, scene, gains)
-    U = np.array([wish.v + out.input.v, wish.omega + out.input.omega])
+    out = barrier(pose, nominal, scene, gains)
+    U = np.array([nominal.v + out.input.v, nominal.omega + out.input.omega])
     grown, tolerated = paper.I_and_J(np.array(pose), U, rows, p)
     terms = abs(slope) @ abs(U) + abs(paper.drift(np.array(pose), rows, p)) + abs(tolerated)
     assert grown <= tolerated + gains.k_cbf + 1e-9 * terms
@@ -125,12 +125,14 @@ def test_without_power_over_B_the_filter_only_steers(quarter):
     st.sampled_from([0.0, 1.0, -1.0, 2.0]), st.floats(-1e-7, 1e-7), st.sampled_from([1.0, -1.0]),
     st.floats(0.201, 0.5), st.floats(0.0, 2.0), states.twists,
 )  # fmt: skip
-def test_near_the_pole_of_the_law_the_command_stays_finite(quarter, off, side, away, speed, wish):
+def test_near_the_pole_of_the_law_the_command_stays_finite(
+    quarter, off, side, away, speed, nominal
+):
     """E5, also an ulp or a µrad beside it."""
     psi = quarter * math.pi / 2 + off
     left = np.array([-math.sin(psi), math.cos(psi)]) * side
     scene = discs(disc(*(away * left), 0.1, vx=-speed * left[0], vy=-speed * left[1]))
-    out = barrier(Pose(0.0, 0.0, psi), wish, scene, PAPER)
+    out = barrier(Pose(0.0, 0.0, psi), nominal, scene, PAPER)
     assert math.isfinite(out.input.v)
     assert math.isfinite(out.input.omega)
 
@@ -161,12 +163,12 @@ def test_a_fast_turn_in_free_space_sets_the_filter_off():
 
 def test_the_same_scene_turned_about_the_origin_is_answered_differently():
     """E6: cos²ψ makes B depend on which way north is. A fact of the paper's law, and kept."""
-    pose, wish, ahead = Pose(0.0, 0.0, 0.0), Twist(0.5, 0.6), np.array([0.8, 0.1])
+    pose, nominal, ahead = Pose(0.0, 0.0, 0.0), Twist(0.5, 0.6), np.array([0.8, 0.1])
     out = {}
     for angle in np.radians([0, 30, 60, 90, 120, 150]):
         c, s = math.cos(angle), math.sin(angle)
         around = discs(disc(*(np.array([[c, -s], [s, c]]) @ ahead), 0.1))
-        out[round(math.degrees(angle))] = barrier(turned(pose, angle), wish, around, PAPER)
+        out[round(math.degrees(angle))] = barrier(turned(pose, angle), nominal, around, PAPER)
     assert {o.verdict for o in out.values()} == {UNTOUCHED, SHAPED}
     acting = [o.input for o in out.values() if o.verdict == SHAPED]
     assert np.ptp([u.v for u in acting]) > 0.05
@@ -176,12 +178,12 @@ def test_the_same_scene_turned_about_the_origin_is_answered_differently():
 @given(states.poses, st.data())
 def test_the_filters_answer_comes_back_after_half_a_turn_of_the_whole_scene(pose, data):
     """cos² has the period π, so E6 goes no further than that."""
-    scene, wish = data.draw(states.scenes(pose, nearest=0.05)), data.draw(states.twists)
+    scene, nominal = data.draw(states.scenes(pose, nearest=0.05)), data.draw(states.twists)
     around = scene.copy()
     around[:, :4] *= -1
     out, back = (
-        barrier(pose, wish, scene, PAPER),
-        barrier(turned(pose, math.pi), wish, around, PAPER),
+        barrier(pose, nominal, scene, PAPER),
+        barrier(turned(pose, math.pi), nominal, around, PAPER),
     )
     assume(abs(out.I - out.J) > 1e-6 * (1 + abs(out.I)))
     slope = paper.L_gB(np.array(pose), states.as_rows(scene))
@@ -191,18 +193,18 @@ def test_the_filters_answer_comes_back_after_half_a_turn_of_the_whole_scene(pose
 
 
 @given(states.poses, states.twists, st.data())
-def test_the_culprit_is_the_obstacle_that_asks_most(pose, wish, data):
+def test_the_culprit_is_the_obstacle_that_asks_most(pose, nominal, data):
     scene = data.draw(states.scenes(pose, least=2))
-    out = barrier(pose, wish, scene, PAPER)
+    out = barrier(pose, nominal, scene, PAPER)
     if out.verdict == UNTOUCHED:
         return
     rows, p = states.as_rows(scene), states.as_parameters(PAPER)
     parts = []
     for row in rows:
         alone = row[None]
-        I, _ = paper.I_and_J(np.array(pose), np.array([wish.v, 0.0]), alone, p)
+        I, _ = paper.I_and_J(np.array(pose), np.array([nominal.v, 0.0]), alone, p)
         parts.append(I)
-    heading = -math.sin(2 * pose.psi) * wish.omega
+    heading = -math.sin(2 * pose.psi) * nominal.omega
     named = heading if out.limiting == HEADING else parts[out.limiting]
     most = max([heading, *parts])
     assert named == pytest.approx(most, rel=1e-9, abs=1e-9 * (1 + abs(most)))
@@ -219,8 +221,8 @@ def test_the_culprit_is_found_wherever_it_is_in_the_list():
 @pytest.mark.parametrize(("omega", "verdict"), [(0.7499, UNTOUCHED), (0.7501, SHAPED)])
 def test_the_filter_acts_from_I_equal_J_on(omega, verdict):
     """In free space at ψ = −π/4, I = ω and J = 0.5 · 0.5 + 0.5."""
-    wish = Twist(0.0, omega)
-    assert barrier(Pose(0.0, 0.0, -math.pi / 4), wish, discs(), PAPER).verdict == verdict
+    nominal = Twist(0.0, omega)
+    assert barrier(Pose(0.0, 0.0, -math.pi / 4), nominal, discs(), PAPER).verdict == verdict
 
 
 def test_the_heading_is_to_blame_though_an_obstacle_draws_near_when_it_asks_more():

@@ -49,12 +49,12 @@ def follow(reference, pose, seconds, clock=None, held=(), leads=(), hand=HAND):
         t = k * DT
         led = bool(leads) and leads[0] <= t < leads[1]
         clock = govern(clock, pose, reference, profiled, led, PACE, DT)
-        wish = track(pose, governed(reference, clock, pose, PACE), GAINS)
+        nominal = track(pose, governed(reference, clock, pose, PACE), GAINS)
         if led:
-            wish = hand
+            nominal = hand
         if not (held and held[0] <= t < held[1]):
-            pose = arc(pose, wish, DT)
-        history.append((clock, pose, wish))
+            pose = arc(pose, nominal, DT)
+        history.append((clock, pose, nominal))
     return history
 
 
@@ -99,7 +99,7 @@ def test_the_reference_waits_while_the_robot_is_held_up():
 
 def test_the_reference_resumes_without_a_jump_and_arrives():
     history = follow(BENDS, Pose(0, 0, 0), 35.0, held=(2.0, 12.0))
-    wishes = np.array([wish for _, _, wish in history])
+    wishes = np.array([nominal for _, _, nominal in history])
     free = wishes[round(12.0 / DT) :]
     assert np.abs(np.diff(free[:, 0])).max() < (PACE.rise + PACE.fall) * DT
     clock, pose, _ = history[-1]
@@ -218,7 +218,7 @@ def test_when_the_person_lets_go_off_the_path_the_reference_takes_over_smoothly(
     history = follow(BENDS, Pose(0, 0, 0), 40.0, leads=(1.0, 2.5))
     first = round(2.5 / DT)
     assert abs(history[first][2].v) < 0.4
-    speeds = np.array([wish.v for _, _, wish in history[first:]])
+    speeds = np.array([nominal.v for _, _, nominal in history[first:]])
     assert np.abs(np.diff(speeds)).max() < 0.15
     assert history[-1][0].tau == BENDS.duration
 

@@ -89,8 +89,8 @@ def test_each_axis_of_the_blend_lies_between_the_two_wishes(automatic, person, s
 
 
 @given(states.twists, st.builds(Authority, unit, unit))
-def test_the_shares_add_up_to_one(wish, share):
-    assert blend(wish, wish, share) == pytest.approx(wish, rel=1e-14, abs=1e-15)
+def test_the_shares_add_up_to_one(nominal, share):
+    assert blend(nominal, nominal, share) == pytest.approx(nominal, rel=1e-14, abs=1e-15)
 
 
 @given(states.twists, states.twists)

@@ -14,7 +14,7 @@ from cohelm.law.reference import through
 from cohelm.law.track import track
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
 from cohelm.plan.path_planner import way
-from cohelm.plan.recovery import Choices, RecoveryMove, recovery_move, rest, wish
+from cohelm.plan.recovery import Choices, RecoveryMove, recovery_move, recovery_twist, rest
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.sensors import LidarModel
@@ -66,7 +66,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
                 if abs(math.remainder(heading - pose.psi, 2.0 * math.pi)) > 1.2:
                     left = recovery_move(pose, heading, points, outline, Choices()) or left
         if left != NO_MOVE:
-            wanted = wish(left, 0.4, 1.5, DT)
+            wanted = recovery_twist(left, 0.4, 1.5, DT)
         elif reference is None:
             wanted = Twist(0.0, 0.0)
         else:

@@ -49,7 +49,7 @@ def reached(moment, seen, x, y, radius, after=0.3):
     d = seen.mobile
     at = d[:, :2] + after * d[:, 2:4]
     wx, wy = frame.x + c * at[:, 0] - s * at[:, 1], frame.y + s * at[:, 0] + c * at[:, 1]
-    grown = d[:, RADIUS] + 0.5 * seen.mobile_agility * after * after
+    grown = d[:, RADIUS] + 0.5 * seen.mobile_max_acceleration * after * after
     return float(np.min(np.hypot(wx - px, wy - py) - grown, initial=9.0))
 
 
@@ -114,7 +114,7 @@ def test_who_came_and_stopped_may_set_off_again_and_is_a_thing_in_the_end():
     for seen in beside:
         assert len(seen.discs) == 0
         assert len(seen.mobile) > 3
-        assert seen.mobile_agility.min() >= 1.0
+        assert seen.mobile_max_acceleration.min() >= 1.0
         assert seen.mobile[:, RADIUS].max() < 0.1
     assert len(told[-1][1].mobile) == 0
 

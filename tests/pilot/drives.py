@@ -46,7 +46,7 @@ def drive(
     start=None,
     speed=0.5,
     settings=SETTINGS,
-    agility=0.5,
+    max_acceleration=0.5,
     replan_params: ReplanParams | None = None,
 ) -> Drive:
     """Until arrival or for `seconds`. discs: rows of `disc`, those with a velocity drift."""
@@ -60,7 +60,7 @@ def drive(
     for k in range(round(seconds / DT)):
         now = rows.copy()
         now[:, :2] += k * DT * rows[:, 2:4]
-        seen = surroundings(now, agility * moving, walls)
+        seen = surroundings(now, max_acceleration * moving, walls)
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         stick = hand(k * DT, pose) if hand else None

@@ -25,7 +25,7 @@ def from_pose(pose, points, bodies):
 def test_wherever_odometry_began_the_same_things_are_around_the_robot(odom):
     lidar = LidarModel(beams=8, field_of_view_deg=360.0, range_max_m=5.0, rate_hz=10.0).lidar()
     seen = Perception(lidar).take(0.0, Readings(None, None, None, None))
-    seen = seen._replace(points=POINTS, mobile=WALKER.copy(), mobile_agility=np.ones(1))
+    seen = seen._replace(points=POINTS, mobile=WALKER.copy(), mobile_max_acceleration=np.ones(1))
 
     around = obstacles_from_perception(seen, odom)
 
@@ -33,6 +33,6 @@ def test_wherever_odometry_began_the_same_things_are_around_the_robot(odom):
     for got, wanted in zip(now, from_pose(HERE, POINTS, WALKER), strict=True):
         assert got == pytest.approx(wanted, abs=1e-12)
     assert (around.discs[:, 4:] == WALKER[:, 4:]).all()
-    assert (around.agility == 1.0).all()
+    assert (around.max_acceleration == 1.0).all()
     assert (seen.mobile == WALKER).all(), "what perception keeps has been changed"
     assert obstacles_from_perception(seen, odom, POINTS).points is POINTS, "they are placed already"

@@ -65,8 +65,8 @@ def test_without_evasion_the_same_encounters_end_in_a_touch():
 def test_where_nobody_moves_nothing_is_changed():
     still = [(2.0, 0.6, 0.2, 0.7, 0.0, 0.0)]
     with_it, without = (
-        drive(WAY, still, settings=ON, agility=0.0),
-        drive(WAY, still, settings=OFF, agility=0.0),
+        drive(WAY, still, settings=ON, max_acceleration=0.0),
+        drive(WAY, still, settings=OFF, max_acceleration=0.0),
     )
     np.testing.assert_array_equal(with_it.poses, without.poses)
 

@@ -20,8 +20,8 @@ from cohelm.plan.recovery import (
     back_off,
     kind,
     recovery_move,
+    recovery_twist,
     rest,
-    wish,
     wriggle,
 )
 from cohelm.robot.kinematics import arc
@@ -38,7 +38,7 @@ def drive(pose, move, outline, points):
     """The whole move step by step; where it ends, and the least gap on the way (shapely)."""
     seen, least, left = MultiPoint(points), math.inf, move
     for _ in range(5000):
-        twist = wish(left, 0.4, 1.5, DT)
+        twist = recovery_twist(left, 0.4, 1.5, DT)
         assert abs(twist.v) <= 0.4 + 1e-12
         assert abs(twist.omega) <= 1.5 + 1e-12
         if twist == (0.0, 0.0):

@@ -39,7 +39,7 @@ def test_walkers_keep_to_their_speed_and_acceleration_to_the_last_digit():
     cases = [adversary.case(SEED, number) for number in range(2, 40, 4)]
     for case in cases:
         assert case.rollout is not None
-        moving = np.flatnonzero(case.rollout.scene.agility)
+        moving = np.flatnonzero(case.rollout.scene.max_acceleration)
         discs = attacked(case, "guard").discs[:, moving]
         speed = np.hypot(discs[:, :, 2], discs[:, :, 3])
         push = np.hypot(*np.diff(discs[:, :, 2:4], axis=0).transpose(2, 0, 1)) / 0.02

@@ -22,9 +22,9 @@ class Avoidance(NamedTuple):
     """The collision-avoidance input u of (33) and how it came about."""
 
     input: Twist
-    """u [m/s, rad/s], to be added to the wish (49)."""
+    """u [m/s, rad/s], to be added to the nominal command (49)."""
     I: float
-    """Growth of B under the wish (31)."""
+    """Growth of B under the nominal command (31)."""
     J: float
     """Growth that is tolerated, K B + C (32)."""
     h: float
@@ -45,7 +45,7 @@ def _h(dx: float, dy: float, safe: float) -> float:
 
 
 @jit_inline
-def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
+def barrier(pose: Pose, nominal: Twist, discs: Floats, gains: Gains) -> Avoidance:
     """The least input along L_gB that keeps B from growing faster than K B + C.
 
     (22) B = sum 1/h_i + cos^2 psi
@@ -71,19 +71,19 @@ def barrier(pose: Pose, wish: Twist, discs: Floats, gains: Gains) -> Avoidance:
         motion += slope * (dx * discs[i, VX] + dy * discs[i, VY])
         smallest = min(smallest, h)
     across = -2.0 * at.sin * at.cos
-    I = along * wish.v + across * wish.omega + sign * motion
+    I = along * nominal.v + across * nominal.omega + sign * motion
     J = gains.K * B + gains.C
     if not (is_finite(I) and is_finite(J) and smallest > -math.inf):
         return Avoidance(Twist(math.nan, math.nan), I, J, smallest, INVALID, -1)
     if I <= J:
         return Avoidance(Twist(0.0, 0.0), I, J, smallest, UNTOUCHED, -1)
     limiting = HEADING
-    most = across * wish.omega
+    most = across * nominal.omega
     for i in range(discs.shape[0]):
         dx, dy = pose.x - discs[i, X], pose.y - discs[i, Y]
         h = _h(dx, dy, discs[i, SAFE])
         moved = sign * (dx * discs[i, VX] + dy * discs[i, VY])
-        part = 2.0 / (h * h) * (moved - (dx * at.cos + dy * at.sin) * wish.v)
+        part = 2.0 / (h * h) * (moved - (dx * at.cos + dy * at.sin) * nominal.v)
         if part > most:
             most, limiting = part, i
     steer = gains.k_cbf * math.tanh(1.0 / smallest)

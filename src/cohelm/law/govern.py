@@ -198,10 +198,11 @@ def nearest_ahead(reference: Reference, pose: Pose, tau: float, far: float) -> f
 
 
 def turned(pose: Pose) -> Pose:
-    """The robot seen as driving the other way round; its wish is then `reversed_twist`."""
+    """The robot seen as driving the other way round; its nominal command is then
+    `reversed_twist`."""
     return Pose(pose.x, pose.y, pose.psi + math.pi)
 
 
 def reversed_twist(twist: Twist) -> Twist:
-    """A wish made for `turned`, for the robot as it is; and the reverse."""
+    """A nominal command made for `turned`, for the robot as it is; and the reverse."""
     return Twist(-twist.v, twist.omega)

@@ -28,7 +28,7 @@ def limited(stick: Stick, gains: Gains) -> Stick:
 
 @jit_inline
 def human(stick: Stick, gains: Gains) -> Twist:
-    """The person's wish tau_h, from a stick already `limited`.
+    """The person's command tau_h, from a stick already `limited`.
 
     (45) v = k_hx x_h u_d with the fore-aft axis outside the band (also when both are: E8),
          v = k_hx u_d     with only the left-right axis outside it, else 0

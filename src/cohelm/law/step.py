@@ -24,10 +24,10 @@ class Step(NamedTuple):
     """Commanded yaw rate, second entry of U (49) [rad/s]."""
     tracking_v: float
     tracking_omega: float
-    """tau_c, the tracking law's wish (15)."""
+    """tau_c, the tracking law's command (15)."""
     operator_v: float
     operator_omega: float
-    """tau_h, the person's wish (38)."""
+    """tau_h, the person's command (38)."""
     nominal_v: float
     nominal_omega: float
     """tau, the blend (34)."""
@@ -54,7 +54,7 @@ class Step(NamedTuple):
 class Hand(NamedTuple):
     """What a deflection says, before anybody else is asked."""
 
-    wish: Twist
+    operator: Twist
     """tau_h (38)."""
     energy: Intent
     """V_h (41)(42)."""
@@ -88,7 +88,7 @@ def decided(tau_c: Twist, hand: Hand, tau: Twist, avoid: Avoidance) -> Step:
     return Step(
         _or_0(sound, v), _or_0(sound, omega),
         _or_0(sound, tau_c.v), _or_0(sound, tau_c.omega),
-        _or_0(sound, hand.wish.v), _or_0(sound, hand.wish.omega),
+        _or_0(sound, hand.operator.v), _or_0(sound, hand.operator.omega),
         _or_0(sound, tau.v), _or_0(sound, tau.omega),
         _or_0(sound, avoid.input.v), _or_0(sound, avoid.input.omega),
         _or_0(sound, hand.share.x), _or_0(sound, hand.share.psi),
@@ -103,7 +103,7 @@ def control_step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gain
     """U = tau + u (49) from pose, reference, stick and obstacles; compiled code calls this one."""
     hand = hand_of(stick, gains)
     tau_c = track(pose, desired, gains)
-    tau = blend(tau_c, hand.wish, hand.share)
+    tau = blend(tau_c, hand.operator, hand.share)
     return decided(tau_c, hand, tau, _avoidance(pose, tau, discs, gains))
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from enum import IntEnum
 
 UNTOUCHED, SHAPED, POWERLESS, INVALID, BRAKING, STANDING = range(6)
-"""UNTOUCHED: the wish passed. SHAPED: the filter changed it. POWERLESS: the paper's barrier alone,
-see there. INVALID: a number that is not finite came in. BRAKING, STANDING: the guard alone,
-nothing near the wish could be certified; the certified stop goes on, or the robot stands."""
+"""UNTOUCHED: the nominal command passed. SHAPED: the filter changed it. POWERLESS: the paper's
+barrier alone, see there. INVALID: a number that is not finite came in. BRAKING, STANDING: the
+guard alone, nothing near the nominal command could be certified; the certified stop goes on, or
+the robot stands."""
 
 
 class Verdict(IntEnum):

@@ -60,12 +60,12 @@ class Seen(NamedTuple):
     """How many of the points are such ground."""
     discs: Floats
     """Moving things, (n, 6) as in `core.types`, in `odom`."""
-    agility: Floats
+    max_acceleration: Floats
     """(n,), how fast each may change its velocity [m/s^2]."""
     mobile: Floats
     """What the guard is told to move: `discs`, and behind them, as small discs that may go
     anywhere, what may set off though nobody knows that it moves, (m, 6), in `odom`."""
-    mobile_agility: Floats
+    mobile_max_acceleration: Floats
     """(m,), of those [m/s^2]."""
     odometry_stamp: float
     """Of the newest odometry [s]; -inf before the first."""
@@ -250,25 +250,27 @@ class Perception:
             )
         if located is None:
             located = Located(here, np.zeros((3, 3)), 1.0, False, "")
-        discs, agility, mobile, mobile_agility = self._mobile(now)
+        discs, max_acceleration, mobile, mobile_max_acceleration = self._mobile(now)
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom, points=self._told,
-            blind=len(self._told) - len(self._points), discs=discs, agility=agility,
-            mobile=mobile, mobile_agility=mobile_agility, odometry_stamp=stamp,
+            blind=len(self._told) - len(self._points), discs=discs,
+            max_acceleration=max_acceleration, mobile=mobile,
+            mobile_max_acceleration=mobile_max_acceleration, odometry_stamp=stamp,
             scan_stamp=min(source.stamp for source in self._sources),
         )  # fmt: skip
 
     def _mobile(self, now: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Movers and their agility, and all that may move and theirs, foretold to now."""
+        """Movers and their largest acceleration, and all that may move and theirs, foretold to
+        now."""
         told = [_movers(source, now, self._watching) for source in self._sources]
         if len(told) == 1:
             return told[0]
-        discs, agility, mobile, mobile_agility = zip(*told, strict=True)
+        discs, max_acceleration, mobile, mobile_max_acceleration = zip(*told, strict=True)
         return (
-            np.vstack(discs), np.concatenate(agility), np.vstack(mobile),
-            np.concatenate(mobile_agility),
+            np.vstack(discs), np.concatenate(max_acceleration), np.vstack(mobile),
+            np.concatenate(mobile_max_acceleration),
         )  # fmt: skip
 
 
@@ -278,9 +280,14 @@ def _movers(
     """The same of one LiDAR."""
     if not len(source.movers.tracks) and not len(source.movers.loose):
         return _NOBODY
-    discs, agility = bodies(source.movers, now, watching)
+    discs, max_acceleration = bodies(source.movers, now, watching)
     loose, agile = strays(source.movers, now, watching)
-    return discs, agility, np.vstack((discs, loose)), np.concatenate((agility, agile))
+    return (
+        discs,
+        max_acceleration,
+        np.vstack((discs, loose)),
+        np.concatenate((max_acceleration, agile)),
+    )
 
 
 def seen_from(seen: Seen, pose: Pose) -> Pose:

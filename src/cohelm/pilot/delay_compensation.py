@@ -42,9 +42,9 @@ def foreseen(
 def moved_on(around: Surroundings, after: float, stop: float) -> Surroundings:
     """The same surroundings `after` seconds later, none for 0: discs go on with their velocity.
 
-    Each grows by what it may have strayed by then, agility after^2 / 2, and, because its velocity
-    may be off by agility after, by that much times `stop`, the longest time the robot may yet
-    move for [s].
+    Each grows by what it may have strayed by then, max_acceleration * after^2 / 2, and, because its
+    velocity may be off by max_acceleration * after, by that much times `stop`, the longest time
+    the robot may yet move for [s].
     """
     if after == 0.0 or len(around.discs) == 0:
         return around
@@ -52,8 +52,8 @@ def moved_on(around: Surroundings, after: float, stop: float) -> Surroundings:
     for i in range(len(discs)):
         discs[i, X] += discs[i, VX] * after
         discs[i, Y] += discs[i, VY] * after
-        discs[i, RADIUS] += around.agility[i] * after * (0.5 * after + stop)
-    return Surroundings(discs, around.agility, around.segments, around.points)
+        discs[i, RADIUS] += around.max_acceleration[i] * after * (0.5 * after + stop)
+    return Surroundings(discs, around.max_acceleration, around.segments, around.points)
 
 
 @jit

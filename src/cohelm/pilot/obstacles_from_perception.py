@@ -22,4 +22,4 @@ def obstacles_from_perception(seen: Seen, odom: Pose, points: Floats | None = No
     discs[:, VX : VY + 1] = turned(discs[:, VX : VY + 1], odom.psi)
     if points is None:
         points = placed(seen.points, odom)
-    return Surroundings(discs, seen.mobile_agility, _NO_WALLS, points)
+    return Surroundings(discs, seen.mobile_max_acceleration, _NO_WALLS, points)

@@ -37,9 +37,9 @@ def ahead(
         if way > far or clock.tau >= course.reference.knots[-1]:
             break
         clock = govern(clock, pose, course.reference, course.paced, False, s.pace, _DT)
-        wish = track(pose, governed(course.reference, clock, pose, s.pace), s.gains)
+        nominal = track(pose, governed(course.reference, clock, pose, s.pace), s.gains)
         last = wheel_rows(bounds, twist, s.limits, _DT)
-        nearest = project(wish, bounds, last, s.rules.steer_weight)  # as the guard does
+        nearest = project(nominal, bounds, last, s.rules.steer_weight)  # as the guard does
         twist = achievable(nearest.twist, twist, s.limits, _DT)
         pose = arc(pose, twist, _DT)
         way += abs(twist.v) * _DT

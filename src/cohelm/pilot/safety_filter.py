@@ -182,7 +182,7 @@ class SafetyFilter:
 @jit
 def _filtered(
     x: float, y: float, psi: float, now_v: float, now_omega: float, v: float, omega: float,
-    discs: Floats, agility: Floats, segments: Floats, points: Floats, outline: Floats,
+    discs: Floats, max_acceleration: Floats, segments: Floats, points: Floats, outline: Floats,
     s: Floats, after: float, sent: Floats, count: Ints, away: Floats,
 ) -> tuple[float, float, int, float, float, int]:  # fmt: skip
     """One call. after: since the last one [s]. sent: (d, 3), the command in effect now and those
@@ -220,7 +220,7 @@ def _filtered(
         lasted = sent[j % d, 2]
         before = achievable(Twist(sent[j % d, 0], sent[j % d, 1]), before, limits, lasted)
         pose = arc(pose, before, lasted)
-    around = Surroundings(discs, agility, segments, points)
+    around = Surroundings(discs, max_acceleration, segments, points)
     if len(discs) > 0:
         around = moved_on(around, horizon, stopping(before, limits, rules.dt))
     nominal = Twist(v, omega) if known else Twist(math.nan, math.nan)

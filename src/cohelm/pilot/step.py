@@ -20,7 +20,7 @@ from cohelm.pilot.delay_compensation import foreseen, moved_on, stopping
 from cohelm.plan.course import Course, nearest_row
 from cohelm.plan.evasion.evade import evade
 from cohelm.plan.evasion.params import NO_EVASION, Evasion, EvasionParams
-from cohelm.plan.recovery import RecoveryMove, kind, rest, wish
+from cohelm.plan.recovery import RecoveryMove, kind, recovery_twist, rest
 from cohelm.robot.limits import Limits
 
 FOLLOWING, LED, ESCAPING, EVADING = range(4)
@@ -89,10 +89,10 @@ class Decision(NamedTuple):
     """The command U (49) [m/s, rad/s]."""
     tracking_v: float
     tracking_omega: float
-    """tau_c, the tracking law's wish (15), or the escape's."""
+    """tau_c, the tracking law's command (15), or the escape's."""
     operator_v: float
     operator_omega: float
-    """tau_h, the person's wish (38)."""
+    """tau_h, the person's command (38)."""
     nominal_v: float
     nominal_omega: float
     """tau, the blend (34)."""
@@ -113,8 +113,8 @@ class Decision(NamedTuple):
     verdict: int
     """See `law.verdict`."""
     limiting: int
-    """What held the wish back: discs, then segments, then points of the surroundings; -1 for
-    nothing (or the barrier's heading term, E6)."""
+    """What held the nominal command back: discs, then segments, then points of the surroundings;
+    -1 for nothing (or the barrier's heading term, E6)."""
     clearance_seen: float
     """Smallest clearance of the outline that the guard saw; infinite with nothing near [m]."""
     change: float
@@ -166,12 +166,12 @@ def pilot_step(
     if evasion.on:
         tau_c, left, recovering = Twist(evasion.v, evasion.omega), NO_MOVE, False
     elif recovering:
-        tau_c = wish(left, s.recovery_speed, s.recovery_yaw_rate, s.rules.dt)
+        tau_c = recovery_twist(left, s.recovery_speed, s.recovery_yaw_rate, s.rules.dt)
     else:
         tau_c = track(then, target, s.gains)
     clearance, change = math.inf, 0.0
     if s.guarded:
-        tau = _slowed(blend(tau_c, hand.wish, hand.share), s.fastest)
+        tau = _slowed(blend(tau_c, hand.operator, hand.share), s.fastest)
         asked = tau if hand.sound else Twist(math.nan, math.nan)  # not a centred stick: brake
         rules = _nearer(s.rules) if recovering else s.rules
         passed = guard(then, before, asked, things, s.outline, s.limits, rules)

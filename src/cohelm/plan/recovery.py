@@ -285,7 +285,7 @@ def _arcs(pose: Pose, ways: Floats, curvature: float) -> Floats:
 
 
 @jit
-def wish(left: RecoveryMove, speed: float, yaw_rate: float, dt: float) -> Twist:
+def recovery_twist(left: RecoveryMove, speed: float, yaw_rate: float, dt: float) -> Twist:
     """The twist that goes on with a move, at most at these speeds, and ends it without overshoot.
 
     Zero when it is over. left: what is left of the move. dt: for how long the twist will hold [s].

@@ -144,11 +144,11 @@ def _piloted(
     ]
     return Piloted(
         settings=_settings(alone, robot, limits),
-        agility=law.guard.obstacle_acceleration_mps2 * np.array(moving, dtype=np.float64),
+        max_acceleration=law.guard.obstacle_acceleration_mps2 * np.array(moving, dtype=np.float64),
         lidar=None if lidar is None else lidar.lidar(),
         rate=10.0 if lidar is None else lidar.rate_hz,
         further=() if lidar is None else robot.further_lidars,
-        watching=TrackerParams(agility=law.guard.obstacle_acceleration_mps2),
+        watching=TrackerParams(max_acceleration=law.guard.obstacle_acceleration_mps2),
         path_params=law.path_params(),
         replan_params=law.replan_params(),
         period=law.plan.period_s,

@@ -38,13 +38,13 @@ TURNS = 10
 class AdversarialScene(NamedTuple):
     """What there is to hit.
 
-    discs: (n, 6) at t = 0. agility: (n,), acceleration that a disc uses and is assumed to be
-    capable of [m/s^2]; 0 for one at rest. walk: the walkers' largest speed [m/s]. walls: (s, 4).
+    discs: (n, 6) at t = 0. max_acceleration: (n,), acceleration that a disc uses and is assumed to
+    be capable of [m/s^2]; 0 for one at rest. walk: the walkers' largest speed [m/s]. walls: (s, 4).
     points: (p, 2), things of no size, known as LiDAR returns.
     """
 
     discs: Floats
-    agility: Floats
+    max_acceleration: Floats
     walk: float
     walls: Floats
     points: Floats
@@ -89,28 +89,28 @@ def rollout(
     least = FAR
     for k in range(steps):
         stick = deflection(attack, stick, k, dt, pose, now, scene.walls)
-        wish = Twist(stick.x * limits.speed, stick.psi * limits.yaw_rate)
+        nominal = Twist(stick.x * limits.speed, stick.psi * limits.yaw_rate)
         verdict, limiting = 0, -1
         if law == GUARD:
-            around = Surroundings(now[:n], scene.agility, scene.walls, scene.points)
-            passed = guard(pose, applied, wish, around, outline, limits, rules)
+            around = Surroundings(now[:n], scene.max_acceleration, scene.walls, scene.points)
+            passed = guard(pose, applied, nominal, around, outline, limits, rules)
             command = Twist(passed.v, passed.omega)
             verdict, limiting = passed.verdict, passed.limiting
             twist = command
         else:
-            command = wish
+            command = nominal
             if law == PAPER:
-                avoid = barrier(pose, wish, now, gains)
-                command = Twist(wish.v + avoid.input.v, wish.omega + avoid.input.omega)
+                avoid = barrier(pose, nominal, now, gains)
+                command = Twist(nominal.v + avoid.input.v, nominal.omega + avoid.input.omega)
                 verdict, limiting = avoid.verdict, avoid.limiting
             twist = achievable(command, applied, limits, dt)
         for i in range(n):
-            if scene.agility[i] > 0.0:
+            if scene.max_acceleration[i] > 0.0:
                 if k % TURNS == 0:
-                    choose(push, i, scene.agility[i], pose, now[i], attack.seed, k)
+                    choose(push, i, scene.max_acceleration[i], pose, now[i], attack.seed, k)
                 walk_on(after[i], now[i], push[i, 0], push[i, 1], scene.walk, dt)
         if len(rows) > 0:
-            note(rows[k], k * dt, pose, stick, wish, command, twist, verdict, limiting)
+            note(rows[k], k * dt, pose, stick, nominal, command, twist, verdict, limiting)
             for i in range(m):
                 discs[k, i] = now[i]
                 dx, dy = pose.x - now[i, X], pose.y - now[i, Y]
@@ -176,13 +176,13 @@ def _nearest(pose: Pose, things: Floats, walls: Floats) -> tuple[float, float]:
 
 @jit_inline
 def choose(
-    push: Floats, i: int, agility: float, pose: Pose, disc: Floats, seed: int, k: int
+    push: Floats, i: int, max_acceleration: float, pose: Pose, disc: Floats, seed: int, k: int
 ) -> None:
     """What walker i does next: half of the time it goes at the robot, else anywhere."""
     turn = math.atan2(pose.y - disc[Y], pose.x - disc[X])
     if uniform(seed + 1 + i, 2 * k) < 0.5:
         turn = 2.0 * math.pi * uniform(seed + 1 + i, 2 * k + 1)
-    push[i, 0], push[i, 1] = agility * math.cos(turn), agility * math.sin(turn)
+    push[i, 0], push[i, 1] = max_acceleration * math.cos(turn), max_acceleration * math.sin(turn)
 
 
 @jit_inline
@@ -199,7 +199,7 @@ def walk_on(after: Floats, now: Floats, ax: float, ay: float, walk: float, dt: f
 
 @jit_inline
 def note(
-    row: Any, t: float, pose: Pose, stick: Stick, wish: Twist, command: Twist, twist: Twist,
+    row: Any, t: float, pose: Pose, stick: Stick, nominal: Twist, command: Twist, twist: Twist,
     verdict: int, limiting: int,
 ) -> None:  # fmt: skip
     """One step into the trace; there is no reference, so the desired pose is the robot's own."""
@@ -208,9 +208,9 @@ def note(
     row.x_d, row.y_d, row.psi_d = pose.x, pose.y, pose.psi
     row.stick_x, row.stick_psi = stick.x, stick.psi
     row.safe_v, row.safe_omega = command.v, command.omega
-    row.operator_v, row.operator_omega = wish.v, wish.omega
-    row.nominal_v, row.nominal_omega = wish.v, wish.omega
-    row.avoid_v, row.avoid_omega = command.v - wish.v, command.omega - wish.omega
+    row.operator_v, row.operator_omega = nominal.v, nominal.omega
+    row.nominal_v, row.nominal_omega = nominal.v, nominal.omega
+    row.avoid_v, row.avoid_omega = command.v - nominal.v, command.omega - nominal.omega
     row.verdict, row.limiting = verdict, limiting
     row.applied_v, row.applied_omega = twist.v, twist.omega
     row.saturated = twist.v != command.v or twist.omega != command.omega

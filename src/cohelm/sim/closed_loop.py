@@ -44,7 +44,7 @@ class Piloted:
     """What a run with the pilot needs beyond the rest of a setup."""
 
     settings: Settings
-    agility: Floats
+    max_acceleration: Floats
     """(m,), the largest acceleration each disc is assumed to be capable of [m/s^2]."""
     lidar: Lidar | None = None
     """What the robot sees with; None: it knows all discs and walls, as they are."""
@@ -69,7 +69,7 @@ class Scene(NamedTuple):
 
     around: World
     grid: Grid
-    agility: Floats
+    max_acceleration: Floats
     hands: Replay
     operator: OperatorModel
     seed: int
@@ -239,7 +239,7 @@ def told_by(
     further = tuple(one for one in scans if one.sensor)
     odometry = Odometry(t, robot.pose, robot.applied)
     seen = eyes.take(t, Readings(odometry, first, None, None, further))
-    return surroundings(seen.mobile, seen.mobile_agility, None, seen.points)
+    return surroundings(seen.mobile, seen.mobile_max_acceleration, None, seen.points)
 
 
 def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Scan:
@@ -271,7 +271,7 @@ def known(t: float, told: Surroundings, walls: Floats, scene: Scene) -> Surround
         return told
     discs = np.empty((len(scene.around.discs), 6))
     place(discs, scene.around, t)
-    return Surroundings(discs, scene.agility, walls, told.points)
+    return Surroundings(discs, scene.max_acceleration, walls, told.points)
 
 
 @jit

@@ -38,8 +38,8 @@ def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
     end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
     reach = float(np.hypot(*setup.outline.T).max())
     scene = Scene(
-        setup.around, setup.grid, pilot.agility, setup.hands, setup.operator, setup.seed, reach,
-        np.array([end.x, end.y]), setup.near, nearly_done(asked.line, setup.near),
+        setup.around, setup.grid, pilot.max_acceleration, setup.hands, setup.operator, setup.seed,
+        reach, np.array([end.x, end.y]), setup.near, nearly_done(asked.line, setup.near),
         setup.around.walls if setup.barred is None else setup.barred, pilot.lidar is not None,
     )  # fmt: skip
     for part in stretches(

@@ -78,12 +78,13 @@ class Setup:
 
 def with_pilot(
     setup: Setup, pace: PaceParams | None = None, lidar: LidarModel | None = None,
-    agility: float = 1.0, gains: Gains | None = None, further: tuple[LidarModel, ...] = (),
+    max_acceleration: float = 1.0, gains: Gains | None = None, further: tuple[LidarModel, ...] = (),
 ) -> Setup:  # fmt: skip
     """The same run with the pilot, at its usual care; without `gains` with those of the setup.
 
-    lidar: what the robot sees with; None: it knows everything as it is. agility: of the discs
-    that drift or follow a path, the largest acceleration they are taken to be capable of [m/s^2].
+    lidar: what the robot sees with; None: it knows everything as it is. max_acceleration: of the
+    discs that drift or follow a path, the largest acceleration they are taken to be capable of
+    [m/s^2].
     further: LiDARs beside that one.
     """
     moving = np.hypot(setup.around.discs[:, VX], setup.around.discs[:, VY]) > 0.0
@@ -94,10 +95,15 @@ def with_pilot(
         evasion=EvasionParams(speed=HURRY * gains.u_d),
     )  # fmt: skip
     made = Piloted(
-        settings, agility * moving.astype(np.float64), None if lidar is None else lidar.lidar()
+        settings,
+        max_acceleration * moving.astype(np.float64),
+        None if lidar is None else lidar.lidar(),
     )
     if lidar is not None:
         made = replace(
-            made, rate=lidar.rate_hz, watching=TrackerParams(agility=agility), further=further
+            made,
+            rate=lidar.rate_hz,
+            watching=TrackerParams(max_acceleration=max_acceleration),
+            further=further,
         )
     return replace(setup, pilot=made)

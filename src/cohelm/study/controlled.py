@@ -33,7 +33,7 @@ from cohelm.sim.setup import Setup
 from cohelm.sim.world import NOWHERE, outline_clearance, place
 from cohelm.study.metrics import Metrics, measure
 
-_AGILITY = 1.0  # of what moves, as the guard takes it by default [m/s^2]
+_MAX_ACCELERATION = 1.0  # of what moves, as the guard takes it by default [m/s^2]
 
 
 class Observation(NamedTuple):
@@ -212,10 +212,10 @@ def _moving(setup: Setup) -> Floats:
     """Largest acceleration that each disc is taken to be capable of (m,) [m/s^2]."""
     discs = setup.around.discs
     drifts = (discs[:, VX] != 0.0) | (discs[:, VY] != 0.0)
-    return _AGILITY * (drifts | (np.diff(setup.around.path_first) > 0)).astype(np.float64)
+    return _MAX_ACCELERATION * (drifts | (np.diff(setup.around.path_first) > 0)).astype(np.float64)
 
 
-def _obstacles(discs: Floats, agility: Floats, walls: Floats) -> Obstacles:
+def _obstacles(discs: Floats, max_acceleration: Floats, walls: Floats) -> Obstacles:
     return Obstacles(
-        discs=discs[:, [X, Y, RADIUS, VX, VY]], segments=walls, max_acceleration=agility
+        discs=discs[:, [X, Y, RADIUS, VX, VY]], segments=walls, max_acceleration=max_acceleration
     )

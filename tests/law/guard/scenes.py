@@ -95,7 +95,7 @@ def beyond(outline: np.ndarray, around: Surroundings, clearance: float) -> Surro
     keep = clearances(outline, HERE, around) > clearance
     d, w = len(around.discs), len(around.discs) + len(around.segments)
     return Surroundings(
-        around.discs[keep[:d]], around.agility[keep[:d]], around.segments[keep[d:w]],
+        around.discs[keep[:d]], around.max_acceleration[keep[:d]], around.segments[keep[d:w]],
         around.points[keep[w:]],
     )  # fmt: skip
 

@@ -77,34 +77,35 @@ def test_what_is_refused_comes_near_the_thing_that_is_named(outline, command, ar
 
 @st.composite
 def walkers(draw):
-    """A disc that may accelerate by up to its agility, and does so: always one way, or weaving."""
-    agility = draw(st.sampled_from([0.0, 0.5, 2.0]))
+    """A disc that may accelerate by up to its largest acceleration, and does so: always one way,
+    or weaving."""
+    max_acceleration = draw(st.sampled_from([0.0, 0.5, 2.0]))
     x, y, radius = draw(lengths), draw(lengths), draw(st.floats(0.05, 0.4))
     speed, course = draw(st.floats(0.0, 1.5)), draw(angles)
     start = np.array([x, y, speed * math.cos(course), speed * math.sin(course)])
     push = draw(st.sampled_from(["at", "side", "weave"]))
-    return radius, agility, start, push
+    return radius, max_acceleration, start, push
 
 
 def walked(walker, robot, dt):
     """The next state of a walker that accelerates at the robot, across, or to and fro."""
-    radius, agility, (x, y, vx, vy), push = walker
+    radius, max_acceleration, (x, y, vx, vy), push = walker
     away = math.atan2(robot.y - y, robot.x - x)
     turn = {"at": 0.0, "side": math.pi / 2, "weave": math.pi * (int(10 * x) % 2)}[push]
-    ax, ay = agility * math.cos(away + turn), agility * math.sin(away + turn)
+    ax, ay = max_acceleration * math.cos(away + turn), max_acceleration * math.sin(away + turn)
     x, y = x + vx * dt + 0.5 * ax * dt * dt, y + vy * dt + 0.5 * ay * dt * dt
-    return radius, agility, np.array([x, y, vx + ax * dt, vy + ay * dt]), push
+    return radius, max_acceleration, np.array([x, y, vx + ax * dt, vy + ay * dt]), push
 
 
 @given(outlines(), commands(), walkers())
 def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command, walker):
     lim, twist = command
 
-    def around(radius, agility, state, _):
-        return surroundings(np.array([[*state, radius, 0.2]]), np.array([agility]))
+    def around(radius, max_acceleration, state, _):
+        return surroundings(np.array([[*state, radius, 0.2]]), np.array([max_acceleration]))
 
-    _, agility, state, _ = walker
-    assume(agility > 0.0 or state[2:].any())  # else it rests, and is judged as that
+    _, max_acceleration, state, _ = walker
+    assume(max_acceleration > 0.0 or state[2:].any())  # else it rests, and is judged as that
     refused = certificate(outline, twist, lim, around(*walker)) != CLEAR
     if refused or twist == Twist(0.0, 0.0):
         return
@@ -115,7 +116,8 @@ def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command
 
 @st.composite
 def oncomers(draw, agilities=(0.0, 0.5, 2.0)):
-    """A disc 0.05 to 1 m off that may be on its way to the robot: radius, agility, state."""
+    """A disc 0.05 to 1 m off that may be on its way to the robot: radius, max_acceleration,
+    state."""
     bearing, off = draw(angles), draw(st.floats(-0.6, 0.6))
     away = draw(st.floats(0.4, 1.8))
     speed = draw(st.one_of(st.just(0.0), st.floats(0.0, 2.0)))
@@ -125,12 +127,15 @@ def oncomers(draw, agilities=(0.0, 0.5, 2.0)):
     return draw(st.floats(0.02, 0.3)), draw(st.sampled_from(agilities)), np.array(state)
 
 
-def worst_gaps(outline, twist, lim, radius, agility, state):
-    """The gap at each of the looks of `stopped_after`, the disc grown by agility t^2 / 2."""
+def worst_gaps(outline, twist, lim, radius, max_acceleration, state):
+    """The gap at each of the looks of `stopped_after`, the disc grown by largest acceleration t^2
+    / 2."""
     for k, pose in enumerate(stopped_after(twist, lim)):
         t = k * DT / FINE
         x, y = state[:2] + state[2:] * t
-        grown = surroundings(np.array([[x, y, 0.0, 0.0, radius + agility * t * t / 2, 0.2]]))
+        grown = surroundings(
+            np.array([[x, y, 0.0, 0.0, radius + max_acceleration * t * t / 2, 0.2]])
+        )
         yield clearances(outline, pose, grown)[0]
 
 
@@ -139,14 +144,14 @@ def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_m
     outline, command, oncomer
 ):
     lim, twist = command
-    radius, agility, state = oncomer
+    radius, max_acceleration, state = oncomer
     assume(twist != Twist(0.0, 0.0))
-    assume(agility > 0.0 or state[2:].any())  # else it rests, and is judged as that
-    around = surroundings(np.array([[*state, radius, 0.2]]), np.array([agility]))
+    assume(max_acceleration > 0.0 or state[2:].any())  # else it rests, and is judged as that
+    around = surroundings(np.array([[*state, radius, 0.2]]), np.array([max_acceleration]))
     least = min(worst_gaps(outline, twist, lim, *oncomer))
     pace = abs(twist.v) + abs(twist.omega) * farthest(outline) + np.hypot(*state[2:])
     stops = DT * (1 + len(braking(twist, lim, DT)))
-    between = (pace + agility * stops) * DT / FINE
+    between = (pace + max_acceleration * stops) * DT / FINE
     now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
     if certificate(outline, twist, lim, around) == CLEAR:
         if now < 0.015:  # see `_leaves`
@@ -154,7 +159,9 @@ def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_m
             least = min(list(worst_gaps(outline, twist, lim, *oncomer))[: moving + 1])
         assert least >= 0.0075 - 1e-9
     else:
-        later = (pace + agility * stops) * DT  # it may look on for one step of rounded braking
+        later = (
+            pace + max_acceleration * stops
+        ) * DT  # it may look on for one step of rounded braking
         assert least <= 0.015 + between + later
 
 
@@ -224,10 +231,10 @@ def test_who_is_being_left_does_not_come_nearer_than_half_of_clear_between_two_s
 @given(outlines(), commands(), oncomers())
 def test_every_command_finds_a_mover_no_nearer_than_clear_or_than_it_was(outline, command, oncomer):
     lim, twist = command
-    radius, agility, state = oncomer
+    radius, max_acceleration, state = oncomer
     assume(twist != Twist(0.0, 0.0))
-    assume(agility > 0.0 or state[2:].any())
-    around = surroundings(np.array([[*state, radius, 0.2]]), np.array([agility]))
+    assume(max_acceleration > 0.0 or state[2:].any())
+    around = surroundings(np.array([[*state, radius, 0.2]]), np.array([max_acceleration]))
     now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
     if certificate(outline, twist, lim, around) == CLEAR:
         moving = len(braking(twist, lim, DT)) or 1  # in the last step of braking it stands

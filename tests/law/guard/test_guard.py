@@ -50,34 +50,34 @@ def driving(draw):
 
 @given(outlines(), driving(), still_things())
 def test_the_command_is_within_the_limits_to_the_last_digit(outline, state, around):
-    lim, before, wish = state
-    got = guard_step(HERE, before, wish, around, outline, lim)
+    lim, before, nominal = state
+    got = guard_step(HERE, before, nominal, around, outline, lim)
     assert inside_limits(Twist(got.v, got.omega), before, lim, RULES.dt)
 
 
 @given(outlines(), driving(), still_things())
 def test_a_wish_far_from_every_bound_passes_to_the_last_bit(outline, state, around):
     lim, before, _ = state
-    wish = Twist(0.9999 * before.v, 0.9999 * before.omega)
+    nominal = Twist(0.9999 * before.v, 0.9999 * before.omega)
     x, y = around.points.T + 12.0
     far = surroundings(
         around.discs + np.array([9, 9, 0, 0, 0, 0]), None, around.segments + 9, np.c_[x, y]
     )
-    got = guard_step(HERE, before, wish, far, outline, lim)
-    assert (got.v, got.omega) == wish
+    got = guard_step(HERE, before, nominal, far, outline, lim)
+    assert (got.v, got.omega) == nominal
     assert (got.verdict, got.limiting) == (UNTOUCHED, NOTHING)
 
 
 @given(outlines(), driving(), still_things())
 def test_the_verdict_says_what_was_done_and_the_change_by_how_much(outline, state, around):
-    lim, before, wish = state
-    got = guard_step(HERE, before, wish, around, outline, lim)
-    change = math.hypot(got.v - wish.v, RULES.steer_weight * (got.omega - wish.omega))
+    lim, before, nominal = state
+    got = guard_step(HERE, before, nominal, around, outline, lim)
+    change = math.hypot(got.v - nominal.v, RULES.steer_weight * (got.omega - nominal.omega))
     assert got.change == pytest.approx(change, abs=1e-12)
     count = len(around.discs) + len(around.segments) + len(around.points)
     assert -1 <= got.limiting < count
     if got.verdict == UNTOUCHED:
-        assert (got.v, got.omega) == pytest.approx(wish, abs=1e-8)
+        assert (got.v, got.omega) == pytest.approx(nominal, abs=1e-8)
     elif got.verdict == SHAPED:
         assert got.change > 1e-9
     else:
@@ -97,10 +97,10 @@ def mirrors(draw):
 
 @given(outlines(), driving(), still_things(), mirrors())
 def test_it_guards_both_sides_and_both_directions_alike(outline, state, around, mirror):
-    lim, before, wish = state
+    lim, before, nominal = state
     around = beyond(outline, around, 1e-3)
     sx, sy, sv, so = mirror
-    got = guard_step(HERE, before, wish, around, outline, lim)
+    got = guard_step(HERE, before, nominal, around, outline, lim)
     there = surroundings(
         around.discs * [sx, sy, sx, sy, 1, 1], None,
         around.segments * [sx, sy, sx, sy], around.points * [sx, sy],
@@ -108,7 +108,7 @@ def test_it_guards_both_sides_and_both_directions_alike(outline, state, around, 
     flipped = outline * [sx, sy]
     flipped = flipped[::-1].copy() if sx * sy < 0 else flipped  # counter-clockwise again
     other = guard_step(
-        HERE, Twist(sv * before.v, so * before.omega), Twist(sv * wish.v, so * wish.omega),
+        HERE, Twist(sv * before.v, so * before.omega), Twist(sv * nominal.v, so * nominal.omega),
         there, flipped, lim,
     )  # fmt: skip
     assert (sv * other.v, so * other.omega) == pytest.approx((got.v, got.omega), abs=1e-7)
@@ -148,8 +148,8 @@ def test_a_number_that_is_none_brakes_from_a_known_speed(bad):
         (HERE, cruise, surroundings([[3.0, 0.0, 0.0, 0.0, 0.1, 0.2]], [bad])),
         (HERE, cruise, surroundings(segments=[[3.0, 0.0, 3.0, bad]])),
     ]
-    for pose, wish, around in cases:
-        got = guard_step(pose, cruise, wish, around, SALLY, SALLY_LIMITS)
+    for pose, nominal, around in cases:
+        got = guard_step(pose, cruise, nominal, around, SALLY, SALLY_LIMITS)
         assert (got.v, got.omega) == pytest.approx((0.46, 0.0))
         assert got.verdict == INVALID
     unknown = guard_step(HERE, Twist(bad, 0.0), cruise, EMPTY, SALLY, SALLY_LIMITS)
@@ -167,8 +167,8 @@ def test_a_scan_with_drop_outs_is_a_scan_of_the_rest():
 def test_ten_thousand_points_all_round_leave_no_way_but_standing():
     turn = np.linspace(-math.pi, math.pi, 10_000)
     ring = surroundings(points=np.c_[0.47 * np.cos(turn), 0.47 * np.sin(turn)])
-    for wish in (Twist(1.0, 0.0), Twist(-1.0, 0.5), Twist(0.3, -2.0)):
-        got = guard_step(HERE, REST, wish, ring, SALLY, SALLY_LIMITS)
+    for nominal in (Twist(1.0, 0.0), Twist(-1.0, 0.5), Twist(0.3, -2.0)):
+        got = guard_step(HERE, REST, nominal, ring, SALLY, SALLY_LIMITS)
         after = moved(HERE, Twist(got.v, got.omega), 0.02)
         assert clearances(SALLY, after, ring).min() >= 0.0075
 
@@ -252,12 +252,12 @@ def depth(outline, pose, around):
 @given(overlapping(), driving())
 def test_what_is_in_the_footprint_at_the_start_never_gets_deeper(scene, state):
     outline, around = scene
-    lim, _, wish = state
+    lim, _, nominal = state
     pose, before = HERE, REST
     deep = depth(outline, pose, around)
     assume(deep > 1e-6)
     for _ in range(20):
-        got = guard_step(pose, before, wish, around, outline, lim)
+        got = guard_step(pose, before, nominal, around, outline, lim)
         before = Twist(got.v, got.omega)
         pose = moved(pose, before, 0.02)
         after = depth(outline, pose, around)
@@ -298,7 +298,7 @@ def test_the_robots_side_of_a_wall_is_that_of_its_outline_not_of_its_origin():
 
 
 def test_things_that_do_not_fit_together_are_refused_with_a_word():
-    with pytest.raises(CohelmError, match="agility"):
+    with pytest.raises(CohelmError, match="max_acceleration"):
         surroundings([disc(1, 0, 0.1)], [0.0, 1.0])
     with pytest.raises(CohelmError, match="6 columns"):
         surroundings(np.zeros((2, 5)))

@@ -201,7 +201,7 @@ NUMBERS = {
     "disc": lambda bad: (HERE, REST, REST, surroundings([disc(bad, 1.0, 0.1)])),
     "velocity": lambda bad: (HERE, REST, REST, surroundings([disc(2, 1, 0.1, 0.2, 0.0, bad)])),
     "radius": lambda bad: (HERE, REST, REST, surroundings([disc(2.0, 1.0, bad)])),
-    "agility": lambda bad: (HERE, REST, REST, surroundings([disc(2.0, 1.0, 0.1)], [bad])),
+    "max_acceleration": lambda bad: (HERE, REST, REST, surroundings([disc(2.0, 1.0, 0.1)], [bad])),
     "wall's x": lambda bad: (HERE, REST, REST, surroundings(segments=[[bad, 1.0, 2.0, 2.0]])),
     "wall's y": lambda bad: (HERE, REST, REST, surroundings(segments=[[1.0, bad, 2.0, 2.0]])),
     "wall's end": lambda bad: (HERE, REST, REST, surroundings(segments=[[1.0, 2.0, bad, 2.0]])),
@@ -230,11 +230,11 @@ def test_from_python_every_setting_gets_where_it_belongs():
         ALL._replace(yaw_acceleration=0.6),
     )  # fmt: skip
     around = surroundings([disc(0.9, 0.1, 0.1)], [0.2], [[-1, -1, 1, -0.9]], [[0.2, 0.8]])
-    for wish in (Twist(2.0, 1.0), Twist(-2.0, 3.0), Twist(0.1, -4.0), Twist(0.6, 0.1)):
+    for nominal in (Twist(2.0, 1.0), Twist(-2.0, 3.0), Twist(0.1, -4.0), Twist(0.6, 0.1)):
         for before in (REST, Twist(0.5, 0.3), Twist(-0.4, 0.9)):
             for lim in bodies:
-                wanted = guard(HERE, before, wish, around, SALLY, lim, rules)
-                assert prepared(SALLY, lim, rules)(HERE, before, wish, around) == wanted
+                wanted = guard(HERE, before, nominal, around, SALLY, lim, rules)
+                assert prepared(SALLY, lim, rules)(HERE, before, nominal, around) == wanted
 
 
 @given(lengths, lengths, st.floats(0.05, 2.0))

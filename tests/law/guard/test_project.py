@@ -24,10 +24,10 @@ def bounds(draw: st.DrawFn, most: int = 10) -> np.ndarray:
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
-def vertices(wish: Twist, rows: np.ndarray, weight: float) -> list[np.ndarray]:
+def vertices(nominal: Twist, rows: np.ndarray, weight: float) -> list[np.ndarray]:
     """Every place the least change can be: the wish, its feet on the lines, their crossings."""
     a, b = rows[:, :2] / [1.0, weight], rows[:, 2]
-    goal = np.array([wish.v, wish.omega * weight])
+    goal = np.array([nominal.v, nominal.omega * weight])
     found = [goal]
     for n, d in zip(a, b, strict=True):
         if n @ n > 1e-12:
@@ -39,47 +39,47 @@ def vertices(wish: Twist, rows: np.ndarray, weight: float) -> list[np.ndarray]:
     return found
 
 
-def least_change(wish: Twist, rows: np.ndarray, weight: float, slack: float) -> float:
+def least_change(nominal: Twist, rows: np.ndarray, weight: float, slack: float) -> float:
     """Distance to the nearest allowed place by trying them all; infinite if there is none."""
-    a, goal = rows[:, :2] / [1.0, weight], np.array([wish.v, wish.omega * weight])
-    allowed = [p for p in vertices(wish, rows, weight) if (a @ p >= rows[:, 2] - slack).all()]
+    a, goal = rows[:, :2] / [1.0, weight], np.array([nominal.v, nominal.omega * weight])
+    allowed = [p for p in vertices(nominal, rows, weight) if (a @ p >= rows[:, 2] - slack).all()]
     return min((float(np.hypot(*(p - goal))) for p in allowed), default=math.inf)
 
 
 @given(twists, bounds(), weights)
-def test_it_is_the_least_change_that_keeps_every_bound(wish, rows, weight):
+def test_it_is_the_least_change_that_keeps_every_bound(nominal, rows, weight):
     rows = rows[np.hypot(rows[:, 0], rows[:, 1] / weight) > 1e-3]
-    got = project(wish, rows.copy(), len(rows), weight)
-    loose, tight = (least_change(wish, rows, weight, s) for s in (1e-7, -1e-7))
+    got = project(nominal, rows.copy(), len(rows), weight)
+    loose, tight = (least_change(nominal, rows, weight, s) for s in (1e-7, -1e-7))
     if not got.feasible:
         assert tight == math.inf
         return
     assert (rows[:, :2] @ np.array(got.twist) >= rows[:, 2] - 1e-7).all()
-    change = math.hypot(got.twist.v - wish.v, (got.twist.omega - wish.omega) * weight)
+    change = math.hypot(got.twist.v - nominal.v, (got.twist.omega - nominal.omega) * weight)
     assert loose - 1e-7 <= change
     if tight < math.inf:  # not by a whisker
         assert change <= tight + 1e-7
 
 
 @given(twists, bounds(), weights)
-def test_the_order_of_the_bounds_does_not_matter(wish, rows, weight):
+def test_the_order_of_the_bounds_does_not_matter(nominal, rows, weight):
     rows[:, 2] = np.minimum(rows[:, 2], -0.01)  # rest is allowed
-    one = project(wish, rows.copy(), len(rows), weight)
-    other = project(wish, rows[::-1].copy(), len(rows), weight)
+    one = project(nominal, rows.copy(), len(rows), weight)
+    other = project(nominal, rows[::-1].copy(), len(rows), weight)
     assert one.feasible
     assert other.feasible
     assert one.twist == pytest.approx(other.twist, abs=1e-6)
 
 
 @given(twists, bounds(), weights)
-def test_an_allowed_wish_comes_back_to_the_last_bit(wish, rows, weight):
-    kept = rows[rows[:, :2] @ np.array(wish) >= rows[:, 2]]
-    assert project(wish, kept.copy(), len(kept), weight) == (wish, True, NOBODY)
+def test_an_allowed_wish_comes_back_to_the_last_bit(nominal, rows, weight):
+    kept = rows[rows[:, :2] @ np.array(nominal) >= rows[:, 2]]
+    assert project(nominal, kept.copy(), len(kept), weight) == (nominal, True, NOBODY)
 
 
 @given(twists, bounds(), weights)
-def test_it_names_a_bound_that_holds_the_answer(wish, rows, weight):
-    got = project(wish, rows.copy(), len(rows), weight)
+def test_it_names_a_bound_that_holds_the_answer(nominal, rows, weight):
+    got = project(nominal, rows.copy(), len(rows), weight)
     if not got.feasible or got.owner == NOBODY:
         return
     a_v, a_omega, b, _ = rows[got.owner]
@@ -143,8 +143,8 @@ def test_ten_thousand_bounds_are_kept():
 
 
 def test_a_wish_that_misses_a_bound_by_no_more_than_the_slack_comes_back_to_the_last_bit():
-    wish = Twist(-_SLACK, 0.3)
-    got = project(wish, np.array([[1.0, 0.0, 0.0, 0.0]]), 1, 0.5)
-    assert got.twist == wish
+    nominal = Twist(-_SLACK, 0.3)
+    got = project(nominal, np.array([[1.0, 0.0, 0.0, 0.0]]), 1, 0.5)
+    assert got.twist == nominal
     off = Twist(-2.0 * _SLACK, 0.3)
     assert project(off, np.array([[1.0, 0.0, 0.0, 0.0]]), 1, 0.5).twist == Twist(0.0, 0.3)

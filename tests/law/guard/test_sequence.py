@@ -22,7 +22,7 @@ from tests.law.guard.scenes import (
 
 JACKAL = np.array([[0.21, 0.165], [-0.21, 0.165], [-0.21, -0.165], [0.21, -0.165]])
 ROBOTS = {"sally": (SALLY, SALLY_LIMITS), "jackal": (JACKAL, JACKAL_LIMITS)}
-AGILITY, WALK = 1.0, 1.3
+MAX_ACCELERATION, WALK = 1.0, 1.3
 FINE = 4
 """Looks in one control step."""
 
@@ -48,12 +48,12 @@ def scene(rng: np.random.Generator, outline: np.ndarray, walkers: int) -> Surrou
             np.array([far * math.cos(course + 3), far * math.sin(course + 3), vx, vy, 0.25, 0])
         )
     return surroundings(
-        np.array(rows), [0.0] * 10 + [AGILITY] * walkers,
+        np.array(rows), [0.0] * 10 + [MAX_ACCELERATION] * walkers,
         np.concatenate([s.segments for s in walls]), np.concatenate([s.points for s in points]),
     )  # fmt: skip
 
 
-def attack(kind: str, rng: np.random.Generator, pose: Pose, wish: Twist, around: Surroundings):
+def attack(kind: str, rng: np.random.Generator, pose: Pose, nominal: Twist, around: Surroundings):
     """What the person asks next: bang-bang, at the nearest thing, or spinning and lunging."""
     if kind == "bang" and rng.random() < 0.05:
         return Twist(rng.choice([-1.5, 0.0, 1.5]), rng.uniform(-3, 3))
@@ -65,16 +65,16 @@ def attack(kind: str, rng: np.random.Generator, pose: Pose, wish: Twist, around:
         return Twist(1.5 * math.cos(turn), 3.0 * math.sin(turn))
     if kind == "spin" and rng.random() < 0.04:
         return Twist(rng.choice([-1.5, 0.1, 1.5]), rng.choice([-3.0, 0.0, 3.0]))
-    return wish
+    return nominal
 
 
 def walk(rng: np.random.Generator, around: Surroundings, pose: Pose, dt: float) -> None:
     """Whoever can, accelerates as hard as assumed: half of the time at the robot."""
     d = around.discs
-    for i in np.flatnonzero(around.agility):
+    for i in np.flatnonzero(around.max_acceleration):
         turn = math.atan2(pose.y - d[i, 1], pose.x - d[i, 0])
         turn = turn if rng.random() < 0.5 else rng.uniform(-math.pi, math.pi)
-        push = AGILITY * np.array([math.cos(turn), math.sin(turn)])
+        push = MAX_ACCELERATION * np.array([math.cos(turn), math.sin(turn)])
         if np.hypot(*(d[i, 2:4] + push * dt)) > WALK:
             push[:] = 0.0
         d[i, :2] += d[i, 2:4] * dt + 0.5 * push * dt * dt
@@ -86,13 +86,13 @@ def drive(seed: int, robot: str, kind: str, walkers: int, steps: int) -> tuple[f
     outline, lim = ROBOTS[robot]
     rng = np.random.default_rng(seed)
     around = scene(rng, outline, walkers)
-    pose, before, wish = HERE, REST, REST
+    pose, before, nominal = HERE, REST, REST
     still, moving = math.inf, math.inf
     who = np.zeros(len(around.discs) + len(around.segments) + len(around.points), dtype=bool)
-    who[: len(around.discs)] = around.agility > 0.0
+    who[: len(around.discs)] = around.max_acceleration > 0.0
     for _ in range(steps):
-        wish = attack(kind, rng, pose, wish, around)
-        got = guard_step(pose, before, wish, around, outline, lim)
+        nominal = attack(kind, rng, pose, nominal, around)
+        got = guard_step(pose, before, nominal, around, outline, lim)
         after = Twist(got.v, got.omega)
         assert inside_limits(after, before, lim, RULES.dt)
         before = after
@@ -134,7 +134,7 @@ def test_no_patience_creeps_up_on_a_wall(start):
     pose, before, least = HERE, REST, math.inf
     tries = [Twist(v, o) for v in (-0.1, 0.003, 0.1) for o in (-0.5, -0.2, 0.0, 0.2, 0.5)]
     for _ in range(300):
-        ways = [guard_step(pose, before, wish, wall, SALLY, SALLY_LIMITS) for wish in tries]
+        ways = [guard_step(pose, before, nominal, wall, SALLY, SALLY_LIMITS) for nominal in tries]
         commands = [Twist(way.v, way.omega) for way in ways]
         before = min(commands, key=lambda c: x - bow(moved(pose, c, RULES.dt)))
         pose = moved(pose, before, RULES.dt)

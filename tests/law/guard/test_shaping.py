@@ -43,18 +43,20 @@ def test_the_approach_speed_is_what_one_step_and_the_braking_after_it_use_up(h, 
 
 
 @given(outlines(), still_things(), wishes)
-def test_nothing_is_approached_faster_than_the_robot_can_stop(outline, around, wish):
+def test_nothing_is_approached_faster_than_the_robot_can_stop(outline, around, nominal):
     """Found from the gaps alone: where they are a tenth of a millisecond later."""
     around = beyond(outline, around, 1e-3)
     near = clearances(outline, HERE, around)
-    got = guard_step(HERE, Twist(0.0, 0.0), wish, around, outline, BRISK, SLOW_CLOCK)
+    got = guard_step(HERE, Twist(0.0, 0.0), nominal, around, outline, BRISK, SLOW_CLOCK)
     after = clearances(outline, moved(HERE, Twist(got.v, got.omega), 1e-4), around)
     most = [approach(clearance - 0.03, 0.7 * 8.0, 0.1) for clearance in near]
     assert (after >= near - 1e-4 * np.array(most) - 1e-6).all()
 
 
 @given(st.floats(0.031, 0.7), angles, wishes)
-def test_a_thing_right_beside_is_approached_as_fast_as_may_be_and_no_faster(clearance, turn, wish):
+def test_a_thing_right_beside_is_approached_as_fast_as_may_be_and_no_faster(
+    clearance, turn, nominal
+):
     """A wall square to the bow, and the robot straight at it: the approach law to the digit."""
     wall = surroundings(segments=[[0.36 + clearance, -0.2, 0.36 + clearance, 0.2]])
     got = guard_step(HERE, Twist(0.0, 0.0), Twist(5.0, 0.0), wall, SALLY, BRISK, SLOW_CLOCK)
@@ -74,9 +76,9 @@ def test_a_moving_disc_is_approached_with_its_own_speed_taken_off(clearance, spe
 
 
 @given(limits(), wishes, wishes)
-def test_with_nothing_near_it_is_the_least_change_that_the_wheels_can_do(lim, was, wish):
+def test_with_nothing_near_it_is_the_least_change_that_the_wheels_can_do(lim, was, nominal):
     before = achievable(was, Twist(0.0, 0.0), lim, 1e6)
-    got = guard_step(HERE, before, wish, EMPTY, SALLY, lim)
+    got = guard_step(HERE, before, nominal, EMPTY, SALLY, lim)
     half, dt = lim.track / 2, RULES.dt
     rows = []
     for a, b, most, change in (
@@ -89,7 +91,7 @@ def test_with_nothing_near_it_is_the_least_change_that_the_wheels_can_do(lim, wa
             low = max(-most, sign * now - change * dt)
             if low > -math.inf:
                 rows.append((sign * a, sign * b, low, -1.0))
-    best = least_change(wish, np.array(rows), RULES.steer_weight, 1e-9)
+    best = least_change(nominal, np.array(rows), RULES.steer_weight, 1e-9)
     assert got.change == pytest.approx(best, abs=1e-6)
 
 
@@ -104,7 +106,7 @@ def turned(around: Surroundings, pose: Pose) -> Surroundings:
     d = around.discs.copy()
     d[:, :2], d[:, 2:4] = there(d[:, :2]), d[:, 2:4] @ back
     walls = there(around.segments.reshape(-1, 2)).reshape(-1, 4)
-    return surroundings(d, around.agility, walls, there(around.points))
+    return surroundings(d, around.max_acceleration, walls, there(around.points))
 
 
 @given(outlines(), limits(), still_things(), lengths, lengths, angles, angles, st.data())
@@ -112,11 +114,11 @@ def test_where_the_origin_of_the_world_is_makes_no_difference(
     outline, lim, around, x, y, psi, course, data
 ):
     assume((np.abs(clearances(outline, HERE, around) - 0.015) > 1e-6).all())
-    before, wish = data.draw(twists(lim)), data.draw(wishes)
+    before, nominal = data.draw(twists(lim)), data.draw(wishes)
     around.discs[::2, 2:4] = 0.7 * math.cos(course), 0.7 * math.sin(course)
-    here = guard_step(HERE, before, wish, around, outline, lim)
+    here = guard_step(HERE, before, nominal, around, outline, lim)
     pose = Pose(x, y, psi)
-    there = guard_step(pose, before, wish, turned(around, pose), outline, lim)
+    there = guard_step(pose, before, nominal, turned(around, pose), outline, lim)
     assert (there.v, there.omega) == pytest.approx((here.v, here.omega), abs=1e-7)
     assert (there.verdict, there.limiting) == (here.verdict, here.limiting)
     if (

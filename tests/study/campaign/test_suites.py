@@ -35,7 +35,7 @@ def test_a_room_can_be_crossed_and_its_walkers_keep_their_bounds(number):
     speed = np.hypot(discs[:, walks, 2], discs[:, walks, 3])
     push = np.hypot(*np.diff(discs[:, walks, 2:4], axis=0).transpose(2, 0, 1)) / 0.04
     assert (speed.min(), speed.max() <= rooms.FASTEST + 1e-9) > (0.0, False)
-    assert push.max() <= rooms.AGILITY + 1e-6
+    assert push.max() <= rooms.MAX_ACCELERATION + 1e-6
     clearances = [disc_clearance(setup.start, setup.outline, d[0], d[1], d[4]) for d in discs[0]]
     assert min(clearances) > 0.3
     length, width = setup.around.walls[:, 2].max(), setup.around.walls[:, 3].max()
@@ -105,7 +105,7 @@ def test_a_field_of_movers_keeps_its_bounds(number):
     speed = np.hypot(discs[..., 2], discs[..., 3])
     push = np.hypot(*np.diff(discs[..., 2:4], axis=0).transpose(2, 0, 1)) / 0.02
     assert 1.0 < speed.max() <= movers.FASTEST + 1e-9
-    assert push.max() <= movers.AGILITY + 1e-6
+    assert push.max() <= movers.MAX_ACCELERATION + 1e-6
     step = np.hypot(*np.diff(discs[..., :2], axis=0).transpose(2, 0, 1)).max()
     assert step <= 0.02 * movers.FASTEST + 1e-9  # nobody jumps
     r = discs[..., 4]

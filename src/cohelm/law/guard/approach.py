@@ -49,7 +49,7 @@ def approach_rows(
     discs = around.discs.shape[0]
     for i in range(discs):
         x, y, vx, vy, radius = _disc(around.discs, i)
-        if not is_finite(x + y + vx + vy + radius + around.agility[i]):
+        if not is_finite(x + y + vx + vy + radius + around.max_acceleration[i]):
             return -1, math.inf
         dx, dy = x - pose.x, y - pose.y
         speed = math.sqrt(vx * vx + vy * vy)

@@ -1,4 +1,4 @@
-"""Least change of a wish that respects any number of linear bounds: exact, in two variables."""
+"""Least change of a command that respects any number of linear bounds: exact, in two variables."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ class Projection(NamedTuple):
 
 
 @jit
-def project(wish: Twist, rows: Floats, n: int, steer_weight: float) -> Projection:
+def project(nominal: Twist, rows: Floats, n: int, steer_weight: float) -> Projection:
     """Minimise (v - v_w)^2 + w^2 (omega - omega_w)^2 subject to a_v v + a_omega omega >= b.
 
     rows: (>= n, 4), the first n are used, and put in another order: a_v, a_omega, b, owner.
-    steer_weight: w > 0 [m]; large keeps the steering of the wish and gives way in speed, small
-    the reverse. A wish that is allowed comes back to the last bit.
+    steer_weight: w > 0 [m]; large keeps the steering of the nominal command and gives way in
+    speed, small the reverse. A nominal command that is allowed comes back to the last bit.
 
     Seidel's incremental scheme, the most broken bound next: the answer for that bound and all
-    before it lies on its line, at the foot of the wish, cut to the interval that those before
-    leave. A handful of passes over the rows in practice.
+    before it lies on its line, at the foot of the nominal command, cut to the interval that those
+    before leave. A handful of passes over the rows in practice.
     """
-    v, omega = wish.v, wish.omega
-    x0, y0 = wish.v, wish.omega * steer_weight  # the metric is Euclidean in (v, w omega)
+    v, omega = nominal.v, nominal.omega
+    x0, y0 = nominal.v, nominal.omega * steer_weight  # the metric is Euclidean in (v, w omega)
     for m in range(n):
         worst = _most_broken(rows, m, n, v, omega)
         if worst < 0:
@@ -50,7 +50,7 @@ def project(wish: Twist, rows: Floats, n: int, steer_weight: float) -> Projectio
         if size < 1e-9:
             return Projection(Twist(v, omega), False, _last_owner(rows, m))
         ax, ay, b = ax / size, ay / size, b / size
-        # Along the line from its point nearest to rest, so that a huge wish costs no digits.
+        # Along the line from its point nearest to rest, so that a huge one costs no digits.
         low, high = _interval(rows, m, ax, ay, b, steer_weight)
         if low > high + _CONTRADICTION:
             return Projection(Twist(v, omega), False, _last_owner(rows, m))

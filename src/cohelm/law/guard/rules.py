@@ -19,7 +19,7 @@ class Rules(NamedTuple):
     dt: float = 0.02
     """Time between two commands [s]."""
     soft_margin: float = 0.03
-    """Gap that the wish is shaped to keep [m]."""
+    """Gap that the nominal command is shaped to keep [m]."""
     hard_margin: float = 0.015
     """Gap that the certificate keeps at its looks, and half of it in between; greater than 0, at
     most soft_margin, larger than the sensing error that is not in the obstacles' radii [m]."""

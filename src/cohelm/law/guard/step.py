@@ -22,9 +22,9 @@ from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
 from cohelm.robot.limits import Limits, achievable, checked_limits
 
 NOTHING = -1
-"""`limiting` when no obstacle changed the wish; the wheels' own limits may have."""
+"""`limiting` when no obstacle changed the nominal command; the wheels' own limits may have."""
 
-_TRIES = 4  # the projected wish, then a half, a quarter and an eighth of it from full braking
+_TRIES = 4  # the projected command, then a half, a quarter and an eighth of it from full braking
 
 
 class Guarded(NamedTuple):
@@ -34,21 +34,22 @@ class Guarded(NamedTuple):
     omega: float
     """The command [m/s, rad/s]; within the limits, one step after `before`."""
     verdict: int
-    """UNTOUCHED: the wish passed. SHAPED: the nearest wish that is allowed passed. BRAKING: nothing
-    near the wish could be certified; the stop certified one step ago goes on. STANDING: the same,
-    and the robot stands. INVALID: the wish or the state is not a finite number; braking from a
-    known speed, else a zero command."""
+    """UNTOUCHED: the nominal command passed. SHAPED: the nearest nominal command that is allowed
+    passed. BRAKING: nothing near the nominal command could be certified; the stop certified one
+    step ago goes on. STANDING: the same, and the robot stands. INVALID: the nominal command or the
+    state is not a finite number; braking from a known speed, else a zero command."""
     change: float
-    """Distance from the wish in the metric of the least change [m/s]."""
+    """Distance from the nominal command in the metric of the least change [m/s]."""
     clearance: float
     """Smallest clearance of the outline now, to what is near enough to matter; or infinite [m]."""
     limiting: int
-    """What held the wish back: discs first, then segments, then points, by row; or NOTHING."""
+    """What held the nominal command back: discs first, then segments, then points, by row; or
+    NOTHING."""
 
 
 @jit
 def guard(
-    pose: Pose, before: Twist, wish: Twist, around: Surroundings, outline: Floats,
+    pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: Floats,
     limits: Limits, rules: Rules,
 ) -> Guarded:  # fmt: skip
     """The command nearest to `wish` after which the robot can still stop clear of everything.
@@ -61,7 +62,7 @@ def guard(
        distance, the contact point must not approach it faster than it can stop,
        n . (v - omega q_y, omega q_x) >= n . v_o - alpha(clearance - margin),
        alpha(h) = sqrt(a^2 T^2 + 2 a h) - a T, but it need not flee.
-    2. *Least change* of the wish within them, exactly.
+    2. *Least change* of the nominal command within them, exactly.
     3. *Certificate*: hold that for T, then brake; see `certify`. If it fails, the same for parts
        of the way from full braking to it.
     4. Otherwise full braking, which the certificate of the step before has covered.
@@ -69,7 +70,7 @@ def guard(
     moving = is_finite(before.v) and is_finite(before.omega)
     stop = braked(before, limits, rules.dt) if moving else Twist(0.0, 0.0)
     sound = moving and is_finite(pose.x) and is_finite(pose.y) and is_finite(pose.psi)
-    if not (sound and is_finite(wish.v) and is_finite(wish.omega)):
+    if not (sound and is_finite(nominal.v) and is_finite(nominal.omega)):
         return Guarded(stop.v, stop.omega, INVALID, 0.0, math.inf, NOTHING)
     rows = np.empty((WHEEL_ROWS + most_rows(around, outline), 4))
     n = wheel_rows(rows, before, limits, rules.dt)
@@ -80,7 +81,7 @@ def guard(
     )  # fmt: skip
     if n < 0:
         return Guarded(stop.v, stop.omega, INVALID, 0.0, math.inf, NOTHING)
-    asked = Twist(_sane(wish.v), _sane(wish.omega))
+    asked = Twist(_sane(nominal.v), _sane(nominal.omega))
     nearest = project(asked, rows, n, rules.steer_weight)
     limiting = nearest.owner
     if nearest.feasible and is_finite(nearest.twist.v) and is_finite(nearest.twist.omega):
@@ -110,9 +111,9 @@ def _sane(speed: float) -> float:
 
 @jit
 def _passed(
-    command: Twist, wish: Twist, steer_weight: float, least: float, limiting: int
+    command: Twist, nominal: Twist, steer_weight: float, least: float, limiting: int
 ) -> Guarded:
-    change = _distance(command, wish, steer_weight)
+    change = _distance(command, nominal, steer_weight)
     if change <= 1e-9:
         return Guarded(command.v, command.omega, UNTOUCHED, change, least, NOTHING)
     return Guarded(command.v, command.omega, SHAPED, change, least, limiting)
@@ -159,28 +160,29 @@ def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> Guard
     corners, limits, rules = checked_outline(outline), checked_limits(limits), checked_rules(rules)
     row = numbers(_GuardSettings(limits, rules))
 
-    def step(pose: Pose, before: Twist, wish: Twist, around: Surroundings) -> Guarded:
-        return Guarded._make(_flat(*pose, *before, *wish, *around, corners, row))
+    def step(pose: Pose, before: Twist, nominal: Twist, around: Surroundings) -> Guarded:
+        return Guarded._make(_flat(*pose, *before, *nominal, *around, corners, row))
 
     return step
 
 
 def guard_step(
-    pose: Pose, before: Twist, wish: Twist, around: Surroundings, outline: ArrayLike,
+    pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: ArrayLike,
     limits: Limits, rules: Rules = _RULES,
 ) -> Guarded:  # fmt: skip
     """One call of `prepared`; a loop is faster with that."""
-    return prepared(outline, limits, rules)(pose, before, wish, around)
+    return prepared(outline, limits, rules)(pose, before, nominal, around)
 
 
 @jit
 def _flat(
     x: float, y: float, psi: float, v0: float, omega0: float, v: float, omega: float,
-    discs: Floats, agility: Floats, segments: Floats, points: Floats, outline: Floats, row: Floats,
+    discs: Floats, max_acceleration: Floats, segments: Floats, points: Floats, outline: Floats,
+    row: Floats,
 ) -> tuple[float, float, int, float, float, int]:  # fmt: skip
     s = read(_GuardSettings, row, 0)
     g = guard(
         Pose(x, y, psi), Twist(v0, omega0), Twist(v, omega),
-        Surroundings(discs, agility, segments, points), outline, s.limits, s.rules,
+        Surroundings(discs, max_acceleration, segments, points), outline, s.limits, s.rules,
     )  # fmt: skip
     return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting

@@ -14,8 +14,8 @@ from cohelm.core.types import Floats
 class Surroundings(NamedTuple):
     """Everything the robot could hit, in the frame that its pose is given in.
 
-    discs: (n, 6), columns as in `core.types`; a disc moves on with its velocity. agility: (n,),
-    the largest acceleration each disc is assumed to be capable of [m/s^2]; 0 for one that
+    discs: (n, 6), columns as in `core.types`; a disc moves on with its velocity. max_acceleration:
+    (n,), the largest acceleration each disc is assumed to be capable of [m/s^2]; 0 for one that
     surely keeps its velocity, a standing one with 0 will never move. segments: (m, 4), walls
     x1, y1, x2, y2 [m]. points: (p, 2), such as LiDAR returns [m].
 
@@ -24,25 +24,28 @@ class Surroundings(NamedTuple):
     """
 
     discs: Floats
-    agility: Floats
+    max_acceleration: Floats
     segments: Floats
     points: Floats
 
 
 def surroundings(
     discs: ArrayLike | None = None,
-    agility: ArrayLike | None = None,
+    max_acceleration: ArrayLike | None = None,
     segments: ArrayLike | None = None,
     points: ArrayLike | None = None,
 ) -> Surroundings:
-    """Surroundings from what there is; discs without a given agility keep their velocity.
+    """Surroundings from what there is; discs without a given largest acceleration keep their
+    velocity.
 
     Raises CohelmError where the shapes do not fit: compiled code would read past the end.
     """
     d = _rows("discs", discs, 6)
-    a = np.zeros(len(d)) if agility is None else _array(agility)
+    a = np.zeros(len(d)) if max_acceleration is None else _array(max_acceleration)
     if a.shape != (len(d),):
-        raise CohelmError(f"agility needs one number per disc, {len(d)}, got shape {a.shape}")
+        raise CohelmError(
+            f"max_acceleration needs one number per disc, {len(d)}, got shape {a.shape}"
+        )
     return Surroundings(d, a, _rows("segments", segments, 4), _rows("points", points, 2))
 
 

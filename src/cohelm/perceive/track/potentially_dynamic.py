@@ -125,22 +125,28 @@ def _was_there(lidar: Lidar, look: Look, x: float, y: float) -> bool:
     return False
 
 
-def spread(speed: Floats, agility: Floats, age: float, stop: float) -> tuple[Floats, Floats]:
+def spread(
+    speed: Floats, max_acceleration: Floats, age: float, stop: float
+) -> tuple[Floats, Floats]:
     """By how much discs are larger, and more agile, whose velocities were off by up to `speed`
-    `age` ago, and have changed by up to `agility` since [m, m/s^2].
+    `age` ago, and have changed by up to `max_acceleration` since [m, m/s^2].
 
     v t <= v^2 / (2 b) + b t^2 / 2 for every b and t; with b = v / stop that is least for a robot
     that needs `stop` to stand.
     """
-    now = speed + agility * age
-    return speed * age + 0.5 * agility * age * age + 0.5 * now * stop, agility + now / stop
+    now = speed + max_acceleration * age
+    return (
+        speed * age + 0.5 * max_acceleration * age * age + 0.5 * now * stop,
+        max_acceleration + now / stop,
+    )
 
 
-def wild(points: Floats, age: float, agility: float, wary: Wary) -> tuple[Floats, Floats]:
-    """Loose points as discs that may go anywhere, (l, 6), `age` [s] later, and their agility."""
+def wild(points: Floats, age: float, max_acceleration: float, wary: Wary) -> tuple[Floats, Floats]:
+    """Loose points as discs that may go anywhere, (l, 6), `age` [s] later, and their largest
+    acceleration."""
     stood = points[:, STOOD] > 0.0
     speed = np.where(stood, wary.creeping, wary.fastest)
-    more, agile = spread(speed, np.full(len(points), agility), age, wary.stop)
+    more, agile = spread(speed, np.full(len(points), max_acceleration), age, wary.stop)
     discs = np.zeros((len(points), 6))
     discs[:, :2] = points[:, [LX, LY]]
     discs[:, 4] = discs[:, 5] = 0.5 * _APART + more

@@ -63,7 +63,7 @@ _ANCHORED = 1.2  # where it stood is remembered for so long [s]
 class TrackerParams(NamedTuple):
     """How movers are told."""
 
-    agility: float = 1.0
+    max_acceleration: float = 1.0
     """How fast they may change their velocity [m/s^2], for the filter and for the guard."""
     scatter: float = 0.05
     """Standard deviation of a cluster's centre [m]."""
@@ -157,7 +157,8 @@ def _look(looks: tuple[Look, ...], when: float) -> Look | None:
 
 
 def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
-    """The moving discs (n, 6) foretold to `now` [s], and their agility (n,), in `odom`.
+    """The moving discs (n, 6) foretold to `now` [s], and their largest acceleration (n,), in
+    `odom`.
 
     With bodies that perhaps move, by one scan so far: those are told in good time, and count as
     standing as well; edges and noise are thinner. What is not known of a velocity makes a disc
@@ -174,17 +175,18 @@ def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Flo
     discs[:, 1] = t[:, TY] + ahead * t[:, TVY]
     discs[:, 2:4] = t[:, TVX : TVY + 1]
     off = np.minimum(care.unsure * np.sqrt(t[:, VV]), care.wary.fastest)
-    more, agile = spread(off, np.full(len(t), care.agility), ahead, care.wary.stop)
+    more, agile = spread(off, np.full(len(t), care.max_acceleration), ahead, care.wary.stop)
     discs[:, 4] = t[:, RADIUS] + care.wider + np.minimum(np.sqrt(t[:, PP]), 0.3) + more
     discs[:, 5] = discs[:, 4]
     return discs, agile
 
 
 def strays(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
-    """What is loose at `now` [s], as discs that may go anywhere, (l, 6), and their agility (l,)."""
+    """What is loose at `now` [s], as discs that may go anywhere, (l, 6), and their largest
+    acceleration (l,)."""
     if not len(movers.loose):
         return np.empty((0, 6)), np.empty(0)
-    return wild(movers.loose, _ahead(movers, now), care.agility, care.wary)
+    return wild(movers.loose, _ahead(movers, now), care.max_acceleration, care.wary)
 
 
 def _ahead(movers: Movers, now: float) -> float:
@@ -202,7 +204,7 @@ def _followed(
     t, k = len(tracks), len(found)
     out = np.zeros((t + k, _COLUMNS))
     out[:t] = tracks
-    q = care.agility * care.agility
+    q = care.max_acceleration * care.max_acceleration
     for i in range(t):
         one = out[i]
         one[TX] += dt * one[TVX]

@@ -89,8 +89,8 @@ def _follows(
             if spare <= e.static_clearance:
                 return False
         clock = govern(clock, pose, course.reference, course.paced, False, pace, STEP)
-        wish = track(pose, governed(course.reference, clock, pose, pace), gains)
-        twist = achievable(wish, twist, limits, STEP)
+        nominal = track(pose, governed(course.reference, clock, pose, pace), gains)
+        twist = achievable(nominal, twist, limits, STEP)
         pose = arc(pose, twist, STEP)
         t, k = t + STEP, k + 1
     return True

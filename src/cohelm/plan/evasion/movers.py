@@ -57,7 +57,7 @@ def noted(seen: Floats, around: Surroundings, period: float) -> Floats:
             if far < best:
                 best, before = far, j
         if before >= 0:
-            most = max(around.agility[i], 0.0)
+            most = max(around.max_acceleration[i], 0.0)
             ax, ay = (d[VX] - seen[before, 2]) / period, (d[VY] - seen[before, 3]) / period
             push = math.hypot(ax, ay)
             share = min(1.0, most / push) if push > 0.0 else 1.0
@@ -108,7 +108,7 @@ def _gathered(
     for i in range(len(around.discs)):
         d = around.discs[i]
         vx, vy = d[VX], d[VY]
-        agility = around.agility[i]
+        max_acceleration = around.max_acceleration[i]
         speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
         top, lately, turning = 0.0, speed > _SLOW, e.turning
         if speed > 0.0:
@@ -121,7 +121,7 @@ def _gathered(
                 lately = lately or (known and seen[k, 8] < _LATELY)
                 ax, ay = lasts * seen[k, 4], lasts * seen[k, 5]
             k += 1
-        if vx == 0.0 and vy == 0.0 and agility == 0.0:
+        if vx == 0.0 and vy == 0.0 and max_acceleration == 0.0:
             continue
         if lately != moving:
             continue
@@ -130,7 +130,7 @@ def _gathered(
             continue
         if speed > 0.0:  # who slows down, stops; he does not go back
             brakes = -(ax * vx + ay * vy) / speed
-            straight = max(_HARD * agility, 0.9 * math.hypot(ax, ay))
+            straight = max(_HARD * max_acceleration, 0.9 * math.hypot(ax, ay))
             if brakes > straight:
                 turning = speed / brakes
                 ax, ay = -brakes * vx / speed, -brakes * vy / speed
@@ -140,12 +140,12 @@ def _gathered(
                 back = min(speed / e.turning - brakes, 0.0) / speed
                 ax, ay = ax - back * vx, ay - back * vy
         found[n, 0], found[n, 1], found[n, 2], found[n, 3] = d[X], d[Y], vx, vy
-        found[n, 4], found[n, 5] = d[RADIUS], agility
+        found[n, 4], found[n, 5] = d[RADIUS], max_acceleration
         found[n, 6] = e.standing_growth
         if moving:
             found[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
         found[n, 7], found[n, 8], found[n, 9], found[n, 10] = ax, ay, turning, _FASTER * top
-        way = reach + d[RADIUS] + 0.5 * agility * stops * stops
+        way = reach + d[RADIUS] + 0.5 * max_acceleration * stops * stops
         found[n, 11] = min(_NOTICED + way / max(fast, 1e-3) + 0.5 * stops, e.horizon)
         n += 1
         if e.pass_right > 0.0 and far < math.inf:

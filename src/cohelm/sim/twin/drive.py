@@ -182,7 +182,7 @@ class _Told(TwinRun):
         super().__init__(setup)
         self.walls = setup.around.walls
         self.perception = Perception(self.robot.model) if self.seeing else None
-        self.agility = self.piloted.agility
+        self.max_acceleration = self.piloted.max_acceleration
         self.period = max(round(self.piloted.period / setup.dt), 1)
         self.thinking = min(round(self.piloted.thinking / setup.dt), self.period - 1)
         self.waiting: Plan | None = None
@@ -212,7 +212,7 @@ class _Told(TwinRun):
     def _seen(self, t: float, now: TwinTruth, things: Floats) -> tuple[Pose, Surroundings, Twist]:
         """Where the robot is, what is around it, in the same frame, and its speed."""
         if self.perception is None:
-            around = Surroundings(things, self.agility, self.walls, _NO_POINTS)
+            around = Surroundings(things, self.max_acceleration, self.walls, _NO_POINTS)
             return now.pose, around, now.twist
         known = self.perception.take(t, self.robot.read())
         # Where it is on the map is known; all else is as it senses.

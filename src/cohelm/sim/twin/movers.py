@@ -16,7 +16,7 @@ from cohelm.sim.world import World, place_one
 
 STROLL = 0.4
 """Speed at which a mover goes round what is in its way [m/s]."""
-AGILITY = 1.0
+MAX_ACCELERATION = 1.0
 """Largest acceleration of a mover that was held up, but for the bump itself [m/s^2]."""
 _HURRY = 1.25  # a mover that was held up goes so many times as fast until it is back on its way
 _PULL = 1.0  # how strongly it wants back [1/s]
@@ -48,7 +48,7 @@ class Pursuit(NamedTuple):
     """Movers that have no way of their own: attackers, as in `sim.adversarial`. One that bumps into
     something stops, until it turns to go elsewhere."""
 
-    agility: Floats
+    max_acceleration: Floats
     """(m,), the acceleration that each uses; 0 for one that goes its way [m/s^2]."""
     fastest: float
     """[m/s]"""
@@ -60,7 +60,7 @@ class Pursuit(NamedTuple):
 class Pursuers(NamedTuple):
     """Who of a world's discs is after the robot."""
 
-    agility: Floats
+    max_acceleration: Floats
     """(n,) of all discs, 0 for those that are not [m/s^2]."""
     fastest: float
     """[m/s]"""
@@ -81,7 +81,7 @@ def walk(
     for m in range(len(movers.which)):
         i = movers.which[m]
         after = discs[i : i + 1].copy()
-        if movers.hunt.agility[m] > 0.0:
+        if movers.hunt.max_acceleration[m] > 0.0:
             _hunt(step, time, pose, outline, discs, walls, i, m, movers.hunt, after[0])
         else:
             place_one(after[0], i, movers.paths, time)
@@ -101,7 +101,7 @@ def _hunt(
     """One step of attacker m, disc i, written to `after`."""
     k = int(time / _KEEPS + 1e-6)
     if k != int((time - step) / _KEEPS + 1e-6) or time < 1.5 * step:
-        choose(hunt.push, m, hunt.agility[m], pose, discs[i], hunt.seed, k)
+        choose(hunt.push, m, hunt.max_acceleration[m], pose, discs[i], hunt.seed, k)
     walk_on(after, discs[i], hunt.push[m, 0], hunt.push[m, 1], hunt.fastest, step)
     if _bumps(pose, outline, discs, walls, i, after[X], after[Y]) != _NOTHING:
         after[:] = discs[i]
@@ -142,12 +142,12 @@ def _go(
         wy = nx * held[_SIDE] * STROLL + ny * out
     ax, ay = wx - held[_VX], wy - held[_VY]
     change = math.hypot(ax, ay)
-    share = min(AGILITY * step / change, 1.0) if change > 0.0 else 0.0
+    share = min(MAX_ACCELERATION * step / change, 1.0) if change > 0.0 else 0.0
     vx, vy = held[_VX] + share * ax, held[_VY] + share * ay
     into = nx * vx + ny * vy
     if clearance <= 0.0 and into < 0.0:  # it bumps again
         vx, vy = vx - into * nx, vy - into * ny
-    steady = math.hypot(after[VX] - vx, after[VY] - vy) < AGILITY * 0.1
+    steady = math.hypot(after[VX] - vx, after[VY] - vy) < MAX_ACCELERATION * 0.1
     if bumps == _NOTHING and steady and math.hypot(dx, dy) < _BACK:
         held[_OFF] = 0.0
     else:

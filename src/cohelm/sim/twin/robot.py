@@ -122,10 +122,12 @@ class Twin(Paced):
         self._discs = np.empty((len(around.discs), 6))
         place(self._discs, around, 0.0)
         moving = [i for i in range(len(self._discs)) if moves(i, around)]
-        agility = np.zeros(len(moving)) if pursuers is None else pursuers.agility[moving]
+        max_acceleration = (
+            np.zeros(len(moving)) if pursuers is None else pursuers.max_acceleration[moving]
+        )
         hunt = Pursuit(
-            agility, pursuers.fastest if pursuers else 0.0, pursuers.seed if pursuers else 0,
-            np.zeros((len(moving), 2)),
+            max_acceleration, pursuers.fastest if pursuers else 0.0, pursuers.seed if pursuers else
+            0, np.zeros((len(moving), 2)),
         )  # fmt: skip
         self._movers = MovingDiscs(
             np.array(moving, dtype=np.int64), around, np.zeros((len(moving), 5)), hunt

@@ -47,8 +47,8 @@ def _random() -> Sequence[Part]:
             f" a way {rooms.WAY:g} m wide leads from start to goal in every room;",
             "2 to 5 walkers of radius 0.2 to 0.3 m on curves through random points, at a mean "
             f"speed of 0.2 to 0.8 m/s, never faster than {rooms.FASTEST:g} m/s nor with more than "
-            f"{rooms.AGILITY:g} m/s², at first 2 m from the robot; they walk all the time, through"
-            " resting obstacles too, and mind nobody.",
+            f"{rooms.MAX_ACCELERATION:g} m/s², at first 2 m from the robot; they walk all the "
+            "time, through resting obstacles too, and mind nobody.",
         ),
         "Arrived: within 0.3 m of the goal, within 120 s.",
     )
@@ -65,8 +65,8 @@ def _movers() -> Sequence[Part]:
             f"{counts} discs of radius 0.25 to 0.5 m, the densities in turns;",
             "each moves straight from key frame to key frame, at least 2 m apart, from rest to "
             f"rest, on each way at another speed of 0.4 to {movers.FASTEST:g} m/s, and with "
-            f"{movers.AGILITY:g} m/s²; it stays {movers.APRON:g} m off the west and the east wall. "
-            "Discs move all the time, through each other too, and mind nobody.",
+            f"{movers.MAX_ACCELERATION:g} m/s²; it stays {movers.APRON:g} m off the west and the "
+            "east wall. Discs move all the time, through each other too, and mind nobody.",
         ),
         "Arrived: within 0.3 m of the goal, within 90 s.",
     )
@@ -93,8 +93,9 @@ def _crowd() -> Sequence[Part]:
         "The recordings give a place every 0.4 s. Between and around the samples people walk on "
         "smoothing splines, within some 0.2 m of them; before the first and after the last sample"
         " they walk straight on for 10 s, so that nobody appears beside the robot. Whoever is "
-        f"then faster than {crowd.FASTEST:g} m/s or accelerates by more than {crowd.AGILITY:g} "
-        "m/s² is left out and listed, and so is who was seen only once, and who would even so come "
+        f"then faster than {crowd.FASTEST:g} m/s or accelerates by more than "
+        f"{crowd.MAX_ACCELERATION:g} m/s² is left out and listed, and so is who was seen only "
+        "once, and who would even so come "
         f"into being during a crossing within {crowd.REACH:g} m of the middle of the scene. "
         "Episode k is scene k modulo their number.",
         "Arrived: within 0.3 m of the goal, within 60 s.",

@@ -52,7 +52,7 @@ _LIMIT = 10.0  # [s]
 _FIELD = 3.0  # half its side [m]
 _CLEAR = 0.05  # round the robot at the start [m]
 _HOLD = 0.5  # for which a searched deflection is held [s]
-_AGILITY, _WALK = 1.0, 1.3
+_MAX_ACCELERATION, _WALK = 1.0, 1.3
 _HERE = Pose(0.0, 0.0, 0.0)
 _KINDS = ("ram", "bang", "spin", "human")
 
@@ -195,8 +195,10 @@ def _scene(
         course, speed = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, _WALK)
         discs.append(disc(*at, 0.25, 0.25 + reach, speed * math.cos(course),
                           speed * math.sin(course)))  # fmt: skip
-    agility = np.array([0.0] * resting + [_AGILITY] * count)
-    return AdversarialScene(np.array(discs), agility, _WALK, np.array(walls), np.array(points))
+    max_acceleration = np.array([0.0] * resting + [_MAX_ACCELERATION] * count)
+    return AdversarialScene(
+        np.array(discs), max_acceleration, _WALK, np.array(walls), np.array(points)
+    )
 
 
 def _flipped(rng: np.random.Generator, hand: StickRecording) -> Floats:

@@ -34,7 +34,7 @@ from cohelm.study.campaign.rooms import extremes
 
 FASTEST = 2.5
 """Assumed of people [m/s]."""
-AGILITY = 1.0
+MAX_ACCELERATION = 1.0
 """Assumed of people [m/s^2]."""
 RADIUS = 0.25
 """Of a person [m]."""
@@ -101,7 +101,7 @@ def crowd(name: str, tracks: list[Track]) -> Crowd:
         first = evaluate(path.knots, path.coeffs, 1.0)
         during = ((at < begin) & (begin < at + _LIMIT)).any()
         speed, push = extremes(_middle(path))
-        if speed > FASTEST or push > AGILITY:
+        if speed > FASTEST or push > MAX_ACCELERATION:
             why = f"{speed:.1f} m/s" if speed > FASTEST else f"{push:.1f} m/s²"
             left_out.append(f"{name}, person {track.name}: up to {why}")
         elif during and (near := math.dist((first.x, first.y), (x, y))) < REACH:

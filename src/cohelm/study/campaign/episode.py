@@ -154,9 +154,9 @@ def _attacked_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
 
     assert case.rollout is not None
     scene, attack = case.rollout.scene, case.rollout.attack
-    agility = np.zeros(len(case.setup.around.discs))
-    agility[: len(scene.agility)] = scene.agility
-    pursuers = Pursuers(agility, scene.walk, attack.seed)
+    max_acceleration = np.zeros(len(case.setup.around.discs))
+    max_acceleration[: len(scene.max_acceleration)] = scene.max_acceleration
+    pursuers = Pursuers(max_acceleration, scene.walk, attack.seed)
     return loop_run.attacked(case.setup, attack, pursuers, acted, _PIECE)
 
 

@@ -29,7 +29,7 @@ DENSITIES = {"easy": 4, "medium": 8, "hard": 14}
 """Discs in the hall."""
 FASTEST = 2.0
 """Of a disc [m/s]."""
-AGILITY = 1.0
+MAX_ACCELERATION = 1.0
 """Of a disc that sets off or stops [m/s^2]."""
 APRON = 1.6
 """Beside the walls where the robot starts and arrives, kept free of discs [m]."""
@@ -65,7 +65,7 @@ def case(seed: int, number: int) -> Episode:
         duration=_LIMIT,
         seed=number,
     )  # fmt: skip
-    setup = with_pilot(setup, agility=AGILITY, gains=lively(setup.gains))
+    setup = with_pilot(setup, max_acceleration=MAX_ACCELERATION, gains=lively(setup.gains))
     return Episode(
         "movers", number, kind, setup, EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR)
     )
@@ -95,11 +95,15 @@ def leg(a: Floats, b: Floats, speed: float) -> tuple[list[float], Floats]:
     [s], and the three pieces, (3, 8)."""
     length = math.dist(a, b)
     ux, uy = (b[0] - a[0]) / length, (b[1] - a[1]) / length
-    v = min(speed, math.sqrt(AGILITY * length))
-    ramp, cruise = v / AGILITY, length / v - v / AGILITY
+    v = min(speed, math.sqrt(MAX_ACCELERATION * length))
+    ramp, cruise = v / MAX_ACCELERATION, length / v - v / MAX_ACCELERATION
     pieces = np.zeros((3, 8))
     for k, (s, u, push) in enumerate(
-        ((0.0, 0.0, AGILITY), (0.5 * v * ramp, v, 0.0), (0.5 * v * ramp + v * cruise, v, -AGILITY))
+        (
+            (0.0, 0.0, MAX_ACCELERATION),
+            (0.5 * v * ramp, v, 0.0),
+            (0.5 * v * ramp + v * cruise, v, -MAX_ACCELERATION),
+        )
     ):
         pieces[k] = (
             0.0, 0.5 * push * ux, u * ux, a[0] + s * ux,

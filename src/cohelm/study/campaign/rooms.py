@@ -32,7 +32,7 @@ WAY = 1.1
 """Width of the way that every room has [m]; Sally turns on the spot within 0.93 m."""
 FASTEST = 1.2
 """Of a walker [m/s]."""
-AGILITY = 1.0
+MAX_ACCELERATION = 1.0
 """Largest acceleration of a walker [m/s^2]."""
 SPEED = 0.5
 """Of the reference [m/s]."""
@@ -131,16 +131,16 @@ def _walker(
         more = np.vstack((points, rng.uniform(low, high, (20, 2))))
         hops = np.hypot(*np.diff(more, axis=0).T)
         points = more[np.concatenate(([True], hops > 1.5))]
-        path = fitted(points, speed, FASTEST, AGILITY)
+        path = fitted(points, speed, FASTEST, MAX_ACCELERATION)
     row = (float(points[0, 0]), float(points[0, 1]), 0.0, 0.0, radius, radius + reach)
     return Body(row, path)
 
 
-def fitted(points: Floats, speed: float, fastest: float, agility: float) -> Reference:
+def fitted(points: Floats, speed: float, fastest: float, max_acceleration: float) -> Reference:
     """The spline through points at a speed, slowed so that it fits the bounds everywhere."""
     path = through(points, speed)
     top, push = extremes(path)
-    slower = max(top / fastest, math.sqrt(push / agility), 1.0)
+    slower = max(top / fastest, math.sqrt(push / max_acceleration), 1.0)
     return path if slower == 1.0 else through(points, speed / slower)
 
 
