@@ -83,6 +83,8 @@ class Belief:
         only = about.whole and not far and lead >= 2.0 * c.margin
         # or nobody moved it, and nothing that was found elsewhere makes up for that
         stayed = lead >= c.margin and self._stays(best, about)
+        if about.cold and self._disputed(kept):
+            lead = 0.0
         why = ""
         if lead < wanted or (far and (about.views < c.views or not about.complete)):
             some = f"{len(kept)}" if about.complete else "many"
@@ -110,6 +112,12 @@ class Belief:
             and (judged.log >= c.least or stayed or (not strange and lead >= 3.0 * c.margin))
             and (judged.told >= 0.5 * self.beams or stayed)
         )
+
+    def _disputed(self, kept: list[Hypothesis]) -> bool:
+        """Whether what was seen speaks for the first, and what is seen now for another: one piece
+        of wall that the map lacks there may have told them apart."""
+        now = [self.judge.weighed(h.judged) for h in kept]
+        return max(now) > now[0] + 0.5 * self.caution.margin
 
     def _stays(self, one: Hypothesis, about: Circumstances) -> bool:
         """Whether it is where the robot left off, and that can be: no scan has contradicted another
