@@ -30,7 +30,9 @@ from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
 _BESIDE: Floats = np.diag([0.1, 0.1, 0.03]) ** 2
-"""A match along a corridor may end so far beside; the next one is not held to it."""
+"""A match along a corridor may end so far beside; the next one is not held to it. Switched on, this
+is so of what a search finds, and no more: else places slide to where they fit better. Who was moved
+may be moved on."""
 _NOWHERE = Pose(0.0, 0.0, 0.0)
 
 
@@ -157,8 +159,7 @@ class Hypotheses:
             self._found += [(own, inverted(sure[:3, :3]))]
         self._searched = (points, across, sweep.ranges)
         self._tried = []
-        if self.cold and self.all:  # some that can be are not followed: anew
-            self.all, self._again = [], True
+        self._again = self.cold and bool(self.all)
         self._base = _NOWHERE
         if not self.all:
             self._since = SinceLost(self.caution.remembered, sweep.ranges)
@@ -188,7 +189,7 @@ class Hypotheses:
         self._whole = self.everywhere or (self._whole and bool(self.all) and not self._jolted)
         self._jolted = self._jolted and not self.everywhere
         if self.cold:
-            self._since.views = len(self._last.used)
+            self._since.views = max(self._since.views, len(self._last.used))
         # more places were found than were tried, where the last of them fit as well as the best
         last = max(self._tried[-self.caution.last :]) if self._full else -math.inf
         self._left_out = self._near(last, max(self._tried))
@@ -221,7 +222,7 @@ class Hypotheses:
             foretold, own = moved(one.pose, joined(one.covariance, joint[3:, 3:]), step)
             one.pose, one.covariance = foretold, own[:3, :3].copy()
         for one in oldest:
-            prior = inverted(one.covariance + _BESIDE)
+            prior = inverted(one.covariance if self.cold else one.covariance + _BESIDE)
             fit = align(self.known.surfaces, points, across, one.pose, prior, care)
             own = joined(one.covariance, joint[3:, 3:])
             one.pose, one.covariance = fit.pose, updated(own, fit.information)[:3, :3]
@@ -317,6 +318,7 @@ class Hypotheses:
                 self._charged(found, compose(fit.pose, view.back), view.ranges, share, 2)
             before = found.log = self._charged(found, fit.pose, ranges, share)
             found.latest = new = 0.0
+            found.covariance = covariance + _BESIDE
         # only once it is lost: a keyframe may have been taken while somebody pushed, and before
         # that the map is asked
         found.witnessed = self.alarm.witnessed(pose) if lost else 0.0

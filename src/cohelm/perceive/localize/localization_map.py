@@ -229,7 +229,7 @@ class Judgement(NamedTuple):
     closer: float
 
 
-_NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
+NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
 INDEPENDENT = 15.0  # beams of a scan, as far as their distances go; each of them tells
 USUAL, _MOST = 0.5, 1.5  # so much less than is usual at the right place, and no more than this
 RUN = 3  # fewer neighbouring beams are an edge, not a thing
@@ -260,7 +260,7 @@ def judge(
             continue
         dx = c * lidar.beams[i, 0] - s * lidar.beams[i, 1]
         dy = s * lidar.beams[i, 0] + c * lidar.beams[i, 1]
-        verdict, _, off = read(known, x, y, dx, dy, r, lidar.range_max, offset, spread)
+        verdict, _, off = read(known, x, y, dx, dy, r, lidar.range_max, NEAR, offset, spread)
         near_log -= off
         counts[verdict] += 1
         if verdict == before:
@@ -292,14 +292,14 @@ def eye(lidar: Lidar, pose: Pose) -> tuple[float, float, float, float]:
 @jit
 def read(
     known: LocalizationMap, x: float, y: float, dx: float, dy: float, r: float, farthest: float,
-    offset: float, spread: float,
+    near: float, offset: float, spread: float,
 ) -> tuple[int, float, float]:  # fmt: skip
     """What a beam says to the map, how far off, and, where it agrees, how unlikely its distance
     from what it sees is, as negative log likelihood."""
-    near = gap_at(known, x + r * dx, y + r * dy) if r < math.inf else math.nan
-    if near < _NEAR:
+    gap = gap_at(known, x + r * dx, y + r * dy) if r < math.inf else math.nan
+    if gap < near:
         off = _off(known, x + r * dx, y + r * dy, dx, dy, offset)
-        off = near if math.isnan(off) else off
+        off = gap if math.isnan(off) else off
         return AGREE, r, min(0.5 * (off / spread) ** 2, _MOST)
     wall = expected(known, x, y, dx, dy, farthest)
     verdict = _against(wall, r, farthest)

@@ -2,7 +2,8 @@
 
 A map errs by things that stand or that do not stand, and each errs for as long as it is looked at,
 by however many beams. So a place is charged for a contradiction where it is first seen, by its
-length and not by its beams, and never again for the same stretch of the map.
+length and not by its beams, and never again for the same stretch of the map. What is narrower
+than two things may lie apart and be one is an edge that a pose a little beside sees past.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from cohelm.perceive.localize.localization_map import (
     BEHIND,
     IN_FRONT,
     INDEPENDENT,
+    NEAR,
     RUN,
     SILENT,
     USUAL,
@@ -31,12 +33,12 @@ from cohelm.robot.sensors import Lidar
 _SIDE = 0.25  # of the cells in which what the map has wrong is kept: one, and all beside it [m]
 _SLOTS = 1024  # of them, in a table of hashes; a place that needs more has been refuted long ago
 _FILLED = 900  # so that looking for a free one ends soon
+_TURNED = 0.01  # a pose's error in heading, seen from afar [rad]
 _SHORT = -1.5  # log likelihoods: of a thing on no map,
 _THROUGH = -3.0  # of a wall that is not there,
-_BEYOND = -3.0  # of what is seen where the map knows nothing,
-_WIDE = (
-    -1.0
-)  # and of each metre of any, for maps err alike along so much (`MatchParams.correlated`)
+_BEYOND = -0.7  # of a wall where nobody has seen whether one stands: as likely as not,
+# and of each metre of any, for maps err alike along so much (`MatchParams.correlated`)
+_WIDE = -1.0
 
 
 def _nothing() -> Ints:
@@ -80,17 +82,18 @@ def charged(
     what is drawn, as `judge` has it."""
     x, y, c, s = eye(lidar, pose)
     kinds, cells = np.empty(len(ranges), np.int64), np.empty((len(ranges), 2), np.int64)
+    fars = np.empty(len(ranges))
     n, told, near_log = 0, 0, 0.0
     for i in range(0, len(ranges), every):
         if not ranges[i] > 0.0:
             continue
         dx = c * lidar.beams[i, 0] - s * lidar.beams[i, 1]
         dy = s * lidar.beams[i, 0] + c * lidar.beams[i, 1]
-        kind, far, off = read(known, x, y, dx, dy, ranges[i], lidar.range_max, offset, spread)
+        kind, far, off = read(known, x, y, dx, dy, ranges[i], lidar.range_max, NEAR, offset, spread)
         if kind == AGREE:
             near_log += USUAL - off
         told += kind in (AGREE, IN_FRONT, BEHIND)
-        kinds[n] = kind
+        kinds[n], fars[n] = kind, far
         if kind not in (AGREE, SILENT):
             cells[n, 0] = math.floor((x + far * dx) / _SIDE)
             cells[n, 1] = math.floor((y + far * dy) / _SIDE)
@@ -101,7 +104,10 @@ def charged(
         while end < n and kinds[end] == kinds[begin]:
             end += 1
         kind = kinds[begin]
-        if kind not in (AGREE, SILENT) and (end - begin) * every >= RUN:
+        beams = (end - begin) * every
+        nearest = fars[begin:end].min()
+        thing = beams >= RUN and beams * lidar.step * nearest >= NEAR + _TURNED * nearest
+        if thing and kind not in (AGREE, SILENT):
             again, new = False, 0
             for k in range(begin, end):
                 u, v = cells[k, 0], cells[k, 1]
