@@ -246,8 +246,10 @@ class Hypotheses:
         alive.sort(key=lambda h: -h.total)
         kept: list[Hypothesis] = []
         for one in alive:
-            close = kept and kept[0].total - one.total > self.caution.refuted
-            if not close and not any(same(one.pose, other.pose) for other in kept):
+            unlikely = kept and kept[0].total - one.total > self.caution.refuted
+            if unlikely and self.left is not None and self.left.strayed(one) < 9.0:
+                unlikely = False  # people may speak against where it was, as long as the map fits
+            if not unlikely and not any(same(one.pose, other.pose) for other in kept):
                 kept.append(one)
         if not kept:  # what is found from now on has held from no place, and beside no other, yet
             self._since.views, self._whole = 0, False

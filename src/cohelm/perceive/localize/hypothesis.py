@@ -95,4 +95,5 @@ def twin(one: Hypothesis, own: Hypothesis, caution: Caution) -> bool:
     just there by a chance of a few centimetres and degrees among metres; not where a place is not
     one, but all along a corridor."""
     turned = abs(wrap(one.pose.psi - own.pose.psi)) > 2.0 * caution.turned
-    return turned and one.latest < own.latest + caution.alike and sigma(one) < caution.sure
+    better = one.latest - own.latest > 0.5 * caution.margin  # than by one thing that the map lacks
+    return turned and not better and sigma(one) < caution.sure

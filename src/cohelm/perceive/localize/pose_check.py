@@ -96,8 +96,6 @@ class PoseCheck:
             return False
         gained = self.alarm.gained(best.pose, pose)
         own = next((h for h in found if same(h.pose, pose)), None)
-        if own is not None:  # by the scan that the others are judged by
-            likely = max(likely, own.latest)
         lead = best.latest + gained - likely
         better = lead > c.margin
         if own is not None and twin(best, own, c):  # it may be who walks about
