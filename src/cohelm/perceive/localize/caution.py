@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 
@@ -67,8 +68,11 @@ class Caution(NamedTuple):
     steady: int = 10
     """or with half of it through as many scans: a robot that stands would else be lost for ever.
     Where two places differ by less, one thing, neither is ruled out: a map errs by as much."""
+    certain: float = math.log(99.0)
+    """Switched on with no idea where it is, it believes a place that is 99 times as likely as all
+    others together,"""
     views: int = 4
-    """Switched on with no idea where it is, it must hold from so many places some way apart."""
+    """and has held from so many places some way apart."""
     view: float = 0.5
     """Until then views so far apart [m, rad] are kept,"""
     kept: int = 6

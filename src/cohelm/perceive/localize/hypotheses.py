@@ -7,6 +7,7 @@ nearly as well (`verdict`): two rooms alike are not guessed between.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,9 @@ from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
 _BESIDE: Floats = np.diag([0.1, 0.1, 0.03]) ** 2
-"""A match along a corridor may end so far beside; the next one is not held to it."""
+"""A match along a corridor may end so far beside; the next one is not held to it. Switched on, this
+is so of what a search finds, and no more: else places slide to where they fit better. Who was moved
+may be moved on."""
 _NOWHERE = Pose(0.0, 0.0, 0.0)
 
 
@@ -63,7 +66,8 @@ class Hypotheses:
         self._jolted = False  # and scans that contradicted what was seen came since
         self._tried: list[float] = []  # likelihoods of all that were matched
         self._full = False  # whether there may have been more
-        self._complete = True  # whether no place that fits as well was left out
+        self._left_out = -math.inf  # likelihood that none exceeds which is not followed
+        self._again = False  # whether what explains little was searched for anew
         self._waited = 0  # scans since then
 
     def forget(self) -> None:
@@ -101,7 +105,7 @@ class Hypotheses:
     @property
     def tired(self) -> bool:
         """Whether it is time to search anew."""
-        if self.searching or (self.cold and self._complete and self.all):
+        if self.searching or (self.cold and self.all and self._complete(self.all)):
             return False  # all that can be are followed
         return not self.all or self._waited >= self.caution.pause
 
@@ -155,8 +159,7 @@ class Hypotheses:
             self._found += [(own, inverted(sure[:3, :3]))]
         self._searched = (points, across, sweep.ranges)
         self._tried = []
-        if self.cold and not self._complete:  # some that can be are not followed: anew
-            self.all = []
+        self._again = self.cold and bool(self.all)
         self._base = _NOWHERE
         if not self.all:
             self._since = SinceLost(self.caution.remembered, sweep.ranges)
@@ -186,12 +189,10 @@ class Hypotheses:
         self._whole = self.everywhere or (self._whole and bool(self.all) and not self._jolted)
         self._jolted = self._jolted and not self.everywhere
         if self.cold:
-            self._since.views = len(self._last.used)
-            self._since.weight = float(self._since.views)
+            self._since.views = max(self._since.views, len(self._last.used))
         # more places were found than were tried, where the last of them fit as well as the best
-        last = self._tried[-self.caution.last :]
-        close = 2.0 * self.caution.margin
-        self._complete = not self._full or max(last) < max(self._tried) - close
+        last = max(self._tried[-self.caution.last :]) if self._full else -math.inf
+        self._left_out = self._near(last, max(self._tried))
         return True
 
     def widen(self) -> None:
@@ -210,7 +211,7 @@ class Hypotheses:
         fresh = off > NEAR and not any(h.stale for h in self.all)
         oldest = sorted(self.all, key=lambda h: -h.age)[: self.caution.judged]
         # what the map gets wrong is wrong alike for some way
-        share = 1.0 if self.cold else min(1.0, off / care.correlated)
+        share = min(1.0, off / care.correlated)
         if fresh and self.all:
             since.keep(step, share)
         since.ranges = sweep.ranges
@@ -221,13 +222,16 @@ class Hypotheses:
             foretold, own = moved(one.pose, joined(one.covariance, joint[3:, 3:]), step)
             one.pose, one.covariance = foretold, own[:3, :3].copy()
         for one in oldest:
-            prior = inverted(one.covariance + _BESIDE)
+            prior = inverted(one.covariance if self.cold else one.covariance + _BESIDE)
             fit = align(self.known.surfaces, points, across, one.pose, prior, care)
             own = joined(one.covariance, joint[3:, 3:])
             one.pose, one.covariance = fit.pose, updated(own, fit.information)[:3, :3]
             one.judged = self.judge.judge(fit.pose, sweep.ranges)
-            new = self.judge.weighed(one.judged)
-            one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
+            if not self.cold:
+                new = self.judge.weighed(one.judged)
+                one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
+            elif one.stale:
+                one.log = self._charged(one, one.pose, sweep.ranges, since.share)
             one.witnessed = self.alarm.witnessed(one.pose)
             one.age, one.stale = 0, False
         if fresh:
@@ -250,15 +254,33 @@ class Hypotheses:
         if not kept:  # what is found from now on has held from no place, and beside no other, yet
             self._since.views, self._whole = 0, False
         self.all = kept[: self.caution.followed]
-        self._complete = self._complete and len(kept) <= self.caution.followed
+        for one in kept[self.caution.followed :][:1]:
+            self._left_out = max(self._left_out, one.total if self.cold else math.inf)
         return kept
+
+    def _near(self, last: float, best: float) -> float:
+        """Likelihood that no place exceeds of which the last that was tried is so likely. What a
+        place of a robot that may be anywhere is charged for only grows; else one that comes near
+        may come nearer."""
+        if self.cold:
+            return last
+        return math.inf if last >= best - 2.0 * self.caution.margin else -math.inf
+
+    def _complete(self, kept: list[Hypothesis]) -> bool:
+        """Whether no place that is not followed comes near the best. Of a robot that may be
+        anywhere, where the best of the first search leaves more than some four things unexplained,
+        there may be one."""
+        c = self.caution
+        if self.cold and kept[0].total < c.least and not self._again:
+            return False
+        return kept[0].total - self._left_out >= c.margin
 
     def verdict(self, kept: list[Hypothesis]) -> Verdict:
         """Whether the best of those that are ranked can be believed."""
         c, since = self.caution, self._since
         driven = since.way >= c.travelled or since.turned >= 2.0 * c.travelled
         about = Circumstances(
-            self.cold, self._whole, self._complete, self.everywhere,
+            self.cold, self._whole, bool(kept) and self._complete(kept), self.everywhere,
             self.moved, since.views, driven, self.left, self.before,
         )  # fmt: skip
         found = self._belief.verdict(kept, about)
@@ -285,18 +307,20 @@ class Hypotheses:
         new = self.judge.weighed(judged)
         for other in self.all:
             if same(other.pose, pose):
-                if new > other.latest:
+                if new > other.latest and not self.cold:
                     other.pose, other.covariance = pose, covariance
                     other.latest, other.judged = new, judged
                 return -1e3  # nothing new
         # it must fit what was seen from the places before: to come late is no advantage
         before = self._since.likely(pose, self._weighed)
-        if self.cold:
-            before = sum(
-                self.judge.judge(compose(fit.pose, view.back), view.ranges).weighed
-                for view in self._last.used
-            )
         found = Hypothesis(pose, covariance, before, new, judged)
+        if self.cold:
+            share = self.caution.view
+            for view in self._last.used:
+                self._charged(found, compose(fit.pose, view.back), view.ranges, share, 2)
+            before = found.log = self._charged(found, fit.pose, ranges, share)
+            found.latest = new = 0.0
+            found.covariance = covariance + _BESIDE
         # only once it is lost: a keyframe may have been taken while somebody pushed, and before
         # that the map is asked
         found.witnessed = self.alarm.witnessed(pose) if lost else 0.0
@@ -306,6 +330,13 @@ class Hypotheses:
     def _weighed(self, pose: Pose, ranges: Floats) -> float:
         """How likely a scan is at a pose, by every other beam."""
         return self.judge.weighed(self.judge.judge(pose, ranges, 2))
+
+    def _charged(
+        self, one: Hypothesis, pose: Pose, ranges: Floats, share: float, every: int = 1
+    ) -> float:
+        """How likely a place is, now that it was looked at from one more view."""
+        one.charges.take(self.judge.charged(pose, ranges, one.charges.wrong, every), share)
+        return one.charges.log
 
     def _possible(self, pose: Pose, judged: Judgement, more: float = 0.0) -> bool:
         """Whether the robot may be there, by one scan alone; where it last was, the map may be

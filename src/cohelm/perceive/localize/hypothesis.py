@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from cohelm.core.types import Floats, Pose, wrap
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.localization_map import Judgement
+from cohelm.perceive.localize.map_errors import Charges
 from cohelm.perceive.match.odometry_covariance import moved
 
 
@@ -34,6 +35,8 @@ class Hypothesis:
     """Scans since it was judged."""
     stale: bool = False
     """Whether it has not been judged from here, where others have."""
+    charges: Charges = field(default_factory=Charges)
+    """What the map would have wrong; for a robot that may be anywhere."""
 
     @property
     def total(self) -> float:

@@ -229,15 +229,15 @@ class Judgement(NamedTuple):
     closer: float
 
 
-_NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
-_INDEPENDENT = 15.0  # beams of a scan, as far as their distances go; each of them tells
-_USUAL, _MOST = 0.5, 1.5  # so much less than is usual at the right place, and no more than this
-_RUN = 3  # fewer neighbouring beams are an edge, not a thing
+NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
+INDEPENDENT = 15.0  # beams of a scan, as far as their distances go; each of them tells
+USUAL, _MOST = 0.5, 1.5  # so much less than is usual at the right place, and no more than this
+RUN = 3  # fewer neighbouring beams are an edge, not a thing
 _EDGE = -0.2  # log likelihoods: of such an edge,
 _SHORT, _WIDE_SHORT = -1.5, -0.02  # a thing that is not on the map, and each of its beams,
 _THROUGH, _WIDE_THROUGH = -3.0, -0.05  # a wall that is not there, and each beam through it
 _UNKNOWN = -1.0  # a thing seen where the map knows nothing
-_AGREE, _IN_FRONT, _BEHIND, _SILENT, _BEYOND = 0, 1, 2, 3, 4
+AGREE, IN_FRONT, BEHIND, SILENT, BEYOND = 0, 1, 2, 3, 4
 
 
 @jit
@@ -250,27 +250,18 @@ def judge(
     offset: by which ends of beams lie before their surface in truth; spread: their standard
     deviation from there [m].
     """
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
-    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
-    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
-    c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
+    x, y, c, s = eye(lidar, pose)
     counts = np.zeros(5, np.int64)
     log, near_log = 0.0, 0.0
-    before, run = _SILENT, 0
+    before, run = SILENT, 0
     for i in range(0, len(ranges), every):
         r = ranges[i]
         if not r > 0.0:
             continue
         dx = c * lidar.beams[i, 0] - s * lidar.beams[i, 1]
         dy = s * lidar.beams[i, 0] + c * lidar.beams[i, 1]
-        near = gap_at(known, x + r * dx, y + r * dy) if r < math.inf else math.nan
-        if near < _NEAR:
-            verdict = _AGREE
-            off = _off(known, x + r * dx, y + r * dy, dx, dy, offset)
-            off = near if math.isnan(off) else off
-            near_log -= min(0.5 * (off / spread) ** 2, _MOST)
-        else:
-            verdict = _against(expected(known, x, y, dx, dy, lidar.range_max), r, lidar.range_max)
+        verdict, _, off = read(known, x, y, dx, dy, r, lidar.range_max, NEAR, offset, spread)
+        near_log -= off
         counts[verdict] += 1
         if verdict == before:
             run += 1
@@ -278,15 +269,41 @@ def judge(
         log += _cost(before, run, every)
         before, run = verdict, 1
     log += _cost(before, run, every)
-    told = counts[_AGREE] + counts[_IN_FRONT] + counts[_BEHIND]
+    told = counts[AGREE] + counts[IN_FRONT] + counts[BEHIND]
     if told == 0:
         return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3, 0.0)
-    better = (near_log + _USUAL * counts[_AGREE]) / told * _INDEPENDENT
+    better = (near_log + USUAL * counts[AGREE]) / told * INDEPENDENT
     log += min(better, 0.0)
     return Judgement(
-        counts[_AGREE] / told, counts[_IN_FRONT] / told, counts[_BEHIND] / told, log, told,
-        log + _WIDE_THROUGH * counts[_BEYOND] * every, max(better, 0.0),
+        counts[AGREE] / told, counts[IN_FRONT] / told, counts[BEHIND] / told, log, told,
+        log + _WIDE_THROUGH * counts[BEYOND] * every, better,
     )  # fmt: skip
+
+
+@jit_inline
+def eye(lidar: Lidar, pose: Pose) -> tuple[float, float, float, float]:
+    """Where a LiDAR is whose body has a pose, and cosine and sine of its heading."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
+    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
+    return x, y, math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
+
+
+@jit
+def read(
+    known: LocalizationMap, x: float, y: float, dx: float, dy: float, r: float, farthest: float,
+    near: float, offset: float, spread: float,
+) -> tuple[int, float, float]:  # fmt: skip
+    """What a beam says to the map, how far off, and, where it agrees, how unlikely its distance
+    from what it sees is, as negative log likelihood."""
+    gap = gap_at(known, x + r * dx, y + r * dy) if r < math.inf else math.nan
+    if gap < near:
+        off = _off(known, x + r * dx, y + r * dy, dx, dy, offset)
+        off = gap if math.isnan(off) else off
+        return AGREE, r, min(0.5 * (off / spread) ** 2, _MOST)
+    wall = expected(known, x, y, dx, dy, farthest)
+    verdict = _against(wall, r, farthest)
+    return verdict, wall if verdict == BEHIND else r, 0.0
 
 
 @jit
@@ -310,22 +327,22 @@ def _off(known: LocalizationMap, x: float, y: float, dx: float, dy: float, offse
 def _against(wall: float, r: float, farthest: float) -> int:
     """What a beam says that did not end near a wall; wall: how far it should have come [m]."""
     if math.isnan(wall):
-        return _SILENT if r == math.inf else _BEYOND
+        return SILENT if r == math.inf else BEYOND
     if r == math.inf:
-        return _BEHIND if wall < 0.9 * farthest else _SILENT
-    return _IN_FRONT if r < wall else _BEHIND
+        return BEHIND if wall < 0.9 * farthest else SILENT
+    return IN_FRONT if r < wall else BEHIND
 
 
 @jit
 def _cost(verdict: int, run: int, every: int) -> float:
     """The log likelihood of neighbouring beams that say the same."""
-    if verdict in (_AGREE, _SILENT):
+    if verdict in (AGREE, SILENT):
         return 0.0
-    if run * every < _RUN:
+    if run * every < RUN:
         return _EDGE
-    if verdict == _BEYOND:
+    if verdict == BEYOND:
         return _UNKNOWN
-    if verdict == _IN_FRONT:
+    if verdict == IN_FRONT:
         return _SHORT + _WIDE_SHORT * run * every
     return _THROUGH + _WIDE_THROUGH * run * every
 

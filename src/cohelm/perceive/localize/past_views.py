@@ -79,7 +79,9 @@ class SinceLost:
     """as far as all are apart [m, rad];"""
     views: int = 0
     weight: float = 0.0
-    """so many, and how many of them tell something of their own."""
+    """so many, and how many of them tell something of their own,"""
+    share: float = 0.0
+    """the last as much of it."""
     _kept: list[_Past] = field(default_factory=list[_Past])
 
     def led_on(self, step: Pose) -> float:
@@ -95,6 +97,7 @@ class SinceLost:
 
     def keep(self, step: Pose, share: float) -> None:
         """The scan before the newest step was another view. share: of it that is new."""
+        self.share = share
         self._kept = [*self._kept, _Past(inverse(step), self.ranges, share)][-self.most :]
         self.views += 1
         self.weight += share

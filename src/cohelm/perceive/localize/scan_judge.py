@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, judge
+from cohelm.perceive.localize.map_errors import charged
 from cohelm.perceive.match.scan_matching import Fit, MatchParams
 from cohelm.robot.sensors import Lidar
 
@@ -42,7 +43,15 @@ class ScanJudge:
         """How likely a place is beside others: where much of the view ended where the map knows
         nothing until now, as much of it may."""
         unknown = max(judged.log - judged.weighed - self._blank, 0.0)
-        return judged.log + judged.closer - unknown
+        return judged.log + max(judged.closer, 0.0) - unknown
+
+    def charged(
+        self, pose: Pose, ranges: Floats, wrong: Ints, every: int = 1
+    ) -> tuple[float, float]:
+        """What a scan tells to a place, as log likelihoods: what the map would have wrong that is
+        not yet in `wrong`, and how closely ends of beams lie on what is drawn."""
+        offset = self.care.offset
+        return charged(self.known, self.lidar, pose, ranges, every, offset, self._scatter, wrong)
 
     def fits(self, judged: Judgement, alarmed: bool) -> bool:
         """Whether a tracked pose may be kept; after a jolt, less is excused than before."""

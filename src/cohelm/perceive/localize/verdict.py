@@ -72,7 +72,7 @@ class Belief:
         unsure = about.cold or not about.whole
         if best is None or not fair(best.judged, c.fair if unsure else c.poor):
             return Verdict(None, 0.0, False, "no place on the map looks like what the LiDAR sees")
-        lead = best.total - kept[1].total if len(kept) > 1 else math.inf
+        lead = _lead(best, kept[1:] if about.cold else kept[1:2])
         back = next((h for h in kept if about.before and same(h.pose, about.before)), None)
         if back is not None and best.total - back.total < c.margin:
             best, lead, wanted = back, math.inf, 0.0
@@ -83,6 +83,8 @@ class Belief:
         only = about.whole and not far and lead >= 2.0 * c.margin
         # or nobody moved it, and nothing that was found elsewhere makes up for that
         stayed = lead >= c.margin and self._stays(best, about)
+        if about.cold and self._disputed(kept):
+            lead = 0.0
         why = ""
         if lead < wanted or (far and (about.views < c.views or not about.complete)):
             some = f"{len(kept)}" if about.complete else "many"
@@ -110,6 +112,12 @@ class Belief:
             and (judged.log >= c.least or stayed or (not strange and lead >= 3.0 * c.margin))
             and (judged.told >= 0.5 * self.beams or stayed)
         )
+
+    def _disputed(self, kept: list[Hypothesis]) -> bool:
+        """Whether what was seen speaks for the first, and what is seen now for another: one piece
+        of wall that the map lacks there may have told them apart."""
+        now = [self.judge.weighed(h.judged) for h in kept]
+        return max(now) > now[0] + 0.5 * self.caution.margin
 
     def _stays(self, one: Hypothesis, about: Circumstances) -> bool:
         """Whether it is where the robot left off, and that can be: no scan has contradicted another
@@ -139,7 +147,7 @@ class Belief:
         if about.moved:
             return half if self._led >= c.settled else math.inf
         if about.cold:
-            return c.margin
+            return c.certain
         enough = about.driven or self._led >= c.steady or not about.everywhere
         return half if enough else c.margin
 
@@ -154,3 +162,9 @@ def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
     if own is None:
         return kept
     return [h for h in kept if h is own or h.explained >= own.explained]
+
+
+def _lead(best: Hypothesis, others: list[Hypothesis]) -> float:
+    """Log odds of a place against others together: of many, one fits as well by chance."""
+    odds = sum(math.exp(min(h.total - best.total, 0.0)) for h in others)
+    return -math.log(odds) if odds > 0.0 else math.inf

@@ -1,0 +1,153 @@
+"""What a map has wrong is charged to a place once, by its length; and who is believed for it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose
+from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.hypothesis import Hypothesis
+from cohelm.perceive.localize.localization_map import Judgement, known
+from cohelm.perceive.localize.map_errors import Charges, charged
+from cohelm.perceive.localize.scan_judge import ScanJudge
+from cohelm.perceive.localize.verdict import Belief, Circumstances
+from cohelm.perceive.pipeline import Perception
+from cohelm.scenario import load
+from cohelm.sim.grid import grid
+from cohelm.sim.lidar import scan
+from tests.perceive.buildings import NO_DISCS, building, tour
+from tests.perceive.drives import LIDAR, along, drive
+from tests.perceive.test_places import NO_WALLS, room
+
+AT = Pose(3.0, 2.9, 0.3)
+CELL = 0.05
+C = Caution()
+
+
+def seen(drawn, pose, model=LIDAR, number=0):
+    lidar = model.lidar()
+    ranges = np.empty(len(lidar.beams))
+    world = grid(drawn, CELL, Pose(0.0, 0.0, 0.0))
+    scan(pose, lidar, NO_DISCS, NO_WALLS, world, 0, number, ranges)
+    return ranges
+
+
+def standing(*, more=False, less=False, post=False):
+    """A room as it is: with a wall of 1.5 m on no map, or without 1.5 m of one that is drawn, or
+    with a post of 10 cm."""
+    drawn, _ = room(CELL)
+    if more:
+        drawn[45:75, 100] = True
+    if post:
+        drawn[64:66, 80:82] = True
+    if less:
+        drawn[45:75, -3] = False
+    return drawn
+
+
+def charge(ranges, pose, wrong, model=LIDAR, every=1):
+    made = known(*room(CELL), CELL, Pose(0.0, 0.0, 0.0))
+    return charged(made, model.lidar(), pose, ranges, every, 0.5 * CELL, 0.05, wrong)
+
+
+def test_where_the_map_is_right_nothing_is_charged():
+    log, closer = charge(seen(standing(), AT), AT, Charges().wrong)
+    assert log == 0.0
+    assert closer > 0.0
+
+
+@pytest.mark.parametrize("how", [{"more": True}, {"less": True}])
+def test_a_wall_that_the_map_has_wrong_is_charged_once_however_often_it_is_seen(how):
+    world, wrong, logs = standing(**how), Charges().wrong, []
+    for k in range(5):
+        there = Pose(AT.x + 0.05 * k, AT.y + 0.02 * k, AT.psi + 0.02 * k)
+        logs.append(charge(seen(world, there, number=k), there, wrong)[0])
+    assert logs[0] < -2.5
+    assert sum(logs[1:]) > 0.25 * logs[0]  # more of it comes into view
+
+
+@pytest.mark.parametrize("how", [{"more": True}, {"less": True}])
+def test_it_is_charged_by_its_length_not_by_the_beams_that_fall_on_it(how):
+    few = LIDAR.model_copy(update={"beams": LIDAR.beams // 4})
+    world = standing(**how)
+    whole, _ = charge(seen(world, AT), AT, Charges().wrong)
+    fourth, _ = charge(seen(world, AT, few), AT, Charges().wrong, few)
+    assert fourth == pytest.approx(whole, abs=0.8)
+
+
+def test_what_may_be_an_edge_that_is_seen_past_is_charged_to_nobody():
+    ranges = seen(standing(post=True), AT)
+    assert (ranges < 1.2).sum() >= 10
+    assert charge(ranges, AT, Charges().wrong)[0] == 0.0
+
+
+def test_a_wall_where_nobody_has_looked_is_no_error_as_a_wall_that_is_gone_is():
+    """What was not drawn may stand or not; what was drawn stood."""
+    drawn, free = room(CELL)
+    blank = drawn.copy()
+    blank[45:75, -3] = False
+    ranges = seen(drawn, AT)
+    made = known(blank, free & ~drawn, CELL, Pose(0.0, 0.0, 0.0))
+    log, _ = charged(made, LIDAR.lidar(), AT, ranges, 1, 0.5 * CELL, 0.05, Charges().wrong)
+    gone, _ = charge(seen(standing(less=True), AT), AT, Charges().wrong)
+    assert gone + 2.0 < log < 0.0
+
+
+def test_how_closely_ends_lie_on_what_is_drawn_tells_once_however_long_the_way():
+    charges = Charges()
+    for _ in range(40):
+        charges.take((0.0, 4.0), 0.15)
+    assert charges.log == pytest.approx(4.0)
+
+
+def test_a_place_that_has_everything_wrong_is_charged_without_end():
+    wrong, rng = Charges().wrong, np.random.default_rng(1)
+    for _ in range(60):
+        there = Pose(*rng.uniform(0.5, 5.5, 2), rng.uniform(-math.pi, math.pi))
+        charge(rng.uniform(0.2, 9.0, LIDAR.beams).repeat(4)[: LIDAR.beams], there, wrong)
+    assert np.count_nonzero(wrong[1:]) == wrong[0] <= 900
+
+
+def at(x, log, now):
+    judged = Judgement(0.95, 0.0, 0.05, now, 700, now, 0.0)
+    return Hypothesis(Pose(x, 0.0, 0.0), np.diag([0.02, 0.02, 0.01]) ** 2, log, 0.0, judged)
+
+
+@pytest.mark.parametrize(("now", "why"), [(-3.0, True), (-8.0, False)])
+def test_switched_on_it_believes_no_place_where_another_explains_better_what_it_sees_now(now, why):
+    """One wall that is gone at the right place may have told the two apart."""
+    kept = [at(0.0, -2.0, -7.0), at(9.0, -12.0, now)]
+    found = verdict(kept)
+    assert found.best is kept[0]
+    assert bool(found.why) is why
+
+
+def verdict(kept):
+    judge = ScanJudge(known(*room(CELL), CELL, Pose(0.0, 0.0, 0.0)), LIDAR.lidar(), C)
+    about = Circumstances(True, True, True, True, False, 9, True, None, None)
+    return Belief(C, judge, LIDAR.beams).verdict(kept, about)
+
+
+@pytest.mark.parametrize(("others", "sure"), [(1, True), (8, False)])
+def test_switched_on_it_believes_what_is_likelier_than_all_others_together(others, sure):
+    """Each is 5 nats behind: of many, one may well be right."""
+    kept = [at(0.0, -1.0, -2.0), *(at(9.0 + 4.0 * k, -6.0, -2.0) for k in range(others))]
+    assert (verdict(kept).why == "") is sure
+
+
+def test_switched_on_in_a_corridor_of_rooms_alike_the_right_place_does_not_slide_away():
+    """It slid by 0.45 m, to where a map that is wrong fitted better, and another was believed."""
+    place = building(8205, alike=True)
+    poses, twists = along(tour(place, 8206, 160.0), 0.5)
+    k, seed = 4137, 287740
+    robot = load.robot("sally").model_copy(update={"lidar": LIDAR})
+    perception, sure = Perception(robot, place.known), False
+    for moment in drive(
+        poses[k : k + 500], twists[k : k + 499], seed, around=NO_DISCS, walls=place.walls
+    ):
+        seen = perception.take(moment.now, moment.readings)
+        off = math.hypot(seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y)
+        assert seen.lost or off < 0.3
+        sure = sure or not seen.lost
+    assert sure
