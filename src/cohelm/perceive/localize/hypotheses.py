@@ -8,6 +8,7 @@ nearly as well (`verdict`): two rooms alike are not guessed between.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -240,16 +241,17 @@ class Hypotheses:
 
     def ranked(self) -> list[Hypothesis]:
         """Drop what is refuted; all that can be, the likeliest first."""
+        stayed = [h for h in self.all if self.left is not None and self.left.held(h)]
         for one in self.all:
-            one.prior = self._prior(one)
+            one.prior = self._prior(one, stayed)
         alive = [h for h in self.all if self._possible(h.pose, h.judged)]
         alive.sort(key=lambda h: -h.total)
         kept: list[Hypothesis] = []
         for one in alive:
             unlikely = kept and kept[0].total - one.total > self.caution.refuted
-            if unlikely and self.left is not None and self.left.strayed(one) < 9.0:
-                unlikely = False  # people may speak against where it was, as long as the map fits
-            if not unlikely and not any(same(one.pose, other.pose) for other in kept):
+            # people may speak against where it was, as long as the map fits there
+            possible = not unlikely or any(one is own for own in stayed)
+            if possible and not any(same(one.pose, other.pose) for other in kept):
                 kept.append(one)
         if not kept:  # what is found from now on has held from no place, and beside no other, yet
             self._since.views, self._whole = 0, False
@@ -347,9 +349,10 @@ class Hypotheses:
         fits = judged.agree > 0.35 + more and judged.through < 0.4 - more
         return fits and free_at(self.known, pose.x, pose.y)
 
-    def _prior(self, one: Hypothesis) -> float:
+    def _prior(self, one: Hypothesis, stayed: Sequence[Hypothesis] = ()) -> float:
         """What where the robot was says to a hypothesis: that it stayed, that nobody carries it far
-        in no time, and that who is pushed or dragged is hardly turned round."""
+        in no time, and that who is pushed or dragged is hardly turned round. stayed: those that are
+        where it was."""
         c, left = self.caution, self.left
         if left is None:
             return 0.0
@@ -359,7 +362,7 @@ class Hypotheses:
         if left.knew:
             beyond = left.away(one.pose) - (c.near + 0.5 + c.pace * self.alarm.carried)
             carried = min(0.5 * (max(beyond, 0.0) / c.put) ** 2, c.unmoved)
-        if any(twin(one, own, c) for own in self.all if left.strayed(own) < 9.0):
+        if any(twin(one, own, c) for own in stayed):
             carried = c.unmoved
         if self.everywhere:
             return -carried

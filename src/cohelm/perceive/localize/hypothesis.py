@@ -79,6 +79,10 @@ class Departure(NamedTuple):
         spread = self.joint[:3, :3] + one.covariance + np.diag([0.1, 0.1, 0.05]) ** 2
         return float(off @ np.linalg.solve(spread, off))
 
+    def held(self, one: Hypothesis) -> bool:
+        """Whether a place is where the robot would be had nobody moved it."""
+        return self.strayed(one) < 9.0
+
     def away(self, pose: Pose) -> float:
         """How far off a place is [m]."""
         return math.hypot(pose.x - self.pose.x, pose.y - self.pose.y)

@@ -123,7 +123,7 @@ class Belief:
         """Whether it is where the robot left off, and that can be: no scan has contradicted another
         since it knew that place, or none of it but a thing, and then the whole map was searched."""
         left, c = about.left, self.caution
-        if left is None or left.strayed(one) >= 9.0:
+        if left is None or not left.held(one):
             return False
         if left.odds > 0.0:
             return True
@@ -158,7 +158,7 @@ def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
     little speaks against a place."""
     if left is None or left.odds == 0.0:
         return kept
-    own = next((h for h in kept if left.strayed(h) < 9.0), None)
+    own = next((h for h in kept if left.held(h)), None)
     if own is None:
         return kept
     return [h for h in kept if h is own or h.explained >= own.explained]

@@ -20,7 +20,7 @@ from cohelm.perceive.scan.clusters import Look
 from cohelm.perceive.scan.deskew import beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
-from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN
+from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN, in_view
 from cohelm.robot.footprint import disc_clearance
 from cohelm.robot.sensors import Lidar, vouched_floor
 
@@ -118,13 +118,10 @@ def _forget(which: Ints, sensor: Pose) -> None:
 @jit_inline
 def _looked_at(views: tuple[View, ...], x: float, y: float) -> bool:
     """Whether a beam points at an `odom` point, whatever it ends on."""
+    seen = False
     for k in range(len(views)):
-        lidar, sensor = views[k].lidar, views[k].sensor
-        c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-        wx, wy = x - sensor.x, y - sensor.y
-        if 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < len(lidar.beams):
-            return True
-    return False
+        seen = seen or in_view(views[k].lidar, views[k].sensor, x, y)
+    return seen
 
 
 @jit

@@ -146,18 +146,25 @@ def out_of_view(tracks: Floats, gone: Floats) -> Floats:
 
 
 @jit_inline
-def within_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> float:
-    """How far an `odom` point is from the edge of a LiDAR's view; 0 where no beam points [m]."""
+def in_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> bool:
+    """Whether a beam points at an `odom` point, whatever it ends on."""
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     wx, wy = x - sensor.x, y - sensor.y
-    sx, sy = c * wx + s * wy, -s * wx + c * wy
+    return 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < len(lidar.beams)
+
+
+@jit_inline
+def within_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> float:
+    """How far an `odom` point is from the edge of a LiDAR's view; 0 where no beam points [m]."""
     if all_round(lidar):
         return math.inf
-    beams = len(lidar.beams)
-    if not 0 <= beam_at(lidar, sx, sy) < beams:
+    if not in_view(lidar, sensor, x, y):
         return 0.0
-    bearing = math.atan2(sy, sx)
+    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+    wx, wy = x - sensor.x, y - sensor.y
+    bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
     if bearing < lidar.first - 0.5 * lidar.step:
         bearing += 2.0 * math.pi
-    edge = min(bearing - lidar.first, lidar.first + (beams - 1) * lidar.step - bearing)
+    last = lidar.first + (len(lidar.beams) - 1) * lidar.step
+    edge = min(bearing - lidar.first, last - bearing)
     return math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.frames import placed
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.scan.clusters import (
     AGE,
@@ -197,10 +197,19 @@ def bodies(movers: Movers, now: float, care: TrackerParams, stop: float) -> tupl
     return discs, agile
 
 
+@jit
 def _moving(tracks: Floats, care: TrackerParams) -> Floats:
     """Those that move, and those that perhaps do."""
-    perhaps = (tracks[:, PROOF] > 0.0) & (tracks[:, RADIUS] > care.body)
-    return tracks[(tracks[:, MOVES] > 0.0) | perhaps]
+    may = np.zeros(len(tracks), np.bool_)
+    for i in range(len(tracks)):
+        may[i] = _may_move(tracks[i], care)
+    return tracks[may]
+
+
+@jit_inline
+def _may_move(one: Floats, care: TrackerParams) -> bool:
+    """Whether it moves, or perhaps does and is no edge or noise."""
+    return one[MOVES] > 0.0 or (one[PROOF] > 0.0 and one[RADIUS] > care.body)
 
 
 def hidden(movers: Movers, care: TrackerParams) -> Floats:
@@ -282,8 +291,7 @@ def _followed(
     kept, lost, came = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     for i in range(n):
         kept[i] = _stays(out[i], lidar, now, care)
-        perhaps = out[i, PROOF] > 0.0 and out[i, RADIUS] > care.body
-        lost[i] = not kept[i] and (out[i, MOVES] > 0.0 or perhaps)
+        lost[i] = not kept[i] and _may_move(out[i], care)
         came[i] = out[i, MOVES] > 0.0 and (i >= t or tracks[i, MOVES] == 0.0)
     number = np.cumsum(kept) - 1
     for j in range(k):
