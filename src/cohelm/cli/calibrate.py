@@ -10,7 +10,7 @@ import typer
 from cohelm.cli.app import app
 from cohelm.cli.driven import Twin
 from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
-from cohelm.cli.tell import Json, plain, print_json, print_table, progress, say, starting
+from cohelm.cli.tell import Json, named, plain, print_json, print_table, progress, say, starting
 
 
 @app.command()
@@ -35,7 +35,8 @@ def calibrate(
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="The floor is free: drive.")] = False,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write into.")
+        Path,
+        typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder to write into."),
     ] = Path("out/calibrate"),
     as_json: Json = False,
 ) -> None:

@@ -31,6 +31,7 @@ from cohelm.cli.tell import (
     Json,
     Pictures,
     console,
+    named,
     plain,
     print_json,
     print_table,
@@ -101,7 +102,8 @@ def robot(
     seconds: Seconds = None,
     arrive: Annotated[bool, typer.Option("--arrive", help="End when the route is done.")] = False,
     record: Annotated[
-        Path | None, typer.Option("--record", metavar="FILE", help="Record into this MCAP file.")
+        Path | None,
+        typer.Option("--record", metavar="FILE", parser=named, help="Record into this MCAP file."),
     ] = None,
     pictures: Pictures = 5.0,
     chart: Chart = None,
