@@ -185,6 +185,17 @@ def test_a_file_called_out_in_place_of_the_default_folder_is_told(cohelm, tmp_pa
     refused(cohelm("run", "minimal"), "the folder out can not be made", "--out")
 
 
+def test_a_record_that_is_there_already_is_told_before_anything_starts(cohelm, tmp_path):
+    (tmp_path / "r.mcap").write_text("mine")
+    refused(cohelm("robot", "lab-guard", "--fast", "--record", "r.mcap"), "r.mcap exists already")
+
+
+def test_an_empty_file_of_a_robot_is_not_mended_with_a_scenario(cohelm, tmp_path):
+    (tmp_path / "r.yaml").touch()
+    refused(cohelm("filter", "--robot", "r.yaml"), "the file is empty; see docs/robot-yaml.md")
+    refused(cohelm("filter", "--robot", "sally", "--params", "r.yaml"), "r.yaml: the file is empty")
+
+
 def test_a_file_in_place_of_the_folder_of_a_record_is_told(cohelm, tmp_path):
     (tmp_path / "taken").write_text("mine")
     said = cohelm("robot", "lab-guard", "--fast", "--for", "1", "--record", "taken/r.mcap")

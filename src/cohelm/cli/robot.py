@@ -160,6 +160,8 @@ def robot(
         raise CohelmError("with --listen the sticks of stations steer: leave out --joy")
     if joy_param and not joy:
         raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
+    if record is not None and record.exists():  # told now, and not when all is compiled
+        raise CohelmError(f"{record} exists already: choose another name")
     parameters = joy_params(joy_param or ())
     for topic in (*(goals_from or ()), initial_pose_from, joy, *(masks_from or ())):
         if topic:

@@ -60,7 +60,7 @@ def tree_of(file: Path) -> Node:
 
 def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] = ()) -> Model:
     """The checked model in YAML text; `source` is what errors call it."""
-    root = tree(text, source)
+    root = tree(text, source, "docs/robot-yaml.md" if model is RobotModel else "`minimal`")
     for override in overrides:
         graft(root, override)
     problems: list[str] = []
