@@ -81,6 +81,7 @@ def test_of_many_problems_the_first_are_told_and_the_rest_counted(cohelm, tmp_pa
         ("nowhere.yaml", ["nowhere.yaml: no such file", "minimal"]),
         ("lab-trak", ["did you mean lab-track?"]),
         ("minimal.yaml", ["did you mean the shipped scenario 'minimal'?"]),
+        ("jackal", ["is a robot that comes with cohelm, not a scenario", "--set robot=jackal"]),
         (".", ["is a folder"]),
         ("sc\udcff.yaml", ["no such file"]),
     ],
