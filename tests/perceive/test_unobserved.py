@@ -27,8 +27,18 @@ def driven(
     velocity: ArrayLike = (0.0, 0.0),
 ) -> Seen:
     """What is known after a scan from each pose, 0.1 s apart; discs go with a velocity."""
+    return watched(poses, discs, model, velocity)[-1]
+
+
+def watched(
+    poses: list[Pose],
+    discs: np.ndarray | None = None,
+    model=SALLY,
+    velocity: ArrayLike = (0.0, 0.0),
+) -> list[Seen]:
+    """What is known after each of these scans."""
     eyes = Perception(model)
-    seen = None
+    seen: list[Seen] = []
     for k, pose in enumerate(poses):
         ranges = np.empty(len(eyes.lidar.beams))
         there = np.empty((0, 6)) if discs is None else discs.copy()
@@ -37,8 +47,7 @@ def driven(
         readings = Readings(
             Odometry(0.1 * k, pose, Twist(0.0, 0.0)), Scan(0.1 * k, k, ranges, 0.0), None, None
         )
-        seen = eyes.take(0.1 * k, readings)
-    assert seen is not None
+        seen.append(eyes.take(0.1 * k, readings))
     return seen
 
 
@@ -133,6 +142,30 @@ def test_who_comes_out_again_on_the_other_side_leaves_no_doubt():
     """Across behind the robot, from its left to its right, where he is seen again."""
     assert len(blind(driven(standing(45), CROSSES, velocity=(0.0, -0.8))))
     assert not len(blind(driven(standing(75), CROSSES, velocity=(0.0, -0.8))))
+
+
+def test_who_comes_out_of_where_nothing_looked_may_move_as_soon_as_he_is_seen():
+    """Nobody has seen the ground free that he comes from, which would prove that he moves."""
+    known = watched(standing(75), CROSSES, velocity=(0.0, -0.8))
+    out = [k for k in range(93, 138) if 1.5 < 0.08 * k - CROSSES[0, 1] < 2.0]
+    assert len(out) >= 5
+    for k in out:
+        x, y = CROSSES[0, 0], CROSSES[0, 1] - 0.08 * k
+        told = known[k].mobile
+        assert len(told)
+        gap = np.hypot(told[:, 0] - x, told[:, 1] - y) - told[:, 4]
+        assert gap.min() < CROSSES[0, 4], f"nothing is told of him at {0.1 * k:.1f} s"
+
+
+def test_what_stood_there_before_stands_when_it_is_seen_again():
+    """A post behind the robot, and somebody who went that way: after a turn only he may move."""
+    post = np.array([[-0.9, -0.9, 0.0, 0.0, 0.1, 0.1]])
+    both = np.vstack((CROSSES, post))
+    velocity = np.array([[0.0, -0.8], [0.0, 0.0]])
+    turn = [Pose(0.0, 0.0, -0.1 * k) for k in range(20)]
+    for seen in watched(standing(45) + turn, both, velocity=velocity)[108:]:
+        away = np.hypot(seen.mobile[:, 0] - post[0, 0], seen.mobile[:, 1] - post[0, 1])
+        assert not (away < 0.15).any()
 
 
 def test_of_two_who_went_behind_the_robot_one_comes_out_again_and_one_may_be_there():
