@@ -144,19 +144,21 @@ def test_who_comes_out_again_on_the_other_side_leaves_no_doubt():
     assert not len(blind(driven(standing(75), CROSSES, velocity=(0.0, -0.8))))
 
 
+@pytest.mark.parametrize("left", [True, False])
 @pytest.mark.parametrize(
     ("place", "velocity"), [((-1.6, 0.2), (0.5, 0.0)), ((-1.6, -0.9), (0.55, 0.15))]
 )
-def test_who_is_there_when_the_view_turns_to_where_somebody_went_may_move(
-    place: tuple[float, float], velocity: tuple[float, float]
+def test_who_is_there_when_the_view_turns_may_move(
+    place: tuple[float, float], velocity: tuple[float, float], left: bool
 ):
-    """One goes behind the robot, another comes from there: no scan has seen the ground free that
-    he walks on, which would prove that he moves."""
+    """No scan has seen the ground free that he walks on, which would prove that he moves. Another
+    has gone there before, or nobody."""
     x, y = np.array(place) - 6.0 * np.array(velocity)
     both = np.vstack((WALKER, [[x, y, 0.0, 0.0, 0.35, 0.7]]))
     turning = [Pose(0.0, 0.0, -0.128 * k) for k in range(14)]
     poses = [Pose(0.0, 0.0, 0.0)] * 60 + turning
-    known = watched(poses, both, velocity=np.array([[-0.8, 0.0], velocity]))
+    goes = (-0.8, 0.0) if left else (0.8, 0.0)
+    known = watched(poses, both, velocity=np.array([goes, velocity]))
     looks = 0
     for k in range(60, len(poses)):
         px, py = x + 0.1 * k * velocity[0], y + 0.1 * k * velocity[1]
@@ -167,6 +169,15 @@ def test_who_is_there_when_the_view_turns_to_where_somebody_went_may_move(
             gap = np.hypot(told[:, 0] - px, told[:, 1] - py) - told[:, 4]
             assert gap.min() < 0.35, f"nothing is told of him at {0.1 * k:.1f} s"
     assert looks >= 4
+
+
+def test_what_was_never_seen_stands_once_it_has_been_seen_to():
+    post = np.array([[-1.0, -0.9, 0.0, 0.0, 0.1, 0.1]])
+    turning = [Pose(0.0, 0.0, -0.1 * k) for k in range(20)]
+    known = watched(turning + [turning[-1]] * 30, post)
+    may = [bool(len(seen.mobile)) for seen in known]
+    first = may.index(True)
+    assert not any(may[first + 18 :])  # 1.4 s, and the turning ages what is known a little faster
 
 
 def test_what_stood_there_before_stands_when_it_is_seen_again():

@@ -223,9 +223,9 @@ class Perception:
         self._unobserved = self._blind.points(
             source.lidar, source.look, looking, pose, out, self._watching.wary.fastest
         )
-        doubtful = self._blind.doubtful(pose)
+        full, unknown = self._blind.doubtful(looking, pose)
         for one in sources:
-            one.doubt(doubtful)
+            one.doubt(full, unknown)
 
     def _standing(self) -> Floats:
         """Points that any LiDAR sees standing, or remembers, and that a bumper has met."""

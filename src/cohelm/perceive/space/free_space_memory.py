@@ -95,9 +95,9 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
 
 
 @jit
-def doubted(ground: Ground, places: Floats, worn: float) -> Ground:
-    """Where somebody may have come since it was in view, places (p, 2) [m], at `worn`: what is
-    seen there next has come by itself, unless something stood there when it was last seen."""
+def doubted(ground: Ground, places: Floats, when: float) -> Ground:
+    """Places (p, 2) [m] that nobody has in view are as if they had been seen free then: what is
+    seen there next has come by itself since, unless something stood there when it was last seen."""
     made = Ground(
         ground.which.copy(), ground.free.copy(), ground.hits.copy(), ground.last.copy(),
         ground.was.copy(),
@@ -105,7 +105,7 @@ def doubted(ground: Ground, places: Floats, worn: float) -> Ground:
     for k in range(len(places)):
         a, b = _entry(made, cell(places[k, 0]), cell(places[k, 1]))
         if made.hits[a, b] == 0.0:
-            made.free[a, b] = worn
+            made.free[a, b] = max(made.free[a, b], when)
     return made
 
 
