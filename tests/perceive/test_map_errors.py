@@ -1,6 +1,7 @@
 """What a map has wrong is charged to a place once, by its length; and who is believed for it."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -33,14 +34,18 @@ def seen(drawn, pose, model=LIDAR, number=0):
     return ranges
 
 
-def standing(*, more=False, less=False, post=False):
+def standing(*, more=False, less=False, post=False, box=False, nearer=False):
     """A room as it is: with a wall of 1.5 m on no map, or without 1.5 m of one that is drawn, or
-    with a post of 10 cm."""
+    with a post of 10 cm, or a box of 0.6 m, or with 1.5 m of wall 15 cm nearer than it is drawn."""
     drawn, _ = room(CELL)
     if more:
         drawn[45:75, 100] = True
     if post:
         drawn[64:66, 80:82] = True
+    if box:
+        drawn[54:66, 100:112] = True
+    if nearer:
+        drawn[45:75, -6] = True
     if less:
         drawn[45:75, -3] = False
     return drawn
@@ -80,6 +85,28 @@ def test_what_may_be_an_edge_that_is_seen_past_is_charged_to_nobody():
     ranges = seen(standing(post=True), AT)
     assert (ranges < 1.2).sum() >= 10
     assert charge(ranges, AT, Charges().wrong)[0] == 0.0
+
+
+def test_a_wall_on_no_map_is_as_rare_as_one_that_is_gone_and_a_box_is_not():
+    more, less, box = (
+        charge(seen(standing(**how), AT), AT, Charges().wrong)[0]
+        for how in ({"more": True}, {"less": True}, {"box": True})
+    )
+    assert more == pytest.approx(less, abs=0.6)
+    assert -3.0 < box < -1.5
+
+
+def test_a_wall_beside_where_it_is_drawn_is_an_error_from_near_by():
+    """A corridor that is 15 cm narrower than another is another."""
+    near = Pose(5.0, 2.9, 0.3)
+    assert charge(seen(standing(nearer=True), near), near, Charges().wrong)[0] < -2.0
+
+
+def test_a_map_that_is_wrong_once_is_likelier_wrong_again():
+    costs = [Charges(errors=-3.0 * k, weight=1.0).log for k in range(4)]
+    steps = [a - b for a, b in pairwise(costs)]
+    assert costs[0] == 0.0
+    assert steps[0] > 3.5 > 2.5 > steps[1] > steps[2] > 2.0
 
 
 def test_a_wall_where_nobody_has_looked_is_no_error_as_a_wall_that_is_gone_is():
