@@ -27,8 +27,18 @@ def driven(
     velocity: ArrayLike = (0.0, 0.0),
 ) -> Seen:
     """What is known after a scan from each pose, 0.1 s apart; discs go with a velocity."""
+    return watched(poses, discs, model, velocity)[-1]
+
+
+def watched(
+    poses: list[Pose],
+    discs: np.ndarray | None = None,
+    model=SALLY,
+    velocity: ArrayLike = (0.0, 0.0),
+) -> list[Seen]:
+    """What is known after each of these scans."""
     eyes = Perception(model)
-    seen = None
+    seen: list[Seen] = []
     for k, pose in enumerate(poses):
         ranges = np.empty(len(eyes.lidar.beams))
         there = np.empty((0, 6)) if discs is None else discs.copy()
@@ -37,8 +47,7 @@ def driven(
         readings = Readings(
             Odometry(0.1 * k, pose, Twist(0.0, 0.0)), Scan(0.1 * k, k, ranges, 0.0), None, None
         )
-        seen = eyes.take(0.1 * k, readings)
-    assert seen is not None
+        seen.append(eyes.take(0.1 * k, readings))
     return seen
 
 
@@ -133,6 +142,42 @@ def test_who_comes_out_again_on_the_other_side_leaves_no_doubt():
     """Across behind the robot, from its left to its right, where he is seen again."""
     assert len(blind(driven(standing(45), CROSSES, velocity=(0.0, -0.8))))
     assert not len(blind(driven(standing(75), CROSSES, velocity=(0.0, -0.8))))
+
+
+@pytest.mark.parametrize(
+    "place, velocity", [((-1.6, 0.2), (0.5, 0.0)), ((-1.6, -0.9), (0.55, 0.15))]
+)
+def test_who_is_there_when_the_view_turns_to_where_somebody_went_may_move(
+    place: tuple[float, float], velocity: tuple[float, float]
+):
+    """One goes behind the robot, another comes from there: no scan has seen the ground free that
+    he walks on, which would prove that he moves."""
+    x, y = np.array(place) - 6.0 * np.array(velocity)
+    both = np.vstack((WALKER, [[x, y, 0.0, 0.0, 0.35, 0.7]]))
+    turning = [Pose(0.0, 0.0, -0.128 * k) for k in range(14)]
+    poses = [Pose(0.0, 0.0, 0.0)] * 60 + turning
+    known = watched(poses, both, velocity=np.array([[-0.8, 0.0], velocity]))
+    looks = 0
+    for k in range(60, len(poses)):
+        px, py = x + 0.1 * k * velocity[0], y + 0.1 * k * velocity[1]
+        if in_view(np.array([[px, py]]), SALLY.lidar.lidar(), poses[k])[0]:
+            looks += 1
+            told = known[k].mobile
+            assert len(told), f"nothing is told of him at {0.1 * k:.1f} s"
+            gap = np.hypot(told[:, 0] - px, told[:, 1] - py) - told[:, 4]
+            assert gap.min() < 0.35, f"nothing is told of him at {0.1 * k:.1f} s"
+    assert looks >= 4
+
+
+def test_what_stood_there_before_stands_when_it_is_seen_again():
+    """A post behind the robot, and somebody who went that way: after a turn only he may move."""
+    post = np.array([[-0.9, -0.9, 0.0, 0.0, 0.1, 0.1]])
+    both = np.vstack((CROSSES, post))
+    velocity = np.array([[0.0, -0.8], [0.0, 0.0]])
+    turn = [Pose(0.0, 0.0, -0.1 * k) for k in range(20)]
+    for seen in watched(standing(45) + turn, both, velocity=velocity)[108:]:
+        away = np.hypot(seen.mobile[:, 0] - post[0, 0], seen.mobile[:, 1] - post[0, 1])
+        assert not (away < 0.15).any()
 
 
 def test_of_two_who_went_behind_the_robot_one_comes_out_again_and_one_may_be_there():

@@ -29,10 +29,10 @@ from cohelm.ros.messages import STRING
 from cohelm.ros.mismatch import TF
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR
 from cohelm.ros.transforms import yaw_of
-from tests.ros.stage import Base, Controller, alone, until
+from tests.ros.stage import NOBODYS, Base, Controller, alone, until
 from tests.ros.test_masks import Filter, grid, info
 
-pytestmark = pytest.mark.xdist_group("realtime")
+pytestmark = pytest.mark.xdist_group("transports")
 
 
 def cohelm(*arguments: str) -> subprocess.Popen[str]:
@@ -42,8 +42,9 @@ def cohelm(*arguments: str) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
-def test_with_nobody_there_it_says_what_to_look_at():
+def test_with_nobody_there_it_says_what_to_look_at(monkeypatch):
     alone()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(NOBODYS))
     with cohelm("filter", "--robot", "sally", "--wait", "2") as process:
         said = process.communicate(timeout=60.0)[1]
     assert process.returncode == 2

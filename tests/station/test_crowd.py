@@ -26,7 +26,6 @@ from tests.station.person import who
 from tests.station.servers import served
 from tests.station.visitor import asked, opened
 
-pytestmark = pytest.mark.xdist_group("realtime")
 HEAD = b"GET / HTTP/1.1\r\nHost: localhost\r\n"
 HOW = {
     "says nothing": b"",

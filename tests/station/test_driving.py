@@ -25,7 +25,6 @@ from tests.station.person import (
 )
 from tests.station.servers import Robot, served
 
-pytestmark = pytest.mark.xdist_group("realtime")
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
 
 
@@ -40,8 +39,11 @@ def test_take_over_drive_with_the_keyboard_and_let_go(page: Page) -> None:
 
 
 def test_keys_that_do_not_steer_say_what_to_do_first(page: Page) -> None:
+    stop = page.get_by_role("button", name="Stop the robot")
+    place = stop.bounding_box()
     page.keyboard.down("ArrowUp")
     expect(alarms(page)).to_contain_text("does not steer: press Take over first")
+    assert stop.bounding_box() == place  # who reaches for it then must find it
     page.keyboard.up("ArrowUp")
     expect(alarms(page)).not_to_contain_text("does not steer")
     take(page)

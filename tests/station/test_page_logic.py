@@ -64,6 +64,23 @@ def test_who_deflects_a_stick_that_does_not_steer_is_told_what_to_do_first(asked
     ]  # fmt: skip
 
 
+def test_alarms_that_say_the_same_are_one_with_one_button_and_over_once_all_are(asked) -> None:
+    def alarm(number: int, active: bool, text: str = "the stick is lost") -> str:
+        told = {"number": number, "active": active, "text": text, "severity": "alarm"}
+        return json.dumps(told | {"acknowledged": False})
+
+    def shown(*alarms: str) -> str:
+        return f"m.once([{','.join(alarms)}]).map(a => [a.text, a.active, a.all])"
+
+    assert asked(
+        "panels/once.ts", shown(alarm(1, False), alarm(2, True)),
+        shown(alarm(1, False), alarm(2, False)), shown(alarm(1, True), alarm(2, True, "bump")),
+    ) == [
+        [["the stick is lost", True, [1, 2]]], [["the stick is lost", False, [1, 2]]],
+        [["the stick is lost", True, [1]], ["bump", True, [2]]],
+    ]  # fmt: skip
+
+
 def test_a_pad_is_silent_when_no_value_and_no_timestamp_changes_while_it_is_deflected(
     asked,
 ) -> None:

@@ -32,8 +32,6 @@ from tests.station.person import (
 )  # fmt: skip
 from tests.station.servers import served
 
-pytestmark = pytest.mark.xdist_group("realtime")
-
 
 def open_page(context: BrowserContext, server: Server) -> Page:
     page = context.new_page()
@@ -153,6 +151,7 @@ def test_everything_has_a_name_and_nothing_comes_from_elsewhere(
     context.route("**/*", lambda route: _noted(route, asked))
     page = open_page(context, server)
     drive(page)
+    page.get_by_role("button", name="Edit route").click()
     page.get_by_role("button", name="Stick settings").click()
     nameless = page.evaluate(
         """() => [...document.querySelectorAll('button, input, select, canvas, [role=slider]')]
@@ -161,6 +160,8 @@ def test_everything_has_a_name_and_nothing_comes_from_elsewhere(
         .map(e => e.outerHTML)"""
     )
     assert nameless == []
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_have_count(0)
     release(page)
     assert asked
     assert all(url.startswith(f"{server.origin}/") for url in asked), asked

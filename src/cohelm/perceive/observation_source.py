@@ -14,6 +14,7 @@ from cohelm.perceive.scan.clusters import Look, looked
 from cohelm.perceive.scan.deskew import DeskewedScan, sweep
 from cohelm.perceive.scan.odometry_buffer import pose_at
 from cohelm.perceive.scan.range_filter import steadied
+from cohelm.perceive.space.free_space_memory import doubted
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
 from cohelm.perceive.track.track import MOVES, RADIUS, TX, TY
 from cohelm.perceive.track.tracker import NONE, TrackerParams, follow
@@ -80,6 +81,13 @@ class ObservationSource:
         self.points = self._outside(points)
         self.look = looked(self.lidar, whole, pose, self.stamp)
         return seen, pose
+
+    def doubt(self, places: Floats) -> None:
+        """Somebody may be at these places in `odom`, (p, 2), where nothing looks: whoever is seen
+        there next may move."""
+        if len(places):
+            ground = doubted(self.movers.ground, places, self.movers.worn)
+            self.movers = self.movers._replace(ground=ground)
 
     def _without(self, seen: DeskewedScan, mine: NDArray[np.bool_]) -> DeskewedScan:
         """The sweep without the points of movers: they tell nothing about what stands."""

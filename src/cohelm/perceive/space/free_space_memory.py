@@ -94,6 +94,21 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
     return made
 
 
+@jit
+def doubted(ground: Ground, places: Floats, worn: float) -> Ground:
+    """Where somebody may have come since it was in view, places (p, 2) [m], at `worn`: what is
+    seen there next has come by itself, unless something stood there when it was last seen."""
+    made = Ground(
+        ground.which.copy(), ground.free.copy(), ground.hits.copy(), ground.last.copy(),
+        ground.was.copy(),
+    )  # fmt: skip
+    for k in range(len(places)):
+        a, b = _entry(made, cell(places[k, 0]), cell(places[k, 1]))
+        if made.hits[a, b] == 0.0:
+            made.free[a, b] = worn
+    return made
+
+
 @jit_inline
 def _entry(ground: Ground, i: int, j: int) -> tuple[int, int]:
     """Where a cell's entry is; where it was of another cell, as if nothing had been seen yet."""

@@ -189,6 +189,21 @@ def taken(
 
 
 @jit
+def doubtful(viewed: Viewed, pose: Pose) -> Floats:
+    """Where somebody may be who left the view, by cells, (p, 2), in `odom`, near a robot there."""
+    low_x, low_y = cell(pose.x - KEPT), cell(pose.y - KEPT)
+    wide = math.ceil(2.0 * KEPT / CELL) + 1
+    out = np.empty((wide * wide, 2))
+    k = 0
+    for i in range(low_x, low_x + wide):
+        for j in range(low_y, low_y + wide):
+            if viewed.taken[i % SIDE, j % SIDE]:
+                out[k, 0], out[k, 1] = (i + 0.5) * CELL, (j + 0.5) * CELL
+                k += 1
+    return out[:k].copy()
+
+
+@jit
 def blind(
     viewed: Viewed, views: tuple[View, ...], pose: Pose, outline: Floats, far: float,
     floor: bool = False,
@@ -264,6 +279,13 @@ class Blind:
         near = nearing(hidden, pose, far)
         self._viewed = taken(viewed, views, near, pose, self._outline, fastest, dt)
         return blind(self._viewed, views, pose, self._outline, far)
+
+    def doubtful(self, pose: Pose) -> Floats:
+        """Where somebody may be who left the view, (p, 2), in `odom`, as of the last sweep, from
+        that pose."""
+        if self._viewed is None:
+            return np.empty((0, 2))
+        return doubtful(self._viewed, pose)
 
 
 class UnwatchedFloor:

@@ -25,12 +25,13 @@ export function App() {
   return (
     <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''} ${s.youDrive.value ? 'driving' : ''}`}>
       <header>
-        <Alarms />
+        {/* above all that comes and goes: STOP stays where it is */}
         <div class="head">
           <Driver />
           <Record />
           <Stop />
         </div>
+        <Alarms />
         <Refused />
         <nav aria-label="Panels">
           {TABS.map((name) => (

@@ -1,5 +1,6 @@
 // Waypoints as a list: for the keyboard, for numbers, and for the robot's answer.
 import { useState } from 'preact/hooks'
+import { useEscape } from '../panels/escape'
 import * as s from '../state'
 import * as edit from './edit'
 
@@ -23,12 +24,14 @@ function Coordinate({ i, axis, value }: { i: number; axis: 0 | 1; value: number 
 }
 
 export function EditPanel({ onAdd }: { onAdd: () => void }) {
+  useEscape(edit.leave)
   const points = edit.draft.value
   const answer = s.checked.value
   const sent = edit.waiting.value && answer !== null && !answer.only_check
   return (
     <div class="edit" role="dialog" aria-label="Edit the route">
       <p>Tap the map to add a waypoint, drag one to move it.</p>
+      {points.length > 0 && <div class="axes" aria-hidden="true"><span>x [m]</span><span>y [m]</span></div>}
       <ol>
         {points.map((point, i) => (
           <li

@@ -2,16 +2,10 @@
 import type { Alarm } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
+import { once, type Shown } from './once'
 import { idle, useless } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
-
-interface Shown extends Alarm {
-  /** Numbers of all alarms that say the same. */
-  all: number[]
-  /** Ours, and not the robot's: it goes away by itself. */
-  local: boolean
-}
 
 function ours(): Shown[] {
   const out: Shown[] = []
@@ -32,20 +26,6 @@ function ours(): Shown[] {
   const where = s.state.value?.localised
   if (where === 'lost') say('alarm', 'The robot does not know where it is. Drive it on a little by hand: it crawls, and what it then sees may tell.')
   else if (where === 'poor') say('warning', 'The robot is not sure where it is.')
-  return out
-}
-
-/** The robot's alarms; what says the same, for two reasons, is said once. */
-function once(told: Alarm[]): Shown[] {
-  const out: Shown[] = []
-  for (const a of told) {
-    const same = out.find((b) => b.text === a.text && b.active === a.active && b.severity === a.severity)
-    if (same === undefined) out.push({ ...a, local: false, all: [a.number] })
-    else {
-      same.all.push(a.number)
-      same.acknowledged = same.acknowledged && a.acknowledged
-    }
-  }
   return out
 }
 

@@ -7,6 +7,7 @@ import { DEVICE_NAMES, type Device } from '../input/source'
 import { wayTo } from '../map/view'
 import { send } from '../socket'
 import * as s from '../state'
+import { useEscape } from './escape'
 import { MODES, percent } from './words'
 
 const open = signal(false)
@@ -80,6 +81,7 @@ function WaysToDocks() {
 }
 
 function StickSettings() {
+  useEscape(() => (open.value = false))
   const set = settings.value
   const axes = pad()?.axes.length ?? 4
   const numbers = Array.from({ length: axes }, (_, i) => i)

@@ -3,6 +3,7 @@ import { signal } from '@preact/signals'
 import { ask } from '../session'
 import { send } from '../socket'
 import * as s from '../state'
+import { useEscape } from './escape'
 import { bytes } from './words'
 
 const open = signal(false)
@@ -37,6 +38,7 @@ async function download(name: string): Promise<void> {
 }
 
 export function Record() {
+  useEscape(() => (open.value = false))
   if (s.isReplay.value) return null
   const on = s.state.value?.recording === true
   const files = s.records.value
