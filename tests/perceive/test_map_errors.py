@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cohelm.core.types import Pose
+from cohelm.core.types import Pose, wrap
 from cohelm.perceive.localize.caution import Caution
-from cohelm.perceive.localize.hypothesis import Hypothesis
+from cohelm.perceive.localize.hypothesis import Hypothesis, sigma
 from cohelm.perceive.localize.localization_map import Judgement, known
 from cohelm.perceive.localize.map_errors import Charges, charged
 from cohelm.perceive.localize.scan_judge import ScanJudge
@@ -19,7 +19,7 @@ from cohelm.sim.grid import grid
 from cohelm.sim.lidar import scan
 from tests.perceive.buildings import NO_DISCS, building, tour
 from tests.perceive.drives import LIDAR, along, drive
-from tests.perceive.test_places import NO_WALLS, room
+from tests.perceive.test_places import NO_WALLS, dotted, room
 
 AT = Pose(3.0, 2.9, 0.3)
 CELL = 0.05
@@ -178,3 +178,25 @@ def test_switched_on_in_a_corridor_of_rooms_alike_the_right_place_does_not_slide
         assert seen.lost or off < 0.3
         sure = sure or not seen.lost
     assert sure
+
+
+@pytest.mark.parametrize(("map_", "start"), [(2, 24), (0, 24)])
+def test_switched_on_along_a_corridor_no_place_is_held_to_where_it_was_found(map_, start):
+    """Every beam of every scan made it surer: to 9 mm, and it was 6 cm off."""
+    occupied, free, cell, origin = dotted(map_, length=40.0)
+    perception = Perception(load.robot("sally").model_copy(update={"lidar": LIDAR}),
+                            known(occupied, free, cell, origin))  # fmt: skip
+    assert perception._locator is not None
+    followed = perception._locator._hypotheses
+    followed._belief.caution = C._replace(certain=math.inf)  # they are followed all the way
+    poses, twists = along([(start + 0.7 * k, 0.05 * (-1) ** k) for k in range(7)])
+    off = math.inf
+    for moment in drive(
+        poses, twists, start, NO_DISCS, NO_WALLS, grid=grid(occupied, cell, origin)
+    ):
+        perception.take(moment.now, moment.readings)
+        for one in followed.all if not followed.searching else ():
+            away = math.hypot(one.pose.x - moment.truth.x, one.pose.y - moment.truth.y)
+            if one.age == 0 and away < 0.3 and abs(wrap(one.pose.psi - moment.truth.psi)) < 0.3:
+                off = away / sigma(one)
+    assert off < 3.0
