@@ -136,8 +136,8 @@ def test_a_place_that_has_everything_wrong_is_charged_without_end():
     assert np.count_nonzero(wrong[1:]) == wrong[0] <= 900
 
 
-def at(x, log, now):
-    judged = Judgement(0.95, 0.0, 0.05, now, 700, now, 0.0)
+def at(x, log, now, passed=0):
+    judged = Judgement(0.95, 0.0, 0.05, now, 700, now, 0.0, passed)
     return Hypothesis(Pose(x, 0.0, 0.0), np.diag([0.02, 0.02, 0.01]) ** 2, log, 0.0, judged)
 
 
@@ -161,6 +161,12 @@ def test_switched_on_it_believes_what_is_likelier_than_all_others_together(other
     """Each is 5 nats behind: of many, one may well be right."""
     kept = [at(0.0, -1.0, -2.0), *(at(9.0 + 4.0 * k, -6.0, -2.0) for k in range(others))]
     assert (verdict(kept).why == "") is sure
+
+
+@pytest.mark.parametrize(("passed", "sure"), [(0, True), (1, True), (2, False)])
+def test_switched_on_it_believes_no_place_from_which_it_looks_through_two_walls(passed, sure):
+    """The right place was not among those that were followed, and narrow pieces cost nothing."""
+    assert (verdict([at(0.0, -1.0, -2.0, passed)]).why == "") is sure
 
 
 def test_switched_on_in_a_corridor_of_rooms_alike_the_right_place_does_not_slide_away():
