@@ -145,7 +145,7 @@ def test_who_comes_out_again_on_the_other_side_leaves_no_doubt():
 
 
 @pytest.mark.parametrize(
-    "place, velocity", [((-1.6, 0.2), (0.5, 0.0)), ((-1.6, -0.9), (0.55, 0.15))]
+    ("place", "velocity"), [((-1.6, 0.2), (0.5, 0.0)), ((-1.6, -0.9), (0.55, 0.15))]
 )
 def test_who_is_there_when_the_view_turns_to_where_somebody_went_may_move(
     place: tuple[float, float], velocity: tuple[float, float]
