@@ -1,6 +1,6 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run reproduce test test-quick test-all warm wheel package docs lint bench coverage clean
+.PHONY: help run reproduce test test-quick test-all warm rewritten wheel package docs lint bench coverage clean
 
 # The tests start hundreds of processes: none shall compile Python that another has compiled.
 unexport PYTHONDONTWRITEBYTECODE
@@ -23,7 +23,7 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 	@echo "The figures are in out/reproduce (PNG and SVG)."
 
 test: $(WEB) $(GL) $(BROWSER) ## lint, then the tests
-	@$(MAKE) --no-print-directory -j2 --output-sync=target lint warm
+	@$(MAKE) --no-print-directory -j2 --output-sync=target lint warm rewritten
 	$(BIN)/pytest -n auto --dist loadgroup
 
 warm: $(READY)   # compile once what every worker of the tests would compile for itself
@@ -34,6 +34,9 @@ test-quick: $(READY) ## the tests of law, gate, scenarios and API, in less than 
 
 test-all: test   ## all tests, also those that take more than a minute each
 	$(BIN)/pytest -m slow
+
+rewritten: $(READY) # once what every worker would do to the tests' assertions, where lint has ended
+	@$(BIN)/pytest --collect-only -qq > /dev/null || true
 
 docs: $(READY)   ## build the documentation as a site, and check all its links
 	$(BIN)/python tools/docs.py

@@ -42,6 +42,8 @@ def refused(said, *words):
         (BASE + "name: c\n", ["given twice"]),
         (BASE + "\tx: 1\n", ["tab"]),
         ("\x00\x01", ["not a YAML text file"]),
+        (BASE.replace("b\n", "''\n"), ["s.yaml:1", "name: must not be empty"]),
+        (BASE.replace("b\n", "x" * 99 + "\n"), ["name: must have at most 80 characters, got 99"]),
     ],
 )  # fmt: skip
 def test_a_wrong_scenario_is_refused_where_it_is_wrong(cohelm, tmp_path, text, words):
@@ -79,6 +81,7 @@ def test_of_many_problems_the_first_are_told_and_the_rest_counted(cohelm, tmp_pa
         ("nowhere.yaml", ["nowhere.yaml: no such file", "minimal"]),
         ("lab-trak", ["did you mean lab-track?"]),
         ("minimal.yaml", ["did you mean the shipped scenario 'minimal'?"]),
+        ("jackal", ["is a robot that comes with cohelm, not a scenario", "--set robot=jackal"]),
         (".", ["is a folder"]),
         ("sc\udcff.yaml", ["no such file"]),
     ],
@@ -117,6 +120,7 @@ def test_a_change_that_can_not_be_made_is_told_as_it_was_typed(cohelm, change, w
         (b"t,x,psi\n", ["header but no rows"]),
         (b"", ["is empty"]),
         (b"\xff\xfe\x00\x01", ["not a text file"]),
+        (b"a" * 200_000, ["s.csv", "field larger than field limit", "holds numbers only"]),
         # mtime: the workers must find the same tests, and gzip writes down the second
         (gzip.compress(b"t,x,psi\n0,0,0\n", mtime=0)[:-9], ["damaged or cut short"]),
     ],
@@ -161,9 +165,36 @@ def test_a_file_in_place_of_the_output_folder_is_told(cohelm, tmp_path, out):
     assert (tmp_path / "taken").read_text() == "mine"
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "minimal", "--out"), ("reproduce", "--out"), ("replay",), ("map",),
+        ("map", "r.mcap", "--out"), ("campaign", "random", "--out"), ("campaign", "barn", "--data"),
+        ("calibrate", "sally", "--out"), ("station", "--replay"), ("robot", "--record"),
+        ("drive", "--records"),
+    ],
+    ids=" ".join,
+)  # fmt: skip
+def test_a_name_that_is_empty_is_not_this_folder(cohelm, tmp_path, command):
+    """As where a variable of the shell is empty: what lay here would be written over."""
+    refused(cohelm(*command, ""), "name is empty", "or . for this folder")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_file_called_out_in_place_of_the_default_folder_is_told(cohelm, tmp_path):
     (tmp_path / "out").write_text("mine")
     refused(cohelm("run", "minimal"), "the folder out can not be made", "--out")
+
+
+def test_a_record_that_is_there_already_is_told_before_anything_starts(cohelm, tmp_path):
+    (tmp_path / "r.mcap").write_text("mine")
+    refused(cohelm("robot", "lab-guard", "--fast", "--record", "r.mcap"), "r.mcap exists already")
+
+
+def test_an_empty_file_of_a_robot_is_not_mended_with_a_scenario(cohelm, tmp_path):
+    (tmp_path / "r.yaml").touch()
+    refused(cohelm("filter", "--robot", "r.yaml"), "the file is empty; see docs/robot-yaml.md")
+    refused(cohelm("filter", "--robot", "sally", "--params", "r.yaml"), "r.yaml: the file is empty")
 
 
 def test_a_file_in_place_of_the_folder_of_a_record_is_told(cohelm, tmp_path):
@@ -287,6 +318,8 @@ def test_what_a_filter_can_not_use_is_told(cohelm, monkeypatch, environment, opt
     ("options", "why"),
     [
         (("--map", "no.yaml"), "no.yaml"),
+        (("--map", "text.yaml"), "text.yaml: has no keys such as image and resolution"),
+        (("--records", "text.yaml"), "text.yaml is no folder: choose another with --records"),
         (("--keep-out", "no.yaml"), "no.yaml"),
         (("--speed-zones", "no.yaml"), "no.yaml"),
         (("--set", "robot=nobody"), "no robot is called 'nobody'"),
@@ -295,5 +328,6 @@ def test_what_a_filter_can_not_use_is_told(cohelm, monkeypatch, environment, opt
         (("--masks-from", "/costmap_filter_info"), "add --ros2"),
     ],
 )
-def test_what_a_drive_can_not_use_is_told_before_anything_starts(cohelm, options, why):
+def test_what_a_drive_can_not_use_is_told_before_anything_starts(cohelm, tmp_path, options, why):
+    (tmp_path / "text.yaml").write_text("a" * 9999)
     refused(cohelm("drive", "lab-guard", *options), why)

@@ -57,3 +57,13 @@ def test_ctrl_c_half_way_stops_the_robot_and_says_that_it_was_not_enough(tmp_pat
     assert "too little was driven" in err
     assert "nothing is written" in err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_where_nothing_can_be_written_afterwards_what_was_measured_is_told_all_the_same(tmp_path):
+    """As where the disk is full by then."""
+    (tmp_path / "out" / "calibration.json").mkdir(parents=True)
+    ran = subprocess.run(TYPED, cwd=tmp_path, capture_output=True, text=True, timeout=400)
+    assert ran.returncode == 2
+    assert "out can not be written (Is a directory): what was measured stands above" in ran.stderr
+    assert json.loads(ran.stdout)["findings"]

@@ -9,6 +9,8 @@ import time
 
 import pytest
 
+pytestmark = pytest.mark.xdist_group("adversarial")  # which is compiled once for them
+
 ONE = ("campaign", "adversary", "--law", "guard", "--n", "3", "--seed", "2", "--jobs", "1")
 TWO = ("campaign", "random", "--compare", "none,paper", "--n", "2", "--seed", "2", "--jobs", "1")
 
@@ -62,6 +64,13 @@ def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, tmp_path):
         (("campaign", "random", "--jobs", "0", "--n", "1"), ["--jobs"]),
         (("campaign", "random", "--law", "gaurd"), ["no law 'gaurd'", "guard"]),
         (("campaign", "random", "--law", "none", "--compare", "paper"), ["not both"]),
+        (("campaign", "random", "--law", "gaurd"), ["did you mean guard?"]),
+        (("campaign", "random", "--compare", "guard,"), ["name each law between the commas"]),
+        (
+            ("campaign", "random", "--cluster", ""),
+            ["no Dask scheduler without an address"],
+        ),
+        (("campaign", "random", "--data", "here"), ["random needs no --data"]),
         (("campaign", "."), ["holds no campaign"]),
         (("campaign", ".", "--replay", "1"), ["holds no campaign"]),
         (("campaign", "random", "--replay", "1"), ["random", "holds no campaign"]),

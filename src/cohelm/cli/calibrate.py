@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from cohelm.cli.app import app
 from cohelm.cli.driven import Twin
 from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
-from cohelm.cli.tell import Json, plain, print_json, print_table, progress, say, starting
+from cohelm.cli.tell import Json, named, plain, print_json, print_table, progress, say, starting
 
 
 @app.command()
@@ -35,7 +35,8 @@ def calibrate(
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="The floor is free: drive.")] = False,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write into.")
+        Path,
+        typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder to write into."),
     ] = Path("out/calibrate"),
     as_json: Json = False,
 ) -> None:
@@ -112,16 +113,19 @@ def calibrate(
     values = noise | {one.key: one.write for one in found if one.write != one.assumed}
     text = rewritten(file.read_text(encoding="utf-8"), values)
     parse(text, RobotModel, str(file))
-    out.mkdir(parents=True, exist_ok=True)
-    written = out / f"{model.name}.yaml"
-    written.write_text(text, encoding="utf-8")
-    result = {
+    written, unwritten = out / f"{model.name}.yaml", ""
+    result: dict[str, Any] = {
         "robot": model.name, "file": str(written), "with_load": load, "whole": not driven.ended,
         "ended": driven.ended or None, "findings": as_dict(found), "lag_s": answered.lag.value,
         "lag_off_s": answered.lag.off, "odometry": noise, "not_measured": unplaced or None,
-        "pictures": [str(one) for one in pictures(out, driven, answered, placed)],
     }  # fmt: skip
-    before.write_text(json.dumps(result, indent=2, allow_nan=False), encoding="utf-8")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        written.write_text(text, encoding="utf-8")
+        result["pictures"] = [str(one) for one in pictures(out, driven, answered, placed)]
+        before.write_text(json.dumps(result, indent=2, allow_nan=False), encoding="utf-8")
+    except OSError as error:  # what was driven for is told all the same
+        unwritten = f"{out} can not be written ({error.strerror}): what was measured stands above"
     if as_json:
         print_json(result)
     else:
@@ -131,6 +135,9 @@ def calibrate(
               f"{one.measured.value:.4g} +- {one.measured.off:.2g}", one.verdict, one.why)
              for one in found],
         )  # fmt: skip
+    if unwritten:
+        raise CohelmError(unwritten)
+    if not as_json:
         say(f"written: {plain(str(written))}; look at the pictures beside it")
     if driven.ended or unplaced:
         raise typer.Exit(1)

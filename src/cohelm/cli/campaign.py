@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.tell import Json, Out, plain, print_json, print_table, progress, say
+from cohelm.cli.tell import Json, Out, named, plain, print_json, print_table, progress, say
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 
@@ -54,6 +54,7 @@ def campaign(
         Path | None,
         typer.Option(
             metavar="DIR",
+            parser=named,
             help="Worlds and recordings made by others: needed by barn, crowd and hands.",
         ),
     ] = None,
@@ -92,6 +93,10 @@ def campaign(
     if replay is not None:
         _again(Path(suite), replay, out, as_json)
         return
+    if cluster == "":
+        raise CohelmError(
+            "--cluster '': there is no Dask scheduler without an address, like tcp://host:8786"
+        )
     with progress("starting") as told:
         from cohelm.study import single
         from cohelm.study.campaign import report, runner

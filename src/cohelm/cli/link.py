@@ -141,8 +141,11 @@ def stick(
     from cohelm.link.sticks import choose
 
     if listing:
-        for line in choose.listed():
+        found = choose.listed()
+        for line in found:
             print(line)
+        if not found:
+            say("no stick is here: plug one in, or name a Brunner stick or a file with --device")
         return
     if trial:
         from cohelm.link.sticks import trial as trials

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.tell import Json, Out, plain, print_json, print_table, progress, say
+from cohelm.cli.tell import Json, Out, named, plain, print_json, print_table, progress, say
 from cohelm.core.errors import CohelmError
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ def map_(
         Path,
         typer.Argument(
             metavar="RECORD",
+            parser=named,
             help="A drive: an MCAP record with /scan and /odom, or a CARMEN log (.log, .gz); or "
             "the folder of an earlier mapping, to draw it again.",
         ),

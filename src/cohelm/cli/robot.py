@@ -31,6 +31,7 @@ from cohelm.cli.tell import (
     Json,
     Pictures,
     console,
+    named,
     plain,
     print_json,
     print_table,
@@ -101,7 +102,8 @@ def robot(
     seconds: Seconds = None,
     arrive: Annotated[bool, typer.Option("--arrive", help="End when the route is done.")] = False,
     record: Annotated[
-        Path | None, typer.Option("--record", metavar="FILE", help="Record into this MCAP file.")
+        Path | None,
+        typer.Option("--record", metavar="FILE", parser=named, help="Record into this MCAP file."),
     ] = None,
     pictures: Pictures = 5.0,
     chart: Chart = None,
@@ -158,6 +160,8 @@ def robot(
         raise CohelmError("with --listen the sticks of stations steer: leave out --joy")
     if joy_param and not joy:
         raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
+    if record is not None and record.exists():  # told now, and not when all is compiled
+        raise CohelmError(f"{record} exists already: choose another name")
     parameters = joy_params(joy_param or ())
     for topic in (*(goals_from or ()), initial_pose_from, joy, *(masks_from or ())):
         if topic:

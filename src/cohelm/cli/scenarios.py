@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from cohelm.cli.app import app
-from cohelm.cli.tell import Json, Out, console, plain, print_json, print_table, progress, say
+from cohelm.cli.tell import Json, Out, console, named, plain, print_json, print_table, progress, say
 
 
 @app.command()
@@ -93,7 +93,9 @@ def reproduce(out: Out = None, as_json: Json = False) -> None:
 def replay(
     record: Annotated[
         Path,
-        typer.Argument(metavar="FILE", help="A record of `cohelm run`, or the folder it is in."),
+        typer.Argument(
+            metavar="FILE", parser=named, help="A record of `cohelm run`, or the folder it is in."
+        ),
     ],
     as_json: Json = False,
 ) -> None:

@@ -23,7 +23,7 @@ from cohelm.cli.driven import (
 )
 from cohelm.cli.live import Foxglove, live, shown_at
 from cohelm.cli.ros import Bridge, MasksFrom, TopicNames, Transports, on_ros
-from cohelm.cli.tell import Pictures, plain, say, starting
+from cohelm.cli.tell import Pictures, named, plain, say, starting
 
 if TYPE_CHECKING:
     from cohelm.station.robot_link import Connect
@@ -65,7 +65,8 @@ def station(
         str | None, typer.Option(help="The robot's name, where several are paired here.")
     ] = None,
     replay: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Show a record, or the folder it is in.")
+        Path | None,
+        typer.Option(metavar="FILE", parser=named, help="Show a record, or the folder it is in."),
     ] = None,
     host: Host = "127.0.0.1",
     port: Port = 8765,
@@ -111,7 +112,10 @@ def drive(
     masks_from: MasksFrom = None,
     changes: Changes = None,
     records: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder of the records made from the screen.")
+        Path,
+        typer.Option(
+            metavar="DIR", parser=named, help="Folder of the records made from the screen."
+        ),
     ] = Path("out/records"),
     carry_on: CarryOn = False,
     pictures: Pictures = 5.0,
@@ -142,6 +146,8 @@ def drive(
     from cohelm.station.linked import Linked
 
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
+    if records.exists() and not records.is_dir():
+        raise CohelmError(f"{records} is no folder: choose another with --records")
     kind = "twin" if twin and driver is None and not ros2 else "kinematic"
     options = DriveOptions(
         name, scenario, kind, True, None, changes or [], driver,

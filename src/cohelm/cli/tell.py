@@ -12,10 +12,21 @@ from typing import Annotated, Any
 
 import typer
 
+from cohelm.core.errors import CohelmError
+
 _SAID_EVERY = 10.0  # where nobody sees a line move, it is said again so often [s]
 
+
+def named(path: str | Path) -> Path:
+    """A path as it is typed; none is not this folder. For typer's `parser`."""
+    if not str(path):  # as where a shell's variable is empty
+        raise CohelmError("a file's or folder's name is empty: name one, or . for this folder")
+    return Path(path)
+
+
 Out = Annotated[
-    Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder to write into.")
+    Path | None,
+    typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder to write into."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object, on stdout.")]
 

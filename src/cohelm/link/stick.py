@@ -132,7 +132,10 @@ def _table(file: Path) -> tuple[list[str], list[_Row]]:
     kept = [(i, s) for i, s in enumerate(lines, 1) if s.strip() and not s.lstrip().startswith("#")]
     if not kept:
         raise CohelmError(f"{file}: the stick file is empty; it needs a header t,x,psi and rows")
-    parsed = list(csv.reader(io.StringIO("\n".join(text for _, text in kept))))
+    try:
+        parsed = list(csv.reader(io.StringIO("\n".join(text for _, text in kept))))
+    except csv.Error as error:
+        raise CohelmError(f"{file}: {error}; a stick file holds numbers only") from error
     if len(parsed) != len(kept):
         raise CohelmError(f"{file}: a quoted cell spans lines; a stick file holds numbers only")
     header = [name.strip().lower() for name in parsed[0]]

@@ -98,6 +98,11 @@ def _said(detail: ErrorDetails, root: Node, schema: JsonSchema) -> str:
         bound = context.get("min_length", context.get("max_length"))
         least = "at least" if kind == "too_short" else "at most"
         return f"needs {least} {bound} items, got {context.get('actual_length')}"
+    if kind == "string_too_short":
+        return "must not be empty"
+    if kind == "string_too_long":
+        most = context.get("max_length")
+        return f"must have at most {most} characters, got {len(str(value))}"
     return _shape(kind, got, path, schema, loc) or detail["msg"].removeprefix("Value error, ")
 
 

@@ -60,7 +60,7 @@ def tree_of(file: Path) -> Node:
 
 def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] = ()) -> Model:
     """The checked model in YAML text; `source` is what errors call it."""
-    root = tree(text, source)
+    root = tree(text, source, "docs/robot-yaml.md" if model is RobotModel else "`minimal`")
     for override in overrides:
         graft(root, override)
     problems: list[str] = []
@@ -230,6 +230,11 @@ def find(path: str | Path) -> Path:
         return file
     if file.stem in named:
         raise CohelmError(f"{path}: no such file; did you mean the shipped scenario {file.stem!r}?")
+    if str(path) in SHIPPED:
+        raise CohelmError(
+            f"{path} is a robot that comes with cohelm, not a scenario: give it with "
+            f"--set robot={path}, or `robot: {path}` in a scenario"
+        )
     beside = _names(file.parent)
     close = _meant(file.name, beside) or _meant(file.stem, named)
     raise CohelmError(

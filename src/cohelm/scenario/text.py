@@ -62,7 +62,7 @@ def dotted(path: Path) -> str:
     return ".".join(str(part) for part in path)
 
 
-def tree(text: str, source: str) -> Node:
+def tree(text: str, source: str, like: str = "") -> Node:
     """The one YAML document in `text`; CohelmError with `source` and line if it is not one."""
     try:
         loader = _Loader(text)
@@ -76,7 +76,8 @@ def tree(text: str, source: str) -> Node:
     except RecursionError as error:
         raise CohelmError(f"{source}: nested too deeply to be a scenario") from error
     if node is None:
-        raise CohelmError(f"{source}: the file is empty; see `minimal` for one to start from")
+        start = f"; see {like} for one to start from" if like else ""
+        raise CohelmError(f"{source}: the file is empty{start}")
     return node
 
 

@@ -16,6 +16,7 @@ from cohelm.link.keys import pair_here
 from cohelm.link.messages import Device, Hello, Mode
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stick import StickRecording
+from cohelm.link.sticks import choose
 from cohelm.link.sticks.at_helm import drive
 from cohelm.link.sticks.played import PlayedStick
 from cohelm.link.sticks.port import CENTRED, Button, Feel, Reading
@@ -148,4 +149,7 @@ def test_the_command_says_what_is_missing_and_lists_what_there_is(tmp_path, monk
     missing = run(app, ["stick", "--robot", HERE, "--device", str(tmp_path / "none.csv")])
     assert "none.csv" in str(missing.exception)
     pytest.importorskip("pygame")
+    monkeypatch.setattr(choose, "listed", list)
+    assert "no stick is here: plug one in" in run(app, ["stick", "--list"]).stderr
+    monkeypatch.undo()
     assert run(app, ["stick", "--list"]).exit_code == 0

@@ -56,7 +56,7 @@ def test_the_whole_room_is_shown_with_units_at_its_axes_and_a_legend():
     assert (above.get_xlabel(), above.get_ylabel()) == ("x [m]", "y [m]")
     assert below.get_xlabel() == "time [s]"
     assert [t.get_text() for t in below.get_legend().get_texts()] == [
-        "clearance [m]",
+        "clearance [m], drawn from −0.5 to 1",
         "speed [m/s]",
     ]
     said = " ".join(text.get_text() for text in drawing.legends[0].get_texts())

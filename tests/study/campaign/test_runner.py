@@ -13,6 +13,7 @@ from cohelm.study.campaign import runner, suites, worker as drive
 from cohelm.study.campaign.runner import CampaignConfig, planned, remaining, run
 from cohelm.study.campaign.store import read_plan, read_rows
 
+pytestmark = pytest.mark.xdist_group("adversarial")  # which is compiled once for them
 PLAN = CampaignConfig("adversary", ("guard", "none"), 7, 30)
 
 

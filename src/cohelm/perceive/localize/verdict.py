@@ -96,7 +96,7 @@ class Belief:
         elif not self._explains(best, lead, far, stayed, only or (stayed and about.whole), about):
             why = "too much of what the LiDAR sees is not on the map"
         elif best is not back and sigma(best) > c.sure:
-            why = "too few features are in view to say where along them the robot is"
+            why = "too few features are in view to say where along them"
         return Verdict(best, lead, only or stayed, why)
 
     def _explains(

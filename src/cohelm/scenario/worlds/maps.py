@@ -144,6 +144,10 @@ def read_map(path: Path | str) -> OccupancyMap:
 def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
     try:
         given = yaml.safe_load(contents(path, "a map_server YAML file"))
+        if not isinstance(given, dict):
+            raise CohelmError(
+                f"{path}: has no keys such as image and resolution: give a map_server YAML file"
+            )
         about = _Description.model_validate(given)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)

@@ -39,6 +39,7 @@ _TRAIL_S = 4.0  # of a mover's way that is drawn
 _MARGIN = 1.0  # around what is shown [m]
 _ROOM = 40.0  # a larger world is not shown whole, but for where the robot was [m]
 _LEAST, _MOST = -0.5, 1.0  # of the clearance that is drawn [m]
+_CLEARANCE = f"clearance [m], drawn from {_LEAST:g} to {_MOST:g}".replace("-", "−")
 _FRAMES, _APART_S = 6, 0.8  # of a strip, and from one to the next
 _SIDE = 6.0  # of the square that a frame shows [m]
 _AHEAD_S = 1.0  # of a mover's motion, as an arrow
@@ -205,7 +206,7 @@ def _below(axes: Axes, trace: Trace, row: EpisodeResult) -> None:
     rows = trace.rows
     clearance, speed = np.clip(rows["clearance"], _LEAST, _MOST), np.abs(rows["applied_v"])
     axes.axhline(0.0, color=DANGER, lw=0.8)
-    axes.plot(rows["t"], clearance, color=INK, lw=1.2, label="clearance [m]")
+    axes.plot(rows["t"], clearance, color=INK, lw=1.2, label=_CLEARANCE)
     axes.plot(rows["t"], speed, color=ROBOT, lw=1.2, label="speed [m/s]")
     least = float(np.clip(clearance_then(row), _LEAST, _MOST))
     axes.plot([row.min_clearance_at_s], [least], "o", color=DANGER, ms=5)

@@ -17,6 +17,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 from cohelm.core.plugins import plugins
 from cohelm.robot.keep.processes import bound
+from cohelm.scenario.explain import nearest
 from cohelm.study.campaign.episode import Law, Plant
 from cohelm.study.campaign.external_law import GROUP, factory, is_own
 from cohelm.study.campaign.result import EpisodeResult
@@ -52,6 +53,8 @@ class CampaignConfig:
         if not 0 <= self.seed < 2**32:
             raise CohelmError(f"--seed must be between 0 and 2**32 - 1, got {self.seed}")
         made = suite(self.suite, self.seed, self.data, self.plant)
+        if not all(self.laws):
+            raise CohelmError(f"name each law between the commas: {', '.join(made.laws)}")
         if not self.laws or len(set(self.laws)) < len(self.laws):
             raise CohelmError(f"give each law once: {', '.join(made.laws)}")
         for law in self.laws:
@@ -67,8 +70,12 @@ class CampaignConfig:
     def _own(self, law: str, made: Suite) -> None:
         """A law by somebody else has to be there, and to be told the truth."""
         if ":" not in law and law not in plugins(GROUP):
-            there = ", ".join((*made.laws, *plugins(GROUP)))
-            raise CohelmError(f"there is no law {law!r}: choose {there}, or give package:factory")
+            there = [*made.laws, *plugins(GROUP)]
+            hint = nearest(law, there)
+            raise CohelmError(
+                f"there is no law {law!r}: choose {', '.join(there)}, or give package:factory"
+                f"{'; ' + hint if hint else ''}"
+            )
         if made.plant != "kinematic" or not made.goals:
             raise CohelmError(
                 f"{law} does not drive in the suite {self.suite} with --plant {made.plant}: a law "

@@ -15,6 +15,7 @@ from cohelm.study.campaign.plant import on_twin
 NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands", "heights")
 
 _NEEDS_DATA = ("barn", "crowd", "hands")
+_TAKES_DATA = (*_NEEDS_DATA, "adversary")
 _DRIVEN_ON: dict[str, tuple[Plant, ...]] = {
     **dict.fromkeys(("lab", "random", "movers", "adversary"), PLANTS), "heights": ("twin",),
 }  # fmt: skip
@@ -102,6 +103,8 @@ def _suite(name: str, seed: int, data: Path | None) -> Suite:
         near = get_close_matches(name, NAMES, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
         raise CohelmError(f"there is no suite {name!r}: choose {', '.join(NAMES)}{hint}")
+    if data is not None and name not in _TAKES_DATA:
+        raise CohelmError(f"the suite {name} needs no --data: leave it out")
     if data is not None and not data.is_dir():
         raise CohelmError(f"--data {data}: there is no such folder")
     if data is None and name in _NEEDS_DATA:
