@@ -25,7 +25,7 @@ from cohelm.perceive.localize.past_views import NEAR, LastMetres, SinceLost
 from cohelm.perceive.localize.scan_judge import ScanJudge
 from cohelm.perceive.localize.verdict import Belief, Circumstances, Verdict
 from cohelm.perceive.match.odometry_covariance import UNKNOWN, inverted, joined, moved, updated
-from cohelm.perceive.match.scan_matching import align
+from cohelm.perceive.match.scan_matching import align, independent
 from cohelm.perceive.match.surfaces import moved as shifted
 from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
@@ -226,7 +226,11 @@ class Hypotheses:
             prior = inverted(one.covariance if self.cold else one.covariance + _BESIDE)
             fit = align(self.known.surfaces, points, across, one.pose, prior, care)
             own = joined(one.covariance, joint[3:, 3:])
-            one.pose, one.covariance = fit.pose, updated(own, fit.information)[:3, :3]
+            told = fit.information
+            if self.cold:  # what is followed for long must not be held to where it began
+                told = independent(self.known.surfaces, points, across, fit.pose, care, fit.rms)
+                told = (since.share if one.stale else 0.0) * told
+            one.pose, one.covariance = fit.pose, updated(own, told)[:3, :3]
             one.judged = self.judge.judge(fit.pose, sweep.ranges)
             if not self.cold:
                 new = self.judge.weighed(one.judged)

@@ -218,6 +218,7 @@ class Judgement(NamedTuple):
     other places: a beam that ends where the map knows nothing is explained as little as one that
     passes through a wall. closer: log likelihood by which ends of beams lie closer to their
     surfaces than is usual: the right place needs no more, but of two that fit it tells one.
+    passed: number of walls that were looked through, which nobody who walks about explains.
     """
 
     agree: float
@@ -227,6 +228,7 @@ class Judgement(NamedTuple):
     told: int
     weighed: float
     closer: float
+    passed: int = 0
 
 
 NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
@@ -252,7 +254,7 @@ def judge(
     """
     x, y, c, s = eye(lidar, pose)
     counts = np.zeros(5, np.int64)
-    log, near_log = 0.0, 0.0
+    log, near_log, passed = 0.0, 0.0, 0
     before, run = SILENT, 0
     for i in range(0, len(ranges), every):
         r = ranges[i]
@@ -267,16 +269,18 @@ def judge(
             run += 1
             continue
         log += _cost(before, run, every)
+        passed += before == BEHIND and run * every >= RUN
         before, run = verdict, 1
     log += _cost(before, run, every)
+    passed += before == BEHIND and run * every >= RUN
     told = counts[AGREE] + counts[IN_FRONT] + counts[BEHIND]
     if told == 0:
-        return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3, 0.0)
+        return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3, 0.0, 0)
     better = (near_log + USUAL * counts[AGREE]) / told * INDEPENDENT
     log += min(better, 0.0)
     return Judgement(
         counts[AGREE] / told, counts[IN_FRONT] / told, counts[BEHIND] / told, log, told,
-        log + _WIDE_THROUGH * counts[BEYOND] * every, better,
+        log + _WIDE_THROUGH * counts[BEYOND] * every, better, passed,
     )  # fmt: skip
 
 

@@ -111,6 +111,8 @@ class Belief:
             and judged.agree >= (c.whole if far else c.poor if poor else c.seen)
             and (judged.log >= c.least or stayed or (not strange and lead >= 3.0 * c.margin))
             and (judged.told >= 0.5 * self.beams or stayed)
+            # a map may lack a wall, and people hide some; nobody shows what is behind two
+            and (judged.passed < 2 or not about.cold)
         )
 
     def _disputed(self, kept: list[Hypothesis]) -> bool:
