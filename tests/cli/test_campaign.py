@@ -70,7 +70,6 @@ def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, tmp_path):
             ("campaign", "random", "--cluster", ""),
             ["no Dask scheduler without an address"],
         ),
-        (("campaign", "random", "--data", "here"), ["random needs no --data"]),
         (("campaign", "."), ["holds no campaign"]),
         (("campaign", ".", "--replay", "1"), ["holds no campaign"]),
         (("campaign", "random", "--replay", "1"), ["random", "holds no campaign"]),

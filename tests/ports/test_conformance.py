@@ -23,7 +23,8 @@ STILL = 1e-3  # as fast as a standing robot may seem, gyro apart [m/s]
 def marks(name: str) -> list[pytest.MarkDecorator]:
     """In real time the twin stands for all; `make test-all` takes the others too. What the base
     class does in real time only, tests/api/test_robot.py has by default."""
-    return [pytest.mark.slow] if ADAPTERS[name].real_time and name != "twin, real time" else []
+    real = [pytest.mark.xdist_group("realtime")] if ADAPTERS[name].real_time else []
+    return [*real, *([pytest.mark.slow] if real and name != "twin, real time" else [])]
 
 
 @pytest.fixture(params=[pytest.param(a, id=n, marks=marks(n)) for n, a in ADAPTERS.items()])

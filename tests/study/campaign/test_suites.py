@@ -141,6 +141,12 @@ def test_every_suite_makes_the_same_case_again_after_being_sent_elsewhere(name):
         assert a.setup.hands.x.tobytes() == b.setup.hands.x.tobytes()
 
 
+def test_data_that_a_suite_does_not_use_is_said(tmp_path):
+    made = suites.suite("random", 1, tmp_path)
+    assert made.notes == ("the recordings of --data: random drives on none",)
+    assert suites.suite("random", 1, None).notes == ()
+
+
 def test_a_barn_episode_names_the_robot_whose_outline_it_drives():
     path = np.array([[0.0, 1.0], [0.0, 9.0]])
     world = Barn(7, np.empty((0, 6)), np.empty((0, 4)), path, Pose(0, 0, 1.57), (0, 10), 1, 100)

@@ -95,7 +95,10 @@ def suite(name: str, seed: int, data: Path | None, plant: Plant | None = None) -
         raise CohelmError(
             f"the suite {name} is not driven with --plant {plant}: choose {', '.join(driven_on)}"
         )
-    return replace(made, plant=plant)
+    notes = made.notes
+    if data is not None and name not in _TAKES_DATA:
+        notes = (*notes, f"the recordings of --data: {name} drives on none")
+    return replace(made, plant=plant, notes=notes)
 
 
 def _suite(name: str, seed: int, data: Path | None) -> Suite:
@@ -103,8 +106,6 @@ def _suite(name: str, seed: int, data: Path | None) -> Suite:
         near = get_close_matches(name, NAMES, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
         raise CohelmError(f"there is no suite {name!r}: choose {', '.join(NAMES)}{hint}")
-    if data is not None and name not in _TAKES_DATA:
-        raise CohelmError(f"the suite {name} needs no --data: leave it out")
     if data is not None and not data.is_dir():
         raise CohelmError(f"--data {data}: there is no such folder")
     if data is None and name in _NEEDS_DATA:
