@@ -45,7 +45,6 @@ class ObservationSource:
         self.stamp = -math.inf
         """Of its last beam [s]."""
         self._number: int | None = None
-        self._wears = 1.0  # the ground's clock, by time
 
     def new(self, scan: Scan) -> bool:
         """Whether it is another one than the last."""
@@ -70,11 +69,10 @@ class ObservationSource:
                 things = DeskewedScan(
                     seen.points[may_move], seen.beams[may_move], ranges, seen.duration
                 )
-            before = self.movers
             self.movers = follow(
-                before, self.lidar, things, pose, self.stamp, self._watching, on_map(things, pose)
-            )
-            self._wears = (self.movers.worn - before.worn) / (self.stamp - before.stamp)
+                self.movers, self.lidar, things, pose, self.stamp, self._watching,
+                on_map(things, pose),
+            )  # fmt: skip
             if self.movers.mine.any():
                 may_move[may_move] = self.movers.mine
                 seen = self._without(seen, may_move)
@@ -84,17 +82,12 @@ class ObservationSource:
         self.look = looked(self.lidar, whole, pose, self.stamp)
         return seen, pose
 
-    def doubt(self, full: Floats, unknown: Floats) -> None:
-        """Places in `odom`, (p, 2) each, that nobody looks at: where somebody may be who was seen,
-        and ground of which nobody knows anything. Who is seen there next may move, until he has
-        been seen to stand; of the first he may yet walk on."""
-        ground, worn, wary = self.movers.ground, self.movers.worn, self._watching.wary
-        stood = max(self._watching.back) * max(self._wears, 1.0)
-        if len(unknown):
-            ground = doubted(ground, unknown, worn - wary.keep + stood)
-        if len(full):
-            ground = doubted(ground, full, worn)
-        self.movers = self.movers._replace(ground=ground)
+    def doubt(self, places: Floats) -> None:
+        """Somebody may be at these places in `odom`, (p, 2), where nothing looks: whoever is seen
+        there next may move."""
+        if len(places):
+            ground = doubted(self.movers.ground, places, self.movers.worn)
+            self.movers = self.movers._replace(ground=ground)
 
     def _without(self, seen: DeskewedScan, mine: NDArray[np.bool_]) -> DeskewedScan:
         """The sweep without the points of movers: they tell nothing about what stands."""

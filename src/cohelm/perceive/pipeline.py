@@ -223,9 +223,9 @@ class Perception:
         self._unobserved = self._blind.points(
             source.lidar, source.look, looking, pose, out, self._watching.wary.fastest
         )
-        full, unknown = self._blind.doubtful(looking, pose)
+        doubtful = self._blind.doubtful(pose)
         for one in sources:
-            one.doubt(full, unknown)
+            one.doubt(doubtful)
 
     def _standing(self) -> Floats:
         """Points that any LiDAR sees standing, or remembers, and that a bumper has met."""

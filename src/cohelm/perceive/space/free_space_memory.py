@@ -29,7 +29,8 @@ class Ground(NamedTuple):
 
     free: (n, n), when a cell was last seen free, with room behind it. hits: (n, n), in how many
     sweeps since then something was seen in it, and last: in which. was: when it was seen free
-    though something had stood in it. -inf for never.
+    though something had stood in it. doubt: when somebody may have been there last whom nobody
+    saw. -inf for never.
 
     All told by a clock that goes faster while the robot drives, since its odometry wears out what
     is remembered. Along a wall one can look past it within a hand's breadth, and past its other
@@ -41,22 +42,28 @@ class Ground(NamedTuple):
     hits: Floats
     last: Floats
     was: Floats
+    doubt: Floats
 
 
 def unknown() -> Ground:
     """Nothing has been seen yet."""
     never = np.full((SIDE, SIDE), -math.inf)
-    return Ground(nowhere(), never, np.zeros_like(never), never, never)
+    return Ground(nowhere(), never, np.zeros_like(never), never, never, never)
+
+
+@jit
+def _copied(ground: Ground) -> Ground:
+    return Ground(
+        ground.which.copy(), ground.free.copy(), ground.hits.copy(), ground.last.copy(),
+        ground.was.copy(), ground.doubt.copy(),
+    )  # fmt: skip
 
 
 @jit
 def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: float) -> Ground:
     """With what a sweep sees free, at `worn` by the ground's clock; standing: (p, 2), what it sees
     in `odom` that has not come by itself [m]."""
-    made = Ground(
-        ground.which.copy(), ground.free.copy(), ground.hits.copy(), ground.last.copy(),
-        ground.was.copy(),
-    )  # fmt: skip
+    made = _copied(ground)
     sensor, ranges = look.sensor, look.ranges
     for k in range(len(standing)):
         x, y = standing[k, 0], standing[k, 1]
@@ -95,17 +102,14 @@ def noted(ground: Ground, lidar: Lidar, look: Look, standing: Floats, worn: floa
 
 
 @jit
-def doubted(ground: Ground, places: Floats, when: float) -> Ground:
-    """Places (p, 2) [m] that nobody has in view are as if they had been seen free then: what is
-    seen there next has come by itself since, unless something stood there when it was last seen."""
-    made = Ground(
-        ground.which.copy(), ground.free.copy(), ground.hits.copy(), ground.last.copy(),
-        ground.was.copy(),
-    )  # fmt: skip
+def doubted(ground: Ground, places: Floats, worn: float) -> Ground:
+    """With places (p, 2) [m] where somebody may be at `worn` whom nobody sees: what is seen there
+    next has perhaps come by itself, unless something stood there when it was last seen."""
+    made = _copied(ground)
     for k in range(len(places)):
         a, b = _entry(made, cell(places[k, 0]), cell(places[k, 1]))
         if made.hits[a, b] == 0.0:
-            made.free[a, b] = max(made.free[a, b], when)
+            made.doubt[a, b] = worn
     return made
 
 
@@ -116,19 +120,22 @@ def _entry(ground: Ground, i: int, j: int) -> tuple[int, int]:
     if not holds(ground.which, i, j):
         ground.which[a, b, 0], ground.which[a, b, 1] = i, j
         ground.free[a, b] = ground.last[a, b] = ground.was[a, b] = -math.inf
+        ground.doubt[a, b] = -math.inf
         ground.hits[a, b] = 0.0
     return a, b
 
 
 @jit
-def came(ground: Ground, x: float, y: float, since: float) -> bool:
+def came(ground: Ground, x: float, y: float, since: float, doubts: bool = False) -> bool:
     """Whether the patch of cells around an `odom` point was seen free since then [s], and nothing
-    stood there before it was seen free."""
+    stood there before it was seen free. doubts: cells count, too, where somebody may have been."""
     row, column = cell(x), cell(y)
     for i in range(row - 1, row + 2):
         for j in range(column - 1, column + 2):
             a, b = i % SIDE, j % SIDE
-            known = holds(ground.which, i, j)
-            if not (known and ground.free[a, b] >= since > ground.was[a, b]):
+            if not holds(ground.which, i, j):
+                return False
+            free = ground.free[a, b] >= since or (doubts and ground.doubt[a, b] >= since)
+            if not (free and since > ground.was[a, b]):
                 return False
     return True

@@ -189,23 +189,18 @@ def taken(
 
 
 @jit
-def doubtful(viewed: Viewed, views: tuple[View, ...], pose: Pose) -> tuple[Floats, Floats]:
-    """Near a robot there, by cells, (p, 2) each, in `odom`: where somebody may be who left the
-    view, and what else nobody looks at and nobody knows."""
+def doubtful(viewed: Viewed, pose: Pose) -> Floats:
+    """Where somebody may be who left the view, by cells, (p, 2), in `odom`, near a robot there."""
     low_x, low_y = cell(pose.x - KEPT), cell(pose.y - KEPT)
     wide = math.ceil(2.0 * KEPT / CELL) + 1
-    full, unknown = np.empty((wide * wide, 2)), np.empty((wide * wide, 2))
-    n = m = 0
+    out = np.empty((wide * wide, 2))
+    k = 0
     for i in range(low_x, low_x + wide):
         for j in range(low_y, low_y + wide):
-            x, y = (i + 0.5) * CELL, (j + 0.5) * CELL
             if viewed.taken[i % SIDE, j % SIDE]:
-                full[n, 0], full[n, 1] = x, y
-                n += 1
-            elif not holds(viewed.which, i, j) and not _looked_at(views, x, y):
-                unknown[m, 0], unknown[m, 1] = x, y
-                m += 1
-    return full[:n].copy(), unknown[:m].copy()
+                out[k, 0], out[k, 1] = (i + 0.5) * CELL, (j + 0.5) * CELL
+                k += 1
+    return out[:k].copy()
 
 
 @jit
@@ -285,12 +280,12 @@ class Blind:
         self._viewed = taken(viewed, views, near, pose, self._outline, fastest, dt)
         return blind(self._viewed, views, pose, self._outline, far)
 
-    def doubtful(self, looking: list[tuple[Lidar, Look]], pose: Pose) -> tuple[Floats, Floats]:
-        """As `doubtful` tells, as of the last sweep, from that pose."""
+    def doubtful(self, pose: Pose) -> Floats:
+        """Where somebody may be who left the view, (p, 2), in `odom`, as of the last sweep, from
+        that pose."""
         if self._viewed is None:
-            return np.empty((0, 2)), np.empty((0, 2))
-        views = tuple(View(one, its.sensor) for one, its in looking)
-        return doubtful(self._viewed, views, pose)
+            return np.empty((0, 2))
+        return doubtful(self._viewed, pose)
 
 
 class UnwatchedFloor:

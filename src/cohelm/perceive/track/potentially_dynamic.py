@@ -47,11 +47,13 @@ class Wary(NamedTuple):
 
 @jit
 def came_by_itself(
-    places: Floats, near: NDArray[np.bool_], ground: Ground, since: float, look: Look, noise: float
-) -> NDArray[np.bool_]:
+    places: Floats, near: NDArray[np.bool_], ground: Ground, since: float, look: Look, noise: float,
+    doubts: bool,
+) -> NDArray[np.bool_]:  # fmt: skip
     """(m,) which of a sweep's points in `odom` have come since then, of those that are `near`.
 
     noise: of its ranges, one standard deviation; a thing may be farther than measured by that [m].
+    doubts: what is seen where somebody may have been has come, too.
     """
     found = np.zeros(len(places), np.bool_)
     for i in range(len(places)):
@@ -59,7 +61,7 @@ def came_by_itself(
             x, y = places[i, 0], places[i, 1]
             wx, wy = x - look.sensor.x, y - look.sensor.y
             far = noise / max(math.hypot(wx, wy), 0.05)
-            found[i] = came(ground, x + far * wx, y + far * wy, since)
+            found[i] = came(ground, x + far * wx, y + far * wy, since, doubts)
     return found
 
 

@@ -156,13 +156,16 @@ def follow(
         worn += way * wary.keep / wary.vouched
     near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~mine & ~fixed
     since = worn - wary.keep
-    there = came_by_itself(places, near, before.ground, since, now, lidar.noise)
-    ground = noted(before.ground, lidar, now, places[~mine & ~there], worn)
-    may = loose(lidar, places, there, first, second)
+    there = came_by_itself(places, near, before.ground, since, now, lidar.noise, False)
+    perhaps = came_by_itself(places, near, before.ground, since, now, lidar.noise, True)
+    ground = noted(before.ground, lidar, now, places[~mine & ~perhaps], worn)
+    may, leaves = (loose(lidar, places, those, first, second) for those in (perhaps, there))
     if covered:
-        may = np.vstack((may, (now.sensor.x, now.sensor.y, 1.0)))
+        here = (now.sensor.x, now.sensor.y, 1.0)
+        may, leaves = np.vstack((may, here)), np.vstack((leaves, here))
     kept = (*kept, now)
-    gone = departed(before.gone, lost, came, may, lidar, kept, dt, care.max_acceleration, wary)
+    # a wall where somebody may be does not leave the view as somebody: the doubt would never end
+    gone = departed(before.gone, lost, came, leaves, lidar, kept, dt, care.max_acceleration, wary)
     return Movers(tracks, kept, stamp, mine, ground, worn, may, covered, gone)
 
 
