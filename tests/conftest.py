@@ -48,9 +48,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 FIRST = "gw0"
 """The worker that runs what watches the clock."""
-REALTIME, STATION = "realtime", "station"
-"""What watches the clock, and what has one robot and one browser: the two long groups, begun
-first, by a worker each."""
 
 
 @pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
@@ -67,16 +64,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 class ByFile(LoadScopeScheduling):
     """Each file as a whole to one worker, with those of its group; what watches the clock, to the
-    first one, and to the next what needs a station.
+    first one.
 
     pytest-xdist 3.8 tells groups by a name of tests that pytest 9.2 reads no more.
     """
 
     def _assign_work_unit(self, node: WorkerController) -> None:
-        first = node.gateway.id == FIRST
-        for group, now in ((STATION, not first), (REALTIME, first)):
-            if group in self.workqueue:
-                self.workqueue.move_to_end(group, last=not now)
+        if "realtime" in self.workqueue:
+            self.workqueue.move_to_end("realtime", last=node.gateway.id != FIRST)
         super()._assign_work_unit(node)
 
     def _split_scope(self, nodeid: str) -> str:
@@ -85,7 +80,7 @@ class ByFile(LoadScopeScheduling):
     @functools.cache  # noqa: B019  there is one, for the whole run
     def _group(self, file: str) -> str:
         if file.startswith("tests/station/"):  # one robot and one browser for them all
-            return STATION
+            return "realtime"
         group = re.search(r'xdist_group\("(\w+)"\)', (self.config.rootpath / file).read_text())
         return group[1] if group else file
 

@@ -52,6 +52,7 @@ def test_no_error_in_the_robots_own_code_leaves_it_driving(tmp_path):
     assert any("the robot says: send failed" in said for said in events)
 
 
+@pytest.mark.xdist_group("realtime")
 def test_in_real_time_it_lives_in_the_process_of_the_gate():
     summary = cohelm.drive("tests.api.carts:Cart", SITE, mode="hold", seconds=2.0)
     assert summary["reason"] == "the drive is over"

@@ -69,6 +69,7 @@ def test_a_record_that_is_not_whole_says_so_in_the_table():
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("realtime")
 def test_a_drive_whose_record_fills_the_disk_ends_with_status_1_and_says_why(tmp_path):
     command = (
         sys.executable, "-m", "cohelm", "robot", "lab-guard", "--fast", "--for", "6", "--json",

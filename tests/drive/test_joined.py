@@ -24,6 +24,7 @@ from cohelm.station.app import pages
 from tests.drive.faults import CORRIDOR
 from tests.link.ends import until
 
+pytestmark = pytest.mark.xdist_group("realtime")
 STARTED = 240.0  # with nothing compiled, on a busy machine [s]
 PATIENT = 30.0
 

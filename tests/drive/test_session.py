@@ -34,6 +34,7 @@ def test_the_guard_has_room_for_the_lidars_noise_and_foresees_the_whole_lag(kind
     assert len(driver.pilot.sent) == steps
 
 
+@pytest.mark.xdist_group("realtime")
 def test_after_a_drive_the_process_is_an_ordinary_one_again():
     """What drew a picture after a drive kept every other process off its processor."""
 

@@ -10,7 +10,6 @@ from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
-from cohelm.ros import interlock
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.mismatch import BOOL, TWIST, lock
@@ -18,7 +17,7 @@ from cohelm.ros.port import COMMAND, LATCHED, Endpoint, Qos
 from cohelm.ros.topics import Topics
 from tests.ros.stage import Controller, alone, stage, until
 
-pytestmark = pytest.mark.xdist_group("transports")
+pytestmark = pytest.mark.xdist_group("realtime")
 LOCK = "/emergency_stop"
 
 
@@ -28,11 +27,6 @@ def others():
     made = DdsTransport("others")
     yield made
     made.close()
-
-
-@pytest.fixture(autouse=True)
-def _looks_often(monkeypatch):
-    monkeypatch.setattr(interlock, "_LOOK", 0.05)
 
 
 @pytest.fixture

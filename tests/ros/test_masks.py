@@ -23,7 +23,7 @@ from cohelm.ros.types import store
 from tests.ros.stage import until
 from tests.ros.transports import TRANSPORTS
 
-pytestmark = pytest.mark.xdist_group("transports")
+pytestmark = pytest.mark.xdist_group("realtime")
 NAN = math.nan
 CELLS = np.array([[0, 100, -1], [30, 0, 100]], np.int8)
 LASTING = {name: one for name, one in TRANSPORTS.items() if name != "from_foxglove"}

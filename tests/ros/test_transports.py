@@ -30,7 +30,7 @@ from cohelm.ros.types import HAZARDS
 from tests.ros.stage import until
 from tests.ros.transports import TRANSPORTS
 
-pytestmark = pytest.mark.xdist_group("transports")
+pytestmark = pytest.mark.xdist_group("realtime")
 STRING = "std_msgs/msg/String"
 
 

@@ -25,7 +25,7 @@ from cohelm.ros.zenoh import ZenohTransport
 from tests.ros.stage import DOMAIN, alone, stage, until
 from tests.ros.transports import Router, router
 
-pytestmark = pytest.mark.xdist_group("transports")
+pytestmark = pytest.mark.xdist_group("realtime")
 STRING = "std_msgs/msg/String"
 HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 LISTENER = (

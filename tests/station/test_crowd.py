@@ -26,6 +26,7 @@ from tests.station.person import who
 from tests.station.servers import served
 from tests.station.visitor import asked, opened
 
+pytestmark = pytest.mark.xdist_group("realtime")
 HEAD = b"GET / HTTP/1.1\r\nHost: localhost\r\n"
 HOW = {
     "says nothing": b"",

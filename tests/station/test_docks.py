@@ -9,7 +9,7 @@ from playwright.sync_api import BrowserContext, expect
 from tests.station.person import choose, release, take
 from tests.station.servers import Robot, served
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("realtime")]
 
 
 @pytest.fixture

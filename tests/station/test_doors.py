@@ -23,6 +23,8 @@ from tests.station.bare import Bare
 from tests.station.servers import served
 from tests.station.visitor import asked, opened, session
 
+pytestmark = pytest.mark.xdist_group("realtime")
+
 
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:

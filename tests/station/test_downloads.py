@@ -27,6 +27,7 @@ from tests.station.bare import Bare
 from tests.station.servers import served
 from tests.station.visitor import asked, session
 
+pytestmark = pytest.mark.xdist_group("realtime")
 SPARSE = 300_000_000
 MEMORY = 24_000_000
 """What a download may take of the station's and the robot's memory together [byte]: what is on its

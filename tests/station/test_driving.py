@@ -25,6 +25,7 @@ from tests.station.person import (
 )
 from tests.station.servers import Robot, served
 
+pytestmark = pytest.mark.xdist_group("realtime")
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
 
 

@@ -27,6 +27,7 @@ from tests.link.ends import until
 from tests.station import visitor
 from tests.station.servers import Robot, served
 
+pytestmark = pytest.mark.xdist_group("realtime")
 WITHIN = 60.0
 STICK = {
     "type": "stick", "n": 1, "heard_ms": 0.0, "x": 0.5, "psi": 0.5, "valid": True, "armed": True,

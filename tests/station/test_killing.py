@@ -43,6 +43,7 @@ from tests.station.person import (
 WHY_NOT = net.why_not()
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.xdist_group("realtime"),
     pytest.mark.skipif(bool(WHY_NOT), reason=f"no network can be made: {WHY_NOT}"),
 ]
 THINGS = ("station", "browser", "WiFi")

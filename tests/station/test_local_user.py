@@ -19,9 +19,10 @@ from tests.station.servers import served
 from tests.station.visitor import session
 
 NOBODY = 65534
-pytestmark = pytest.mark.skipif(
-    os.geteuid() != 0, reason="becomes another user, which root alone may"
-)
+pytestmark = [
+    pytest.mark.xdist_group("realtime"),
+    pytest.mark.skipif(os.geteuid() != 0, reason="becomes another user, which root alone may"),
+]
 TRIES = """
 import encodings.idna, glob, http.client, json, os, pathlib, socket, sys, time
 from cohelm.core.errors import CohelmError

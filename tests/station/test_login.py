@@ -14,6 +14,8 @@ from tests.station.bare import Bare
 from tests.station.person import alarms, who
 from tests.station.servers import served
 
+pytestmark = pytest.mark.xdist_group("realtime")
+
 
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:

@@ -32,6 +32,8 @@ from tests.station.person import (
 )  # fmt: skip
 from tests.station.servers import served
 
+pytestmark = pytest.mark.xdist_group("realtime")
+
 
 def open_page(context: BrowserContext, server: Server) -> Page:
     page = context.new_page()

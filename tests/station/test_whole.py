@@ -23,6 +23,7 @@ from tests.station.person import (
 )
 from tests.station.servers import Robot, served
 
+pytestmark = pytest.mark.xdist_group("realtime")
 RECORDED = 150_000
 """A recorder that starts slowly on a busy machine also ends slowly [ms]."""
 

@@ -118,6 +118,7 @@ def test_frames_come_at_their_rate_and_do_not_change_the_drive():
     assert seen.read().odometry == blind.read().odometry
 
 
+@pytest.mark.xdist_group("realtime")
 def test_in_real_time_a_thread_of_its_own_draws_and_ends_with_the_robot():
     robot = with_cone("rays", pace=OnTheWall())
     end = time.monotonic() + 20.0
