@@ -21,6 +21,7 @@ from cohelm.robot.sensors import Lidar
 NEAR = 2.5
 """Farther from the LiDAR than this, ground is not looked at; a window reaches farther [m]."""
 
+PERHAPS, SURELY = 1, 2  # whether something has come by itself
 _STOOD = 8.0  # what was seen in a cell in so many sweeps stood there
 
 
@@ -126,16 +127,19 @@ def _entry(ground: Ground, i: int, j: int) -> tuple[int, int]:
 
 
 @jit
-def came(ground: Ground, x: float, y: float, since: float, doubts: bool = False) -> bool:
-    """Whether the patch of cells around an `odom` point was seen free since then [s], and nothing
-    stood there before it was seen free. doubts: cells count, too, where somebody may have been."""
-    row, column = cell(x), cell(y)
+def came(ground: Ground, x: float, y: float, since: float) -> int:
+    """Whether what is at an `odom` point has come since then [s]: SURELY, where the patch of cells
+    around it was seen free, and nothing stood there before; PERHAPS, where of some of them nobody
+    knows but that somebody may have been there; else 0."""
+    row, column, found = cell(x), cell(y), SURELY
     for i in range(row - 1, row + 2):
         for j in range(column - 1, column + 2):
             a, b = i % SIDE, j % SIDE
-            if not holds(ground.which, i, j):
-                return False
-            free = ground.free[a, b] >= since or (doubts and ground.doubt[a, b] >= since)
-            if not (free and since > ground.was[a, b]):
-                return False
-    return True
+            if not (holds(ground.which, i, j) and since > ground.was[a, b]):
+                return 0
+            if ground.free[a, b] >= since:
+                continue
+            if not ground.doubt[a, b] >= since:
+                return 0
+            found = PERHAPS
+    return found

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats
+from cohelm.core.types import Floats, Ints
 from cohelm.perceive.scan.clusters import FREE, Look, was_free
 from cohelm.perceive.scan.deskew import beam_at
 from cohelm.perceive.space.free_space_memory import Ground, came
@@ -47,21 +47,20 @@ class Wary(NamedTuple):
 
 @jit
 def came_by_itself(
-    places: Floats, near: NDArray[np.bool_], ground: Ground, since: float, look: Look, noise: float,
-    doubts: bool,
-) -> NDArray[np.bool_]:  # fmt: skip
-    """(m,) which of a sweep's points in `odom` have come since then, of those that are `near`.
+    places: Floats, near: NDArray[np.bool_], ground: Ground, since: float, look: Look, noise: float
+) -> Ints:
+    """(m,) whether a sweep's points in `odom` have come since then, of those that are `near`, as
+    `came` tells.
 
     noise: of its ranges, one standard deviation; a thing may be farther than measured by that [m].
-    doubts: what is seen where somebody may have been has come, too.
     """
-    found = np.zeros(len(places), np.bool_)
+    found = np.zeros(len(places), np.int64)
     for i in range(len(places)):
         if near[i]:
             x, y = places[i, 0], places[i, 1]
             wx, wy = x - look.sensor.x, y - look.sensor.y
             far = noise / max(math.hypot(wx, wy), 0.05)
-            found[i] = came(ground, x + far * wx, y + far * wy, since, doubts)
+            found[i] = came(ground, x + far * wx, y + far * wy, since)
     return found
 
 

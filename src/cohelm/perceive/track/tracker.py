@@ -30,7 +30,7 @@ from cohelm.perceive.scan.clusters import (
     was_free,
 )
 from cohelm.perceive.scan.deskew import DeskewedScan
-from cohelm.perceive.space.free_space_memory import Ground, noted, unknown
+from cohelm.perceive.space.free_space_memory import PERHAPS, SURELY, Ground, noted, unknown
 from cohelm.perceive.track.departed import departed, out_of_view
 from cohelm.perceive.track.potentially_dynamic import (
     NEAR,
@@ -156,10 +156,10 @@ def follow(
         worn += way * wary.keep / wary.vouched
     near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~mine & ~fixed
     since = worn - wary.keep
-    there = came_by_itself(places, near, before.ground, since, now, lidar.noise, False)
-    perhaps = came_by_itself(places, near, before.ground, since, now, lidar.noise, True)
-    ground = noted(before.ground, lidar, now, places[~mine & ~perhaps], worn)
-    may, leaves = (loose(lidar, places, those, first, second) for those in (perhaps, there))
+    there = came_by_itself(places, near, before.ground, since, now, lidar.noise)
+    ground = noted(before.ground, lidar, now, places[~mine & (there == 0)], worn)
+    may = loose(lidar, places, there >= PERHAPS, first, second)
+    leaves = loose(lidar, places, there == SURELY, first, second)
     if covered:
         here = (now.sensor.x, now.sensor.y, 1.0)
         may, leaves = np.vstack((may, here)), np.vstack((leaves, here))
