@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import cache, reduce
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -122,6 +123,29 @@ def test_ctrl_c_while_a_piece_is_written_leaves_that_piece_whole(
         trace = read(path)
     assert len(trace) % 200 == 0
     assert is_beginning(next(parts(trace, [200])), whole())
+
+
+@pytest.mark.parametrize("exchange", [1, 2, 3, 4])
+def test_ctrl_c_while_its_handler_is_exchanged_leaves_the_next_one_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exchange: int
+) -> None:
+    """One that was put off for numba comes as an alarm, and may raise between any two lines."""
+    exchanged = 0
+
+    def comes(kind: signal.Signals, handler: Any, real: Any = signal.signal) -> Any:
+        nonlocal exchanged
+        exchanged += 1
+        if exchanged == exchange:
+            raise KeyboardInterrupt
+        return real(kind, handler)
+
+    with pytest.raises(KeyboardInterrupt), Recorder(tmp_path / "run.mcap") as recorder:  # noqa: PT012
+        monkeypatch.setattr(signal, "signal", comes)
+        recorder.write(written()[0])
+    monkeypatch.undo()
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
 
 
 def test_an_error_in_the_run_leaves_a_finished_record(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 
 import numpy as np
 
@@ -175,14 +175,28 @@ def _undisturbed() -> AbstractContextManager[None]:
 
 @contextmanager
 def _holding_interrupts() -> Generator[None]:
-    """Also one that was put off, and comes as an alarm (`cli/interrupt`)."""
-    held: list[int] = []
-    kinds = (signal.SIGINT, signal.SIGALRM)
-    before = [signal.signal(kind, lambda number, _: held.append(number)) for kind in kinds]
+    """Also one that was put off, and comes as an alarm (`cli/interrupt`).
+
+    Either may come, and raise, while the other's handler is being exchanged. So what takes them
+    here knows when its time is over, and gives back what it was given, whoever left it in place.
+    """
+    held, over = list[int](), False
+    before = {kind: signal.getsignal(kind) for kind in (signal.SIGINT, signal.SIGALRM)}
+
+    def later(number: int, _: FrameType | None) -> None:
+        if not over:
+            held.append(number)
+            return
+        signal.signal(number, before[signal.Signals(number)])
+        signal.raise_signal(number)
+
     try:
+        for kind in before:
+            signal.signal(kind, later)
         yield
     finally:
-        for kind, handler in zip(kinds, before, strict=True):
+        over = True
+        for kind, handler in before.items():
             signal.signal(kind, handler)
         if held:
             signal.raise_signal(held[0])
