@@ -18,12 +18,13 @@ from functools import partial
 from typing import Any, NamedTuple, cast
 from urllib.parse import urlsplit
 
-from websockets.exceptions import InvalidURI, WebSocketException
+from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from cohelm.core.errors import CohelmError
 from cohelm.ros.port import End, Endpoint, Heard, Publisher, Qos, Received
+from cohelm.ros.tls import TlsSocket
 from cohelm.ros.types import known, packed, unpacked
 
 URL = "ws://localhost:8765"
@@ -164,15 +165,15 @@ class FoxgloveTransport:
     def _open(self) -> ClientConnection:
         """A new connection, on which the bridge has told what it can do."""
         try:
-            there = connect(
-                self._url, subprotocols=_PROTOCOLS, compression=None, open_timeout=_OPEN,
-                close_timeout=0.5, ping_interval=1.0, ping_timeout=_SILENT, max_size=_LARGEST,
-                proxy=None, legacy=True,
+            there = connect(  # in clear, over a socket that does TLS where the address says so
+                urlsplit(self._url)._replace(scheme="ws").geturl(), sock=_reached(self._url),
+                subprotocols=_PROTOCOLS, compression=None, open_timeout=_OPEN, close_timeout=0.5,
+                ping_interval=1.0, ping_timeout=_SILENT, max_size=_LARGEST, proxy=None, legacy=True,
             )  # fmt: skip
             with contextlib.suppress(OSError):
                 there.socket.setsockopt(socket.IPPROTO_TCP, _NOT_SENT_LOWEST, 1)
             info = _read(there.recv(_OPEN))
-        except (OSError, WebSocketException, InvalidURI, TimeoutError) as error:
+        except (OSError, ValueError, WebSocketException) as error:
             raise CohelmError(
                 f"no foxglove_bridge answers at {self._url} ({error}): start it on the robot (ros2 "
                 "launch foxglove_bridge foxglove_bridge_launch.xml), or name its address with --url"
@@ -357,6 +358,17 @@ class _Writer:
         """To who has come late."""
         if self._last:
             self._transport.send(self._last, True)
+
+
+def _reached(url: str) -> socket.socket:
+    """A socket to the host of an address, with TLS for wss://. Raises OSError, or ValueError."""
+    parts = urlsplit(url)
+    host, sealed = str(parts.hostname), parts.scheme == "wss"
+    there = socket.create_connection((host, parts.port or (443 if sealed else 80)), _OPEN)
+    if sealed:
+        return TlsSocket(there, host)
+    there.settimeout(None)
+    return there
 
 
 def _listed(data: object) -> list[Any]:
