@@ -402,9 +402,15 @@ def test_it_is_closed_without_force(server):
 
 PUSHING = """
 import sys, time
+from cohelm.core.errors import CohelmError
 from cohelm.link.sticks.brunner_stick import BrunnerStick, parameters
 from cohelm.link.sticks.port import CENTRED, Feel
-device = BrunnerStick(parameters(sys.argv[1]))
+device = None
+while device is None:  # who answers is a thread of the test, and may be late on a busy machine
+    try:
+        device = BrunnerStick(parameters(sys.argv[1]))
+    except CohelmError:
+        pass
 while True:
     device.read()
     device.feel(Feel(1.0, CENTRED))
