@@ -39,7 +39,7 @@ def driven(name: str, *changes: str) -> Trace:
 def test_the_lab_is_driven_without_a_contact(change):
     drives = [
         driven("lab-avoid", "simulation.wheel_limits=true", change, f"simulation.seed={seed}")
-        for seed in range(5)
+        for seed in range(5 if change == "senses=lidar" else 1)  # who sees the truth has no noise
     ]
     for trace in drives:
         assert measure(trace).reached
