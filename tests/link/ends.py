@@ -31,8 +31,8 @@ COUNTED = 0.1
 def until(
     true: Callable[[], object], within: float = 10.0, turn: Callable[[], object] = int
 ) -> float:
-    """Wait for something, calling `turn` meanwhile; returns how long it took [s]. While this process
-    does not run on a busy machine, its threads do not either: that is not counted as waiting."""
+    """Wait for something, calling `turn` meanwhile; returns how long it took [s]. While this
+    process does not run on a busy machine, its threads do not either: that does not count."""
     began = last = time.monotonic()
     waited = 0.0
     while not true():
