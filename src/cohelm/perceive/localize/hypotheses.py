@@ -70,6 +70,7 @@ class Hypotheses:
         self._left_out = -math.inf  # likelihood that none exceeds which is not followed
         self._again = False  # whether what explains little was searched for anew
         self._waited = 0  # scans since then
+        self._stamp = self._sought = 0.0  # of the newest sweep, and of the one searched with [s]
 
     def forget(self) -> None:
         """Drop all places and any search."""
@@ -129,14 +130,15 @@ class Hypotheses:
             one.pose, own = moved(one.pose, joined(one.covariance, joint[3:, 3:]), step)
             one.covariance = own[:3, :3]
 
-    def look_back(self, step: Pose, sweep: DeskewedScan) -> None:
+    def look_back(self, step: Pose, sweep: DeskewedScan, stamp: float) -> None:
         """Keep the views of the last metres while it may be anywhere: a place that is thought of
-        only now must fit them."""
+        only now must fit them. stamp: of the sweep [s]."""
+        self._stamp = stamp
         if not self.cold:
             return
         self._last.led_on(step)
         if usable(self.lidar, sweep.ranges):
-            self._last.add(sweep.points, sweep.ranges)
+            self._last.add(sweep.points, sweep.ranges, stamp)
 
     def seek(
         self, points: Floats, across: Floats, sweep: DeskewedScan, here: Pose, joint: Floats
@@ -159,7 +161,7 @@ class Hypotheses:
             sure = self.left.joint if self.left else joint
             self._found += [(own, inverted(sure[:3, :3]))]
         self._searched = (points, across, sweep.ranges)
-        self._tried = []
+        self._tried, self._sought = [], self._stamp
         self._again = self.cold and bool(self.all)
         self._base = _NOWHERE
         if not self.all:
@@ -194,6 +196,8 @@ class Hypotheses:
         # more places were found than were tried, where the last of them fit as well as the best
         last = max(self._tried[-self.caution.last :]) if self._full else -math.inf
         self._left_out = self._near(last, max(self._tried))
+        if self.cold and self.all:
+            self._left_out -= max(self.all, key=lambda h: h.log).charges.closer
         return True
 
     def widen(self) -> None:
@@ -236,7 +240,8 @@ class Hypotheses:
                 new = self.judge.weighed(one.judged)
                 one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
             elif one.stale:
-                one.log = self._charged(one, one.pose, sweep.ranges, since.share)
+                self.judge.charge(one.pose, sweep.ranges, self._stamp, one.charges)
+                one.log = one.charges.log
             one.witnessed = self.alarm.witnessed(one.pose)
             one.age, one.stale = 0, False
         if fresh:
@@ -261,7 +266,8 @@ class Hypotheses:
             self._since.views, self._whole = 0, False
         self.all = kept[: self.caution.followed]
         for one in kept[self.caution.followed :][:1]:
-            self._left_out = max(self._left_out, one.total if self.cold else math.inf)
+            own = one.charges.most - kept[0].charges.closer
+            self._left_out = max(self._left_out, own if self.cold else math.inf)
         return kept
 
     def _near(self, last: float, best: float) -> float:
@@ -277,9 +283,11 @@ class Hypotheses:
         anywhere, where the best of the first search leaves more than some four things unexplained,
         there may be one."""
         c = self.caution
-        if self.cold and kept[0].total < c.least and not self._again:
+        # what is not followed is taken to lie on what was seen since as closely as the best
+        own = kept[0].total - kept[0].charges.closer
+        if self.cold and own < c.least and not self._again:
             return False
-        return kept[0].total - self._left_out >= c.margin
+        return own - self._left_out >= c.margin
 
     def verdict(self, kept: list[Hypothesis]) -> Verdict:
         """Whether the best of those that are ranked can be believed."""
@@ -308,7 +316,10 @@ class Hypotheses:
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):
             return -1e3
         joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, UNKNOWN)
-        covariance = updated(joint, fit.information)[:3, :3]
+        told = fit.information
+        if self.cold:
+            told = independent(self.known.surfaces, points, across, fit.pose, care, fit.rms)
+        covariance = updated(joint, told)[:3, :3]
         pose = compose(fit.pose, self._base)
         new = self.judge.weighed(judged)
         for other in self.all:
@@ -321,11 +332,12 @@ class Hypotheses:
         before = self._since.likely(pose, self._weighed)
         found = Hypothesis(pose, covariance, before, new, judged)
         if self.cold:
-            share = self.caution.view
             for view in self._last.used:
-                self._charged(found, compose(fit.pose, view.back), view.ranges, share, 2)
-            before = found.log = self._charged(found, fit.pose, ranges, share)
-            found.latest = new = 0.0
+                at = compose(fit.pose, view.back)
+                self.judge.charge(at, view.ranges, view.stamp, found.charges, 2)
+            self.judge.charge(fit.pose, ranges, self._sought, found.charges)
+            found.log, found.latest = found.charges.log, 0.0
+            before, new = found.charges.most, 0.0
             found.covariance = covariance + _BESIDE
         # only once it is lost: a keyframe may have been taken while somebody pushed, and before
         # that the map is asked
@@ -336,13 +348,6 @@ class Hypotheses:
     def _weighed(self, pose: Pose, ranges: Floats) -> float:
         """How likely a scan is at a pose, by every other beam."""
         return self.judge.weighed(self.judge.judge(pose, ranges, 2))
-
-    def _charged(
-        self, one: Hypothesis, pose: Pose, ranges: Floats, share: float, every: int = 1
-    ) -> float:
-        """How likely a place is, now that it was looked at from one more view."""
-        one.charges.take(self.judge.charged(pose, ranges, one.charges.wrong, every), share)
-        return one.charges.log
 
     def _possible(self, pose: Pose, judged: Judgement, more: float = 0.0) -> bool:
         """Whether the robot may be there, by one scan alone; where it last was, the map may be

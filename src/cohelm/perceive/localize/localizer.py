@@ -107,7 +107,7 @@ class Locator:
         points = np.ascontiguousarray(points[::every])
         mount = self.lidar.mount
         across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
-        self._hypotheses.look_back(step, sweep)
+        self._hypotheses.look_back(step, sweep, stamp)
         self._alarm.compare(
             odometry, stamp, sweep.ranges, step, self.located.pose, self.located.lost
         )

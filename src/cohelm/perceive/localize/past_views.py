@@ -17,11 +17,12 @@ _HERE = Pose(0.0, 0.0, 0.0)
 
 class View(NamedTuple):
     """A scan from where the robot was, `back` from where it is now: points in the body frame then,
-    and the whole scan's ranges."""
+    the whole scan's ranges, and its time [s]."""
 
     back: Pose
     points: Floats
     ranges: Floats
+    stamp: float
 
 
 @dataclass
@@ -39,11 +40,11 @@ class LastMetres:
         turn = inverse(step)
         self.views = [view._replace(back=compose(turn, view.back)) for view in self.views]
 
-    def add(self, points: Floats, ranges: Floats) -> None:
+    def add(self, points: Floats, ranges: Floats, stamp: float) -> None:
         """The newest view, if none is near."""
         last = self.views[-1].back if self.views else None
         if not (last and math.hypot(last.x, last.y) < self.apart and abs(last.psi) < self.apart):
-            self.views.append(View(_HERE, points, ranges))
+            self.views.append(View(_HERE, points, ranges, stamp))
         self.views = self.views[-self.most :]
 
     def use(self) -> list[View]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from cohelm.core.types import Floats, Ints, Pose
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, judge
-from cohelm.perceive.localize.map_errors import charged
+from cohelm.perceive.localize.map_errors import Charges, charged
 from cohelm.perceive.match.scan_matching import Fit, MatchParams
 from cohelm.robot.sensors import Lidar
 
@@ -45,13 +45,12 @@ class ScanJudge:
         unknown = max(judged.log - judged.weighed - self._blank, 0.0)
         return judged.log + max(judged.closer, 0.0) - unknown
 
-    def charged(
-        self, pose: Pose, ranges: Floats, wrong: Ints, every: int = 1
-    ) -> tuple[float, float]:
-        """What a scan tells to a place, as log likelihoods: what the map would have wrong that is
-        not yet in `wrong`, and how closely ends of beams lie on what is drawn."""
-        offset = self.care.offset
-        return charged(self.known, self.lidar, pose, ranges, every, offset, self._scatter, wrong)
+    def charge(
+        self, pose: Pose, ranges: Floats, stamp: float, charges: Charges, every: int = 1
+    ) -> None:
+        """Take what a scan tells to a place into its charges."""
+        care = self.care.offset, self._scatter, charges.cells, charges.off, stamp
+        charges.take(charged(self.known, self.lidar, pose, ranges, every, *care))
 
     def fits(self, judged: Judgement, alarmed: bool) -> bool:
         """Whether a tracked pose may be kept; after a jolt, less is excused than before."""
