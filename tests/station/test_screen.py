@@ -146,6 +146,25 @@ def test_way_points_are_added_dragged_checked_and_sent(page: Page) -> None:
     release(page)
 
 
+def test_escape_closes_what_has_only_just_been_shown(
+    context: BrowserContext, server: Server
+) -> None:
+    page = open_page(context, server)
+    page.evaluate(
+        """() => new Promise(done => {
+            new MutationObserver((_, watching) => {
+                if (!document.querySelector('[role=dialog]')) return
+                watching.disconnect()
+                dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }))
+                done()
+            }).observe(document.body, { childList: true, subtree: true })
+            const named = b => (b.ariaLabel || b.textContent).includes('Stick settings')
+            ;[...document.querySelectorAll('button')].find(named).click()
+        })"""
+    )
+    expect(page.get_by_role("dialog")).to_have_count(0)
+
+
 def test_everything_has_a_name_and_nothing_comes_from_elsewhere(
     context: BrowserContext, server: Server
 ) -> None:

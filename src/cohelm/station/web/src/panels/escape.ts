@@ -1,8 +1,8 @@
 // The escape key closes what was opened over the screen.
-import { useEffect } from 'preact/hooks'
+import { useLayoutEffect } from 'preact/hooks'
 
 export function useEscape(close: () => void): void {
-  useEffect(() => {
+  useLayoutEffect(() => { // as soon as it is shown, not some time after
     const pressed = (event: KeyboardEvent) => { if (event.key === 'Escape') close() }
     addEventListener('keydown', pressed)
     return () => removeEventListener('keydown', pressed)
