@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.link import messages as m
+from tests.patience import looks
 
 NAN = math.nan
 STATUS = m.Status(
@@ -24,21 +25,13 @@ STATUS = m.Status(
 CENTRED = Stick(0.0, 0.0)
 
 
-COUNTED = 0.1
-"""Of one look to the next, no more is counted [s]."""
-
-
 def until(
     true: Callable[[], object], within: float = 10.0, turn: Callable[[], object] = int
 ) -> float:
-    """Wait for something, calling `turn` meanwhile; returns how long it took [s]. While this
-    process does not run on a busy machine, its threads do not either: that does not count."""
-    began = last = time.monotonic()
-    waited = 0.0
-    while not true():
-        assert waited < within, "it did not come about"
+    """Wait for something, calling `turn` meanwhile; returns how long it took [s]."""
+    began = time.monotonic()
+    for _ in looks(within, 0.005, 0.1):
+        if true():
+            return time.monotonic() - began
         turn()
-        time.sleep(0.005)
-        now = time.monotonic()
-        waited, last = waited + min(now - last, COUNTED), now
-    return last - began
+    raise AssertionError("it did not come about")

@@ -36,6 +36,7 @@ from cohelm.ros.types import HAZARD, store
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.world import world
+from tests.patience import looks
 
 DOMAIN = 100 + os.getpid() % 100
 NOBODYS = 200 + os.getpid() % 30
@@ -248,24 +249,12 @@ class Filter:
         self.gated.close()
 
 
-COUNTED = 0.5
-"""Of one look to the next, no more is counted [s]."""
-
-
 def until(true: Callable[[], bool], within: float = 20.0) -> bool:
-    """Whether something has become true by then. While this process does not run on a busy machine,
-    its threads do not either: that is not counted as waiting.
+    """Whether something has become true by then.
 
     A bridge that hung is killed after 3 s and begins anew; what it had on DDS is gone after 10 s.
     """
-    waited, last = 0.0, time.monotonic()
-    while not true():
-        if waited > within:
-            return False
-        time.sleep(0.01)
-        now = time.monotonic()
-        waited, last = waited + min(now - last, COUNTED), now
-    return True
+    return any(true() for _ in looks(within, 0.01, 0.5))
 
 
 class Stage:

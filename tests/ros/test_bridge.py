@@ -48,8 +48,9 @@ def test_auto_takes_the_bridge_where_its_address_is_given_or_nothing_else_is_the
 def test_no_bridge_or_one_that_lacks_something_is_said_with_its_cure():
     with pytest.raises(CohelmError, match="no foxglove_bridge answers at ws:"):
         FoxgloveTransport("ws://127.0.0.1:9")
-    with pytest.raises(CohelmError, match="give the bridge's address"):
-        FoxgloveTransport("robot:8765")
+    for none in ("robot:8765", "ws://[::1", "wss://robot:99999"):
+        with pytest.raises(CohelmError, match="give the bridge's address"):
+            FoxgloveTransport(none)
     poor = Bridge(graph=False)
     try:
         with pytest.raises(CohelmError, match="offers no connectionGraph: add that to its"):

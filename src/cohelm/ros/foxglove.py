@@ -67,6 +67,15 @@ class _Subscriber(NamedTuple):
     heard: Heard
 
 
+class _Address(NamedTuple):
+    host: str
+    port: int
+    sealed: bool
+    """Whether with TLS."""
+    clear: str
+    """The same without."""
+
+
 class FoxgloveTransport:
     """A client of a bridge. See `port.Transport`. A lost bridge is looked for until it is back."""
 
@@ -77,10 +86,7 @@ class FoxgloveTransport:
 
     def __init__(self, url: str = URL) -> None:
         """Raises CohelmError where no bridge answers, or it lacks what is needed."""
-        parts = urlsplit(url)
-        if parts.scheme not in ("ws", "wss") or not parts.hostname:
-            raise CohelmError(f"--url {url!r}: give the bridge's address, such as {URL}")
-        self.name, self._url = f"foxglove_bridge, {url}", url
+        self.name, self._url, self._at = f"foxglove_bridge, {url}", url, _address(url)
         self._lock = threading.RLock()
         self._ended = threading.Event()
         self._channels: dict[int, _Channel] = {}
@@ -166,9 +172,9 @@ class FoxgloveTransport:
         """A new connection, on which the bridge has told what it can do."""
         try:
             there = connect(  # in clear, over a socket that does TLS where the address says so
-                urlsplit(self._url)._replace(scheme="ws").geturl(), sock=_reached(self._url),
-                subprotocols=_PROTOCOLS, compression=None, open_timeout=_OPEN, close_timeout=0.5,
-                ping_interval=1.0, ping_timeout=_SILENT, max_size=_LARGEST, proxy=None, legacy=True,
+                self._at.clear, sock=_reached(self._at), subprotocols=_PROTOCOLS,
+                compression=None, open_timeout=_OPEN, close_timeout=0.5, ping_interval=1.0,
+                ping_timeout=_SILENT, max_size=_LARGEST, proxy=None, legacy=True,
             )  # fmt: skip
             with contextlib.suppress(OSError):
                 there.socket.setsockopt(socket.IPPROTO_TCP, _NOT_SENT_LOWEST, 1)
@@ -360,13 +366,25 @@ class _Writer:
             self._transport.send(self._last, True)
 
 
-def _reached(url: str) -> socket.socket:
-    """A socket to the host of an address, with TLS for wss://. Raises OSError, or ValueError."""
-    parts = urlsplit(url)
-    host, sealed = str(parts.hostname), parts.scheme == "wss"
-    there = socket.create_connection((host, parts.port or (443 if sealed else 80)), _OPEN)
-    if sealed:
-        return TlsSocket(there, host)
+def _address(url: str) -> _Address:
+    """What an address says. Raises CohelmError for what is none."""
+    none = CohelmError(f"--url {url!r}: give the bridge's address, such as {URL}")
+    try:
+        parts = urlsplit(url)
+        host, port, sealed = parts.hostname, parts.port, parts.scheme == "wss"
+    except ValueError:  # half an IPv6 address, or a port that there is not
+        raise none from None
+    if not host or parts.scheme not in ("ws", "wss"):
+        raise none
+    clear = parts._replace(scheme="ws").geturl()
+    return _Address(host, port or (443 if sealed else 80), sealed, clear)
+
+
+def _reached(at: _Address) -> socket.socket:
+    """A socket to an address, with TLS where that says so. Raises OSError, or ValueError."""
+    there = socket.create_connection((at.host, at.port), _OPEN)
+    if at.sealed:
+        return TlsSocket(there, at.host)
     there.settimeout(None)
     return there
 

@@ -191,7 +191,7 @@ def _told(sum_: float, wide: float) -> float:
 
 @jit
 def _first(
-    wrong: Ints, lies: Floats, cells: Ints, kind: int, stamp: float, stood: bool
+    seen: Ints, lies: Floats, cells: Ints, kind: int, stamp: float, stood: bool
 ) -> tuple[int, bool]:
     """Keep the cells (n, 2) of a thing that the map has wrong: how many of them are new, and
     whether it is more of a thing from before. stood: whether it surely stands; else it may be
@@ -199,21 +199,21 @@ def _first(
     again, new = False, 0
     for k in range(len(cells)):
         u, v = cells[k, 0], cells[k, 1]
-        if _beside(wrong, u, v, kind, 1):  # it covers this as well
+        if _beside(seen, u, v, kind, 1):  # it covers this as well
             again = again or new == 0
             continue
-        if not stood and not _stands(wrong, lies, u, v, stamp):
+        if not stood and not _stands(seen, lies, u, v, stamp):
             continue
-        again = again or (new == 0 and _beside(wrong, u, v, kind, 2))
-        _put(wrong, _key(u, v, kind))
+        again = again or (new == 0 and _beside(seen, u, v, kind, 2))
+        _put(seen, _key(u, v, kind))
         new += 1
     return new, again
 
 
 @jit
-def _stands(wrong: Ints, lies: Floats, u: int, v: int, stamp: float) -> bool:
+def _stands(seen: Ints, lies: Floats, u: int, v: int, stamp: float) -> bool:
     """Whether something has been in a cell, or beside it, for long enough to stand there."""
-    at = _kept(wrong, u, v, _PERHAPS)
+    at = _kept(seen, u, v, _PERHAPS)
     if at == 0:
         return True
     if lies[at, 1] == 0.0 or stamp - lies[at, 1] > _STOOD:
@@ -264,35 +264,35 @@ def _key(u: int, v: int, kind: int) -> int:
 
 
 @jit
-def _slot(wrong: Ints, key: int) -> int:
+def _slot(seen: Ints, key: int) -> int:
     """Where a key is, or would be."""
-    n = len(wrong) - 1
+    n = len(seen) - 1
     h = (key * 2654435761) % n
-    while wrong[1 + h] != 0 and wrong[1 + h] != key:
+    while seen[1 + h] != 0 and seen[1 + h] != key:
         h = (h + 1) % n
     return 1 + h
 
 
 @jit
-def _beside(wrong: Ints, u: int, v: int, kind: int, reach: int) -> bool:
+def _beside(seen: Ints, u: int, v: int, kind: int, reach: int) -> bool:
     """Whether one of that kind is kept within so many cells."""
-    if wrong[0] == 0:
+    if seen[0] == 0:
         return False
     for du in range(-reach, reach + 1):
         for dv in range(-reach, reach + 1):
             key = _key(u + du, v + dv, kind)
-            if wrong[_slot(wrong, key)] == key:
+            if seen[_slot(seen, key)] == key:
                 return True
     return False
 
 
 @jit
-def _put(wrong: Ints, key: int) -> int:
+def _put(seen: Ints, key: int) -> int:
     """Where a key is kept from now on; 0 if no slot is free."""
-    at = _slot(wrong, key)
-    if wrong[at] == 0:
-        if wrong[0] >= _FILLED:
+    at = _slot(seen, key)
+    if seen[at] == 0:
+        if seen[0] >= _FILLED:
             return 0
-        wrong[at] = key
-        wrong[0] += 1
+        seen[at] = key
+        seen[0] += 1
     return at

@@ -1,9 +1,8 @@
 """Unobserved ground: no beam looks there now, and none ever did or somebody went there.
 
 A LiDAR that does not look all round leaves some beside or behind the robot, unless another looks
-A LiDAR that does not look all round leaves some beside or behind the robot, unless another looks
-begins with is told as standing points, so that nobody backs the robot into what it has never seen,
-or turns it into who has just gone behind it.
+there. Where it begins is told as standing points, so that nobody backs the robot into what it has
+never seen, or turns it into who has just gone behind it.
 """
 
 from __future__ import annotations
