@@ -305,11 +305,29 @@ def test_a_full_turn_in_float32_is_a_scan_either_way(turn):
         ({"discs": [[0.0, 0.0, -1.0]]}, "radius must not be negative"),
         ({"discs": [[0.0, 0.0, 1.0]], "max_acceleration": [1.0, 2.0]}, "max_acceleration needs"),
         ({"discs": [[0.0, 0.0, 1.0]], "max_acceleration": -1.0}, "max_acceleration needs"),
+        ({"discs": [[0.0, 0.0, 1.0]], "velocity_error": [0.1, 0.1]}, "velocity_error needs"),
+        ({"discs": [[0.0, 0.0, 1.0]], "velocity_error": -0.1}, "velocity_error needs"),
+        ({"velocity_error": [0.1, 0.2]}, "velocity_error needs a number >= 0 for each of 0 discs"),
     ],
 )
 def test_no_array_of_the_wrong_shape_or_kind_passes_for_obstacles(given, said):
     with pytest.raises(CohelmError, match=said):
         Obstacles(**given)
+
+
+def test_who_may_be_faster_than_he_is_said_to_be_is_kept_farther_off():
+    """A robot at 0.5 m/s, somebody who walks alongside: well, or with a velocity that is hardly
+    known."""
+    beside = [[0.6, 0.55, 0.2, 0.5, 0.0]]
+    known, guessed = (
+        SafetyFilter(SALLY, DT)(
+            HERE, Twist(0.5, 0.0), Twist(0.5, 0.0), Obstacles(discs=beside, velocity_error=off)
+        )
+        for off in (0.0, 1.0)
+    )
+    assert known.twist == Twist(0.5, 0.0)
+    assert guessed.twist.v < 0.5
+    assert guessed.limiting == LimitingObstacle("disc", 0)
 
 
 def test_another_outline_counts_from_the_next_call_on():

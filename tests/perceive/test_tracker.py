@@ -13,7 +13,6 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.scan.clusters import CX, CY, clusters
 from cohelm.perceive.scan.deskew import sweep
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended
-from cohelm.perceive.track.potentially_dynamic import spread
 from cohelm.robot.port import Odometry
 from cohelm.scenario import load
 from cohelm.sim.grid import NO_GRID
@@ -213,14 +212,3 @@ def test_who_walks_fast_across_is_told_where_he_is_not_where_his_beams_were(spee
     told, _, _ = watch(around, standing(2.6))
     off = [found[np.argmin(np.abs(found[:, 1] - at(t))), 1] - at(t) for t, found in told if t > 1.4]
     assert np.max(np.abs(off)) < 0.06
-
-
-def test_a_robot_that_drives_is_told_less_of_what_it_need_not_fear_before_it_stands():
-    """What is not known of a velocity is told as acceleration: the more of it, the sooner the
-    robot stands. For one that needs 0.8 s it is bounded as closely as for one that needs 0.2 s."""
-    off, most = np.array([0.3]), np.array([1.0])
-    for stop in (0.2, 0.8):
-        more, agile = spread(off, most, 0.0, stop)
-        for t in (0.1, 0.2, 0.5, 0.8, 1.5):  # a bound at any time
-            assert more[0] + 0.5 * agile[0] * t * t >= off[0] * t + 0.5 * most[0] * t * t - 1e-12
-        assert more[0] + 0.5 * agile[0] * stop**2 == pytest.approx(0.3 * stop + 0.5 * stop**2)

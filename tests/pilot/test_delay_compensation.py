@@ -5,8 +5,9 @@ import pytest
 from hypothesis import example, given, strategies as st
 
 from cohelm.core.types import Pose, Stick, Twist
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
-from cohelm.pilot.delay_compensation import foreseen, periods
+from cohelm.pilot.delay_compensation import foreseen, moved_on, periods
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot
 from cohelm.robot.kinematics import arc
 from tests.pilot.drives import DT, SETTINGS
@@ -40,3 +41,19 @@ def test_the_pilot_looks_at_where_the_robot_will_be_then(delay):
     d = pilot.step(0.0, Pose(0.0, 0.0, 0.0), Twist(0.5, 0.0), Stick(0.0, 0.0), NOTHING_NEAR)
     there = d.x_d - (d.tracking_v - d.u_d) / SETTINGS.gains.k_x  # what (16) tracks from
     assert there == pytest.approx(0.5 * delay, abs=1e-6)
+
+
+@given(st.floats(0.0, 0.5), st.floats(0.0, 0.5), st.floats(0.0, 2.0), st.floats(0.0, 1.0))
+def test_who_moves_may_be_as_far_off_in_two_steps_as_in_one(first, second, most, off):
+    """What is foretold again and again grows no faster: t later, off t + most t^2 / 2."""
+    now = surroundings([[1.0, 0.0, 0.4, -0.3, 0.2, 0.5]], [most], velocity_error=[off])
+    t = first + second
+    once, twice = moved_on(now, t), moved_on(moved_on(now, first), second)
+    for then in (once, twice):
+        x, y, _, _, radius, _ = then.discs[0]
+        assert (x, y) == pytest.approx((1.0 + 0.4 * t, -0.3 * t))
+        assert radius == pytest.approx(0.2 + off * t + 0.5 * most * t * t)
+        assert then.velocity_error == pytest.approx([off + most * t])
+        assert then.max_acceleration == pytest.approx([most])
+    assert now.discs[0, 4] == 0.2  # what was told is not written into
+    assert now.velocity_error[0] == off

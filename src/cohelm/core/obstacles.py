@@ -31,19 +31,22 @@ class Obstacles:
     nothing. discs: (n, 3) x, y, radius [m], which rest, or (n, 5) x, y, radius, v_x, v_y [m, m/s],
     which move. segments: (m, 4), walls x1, y1, x2, y2 [m]. max_acceleration: what the discs are
     taken to be capable of [m/s^2], one number or one per disc; by default 0 for those that rest,
-    1 for those whose velocity is given. A disc or segment that is not finite makes the filter
+    1 for those whose velocity is given. velocity_error: by how much a velocity may be off [m/s],
+    one number or one per disc; by default 0. A disc or segment that is not finite makes the filter
     brake. Points and segments are taken to rest: give discs for what moves.
 
     Arrays of float64 are kept, not copied; do not change them while they are in use. Raises
     CohelmError where a shape or type does not fit.
     """
 
-    __slots__ = ("discs", "max_acceleration", "points", "segments")
+    __slots__ = ("discs", "max_acceleration", "points", "segments", "velocity_error")
 
     discs: Floats
     """(n, 6), columns as in `core.types`."""
     max_acceleration: Floats
     """(n,) [m/s^2]."""
+    velocity_error: Floats
+    """(n,) [m/s]."""
     segments: Floats
     points: Floats
 
@@ -54,13 +57,18 @@ class Obstacles:
         segments: ArrayLike | None = None,
         *,
         max_acceleration: ArrayLike | None = None,
+        velocity_error: ArrayLike | None = None,
     ) -> None:
         self.points = _NO_POINTS if points is None else _rows("points", points, 2)
         self.segments = _NO_SEGMENTS if segments is None else _rows("segments", segments, 4)
-        if discs is None and max_acceleration is None:
-            self.discs, self.max_acceleration = _NO_DISCS, _NOTHING
-        else:
-            self.discs, self.max_acceleration = _discs(discs, max_acceleration)
+        if discs is None and max_acceleration is None and velocity_error is None:
+            self.discs, self.max_acceleration, self.velocity_error = _NO_DISCS, _NOTHING, _NOTHING
+            return
+        self.discs, moves = _discs(discs)
+        usual = _MOST_ACCELERATION if moves else 0.0
+        n = len(self.discs)
+        self.max_acceleration = _one_each("max_acceleration", max_acceleration, n, usual)
+        self.velocity_error = _one_each("velocity_error", velocity_error, n, 0.0)
 
     @classmethod
     def from_ranges(
@@ -102,6 +110,7 @@ class Obstacles:
         made.discs[:, [X, Y]] = self.discs[:, [X, Y]] @ turn + at
         made.discs[:, [VX, VY]] = self.discs[:, [VX, VY]] @ turn
         made.max_acceleration = self.max_acceleration
+        made.velocity_error = self.velocity_error
         return made
 
     def __len__(self) -> int:
@@ -140,7 +149,8 @@ def _rows(name: str, given: ArrayLike, width: int) -> Floats:
     raise CohelmError(f"{name} need {width} columns, got shape {made.shape}")
 
 
-def _discs(given: ArrayLike | None, acceleration: ArrayLike | None) -> tuple[Floats, Floats]:
+def _discs(given: ArrayLike | None) -> tuple[Floats, bool]:
+    """(n, 6), columns as in `core.types`, and whether velocities are given."""
     rows: Any = np.empty((0, 3)) if given is None else _array("discs", given)
     if rows.size == 0:
         rows = rows.reshape(0, 3)
@@ -153,12 +163,15 @@ def _discs(given: ArrayLike | None, acceleration: ArrayLike | None) -> tuple[Flo
     made[:, [X, Y, RADIUS]] = rows[:, :3]
     if moves:
         made[:, [VX, VY]] = rows[:, 3:]
-    if acceleration is None:
-        return made, np.full(len(rows), _MOST_ACCELERATION if moves else 0.0)
-    most = _array("max_acceleration", acceleration)
-    most = np.full(len(rows), most.item()) if most.size == 1 else most
-    if most.shape != (len(rows),) or (most < 0.0).any():
-        raise CohelmError(
-            f"max_acceleration needs a number >= 0 for each of {len(rows)} discs, got {most}"
-        )
-    return made, most
+    return made, moves
+
+
+def _one_each(name: str, given: ArrayLike | None, n: int, usual: float) -> Floats:
+    """One number for each of n discs."""
+    if given is None:
+        return np.full(n, usual)
+    made = _array(name, given)
+    made = np.full(n, made.item()) if made.size == 1 else made
+    if made.shape != (n,) or (made < 0.0).any():
+        raise CohelmError(f"{name} needs a number >= 0 for each of {n} discs, got {made}")
+    return made

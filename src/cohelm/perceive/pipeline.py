@@ -23,12 +23,11 @@ from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
 from cohelm.perceive.track.tracker import TrackerParams, bodies, hidden, strays
-from cohelm.robot.limits import Limits, braking_time
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
-_NOBODY = np.empty((0, 6)), np.empty(0), np.empty((0, 6)), np.empty(0)
+_NOBODY = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
 _ON_WALL = 0.1  # what ends as near to a wall of the map as this stands [m]
 
 
@@ -61,13 +60,13 @@ class Seen(NamedTuple):
     """How many of the points are such ground."""
     discs: Floats
     """Moving things, (n, 6) as in `core.types`, in `odom`."""
-    max_acceleration: Floats
-    """(n,), how fast each may change its velocity [m/s^2]."""
     mobile: Floats
     """What the guard is told to move: `discs`, and behind them, as small discs that may go
     anywhere, what may set off though nobody knows that it moves, (m, 6), in `odom`."""
     mobile_max_acceleration: Floats
-    """(m,), of those [m/s^2]."""
+    """(m,), how fast each of those may change its velocity [m/s^2]."""
+    mobile_velocity_error: Floats
+    """(m,), by how much the velocity of each may be another one already [m/s]."""
     odometry_stamp: float
     """Of the newest odometry [s]; -inf before the first."""
     scan_stamp: float
@@ -87,14 +86,12 @@ class Perception:
         start: Pose | None = None,
         remembering: ScanMemoryParams | None = None, watching: TrackerParams | None = None,
         outline: Floats | None = None, further: Sequence[LidarModel] = (),
-        limits: Limits | None = None,
     ) -> None:  # fmt: skip
         """Of a robot, or of LiDARs alone. Raises CohelmError for a robot without a LiDAR.
 
         outline: with a LiDAR alone, (k, 2) of what it is on [m]; without, ground that may hold
-        anything is not told. further: LiDARs beside that one. limits: of what it is on.
+        anything is not told. further: LiDARs beside that one.
         """
-        self._limits = model.bounds() if isinstance(model, RobotModel) else limits
         if isinstance(model, Lidar):
             self.lidar = model
         elif model.lidar is None:
@@ -255,14 +252,15 @@ class Perception:
             )
         if located is None:
             located = Located(here, np.zeros((3, 3)), 1.0, False, "")
-        discs, max_acceleration, mobile, mobile_max_acceleration = self._mobile(now)
+        discs, mobile, velocity_error = self._mobile(now)
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom, points=self._told,
             blind=self.blind, discs=discs,
-            max_acceleration=max_acceleration, mobile=mobile,
-            mobile_max_acceleration=mobile_max_acceleration, odometry_stamp=stamp,
+            mobile=mobile,
+            mobile_max_acceleration=np.full(len(mobile), self._watching.max_acceleration),
+            mobile_velocity_error=velocity_error, odometry_stamp=stamp,
             scan_stamp=min(source.stamp for source in self._sources),
         )  # fmt: skip
 
@@ -271,36 +269,25 @@ class Perception:
         """How many of the points that are told are ground that may hold anything; see `Seen`."""
         return len(self._told) - len(self._points)
 
-    def _mobile(self, now: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Movers and their largest acceleration, and all that may move and theirs, foretold to
-        now."""
-        stop = self._watching.wary.stop
-        if self._limits is not None:
-            stop = max(stop, braking_time(self._twist, self._limits))
-        told = [_movers(source, now, self._watching, stop) for source in self._sources]
+    def _mobile(self, now: float) -> tuple[Floats, Floats, Floats]:
+        """Movers, all that may move, and by how much the velocities of these may be off, foretold
+        to now."""
+        told = [_movers(source, now, self._watching) for source in self._sources]
         if len(told) == 1:
             return told[0]
-        discs, max_acceleration, mobile, mobile_max_acceleration = zip(*told, strict=True)
-        return (
-            np.vstack(discs), np.concatenate(max_acceleration), np.vstack(mobile),
-            np.concatenate(mobile_max_acceleration),
-        )  # fmt: skip
+        discs, mobile, velocity_error = zip(*told, strict=True)
+        return np.vstack(discs), np.vstack(mobile), np.concatenate(velocity_error)
 
 
 def _movers(
-    source: ObservationSource | RangeSource, now: float, watching: TrackerParams, stop: float
-) -> tuple[Floats, Floats, Floats, Floats]:
+    source: ObservationSource | RangeSource, now: float, watching: TrackerParams
+) -> tuple[Floats, Floats, Floats]:
     """The same of one LiDAR."""
     if not len(source.movers.tracks) and not len(source.movers.loose):
         return _NOBODY
-    discs, max_acceleration = bodies(source.movers, now, watching, stop)
-    loose, agile = strays(source.movers, now, watching, stop)
-    return (
-        discs,
-        max_acceleration,
-        np.vstack((discs, loose)),
-        np.concatenate((max_acceleration, agile)),
-    )
+    discs, off = bodies(source.movers, now, watching)
+    loose, fast = strays(source.movers, now, watching)
+    return discs, np.vstack((discs, loose)), np.concatenate((off, fast))
 
 
 def seen_from(seen: Seen, pose: Pose) -> Pose:

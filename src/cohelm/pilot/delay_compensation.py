@@ -39,28 +39,18 @@ def foreseen(
 
 
 @jit
-def moved_on(around: Surroundings, after: float, stop: float) -> Surroundings:
+def moved_on(around: Surroundings, after: float) -> Surroundings:
     """The same surroundings `after` seconds later, none for 0: discs go on with their velocity.
 
-    Each grows by what it may have strayed by then, max_acceleration * after^2 / 2, and, because its
-    velocity may be off by max_acceleration * after, by that much times `stop`, the longest time
-    the robot may yet move for [s].
+    Each grows by what it may have strayed by then, velocity_error * after + max_acceleration *
+    after^2 / 2, and its velocity may be off by max_acceleration * after more.
     """
     if after == 0.0 or len(around.discs) == 0:
         return around
-    discs = around.discs.copy()
+    discs, off = around.discs.copy(), around.velocity_error.copy()
     for i in range(len(discs)):
         discs[i, X] += discs[i, VX] * after
         discs[i, Y] += discs[i, VY] * after
-        discs[i, RADIUS] += around.max_acceleration[i] * after * (0.5 * after + stop)
-    return Surroundings(discs, around.max_acceleration, around.segments, around.points)
-
-
-@jit
-def stopping(twist: Twist, limits: Limits, dt: float) -> float:
-    """How long the robot may yet move for, at least, if it brakes after one step more [s]."""
-    a = min(limits.acceleration, limits.wheel_acceleration)
-    if a == math.inf:
-        return dt
-    rim = abs(twist.v) + 0.5 * limits.track * abs(twist.omega)
-    return 2.0 * dt + rim / a
+        discs[i, RADIUS] += after * (off[i] + 0.5 * around.max_acceleration[i] * after)
+        off[i] += around.max_acceleration[i] * after
+    return Surroundings(discs, around.max_acceleration, off, around.segments, around.points)

@@ -54,7 +54,8 @@ def step_of(settings: Settings, line: Floats) -> Flat:
 @jit
 def _flat(
     state: Floats, x: float, y: float, psi: float, v: float, omega: float, stick_x: float,
-    stick_psi: float, discs: Floats, max_acceleration: Floats, segments: Floats, points: Floats,
+    stick_psi: float, discs: Floats, max_acceleration: Floats, velocity_error: Floats,
+    segments: Floats, points: Floats,
     knots: Floats, coeffs: Floats, speed: float, poses: Floats, rates: Floats, back: int,
     line: Floats, outline: Floats, settings: Floats, dt: float, sent: Floats, watched: Floats,
     out: Floats,
@@ -62,7 +63,7 @@ def _flat(
     course = Course(Reference(knots, coeffs, speed), poses, Profile(rates, knots[-1]), back, True)
     after, decision = pilot_step(
         read(PilotState, state, 0), Pose(x, y, psi), Twist(v, omega), Stick(stick_x, stick_psi),
-        Surroundings(discs, max_acceleration, segments, points), course, line,
+        Surroundings(discs, max_acceleration, velocity_error, segments, points), course, line,
         read(Settings, settings, 0, (outline,)), dt, sent, watched,
     )  # fmt: skip
     write(after, out, 0)

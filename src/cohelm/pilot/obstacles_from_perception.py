@@ -22,4 +22,6 @@ def obstacles_from_perception(seen: Seen, odom: Pose, points: Floats | None = No
     discs[:, VX : VY + 1] = turned(discs[:, VX : VY + 1], odom.psi)
     if points is None:
         points = placed(seen.points, odom)
-    return Surroundings(discs, seen.mobile_max_acceleration, _NO_WALLS, points)
+    return Surroundings(
+        discs, seen.mobile_max_acceleration, seen.mobile_velocity_error, _NO_WALLS, points
+    )

@@ -17,7 +17,7 @@ from cohelm.law.guard.rules import Rules, checked_rules
 from cohelm.law.guard.step import NOTHING, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
-from cohelm.pilot.delay_compensation import moved_on, periods, stopping
+from cohelm.pilot.delay_compensation import moved_on, periods
 from cohelm.pilot.margin_inflation import SLOP, inflated_rules, noise
 from cohelm.robot.footprint import convex_outline
 from cohelm.robot.kinematics import arc
@@ -154,8 +154,8 @@ class SafetyFilter:
             v, omega, verdict, change, clearance, row = _filtered(
                 float(x), float(y), float(psi), float(now_v), float(now_omega),
                 float(want_v), float(want_omega), obstacles.discs, obstacles.max_acceleration,
-                obstacles.segments, obstacles.points, self._outline, self._settings, lasted,
-                self._sent, self._count, self._off,
+                obstacles.velocity_error, obstacles.segments, obstacles.points, self._outline,
+                self._settings, lasted, self._sent, self._count, self._off,
             )  # fmt: skip
         except (TypeError, ValueError, AttributeError) as error:
             raise CohelmError(_meant(pose, twist, nominal, obstacles)) from error
@@ -189,8 +189,9 @@ class SafetyFilter:
 @jit
 def _filtered(
     x: float, y: float, psi: float, now_v: float, now_omega: float, v: float, omega: float,
-    discs: Floats, max_acceleration: Floats, segments: Floats, points: Floats, outline: Floats,
-    s: Floats, after: float, sent: Floats, count: Ints, away: Floats,
+    discs: Floats, max_acceleration: Floats, velocity_error: Floats, segments: Floats,
+    points: Floats, outline: Floats, s: Floats, after: float, sent: Floats, count: Ints,
+    away: Floats,
 ) -> tuple[float, float, int, float, float, int]:  # fmt: skip
     """One call. after: since the last one [s]. sent: (d, 3), the command in effect now and those
     under way, each with the time until the next; the newest in row (count - 1) % d. away: for how
@@ -227,9 +228,9 @@ def _filtered(
         lasted = sent[j % d, 2]
         before = achievable(Twist(sent[j % d, 0], sent[j % d, 1]), before, limits, lasted)
         pose = arc(pose, before, lasted)
-    around = Surroundings(discs, max_acceleration, segments, points)
+    around = Surroundings(discs, max_acceleration, velocity_error, segments, points)
     if len(discs) > 0:
-        around = moved_on(around, horizon, stopping(before, limits, rules.dt))
+        around = moved_on(around, horizon)
     nominal = Twist(v, omega) if known else Twist(math.nan, math.nan)
     g = guard(pose, before, nominal, around, outline, limits, rules, False)
     sent[k % d, 0], sent[k % d, 1] = g.v, g.omega

@@ -16,7 +16,7 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
 from cohelm.law.step import control_step, decided, hand_of
 from cohelm.law.track import track
-from cohelm.pilot.delay_compensation import foreseen, moved_on, stopping
+from cohelm.pilot.delay_compensation import foreseen, moved_on
 from cohelm.plan.course import Course, nearest_row
 from cohelm.plan.evasion.evade import evade
 from cohelm.plan.evasion.params import NO_EVASION, Evasion, EvasionParams
@@ -149,7 +149,7 @@ def pilot_step(
     """
     then, before = foreseen(pose, twist, s.rest, sent, state.k, s.limits, s.rules.dt)
     delay = len(sent) * s.rules.dt + s.rest
-    things = moved_on(around, delay, stopping(before, s.limits, s.rules.dt))
+    things = moved_on(around, delay)
 
     hand = hand_of(stick, s.gains)
     led = min(hand.share.x, hand.share.psi) < s.led_below

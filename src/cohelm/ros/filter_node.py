@@ -190,7 +190,7 @@ def obstacles(seen: Seen) -> Obstacles:
         return Obstacles(seen.points)
     return Obstacles(
         seen.points, np.ascontiguousarray(seen.mobile[:, [X, Y, RADIUS, VX, VY]]),
-        max_acceleration=seen.mobile_max_acceleration,
+        max_acceleration=seen.mobile_max_acceleration, velocity_error=seen.mobile_velocity_error,
     )  # fmt: skip
 
 

@@ -84,7 +84,7 @@ def rollout(
         now[i, X], now[i, Y] = scene.points[i - n, 0], scene.points[i - n, 1]
         now[i, SAFE] = reach
     after[:] = now
-    push = np.zeros((n, 2))
+    push, sure = np.zeros((n, 2)), np.zeros(n)
     pose, applied, stick = start, Twist(0.0, 0.0), Stick(0.0, 0.0)
     least = FAR
     for k in range(steps):
@@ -92,7 +92,7 @@ def rollout(
         nominal = Twist(stick.x * limits.speed, stick.psi * limits.yaw_rate)
         verdict, limiting = 0, -1
         if law == GUARD:
-            around = Surroundings(now[:n], scene.max_acceleration, scene.walls, scene.points)
+            around = Surroundings(now[:n], scene.max_acceleration, sure, scene.walls, scene.points)
             passed = guard(pose, applied, nominal, around, outline, limits, rules, False)
             command = Twist(passed.v, passed.omega)
             verdict, limiting = passed.verdict, passed.limiting

@@ -124,7 +124,6 @@ def stretches(
             watching=given.watching,
             outline=settings.outline,
             further=given.further,
-            limits=settings.limits,
         )
     )
     looking = scanners(given, scene.seed)
@@ -245,7 +244,9 @@ def told_by(
     further = tuple(one for one in scans if one.sensor)
     odometry = Odometry(t, robot.pose, robot.applied)
     seen = eyes.take(t, Readings(odometry, first, None, None, further))
-    return surroundings(seen.mobile, seen.mobile_max_acceleration, None, seen.points)
+    return surroundings(
+        seen.mobile, seen.mobile_max_acceleration, None, seen.points, seen.mobile_velocity_error
+    )
 
 
 def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Scan:
@@ -277,7 +278,7 @@ def known(t: float, told: Surroundings, walls: Floats, scene: Scene) -> Surround
         return told
     discs = np.empty((len(scene.around.discs), 6))
     place(discs, scene.around, t)
-    return Surroundings(discs, scene.max_acceleration, walls, told.points)
+    return Surroundings(discs, scene.max_acceleration, np.zeros(len(discs)), walls, told.points)
 
 
 @jit

@@ -104,8 +104,8 @@ def beyond(outline: np.ndarray, around: Surroundings, clearance: float) -> Surro
     keep = clearances(outline, HERE, around) > clearance
     d, w = len(around.discs), len(around.discs) + len(around.segments)
     return Surroundings(
-        around.discs[keep[:d]], around.max_acceleration[keep[:d]], around.segments[keep[d:w]],
-        around.points[keep[w:]],
+        around.discs[keep[:d]], around.max_acceleration[keep[:d]], around.velocity_error[keep[:d]],
+        around.segments[keep[d:w]], around.points[keep[w:]],
     )  # fmt: skip
 
 

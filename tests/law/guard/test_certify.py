@@ -87,6 +87,12 @@ def walkers(draw):
     return radius, max_acceleration, start, push
 
 
+def somebody(radius, max_acceleration, state, velocity_error=0.0):
+    """As the guard is told of one disc."""
+    row = np.array([[*state, radius, 0.2]])
+    return surroundings(row, [max_acceleration], velocity_error=[velocity_error])
+
+
 def walked(walker, robot, dt):
     """The next state of a walker that accelerates at the robot, across, or to and fro."""
     radius, max_acceleration, (x, y, vx, vy), push = walker
@@ -97,46 +103,44 @@ def walked(walker, robot, dt):
     return radius, max_acceleration, np.array([x, y, vx + ax * dt, vy + ay * dt]), push
 
 
-@given(outlines(), commands(), walkers())
-def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command, walker):
+@given(outlines(), commands(), walkers(), st.sampled_from([0.0, 0.0, 0.1, 0.6]), angles)
+def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command, walker, off, way):
+    """Nor by one whose velocity was told wrong, by as much as that was said."""
     lim, twist = command
-
-    def around(radius, max_acceleration, state, _):
-        return surroundings(np.array([[*state, radius, 0.2]]), np.array([max_acceleration]))
-
-    _, max_acceleration, state, _ = walker
-    assume(max_acceleration > 0.0 or state[2:].any())  # else it rests, and is judged as that
-    refused = certificate(outline, twist, lim, around(*walker)) != CLEAR
-    if refused or twist == Twist(0.0, 0.0):
+    radius, max_acceleration, state, push = walker
+    assume(max_acceleration > 0.0 or off > 0.0 or state[2:].any())  # else it rests
+    told = somebody(radius, max_acceleration, state, off)
+    if certificate(outline, twist, lim, told) != CLEAR or twist == Twist(0.0, 0.0):
         return
+    state = state + np.array([0.0, 0.0, off * math.cos(way), off * math.sin(way)])
+    walker = radius, max_acceleration, state, push
     for pose in list(stopped_after(twist, lim))[: FINE * max(len(braking(twist, lim, DT)), 1) + 1]:
-        assert clearances(outline, pose, around(*walker))[0] >= 0.0075 - 1e-9
+        assert clearances(outline, pose, somebody(*walker[:3]))[0] >= 0.0075 - 1e-9
         walker = walked(walker, pose, DT / FINE)
 
 
 @st.composite
 def oncomers(draw, agilities=(0.0, 0.5, 2.0)):
     """A disc 0.05 to 1 m off that may be on its way to the robot: radius, max_acceleration,
-    state."""
+    state, velocity_error."""
     bearing, off = draw(angles), draw(st.floats(-0.6, 0.6))
     away = draw(st.floats(0.4, 1.8))
     speed = draw(st.one_of(st.just(0.0), st.floats(0.0, 2.0)))
     course = bearing + math.pi + off
     state = [away * math.cos(bearing), away * math.sin(bearing)]
     state += [speed * math.cos(course), speed * math.sin(course)]
-    return draw(st.floats(0.02, 0.3)), draw(st.sampled_from(agilities)), np.array(state)
+    radius, off = draw(st.floats(0.02, 0.3)), draw(st.sampled_from([0.0, 0.0, 0.3]))
+    return radius, draw(st.sampled_from(agilities)), np.array(state), off
 
 
-def worst_gaps(outline, twist, lim, radius, max_acceleration, state):
-    """The gap at each of the looks of `stopped_after`, the disc grown by largest acceleration t^2
-    / 2."""
+def worst_gaps(outline, twist, lim, radius, max_acceleration, state, off):
+    """The gap at each of the looks of `stopped_after`, the disc grown by its velocity's error t +
+    largest acceleration t^2 / 2."""
     for k, pose in enumerate(stopped_after(twist, lim)):
         t = k * DT / FINE
         x, y = state[:2] + state[2:] * t
-        grown = surroundings(
-            np.array([[x, y, 0.0, 0.0, radius + max_acceleration * t * t / 2, 0.2]])
-        )
-        yield clearances(outline, pose, grown)[0]
+        reached = radius + off * t + max_acceleration * t * t / 2
+        yield clearances(outline, pose, surroundings([[x, y, 0.0, 0.0, reached, 0.2]]))[0]
 
 
 @given(outlines(), commands(), oncomers())
@@ -144,12 +148,12 @@ def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_m
     outline, command, oncomer
 ):
     lim, twist = command
-    radius, max_acceleration, state = oncomer
+    _, max_acceleration, state, off = oncomer
     assume(twist != Twist(0.0, 0.0))
-    assume(max_acceleration > 0.0 or state[2:].any())  # else it rests, and is judged as that
-    around = surroundings(np.array([[*state, radius, 0.2]]), np.array([max_acceleration]))
+    assume(max_acceleration > 0.0 or off > 0.0 or state[2:].any())  # else it rests
+    around = somebody(*oncomer)
     least = min(worst_gaps(outline, twist, lim, *oncomer))
-    pace = abs(twist.v) + abs(twist.omega) * farthest(outline) + np.hypot(*state[2:])
+    pace = abs(twist.v) + abs(twist.omega) * farthest(outline) + np.hypot(*state[2:]) + off
     stops = DT * (1 + len(braking(twist, lim, DT)))
     between = (pace + max_acceleration * stops) * DT / FINE
     now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
@@ -214,6 +218,13 @@ def test_who_is_upon_the_robot_already_holds_it_where_it_stands():
     assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, person) == CLEAR
 
 
+def test_who_seems_to_rest_but_may_be_on_his_way_is_no_thing_that_rests():
+    """As somebody whose velocity nobody knows: at 1.3 m/s he is there before the robot stands."""
+    for off, said in ((0.0, CLEAR), (1.3, 0)):
+        person = surroundings([[1.0, 0.0, 0.0, 0.0, 0.1, 0.2]], [0.0], velocity_error=[off])
+        assert certificate(SALLY, Twist(0.6, 0.0), SALLY_LIMITS, person) == said
+
+
 def test_from_who_comes_on_faster_than_the_robot_can_leave_it_does_not_move():
     person = surroundings([[0.47, 0.0, -0.5, 0.0, 0.1, 0.2]], [1.0])
     assert certificate(SALLY, Twist(-0.3, 0.0), SALLY_LIMITS, person) == 0
@@ -231,10 +242,10 @@ def test_who_is_being_left_does_not_come_nearer_than_half_of_clear_between_two_s
 @given(outlines(), commands(), oncomers())
 def test_every_command_finds_a_mover_no_nearer_than_clear_or_than_it_was(outline, command, oncomer):
     lim, twist = command
-    radius, max_acceleration, state = oncomer
+    _, max_acceleration, state, off = oncomer
     assume(twist != Twist(0.0, 0.0))
-    assume(max_acceleration > 0.0 or state[2:].any())
-    around = surroundings(np.array([[*state, radius, 0.2]]), np.array([max_acceleration]))
+    assume(max_acceleration > 0.0 or off > 0.0 or state[2:].any())
+    around = somebody(*oncomer)
     now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
     if certificate(outline, twist, lim, around) == CLEAR:
         moving = len(braking(twist, lim, DT)) or 1  # in the last step of braking it stands

@@ -300,5 +300,7 @@ def test_the_robots_side_of_a_wall_is_that_of_its_outline_not_of_its_origin():
 def test_things_that_do_not_fit_together_are_refused_with_a_word():
     with pytest.raises(CohelmError, match="max_acceleration"):
         surroundings([disc(1, 0, 0.1)], [0.0, 1.0])
+    with pytest.raises(CohelmError, match="velocity_error"):
+        surroundings([disc(1, 0, 0.1)], [1.0], velocity_error=[0.0, 1.0])
     with pytest.raises(CohelmError, match="6 columns"):
         surroundings(np.zeros((2, 5)))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given, strategies as st
+from hypothesis import assume, example, given, strategies as st
 
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard import approach as approaching
@@ -53,6 +53,7 @@ def test_a_wall_is_looked_at_exactly_where_it_is_within_reach(ax, ay, bx, by, fa
 
 
 @given(twists(ALL), st.floats(0.0, 1.0))
+@example(Twist(0.0, 2.2250738585e-313), 0.5)  # braking takes 1e-314 of a step
 def test_a_manoeuvre_has_gone_as_far_as_its_steps_add_up_to(twist, share):
     """The hold at full speed, then step k at 1 - k / n of it."""
     m = manoeuvre(HERE, twist, ALL, DT, 0.5)
@@ -203,6 +204,12 @@ NUMBERS = {
     "velocity": lambda bad: (HERE, REST, REST, surroundings([disc(2, 1, 0.1, 0.2, 0.0, bad)])),
     "radius": lambda bad: (HERE, REST, REST, surroundings([disc(2.0, 1.0, bad)])),
     "max_acceleration": lambda bad: (HERE, REST, REST, surroundings([disc(2.0, 1.0, 0.1)], [bad])),
+    "velocity_error": lambda bad: (
+        HERE,
+        REST,
+        REST,
+        surroundings([disc(2.0, 1.0, 0.1)], velocity_error=[bad]),
+    ),
     "wall's x": lambda bad: (HERE, REST, REST, surroundings(segments=[[bad, 1.0, 2.0, 2.0]])),
     "wall's y": lambda bad: (HERE, REST, REST, surroundings(segments=[[1.0, bad, 2.0, 2.0]])),
     "wall's end": lambda bad: (HERE, REST, REST, surroundings(segments=[[1.0, 2.0, bad, 2.0]])),

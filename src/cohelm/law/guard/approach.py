@@ -49,16 +49,17 @@ def approach_rows(
     discs = around.discs.shape[0]
     for i in range(discs):
         x, y, vx, vy, radius = _disc(around.discs, i)
-        if not is_finite(x + y + vx + vy + radius + around.max_acceleration[i]):
+        off = around.velocity_error[i]
+        if not is_finite(x + y + vx + vy + radius + around.max_acceleration[i] + off):
             return -1, math.inf
         dx, dy = x - pose.x, y - pose.y
-        speed = math.sqrt(vx * vx + vy * vy)
+        speed = math.sqrt(vx * vx + vy * vy) + off
         reached = reach + radius + (far if speed == 0.0 else _far(fast + speed, a, dt, margin))
         if dx * dx + dy * dy < reached * reached:
             p = contact(outline, c * dx + s * dy, -s * dx + c * dy)
             clearance = p.clearance - radius
             least = min(least, clearance)
-            toward = p.nx * (c * vx + s * vy) + p.ny * (-s * vx + c * vy)
+            toward = p.nx * (c * vx + s * vy) + p.ny * (-s * vx + c * vy) + off
             _row(rows, n, p, min(toward - approach(clearance - margin, a, dt), 0.0), i)
             n += 1
     walls = around.segments

@@ -66,17 +66,14 @@ def in_the_way(
     discs = around.discs.shape[0]
     for i in range(discs):
         x, y, radius = around.discs[i, X], around.discs[i, Y], around.discs[i, RADIUS]
-        vx, vy, max_acceleration = (
-            around.discs[i, VX],
-            around.discs[i, VY],
-            around.max_acceleration[i],
-        )
-        if vx == 0.0 and vy == 0.0 and max_acceleration == 0.0:
+        vx, vy = around.discs[i, VX], around.discs[i, VY]
+        most, off = around.max_acceleration[i], around.velocity_error[i]
+        if vx == 0.0 and vy == 0.0 and most == 0.0 and off == 0.0:
             dx, dy = x - m.pose.x, y - m.pose.y
             near = dx * dx + dy * dy < (far + radius) * (far + radius)
             if near and not _clears_still(m, outline, x, y, x, y, radius, clear):
                 return i
-        elif not _clears_mover(m, outline, reach, x, y, vx, vy, radius, max_acceleration, clear):
+        elif not _clears_mover(m, outline, reach, x, y, vx, vy, radius, most, off, clear):
             return i
     for i in range(around.segments.shape[0]):
         ax, ay = around.segments[i, 0], around.segments[i, 1]
@@ -137,31 +134,30 @@ def _travelled(m: Manoeuvre, t: float) -> float:
         return m.length
     k = math.floor((t - m.dt) / m.dt)
     share = max(1.0 - (k + 1.0) / m.steps, 0.0)
-    before = m.dt * k * (1.0 - 0.5 * (k + 1.0) / m.steps)
+    before = m.dt * k * (1.0 - 0.5 * (k + 1.0) / m.steps) if k > 0 else 0.0  # 0 x inf
     return min(m.dt + before + share * (t - m.dt - k * m.dt), m.length)
 
 
 @jit
 def _clears_mover(
     m: Manoeuvre, outline: Floats, reach: float,
-    x0: float, y0: float, vx: float, vy: float, radius: float, max_acceleration: float,
+    x0: float, y0: float, vx: float, vy: float, radius: float, most: float, off: float,
     clear: float,
 ) -> bool:  # fmt: skip
-    """A moving disc, until the robot stands: it keeps its velocity up to `max_acceleration` t^2 /
-    2.
+    """A moving disc, until the robot stands: it keeps its velocity up to off t + most t^2 / 2.
 
     Where the next command may come in while it is nearer than `clear`, there is a look too, so
     that only a robot that stood finds one as near: see `_leaves`.
     """
-    closing = m.pace + math.sqrt(vx * vx + vy * vy) + max_acceleration * m.stop
+    closing = m.pace + math.sqrt(vx * vx + vy * vy) + off + most * m.stop
     g = _clearance_at(m.pose, outline, x0, y0, x0, y0) - radius
     if g < clear:
         if g < 0.5625 * clear:  # the floor of `_clears_still`
             return False
-        return _leaves(m, outline, x0, y0, vx, vy, radius, max_acceleration, clear, g, closing)
+        return _leaves(m, outline, x0, y0, vx, vy, radius, most, off, clear, g, closing)
     t = 0.0
     for _ in range(_MOST):
-        grown = radius + 0.5 * max_acceleration * t * t
+        grown = radius + (off + 0.5 * most * t) * t
         x, y = x0 + vx * t, y0 + vy * t
         pose = arc(m.pose, m.twist, _travelled(m, t))
         dx, dy = x - pose.x, y - pose.y
@@ -181,7 +177,7 @@ def _clears_mover(
 @jit
 def _leaves(
     m: Manoeuvre, outline: Floats,
-    x0: float, y0: float, vx: float, vy: float, radius: float, max_acceleration: float,
+    x0: float, y0: float, vx: float, vy: float, radius: float, most: float, off: float,
     clear: float, allowed: float, closing: float,
 ) -> bool:  # fmt: skip
     """Whether a moving disc that is nearer than `clear`, by `allowed`, comes no nearer at any step.
@@ -192,7 +188,7 @@ def _leaves(
     end = max(m.stop - m.dt, m.dt)  # in the last step of braking it stands
     t, k = 0.0, 1
     for _ in range(_MOST):
-        g = _grown_clearance(m, outline, x0, y0, vx, vy, radius, max_acceleration, t)
+        g = _grown_clearance(m, outline, x0, y0, vx, vy, radius, most, off, t)
         if g < allowed - 1e-12:
             return False
         if t >= end:
@@ -206,12 +202,12 @@ def _leaves(
 @jit
 def _grown_clearance(
     m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
-    max_acceleration: float, t: float,
+    most: float, off: float, t: float,
 ) -> float:  # fmt: skip
     """The clearance to a moving disc at time t of the manoeuvre, at least [m]."""
     pose = arc(m.pose, m.twist, _travelled(m, t))
     x, y = x0 + vx * t, y0 + vy * t
-    return _clearance_at(pose, outline, x, y, x, y) - radius - 0.5 * max_acceleration * t * t
+    return _clearance_at(pose, outline, x, y, x, y) - radius - (off + 0.5 * most * t) * t
 
 
 @jit

@@ -179,13 +179,13 @@ def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> Guard
 @jit
 def _flat(
     x: float, y: float, psi: float, v0: float, omega0: float, v: float, omega: float,
-    discs: Floats, max_acceleration: Floats, segments: Floats, points: Floats, outline: Floats,
-    row: Floats,
+    discs: Floats, max_acceleration: Floats, velocity_error: Floats, segments: Floats,
+    points: Floats, outline: Floats, row: Floats,
 ) -> tuple[float, float, int, float, float, int]:  # fmt: skip
     s = read(_GuardSettings, row, 0)
     g = guard(
         Pose(x, y, psi), Twist(v0, omega0), Twist(v, omega),
-        Surroundings(discs, max_acceleration, segments, points), outline, s.limits, s.rules,
-        False,
+        Surroundings(discs, max_acceleration, velocity_error, segments, points), outline, s.limits,
+        s.rules, False,
     )  # fmt: skip
     return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting

@@ -16,8 +16,10 @@ class Surroundings(NamedTuple):
 
     discs: (n, 6), columns as in `core.types`; a disc moves on with its velocity. max_acceleration:
     (n,), the largest acceleration each disc is assumed to be capable of [m/s^2]; 0 for one that
-    surely keeps its velocity, a standing one with 0 will never move. segments: (m, 4), walls
-    x1, y1, x2, y2 [m]. points: (p, 2), such as LiDAR returns [m].
+    surely keeps its velocity, a standing one with 0 will never move. velocity_error: (n,), by how
+    much its velocity may be another one already [m/s]: t later it is within velocity_error t +
+    max_acceleration t^2 / 2 of where that brings it. segments: (m, 4), walls x1, y1, x2, y2 [m].
+    points: (p, 2), such as LiDAR returns [m].
 
     A point that is not finite is a beam that hit nothing; a disc or wall that is not finite is
     something wrong, and the guard brakes. Things are counted through: discs, segments, points.
@@ -25,6 +27,7 @@ class Surroundings(NamedTuple):
 
     discs: Floats
     max_acceleration: Floats
+    velocity_error: Floats
     segments: Floats
     points: Floats
 
@@ -34,19 +37,26 @@ def surroundings(
     max_acceleration: ArrayLike | None = None,
     segments: ArrayLike | None = None,
     points: ArrayLike | None = None,
+    velocity_error: ArrayLike | None = None,
 ) -> Surroundings:
     """Surroundings from what there is; discs without a given largest acceleration keep their
-    velocity.
+    velocity, and without a given error have the stated one.
 
     Raises CohelmError where the shapes do not fit: compiled code would read past the end.
     """
     d = _rows("discs", discs, 6)
-    a = np.zeros(len(d)) if max_acceleration is None else _array(max_acceleration)
-    if a.shape != (len(d),):
-        raise CohelmError(
-            f"max_acceleration needs one number per disc, {len(d)}, got shape {a.shape}"
-        )
-    return Surroundings(d, a, _rows("segments", segments, 4), _rows("points", points, 2))
+    return Surroundings(
+        d, _one_each("max_acceleration", max_acceleration, len(d)),
+        _one_each("velocity_error", velocity_error, len(d)),
+        _rows("segments", segments, 4), _rows("points", points, 2),
+    )  # fmt: skip
+
+
+def _one_each(name: str, given: ArrayLike | None, n: int) -> Floats:
+    made = np.zeros(n) if given is None else _array(given)
+    if made.shape != (n,):
+        raise CohelmError(f"{name} needs one number per disc, {n}, got shape {made.shape}")
+    return made
 
 
 def _rows(name: str, given: ArrayLike | None, width: int) -> Floats:

@@ -41,8 +41,6 @@ class Wary(NamedTuple):
     """What came by itself is taken to be able to go on for so long [s]."""
     vouched: float = 2.0
     """So far driven, odometry no longer says to a hand's breadth what was free where [m]."""
-    stop: float = 0.2
-    """A robot that moves is taken to need so long to stand, at least [s]: see `spread`."""
 
 
 @jit
@@ -126,31 +124,21 @@ def _was_there(lidar: Lidar, look: Look, x: float, y: float) -> bool:
     return False
 
 
-def spread(
-    speed: Floats, max_acceleration: Floats, age: float, stop: float
-) -> tuple[Floats, Floats]:
-    """By how much discs are larger, and more agile, whose velocities were off by up to `speed`
-    `age` ago, and have changed by up to `max_acceleration` since [m, m/s^2].
-
-    v t <= v^2 / (2 b) + b t^2 / 2 for every b and t; with b = v / stop that is least for a robot
-    that needs `stop` to stand.
-    """
-    now = speed + max_acceleration * age
+def spread(speed: Floats, max_acceleration: float, age: float) -> tuple[Floats, Floats]:
+    """By how much discs are larger, and by how much their velocities are off, that were off by up
+    to `speed` `age` ago, and may have changed by `max_acceleration` since [m, m/s]."""
     return (
-        speed * age + 0.5 * max_acceleration * age * age + 0.5 * now * stop,
-        max_acceleration + now / stop,
+        speed * age + 0.5 * max_acceleration * age * age,
+        speed + max_acceleration * age,
     )
 
 
-def wild(
-    points: Floats, age: float, max_acceleration: float, wary: Wary, stop: float
-) -> tuple[Floats, Floats]:
-    """Loose points as discs that may go anywhere, (l, 6), `age` [s] later, and their largest
-    acceleration."""
+def wild(points: Floats, age: float, max_acceleration: float, wary: Wary) -> tuple[Floats, Floats]:
+    """Loose points as discs that may go anywhere, (l, 6), `age` [s] later, and how fast (l,)."""
     stood = points[:, STOOD] > 0.0
     speed = np.where(stood, wary.creeping, wary.fastest)
-    more, agile = spread(speed, np.full(len(points), max_acceleration), age, stop)
+    more, off = spread(speed, max_acceleration, age)
     discs = np.zeros((len(points), 6))
     discs[:, :2] = points[:, [LX, LY]]
     discs[:, 4] = discs[:, 5] = 0.5 * _APART + more
-    return discs, agile
+    return discs, off

@@ -177,13 +177,12 @@ def _look(looks: tuple[Look, ...], when: float) -> Look | None:
     return nearest if abs(when - nearest.stamp) < 0.2 else None
 
 
-def bodies(movers: Movers, now: float, care: TrackerParams, stop: float) -> tuple[Floats, Floats]:
-    """The moving discs (n, 6) foretold to `now` [s], and their largest acceleration (n,), in
-    `odom`. stop: how long the robot takes to stand [s], see `spread`.
+def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
+    """The moving discs (n, 6) foretold to `now` [s], in `odom`, and by how much their velocities
+    may be off (n,) [m/s].
 
     With bodies that perhaps move, by one scan so far: those are told in good time, and count as
-    standing as well; edges and noise are thinner. What is not known of a velocity makes a disc
-    more agile.
+    standing as well; edges and noise are thinner.
     """
     t = _moving(movers.tracks, care)
     if not len(t):
@@ -194,10 +193,10 @@ def bodies(movers: Movers, now: float, care: TrackerParams, stop: float) -> tupl
     discs[:, :2] = t[:, TX : TY + 1] + ahead * t[:, TVX : TVY + 1] + 0.5 * ahead * ahead * push
     discs[:, 2:4] = t[:, TVX : TVY + 1] + ahead * push
     off = np.minimum(care.unsure * np.sqrt(t[:, VV]), care.wary.fastest)
-    more, agile = spread(off, np.full(len(t), care.max_acceleration), ahead, stop)
+    more, off = spread(off, care.max_acceleration, ahead)
     discs[:, 4] = t[:, RADIUS] + care.wider + np.minimum(np.sqrt(t[:, PP]), 0.3) + more
     discs[:, 5] = discs[:, 4]
-    return discs, agile
+    return discs, off
 
 
 @jit
@@ -220,12 +219,11 @@ def hidden(movers: Movers, care: TrackerParams) -> Floats:
     return out_of_view(_moving(movers.tracks, care), movers.gone)
 
 
-def strays(movers: Movers, now: float, care: TrackerParams, stop: float) -> tuple[Floats, Floats]:
-    """What is loose at `now` [s], as discs that may go anywhere, (l, 6), and their largest
-    acceleration (l,)."""
+def strays(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
+    """What is loose at `now` [s]: discs that may go anywhere, (l, 6), and how fast (l,) [m/s]."""
     if not len(movers.loose):
         return np.empty((0, 6)), np.empty(0)
-    return wild(movers.loose, _ahead(movers, now), care.max_acceleration, care.wary, stop)
+    return wild(movers.loose, _ahead(movers, now), care.max_acceleration, care.wary)
 
 
 def _ahead(movers: Movers, now: float) -> float:

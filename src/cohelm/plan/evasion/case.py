@@ -25,9 +25,10 @@ class Case(NamedTuple):
     ahead: Floats
     """(k, m, 7), the movers as they are foretold; see `risk.trajectories`."""
     movers: Floats
-    """(m, 12): x, y, vx, vy, radius, the acceleration that the filter takes it to be capable of,
+    """(m, 13): x, y, vx, vy, radius, the acceleration that the filter takes it to be capable of,
     how fast doubt of where it is grows, the acceleration that it has and for how long, the speed
-    that it may reach, and how long the robot takes to be out of its way."""
+    that it may reach, how long the robot takes to be out of its way, and by how much the filter
+    takes its velocity to be off."""
     field: Field
     way: Floats
     """(k, 3): x, y, what is left of the course from there [m]."""

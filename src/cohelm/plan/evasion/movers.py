@@ -91,7 +91,7 @@ def foreseen(
 ) -> tuple[Floats, int]:
     """Those that could matter within the horizon, and how many of them come first because they
     move, or did lately; the others may set off."""
-    found = np.empty((2 * len(around.discs), 12))
+    found = np.empty((2 * len(around.discs), 13))
     n = _gathered(found, 0, True, around, seen, pose, reach, limits, e)
     return found[: _gathered(found, n, False, around, seen, pose, reach, limits, e)], n
 
@@ -108,7 +108,7 @@ def _gathered(
     for i in range(len(around.discs)):
         d = around.discs[i]
         vx, vy = d[VX], d[VY]
-        max_acceleration = around.max_acceleration[i]
+        max_acceleration, off = around.max_acceleration[i], around.velocity_error[i]
         speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
         top, lately, turning = 0.0, speed > _SLOW, e.turning
         if speed > 0.0:
@@ -121,7 +121,7 @@ def _gathered(
                 lately = lately or (known and seen[k, 8] < _LATELY)
                 ax, ay = lasts * seen[k, 4], lasts * seen[k, 5]
             k += 1
-        if vx == 0.0 and vy == 0.0 and max_acceleration == 0.0:
+        if vx == 0.0 and vy == 0.0 and max_acceleration == 0.0 and off == 0.0:
             continue
         if lately != moving:
             continue
@@ -140,7 +140,7 @@ def _gathered(
                 back = min(speed / e.turning - brakes, 0.0) / speed
                 ax, ay = ax - back * vx, ay - back * vy
         found[n, 0], found[n, 1], found[n, 2], found[n, 3] = d[X], d[Y], vx, vy
-        found[n, 4], found[n, 5] = d[RADIUS], max_acceleration
+        found[n, 4], found[n, 5], found[n, 12] = d[RADIUS], max_acceleration, off
         found[n, 6] = e.standing_growth
         if moving:
             found[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)

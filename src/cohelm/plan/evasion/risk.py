@@ -63,7 +63,8 @@ def clearance_at(
     for i in range(len(then)):
         dx = then[i, 0] + then[i, 2] * agile - pose.x
         dy = then[i, 1] + then[i, 3] * agile - pose.y
-        r = movers[i, 4] + 0.5 * movers[i, 5] * agile * agile + growth * movers[i, 6] * t
+        strayed = (movers[i, 12] + 0.5 * movers[i, 5] * agile) * agile
+        r = movers[i, 4] + strayed + growth * movers[i, 6] * t
         far = least + reach + r
         if dx * dx + dy * dy < far * far:
             least = min(least, point_clearance(outline, c * dx + s * dy, -s * dx + c * dy) - r)

@@ -47,7 +47,8 @@ def field_about(around: Surroundings, pose: Pose, half: float) -> Field:
             _mark(d, ax + s * (bx - ax) - x0, ay + s * (by - ay) - y0)
     for i in range(len(around.discs)):
         disc, r = around.discs[i], around.discs[i, RADIUS]
-        rests = disc[VX] == 0.0 and disc[VY] == 0.0 and around.max_acceleration[i] == 0.0
+        surely = around.max_acceleration[i] == 0.0 and around.velocity_error[i] == 0.0
+        rests = disc[VX] == 0.0 and disc[VY] == 0.0 and surely
         if rests and math.hypot(disc[X] - pose.x, disc[Y] - pose.y) < 1.5 * half + r:
             m = int(2.0 * math.pi * r / (0.7 * CELL)) + 3
             for j in range(m):

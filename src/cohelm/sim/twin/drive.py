@@ -19,7 +19,7 @@ from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
-from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.human import supplied_energy
 from cohelm.law.reference import evaluate
 from cohelm.law.track import pose_error
@@ -212,7 +212,7 @@ class _Told(TwinRun):
     def _seen(self, t: float, now: TwinTruth, things: Floats) -> tuple[Pose, Surroundings, Twist]:
         """Where the robot is, what is around it, in the same frame, and its speed."""
         if self.perception is None:
-            around = Surroundings(things, self.max_acceleration, self.walls, _NO_POINTS)
+            around = surroundings(things, self.max_acceleration, self.walls)
             return now.pose, around, now.twist
         known = self.perception.take(t, self.robot.read())
         # Where it is on the map is known; all else is as it senses.
@@ -247,7 +247,6 @@ def _unguarded(setup: Setup) -> Piloted:
     return Piloted(settings, np.zeros(len(setup.around.discs)))
 
 
-_NO_POINTS: Floats = np.empty((0, 2))
 _DECIDED = (
     "safe_v", "safe_omega", "tracking_v", "tracking_omega", "operator_v", "operator_omega",
     "nominal_v", "nominal_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi",
