@@ -65,3 +65,19 @@ def test_the_score_is_the_mean_over_all_episodes_failures_counting_nothing():
     rows = [row(score=0.5), row(score=0.25), NOT_DRIVEN._replace(fault="x")]
     assert summary("guard", rows, goals=True).score == pytest.approx(0.25)
     assert math.isnan(summary("guard", [row()], goals=True).score)
+
+
+def test_moving_contacts_with_what_was_out_of_view_are_counted_apart():
+    rows = [
+        row(contacts_moving=1, contact_seen_s=0.0),
+        row(contacts_moving=2, contact_seen_s=0.4),
+        row(contacts_standing=1, contact_seen_s=0.0),  # the robot stood
+        row(),
+    ]
+    found = summary("guard", rows, goals=True)
+    assert found.unseen is not None
+    assert (found.moving.count, found.unseen.count, found.unseen.of) == (2, 1, 4)
+    assert found.as_dict()["contacts_moving_unseen"] == 1
+    told = summary("guard", [row(contacts_moving=1)], goals=True)  # knows all, sees nothing
+    assert told.unseen is None
+    assert told.as_dict()["contacts_moving_unseen"] is None

@@ -56,9 +56,7 @@ class EvasionParams(NamedTuple):
     """How far the robot goes out of its way for a second beside somebody who would be there before
     it got away, if he turned on it [m/s]."""
     sets_off_acceleration: float = 1.0
-    """With which he sets off, at most; less if the filter takes him to be capable of less. What it
-    is told of somebody seen by LiDAR holds what is not known of his velocity, too: nobody keeps
-    that up [m/s^2]."""
+    """With which he sets off, at most; less if he is capable of less [m/s^2]."""
 
 
 class Evasion(NamedTuple):

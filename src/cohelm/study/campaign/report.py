@@ -82,6 +82,7 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("fallen", lambda s: _share(s.fell)),
         ("stuck: had a goal, came to no harm, and did not arrive", lambda s: _share(s.stuck)),
         ("with a moving contact", lambda s: _share(s.moving)),
+        ("... with what was out of view at that moment", lambda s: _share(s.unseen)),
         ("with a standing contact: walked into", lambda s: _share(s.standing)),
         ("with a departing contact: moved into who walked into it", lambda s: _share(s.departing)),
         ("touched, of any kind", lambda s: _share(s.touched)),

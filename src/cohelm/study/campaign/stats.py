@@ -88,6 +88,9 @@ class Summary(NamedTuple):
     """Of all, those that arrived and had no moving contact, and no fall."""
     moving: Share
     """Episodes with a contact in which the robot moved."""
+    unseen: Share | None
+    """Those of them whose first one was with what no LiDAR had in view when it came to it; None
+    where nothing is seen by LiDAR, or there is none."""
     standing: Share
     """Episodes in which it was walked into."""
     departing: Share
@@ -119,6 +122,7 @@ class Summary(NamedTuple):
                 "success_share": None if self.success is None else _bounds(self.success),
                 "contacts_moving": self.moving.count,
                 "contacts_moving_share": _bounds(self.moving),
+                "contacts_moving_unseen": None if self.unseen is None else self.unseen.count,
                 "contacts_standing": self.standing.count,
                 "contacts_standing_share": _bounds(self.standing),
                 "contacts_departing": self.departing.count,
@@ -170,6 +174,8 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         not (row.arrived or row.falls or row.contacts_moving + row.contacts_standing)
         for row in wanting
     )
+    seen = [row.contact_seen_s for row in sound if row.contacts_moving > 0]
+    seen = [how for how in seen if math.isfinite(how)]
     scored = any(math.isfinite(row.score) for row in sound)
     scores = [0.0 if row.fault else row.score for row in rows]
     return Summary(
@@ -179,6 +185,7 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         share(sum(row.arrived for row in sound), of) if goals else None,
         share(sum(_well(row) for row in sound), of) if goals else None,
         share(sum(row.contacts_moving > 0 for row in sound), n),
+        share(sum(how == 0.0 for how in seen), n) if seen else None,
         share(sum(row.contacts_standing > 0 for row in sound), n),
         share(sum(row.contacts_departing > 0 for row in sound), n),
         share(sum(row.contacts_moving + row.contacts_standing > 0 for row in sound), n),
