@@ -11,9 +11,10 @@ from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.verdict import INVALID
+from cohelm.pilot.behavior import FOLLOWING, LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot, taken
 from cohelm.pilot.replanning import Plan
-from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE
+from cohelm.pilot.step import NO_MOVE
 from cohelm.plan.course import course
 from cohelm.plan.recovery import RecoveryMove
 from cohelm.scenario.law import Law, PlanModel

@@ -23,7 +23,8 @@ from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
 from cohelm.perceive.track.tracker import TrackerParams, bodies, hidden, strays
-from cohelm.robot.limits import Limits, braking_time
+from cohelm.robot.achievable import braking_time
+from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel

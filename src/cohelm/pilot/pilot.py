@@ -11,20 +11,11 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.reference import Reference
+from cohelm.pilot.behavior import FOLLOWING, LED
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.flat import Flat, step_of
 from cohelm.pilot.replanning import Plan, ReplanParams, Task, entered, plan
-from cohelm.pilot.step import (
-    FOLLOWING,
-    LED,
-    NO_MOVE,
-    PATIENCE,
-    START,
-    Decision,
-    PilotState,
-    Settings,
-    still,
-)
+from cohelm.pilot.step import NO_MOVE, PATIENCE, START, Decision, PilotState, Settings, still
 from cohelm.plan.course import Course, Route, course, route
 from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams
