@@ -20,7 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.types import Floats, Pose, Stick, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose, Stick
 from cohelm.link import keys
 from cohelm.link.messages import Arming, Ask, Device, LineKind, Mode, Polyline
 from cohelm.link.scans import WholeScan

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.types import wrap
+from cohelm.core.scalars import wrap
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Kind, simulated
 from cohelm.law.verdict import UNTOUCHED
 from cohelm.link.messages import Mode
-from cohelm.pilot.step import FOLLOWING
+from cohelm.pilot.behavior import FOLLOWING
 from cohelm.robot.gate.modes import GateMode
 from cohelm.study.campaign.plant import looking_round
 

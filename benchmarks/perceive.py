@@ -22,7 +22,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # the drives are the tests' own
 
 from cohelm.core.frames import between, compose, inverse  # noqa: E402
-from cohelm.core.types import Floats, Pose, Twist, disc, wrap  # noqa: E402
+from cohelm.core.scalars import wrap  # noqa: E402
+from cohelm.core.types import Floats, Pose, Twist, disc  # noqa: E402
 from cohelm.perceive.localize.localization_map import LocalizationMap, free_at, gap_at, known  # noqa: E402
 from cohelm.perceive.map.glimpses import glimpses  # noqa: E402
 from cohelm.perceive.map.mapper import Survey, Surveyed  # noqa: E402

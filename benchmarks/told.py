@@ -35,7 +35,7 @@ from cohelm.core.frames import compose, inverse, placed  # noqa: E402
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y  # noqa: E402
 from cohelm.perceive.pipeline import Perception, Seen  # noqa: E402
 from cohelm.perceive.track.tracker import TrackerParams  # noqa: E402
-from cohelm.robot.footprint import disc_clearance  # noqa: E402
+from cohelm.robot.clearance import disc_clearance  # noqa: E402
 from cohelm.robot.sensors import Lidar  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.sim.grid import NO_GRID  # noqa: E402

@@ -14,8 +14,8 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law.guard.bounds import braked
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
 from cohelm.sim.kinematic import Kinematic

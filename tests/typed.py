@@ -24,6 +24,8 @@ def cohelm(monkeypatch, capsys, tmp_path) -> Cohelm:
 
     def call(*arguments: object) -> Said:
         monkeypatch.setattr(sys, "argv", ["cohelm", *map(str, arguments)])
+        # started as `python -m pytest`, the command would be called that too
+        monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
         code = 0
         try:
             main()

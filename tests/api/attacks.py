@@ -10,7 +10,7 @@ import numpy as np
 from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.pilot.safety_filter import SafetyFilter
-from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic

@@ -22,6 +22,26 @@ def test_importing_cohelm_loads_nothing_heavy():
     assert said.stdout.strip() == "[]"
 
 
+WITHOUT = {
+    "the recorder": "cohelm.drive.recorder",
+    "the live view": "cohelm.drive.live",
+    "the station": "cohelm.station.serve, cohelm.station.linked",
+    "a stick's process": "cohelm.link.stick, cohelm.link.sticks.choose",
+    "who reads a record": "cohelm.record.read",
+    "a robot of one's own": "cohelm.robot.base, cohelm.robot.model",
+    "the gate itself": "cohelm.robot.gate.gate, cohelm.robot.keep.processes",
+}
+"""Who needs no compiled code, and what their processes import."""
+
+
+def test_who_computes_nothing_does_not_wait_for_the_compiler():
+    """numba takes a third of a second to import, in each of the processes that begin a drive."""
+    lines = [f"import {of}; print({who!r}, 'numba' in sys.modules)" for who, of in WITHOUT.items()]
+    code = "\n".join(["import sys", *lines])
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.splitlines() == [f"{who} False" for who in WITHOUT]
+
+
 def test_no_name_is_missing_unsaid_or_unknown():
     assert list(cohelm.__all__) == sorted(cohelm.__all__)
     assert set(cohelm.__all__) == set(cohelm._HOME)

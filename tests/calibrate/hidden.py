@@ -6,7 +6,8 @@ import numpy as np
 
 from cohelm.calibrate.excitation import excitation
 from cohelm.calibrate.ride import PERIOD, ride
-from cohelm.core.types import Pose, Twist, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Pose, Twist
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.port import Odometry
 from cohelm.scenario.load import load_robot

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from cohelm.core.types import RADIUS, SAFE, VX, VY, X, Y, disc, discs, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import RADIUS, SAFE, VX, VY, X, Y, disc, discs
 
 half_turns = st.builds(
     lambda k, ulps: k * math.pi + ulps * math.ulp(max(abs(k), 1) * math.pi),

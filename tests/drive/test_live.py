@@ -89,6 +89,8 @@ def drive(tmp_path_factory):
         all_shown(seen.first)
         seen.later = Onlooker(session.live.address)
         all_shown(seen.later)
+        of = {"recorder": session.recording.pid, "live view": session.live.pid}
+        seen.loaded = {who: Path(f"/proc/{pid}/maps").read_text() for who, pid in of.items()}
         seen.before = session.loop.supervisor.mode, session.loop.alarms.worst()
         os.kill(session.live.pid, signal.SIGKILL)
         session.live._process.join()
@@ -134,6 +136,13 @@ def test_the_channels_are_the_records(drive):
     }
     names = ("topic", "encoding", "schemaName", "schemaEncoding", "schema")
     assert {tuple(one[name] for name in names) for one in drive.first.channels} == of_record
+
+
+@pytest.mark.parametrize("who", ["recorder", "live view"])
+def test_who_is_only_told_things_never_loads_the_compiler(drive, who):
+    """Nothing in what it is told wants it either."""
+    assert "numpy" in drive.loaded[who]
+    assert "llvmlite" not in drive.loaded[who]
 
 
 def test_who_comes_later_gets_what_still_holds(drive):

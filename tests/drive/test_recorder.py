@@ -9,8 +9,7 @@ import pytest
 
 from cohelm.drive.recorder import Recording
 from cohelm.record.messages import messages
-from cohelm.robot.keep.gated_robot import Event
-from cohelm.robot.keep.record_pipe import RecordLine
+from cohelm.robot.keep.record_pipe import Event, RecordLine
 from tests.robot.keep.robots import SALLY
 
 

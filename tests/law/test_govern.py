@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies as st
 
-from cohelm.core.types import Pose, Twist, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Pose, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import (
     CourseClock,

@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 from scipy.interpolate import CubicSpline
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import wrap
+from cohelm.core.scalars import wrap
 from cohelm.law.reference import desired, evaluate, tabulate, through
 from tests.oracle import lab, paper
 

@@ -10,8 +10,8 @@ from cohelm.core.types import Pose, Stick, Twist, disc
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.loop.driver import Driver
+from cohelm.pilot.behavior import EVADING
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.step import EVADING
 from tests.pilot.drives import DT, SETTINGS
 
 HERE = Pose(0.0, 0.0, 0.0)

@@ -18,7 +18,8 @@ from shapely import Polygon, box, contains_xy, unary_union
 from shapely.affinity import rotate
 
 from cohelm.core.frames import between, compose
-from cohelm.core.types import Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap, known
 from cohelm.perceive.map.glimpses import Glimpse
 from cohelm.perceive.scan.deskew import sweep

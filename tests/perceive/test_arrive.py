@@ -15,7 +15,7 @@ from cohelm.law.track import track
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
 from cohelm.plan.path_planner import way
 from cohelm.plan.recovery import Choices, RecoveryMove, recovery_move, recovery_twist, rest
-from cohelm.robot.footprint import disc_clearance
+from cohelm.robot.clearance import disc_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import robot

@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cohelm.core.types import Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.hypothesis import Hypothesis, sigma
 from cohelm.perceive.localize.localization_map import Judgement, known

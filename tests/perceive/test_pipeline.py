@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Pose, Twist, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize import global_search as search, localization_map as known_
 from cohelm.perceive.localize.localization_map import known
 from cohelm.perceive.match import scan_matching as match

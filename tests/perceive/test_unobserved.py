@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.pipeline import Perception, Seen
-from cohelm.robot.footprint import point_gap
+from cohelm.robot.clearance import point_gap
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar
 from cohelm.scenario.load import robot

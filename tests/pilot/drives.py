@@ -14,8 +14,8 @@ from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
 from cohelm.scenario.load import robot
 from cohelm.sim.world import outline_clearance
 

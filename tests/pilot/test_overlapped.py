@@ -9,8 +9,8 @@ from cohelm.core.types import Pose, Stick, Twist, disc
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
 from cohelm.sim.world import outline_clearance
 from tests.pilot.drives import DT, SALLY, SETTINGS
 

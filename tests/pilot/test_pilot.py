@@ -11,9 +11,10 @@ from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.verdict import INVALID
+from cohelm.pilot.behavior import FOLLOWING, LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot, taken
 from cohelm.pilot.replanning import Plan
-from cohelm.pilot.step import FOLLOWING, LED, NO_MOVE
+from cohelm.pilot.step import NO_MOVE
 from cohelm.plan.course import course
 from cohelm.plan.recovery import RecoveryMove
 from cohelm.scenario.law import Law, PlanModel
@@ -101,7 +102,7 @@ def test_the_step_is_pure_but_for_the_commands_under_way():
     assert a.state == b.state
 
 
-def barred(pilot, around, seconds, given=None):
+def refused(pilot, around, seconds, given=None):
     """It asks for something, and is given nothing, or that."""
     for _ in range(round(seconds / DT)):
         pilot.step(pilot.state.k * DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), None, around)
@@ -110,25 +111,25 @@ def barred(pilot, around, seconds, given=None):
 
 def test_of_whom_nothing_is_let_through_though_nothing_is_in_its_way_it_backs_off():
     pilot, here = Pilot(through(STRAIGHT, 0.5), SETTINGS), (Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
-    barred(pilot, NOTHING_NEAR, 0.9)
+    refused(pilot, NOTHING_NEAR, 0.9)
     assert pilot.planner(pilot.task(*here, NOTHING_NEAR)).move is None
-    barred(pilot, NOTHING_NEAR, 0.3)
+    refused(pilot, NOTHING_NEAR, 0.3)
     made = pilot.planner(pilot.task(*here, NOTHING_NEAR))
     assert made.move == RecoveryMove(-0.3, 0.0, 0.0)
     pilot.take(made, *here)
-    barred(pilot, NOTHING_NEAR, 0.1, Twist(-0.1, 0.0))
-    assert pilot.barred == 0.0
-    barred(pilot, NOTHING_NEAR, 0.5)
+    refused(pilot, NOTHING_NEAR, 0.1, Twist(-0.1, 0.0))
+    assert pilot.refused_for == 0.0
+    refused(pilot, NOTHING_NEAR, 0.5)
     assert pilot.state.left == NO_MOVE
-    barred(pilot, NOTHING_NEAR, 0.7)
+    refused(pilot, NOTHING_NEAR, 0.7)
     assert pilot.planner(pilot.task(*here, NOTHING_NEAR)).move == RecoveryMove(0.3, 0.0, 0.0)
 
 
-def test_who_asks_for_nothing_is_not_barred():
+def test_who_asks_for_nothing_is_not_refused():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     for _ in range(100):
         pilot.applied(Twist(0.0, 0.0))
-    assert pilot.barred == 0.0
+    assert pilot.refused_for == 0.0
 
 
 def test_a_delay_that_makes_no_sense_is_refused():

@@ -10,16 +10,16 @@ from cohelm.law.govern import CourseClock
 from cohelm.law.guard.step import farthest, guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
+from cohelm.pilot.behavior import EVADING, LED
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.step import EVADING, LED
 from cohelm.plan.course import course
 from cohelm.plan.evasion.case import case_at
 from cohelm.plan.evasion.foretold import Foretold, leg
 from cohelm.plan.evasion.movers import foreseen, nobody_watched, noted
 from cohelm.plan.evasion.params import EvasionParams
 from cohelm.plan.evasion.risk import risk_at, trajectories
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
 from cohelm.sim.run import run
 from cohelm.sim.setup import with_pilot
 from cohelm.sim.world import Body, outline_clearance

@@ -8,7 +8,8 @@ from hypothesis import given, settings, strategies as st
 from shapely import MultiPoint, Polygon
 from shapely.affinity import rotate, translate
 
-from cohelm.core.types import Pose, Twist, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Pose, Twist
 from cohelm.plan.distance_field import swept
 from cohelm.plan.recovery import (
     BACKWARDS,

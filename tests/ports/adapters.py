@@ -36,7 +36,7 @@ from cohelm.record.replay import Replayed
 from cohelm.record.topics import Photo
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot as BaseRobot
-from cohelm.robot.keep.gated_robot import Event
+from cohelm.robot.keep.record_pipe import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Readings, RobotPort

@@ -17,7 +17,7 @@ from cohelm.record.read import read_record
 from cohelm.record.replay import Replayed, recorded_model
 from cohelm.record.shown import TOPICS as SHOWN_TOPICS, understood
 from cohelm.record.topics import TOPICS
-from cohelm.robot.keep.gated_robot import Event
+from cohelm.robot.keep.record_pipe import Event
 from cohelm.robot.port import Odometry
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
@@ -90,6 +90,20 @@ def test_a_period_comes_back_to_the_last_bit(tmp_path):
     ((_, stamp, said),) = messages(path, ("/rosout",))
     assert (stamp, said.name, said.level) == (EPOCH + 10**9, "gate", 40)
     assert said.msg == "AUTOMATIC -> STOPPED: why"
+
+
+@pytest.mark.parametrize("psi", [np.inf, np.nan])
+def test_odometry_that_is_no_number_is_recorded_and_places_nothing(tmp_path, psi):
+    row = np.zeros((), dtype=ROW)
+    path = tmp_path / "one.mcap"
+    with path.open("wb") as file:
+        made = RecordWriter(file, About("drive", EPOCH), sally())
+        made.write(Odometry(0.0, Pose(0.0, 0.0, psi), Twist(0.0, 0.0)))
+        made.write(row.tobytes())
+        made.finish()
+    assert len(list(messages(path, ("/odom", "/period")))) == 2
+    frames = [m.transforms[0].child_frame_id for _, _, m in messages(path, ("/tf",))]
+    assert frames == ["base_link"]
 
 
 @pytest.mark.parametrize("buffering", [0, -1])

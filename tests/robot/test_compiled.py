@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
+from cohelm.robot.achievable import achievable
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import monitors
-from cohelm.robot.limits import achievable
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.world import world

@@ -10,7 +10,8 @@ from shapely.affinity import rotate, translate
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
-from cohelm.robot.footprint import convex_outline, disc_clearance, point_gap, segment_clearance
+from cohelm.robot.clearance import disc_clearance, point_gap, segment_clearance
+from cohelm.robot.footprint import convex_outline
 
 poses = st.builds(Pose, st.floats(-5, 5), st.floats(-5, 5), st.floats(-20, 20))
 places = st.floats(-2, 2)

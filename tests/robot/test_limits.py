@@ -5,7 +5,8 @@ from hypothesis import assume, given, strategies as st
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
-from cohelm.robot.limits import Limits, achievable, checked_limits, unlimited
+from cohelm.robot.achievable import achievable
+from cohelm.robot.limits import Limits, checked_limits, unlimited
 
 bounds = st.one_of(st.just(math.inf), st.floats(0.05, 20.0))
 limits = st.builds(Limits, bounds, bounds, bounds, bounds, bounds, bounds, st.floats(0.1, 1.0))

@@ -135,7 +135,7 @@ def test_parameters_are_those_of_teleop_twist_joy():
 @pytest.mark.parametrize(
     ("pair", "said"),
     [
-        ("axis_linear=1", "no parameter 'axis_linear': did you mean axis_linear.x"),
+        ("axis_linear=1", "no parameter 'axis_linear'; did you mean axis_linear.x"),
         ("turbo", "there is no parameter 'turbo'; there are axis_linear.x"),
         ("enable_button=-1", "give the number of an axis or button"),
         ("enable_button=", "give the number"),

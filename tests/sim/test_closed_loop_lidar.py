@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.core.types import Pose
 from cohelm.law.reference import through
-from cohelm.robot.footprint import disc_clearance
+from cohelm.robot.clearance import disc_clearance
 from cohelm.scenario.load import robot
 from cohelm.sim import closed_loop
 from cohelm.sim.run import run

@@ -6,7 +6,7 @@ from hypothesis import given, strategies as st
 
 from cohelm.core.types import Pose, disc
 from cohelm.law.reference import evaluate, through
-from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.sim.world import Body, moves, outline_clearance, place, world
 from tests.oracle import lab, paper
 from tests.sim.runs import MOVER, NO_WALLS, lab_world

@@ -38,6 +38,7 @@
     },
     press(number, down) {
       pad.buttons[number] = { pressed: down, touched: down, value: down ? 1 : 0 }
+      pad.timestamp = performance.now()
     },
     unplug() {
       pad.connected = false

@@ -137,6 +137,48 @@ def test_a_gamepad_that_is_unplugged_is_not_a_centred_one(page: Page) -> None:
     release(page)
 
 
+def test_after_a_stop_the_gamepad_alone_drives_on_and_by_no_less_than_a_long_press(
+    page: Page,
+) -> None:
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate("testPad.plug()")
+    drive(page)
+
+    def hold(seconds: float) -> None:
+        page.evaluate("testPad.press(0, true)")
+        page.wait_for_timeout(1000.0 * seconds)
+        page.evaluate("testPad.press(0, false)")
+
+    expect(device(page)).to_contain_text("gamepad: ready")
+    expect(alarms(page)).not_to_contain_text("To drive on")
+    page.evaluate("testPad.press(0, true)")  # held before the stop, and on
+    page.keyboard.press("Space")
+    expect(alarms(page)).to_contain_text("To drive on: let A or ✕ of the gamepad go first")
+    page.wait_for_timeout(1200)
+    page.evaluate("testPad.press(0, false)")
+    how = "hold A or ✕ of the gamepad for a second, stick centred, and let it go"
+    expect(alarms(page)).to_contain_text(f"To drive on: {how}: it may drive")
+    hold(0.4)
+    page.evaluate("testPad.deflect(0, 1)")
+    hold(1.2)
+    page.evaluate("testPad.deflect(0, 0)")
+    expect(alarms(page)).to_contain_text(f"{how}: it may drive")
+    expect(stopped(page)).to_be_visible()
+    until(lambda: expect(stopped(page)).to_be_hidden(timeout=4_000), lambda: hold(1.2))
+    expect(page.get_by_role("radio", name="Hold")).to_be_checked()
+    expect(alarms(page)).to_contain_text(f"{how}: on in Manual")
+    manual = page.get_by_role("radio", name="Manual")
+    until(lambda: expect(manual).to_be_checked(timeout=4_000), lambda: hold(1.2))
+    expect(given(page)).to_contain_text(STILL)
+    expect(alarms(page)).not_to_contain_text("To drive on")
+    page.evaluate("testPad.deflect(0, 1)")
+    expect(given(page)).to_contain_text(LEFT)
+    page.evaluate("testPad.deflect(0, 0)")
+    release(page)
+    expect(alarms(page)).not_to_contain_text("To drive on")
+
+
 @pytest.mark.slow
 def test_a_gamepad_that_stays_deflected_and_says_nothing_new_is_not_held(page: Page) -> None:
     """Its battery is flat, or it is out of reach: the receiver shows the last it heard."""

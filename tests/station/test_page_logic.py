@@ -51,6 +51,66 @@ def test_a_stick_is_believed_only_after_it_was_centred(asked) -> None:
     ) == ["waiting", "waiting", "armed", "armed", "absent", "absent", "armed"]  # fmt: skip
 
 
+GO_ON = """((looks) => {
+  let press = m.NO_PRESS
+  const done = []
+  for (const [at, what, down] of looks) {
+    const wanted = m.due(press, what, down, at)
+    press = m.pressed(press, what, down, at)
+    if (wanted !== '') done.push([wanted, at])
+  }
+  return done
+})"""
+"""What comes of looks at the go-on button: when, what it would do, whether it is down."""
+
+
+def looks(*spans: tuple[int, int, str, bool], every: int = 20) -> str:
+    """Of spans: from, to [ms], what it would do, whether it is down."""
+    return json.dumps([
+        [at, what, down] for first, last, what, down in spans for at in range(first, last, every)
+    ])  # fmt: skip
+
+
+def test_only_a_go_on_button_that_is_held_a_second_and_let_go_drives_on(asked) -> None:
+    up, held = (0, 200, "reset", False), (200, 1240, "reset", True)
+    cases = {
+        "held and let go": looks(up, held, (1240, 1400, "reset", False)),
+        "never let go, as by a pad out of reach": looks(up, (200, 60_000, "reset", True)),
+        "tapped": looks(up, (200, 1100, "reset", True), (1100, 1400, "reset", False)),
+        "held since before the stop": looks(
+            (0, 200, "", True), (200, 2000, "reset", True), (2000, 2200, "reset", False)
+        ),
+        "the stick left the centre": looks(
+            up, (200, 800, "reset", True), (800, 840, "", True), (840, 2500, "reset", True),
+            (2500, 2600, "reset", False),
+        ),
+        "the pad went away": looks(up, held, (1240, 1400, "", False)),
+        "it means another thing by now": looks(up, held, (1240, 1400, "shared", False)),
+        "the page hung": looks(
+            up, (200, 220, "reset", True), (1300, 1320, "reset", True), (1320, 1400, "reset", False)
+        ),
+        "one press for each step": looks(
+            up, held, (1240, 1300, "reset", False), (1300, 2400, "shared", True),
+            (2400, 2500, "shared", False), (2500, 3600, "shared", True),
+            (3600, 3700, "shared", False),
+        ),
+    }  # fmt: skip
+    found = asked("input/goOn.ts", *(f"{GO_ON}({case})" for case in cases.values()))
+    assert dict(zip(cases, found, strict=True)) == {case: [] for case in cases} | {
+        "held and let go": [["reset", 1240]],
+        "one press for each step": [["reset", 1240], ["shared", 3600]],
+    }
+
+
+def test_the_go_on_button_lets_go_of_a_stop_and_then_goes_on_in_the_mode_of_before(asked) -> None:
+    assert asked(
+        "input/goOn.ts",
+        "m.next(false, true, 'hold', 'shared')", "m.next(true, true, 'hold', 'shared')",
+        "m.next(true, false, 'hold', 'shared')", "m.next(true, false, 'hold', '')",
+        "m.next(true, false, 'manual', 'shared')",
+    ) == ["", "reset", "shared", "", ""]  # fmt: skip
+
+
 def test_who_deflects_a_stick_that_does_not_steer_is_told_what_to_do_first(asked) -> None:
     assert asked(
         "input/arm.ts",

@@ -21,7 +21,8 @@ from cohelm.calibrate.response import Measured, steps
 from cohelm.calibrate.ride import Rest, Ride
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose, inverse
-from cohelm.core.types import Floats, Ints, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces, facing, moved, normals, surfaces, thinned
 from cohelm.robot.model import RobotModel

@@ -27,7 +27,7 @@ def heeded(node: str) -> Callable[[typer.Context, Path | None], Path | None]:
 
 def _values(file: Path, node: str, command: Any) -> dict[str, Any]:
     """By name of the command's parameters. CohelmError for what does not fit."""
-    from cohelm.core.errors import CohelmError
+    from cohelm.core.errors import CohelmError, did_you_mean
     from cohelm.scenario.load import tree_of
     from cohelm.scenario.text import plain
 
@@ -52,7 +52,8 @@ def _values(file: Path, node: str, command: Any) -> dict[str, Any]:
             continue  # every node of ROS 2 has it
         option = names.get(key)
         if option is None:
-            problems.append(f"{file}: {key}: there is no such parameter; {_known(key, names)}")
+            near = did_you_mean(key, names) or f"; there are {', '.join(sorted(names))}"
+            problems.append(f"{file}: {key}: there is no such parameter{near}")
         elif option.multiple and isinstance(value, str | list):
             given = cast("list[object]", value) if isinstance(value, list) else [value]
             found[option.name] = [str(one) for one in given]
@@ -75,10 +76,3 @@ def _names(command: Any) -> dict[str, Any]:
         for option in command.params
         if option.param_type_name == "option" and option.name not in _WITHOUT
     }
-
-
-def _known(key: str, names: dict[str, Any]) -> str:
-    from difflib import get_close_matches
-
-    near = get_close_matches(key, names, 1)
-    return f"did you mean {near[0]}?" if near else f"there are {', '.join(sorted(names))}"

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from cohelm.core.jit import jit_inline
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose
 
 
 @jit_inline

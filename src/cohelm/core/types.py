@@ -7,13 +7,10 @@ Body frame: x forward, y left. All angles in radians, all times in seconds.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from cohelm.core.jit import jit_inline
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -76,24 +73,6 @@ class Desired(NamedTuple):
     psi: float
     u: float
     r: float
-
-
-@jit_inline
-def wrap(angle: float) -> float:
-    """The same angle in (-pi, pi] [rad]."""
-    if -math.pi < angle <= math.pi:
-        return angle  # most of the time, and spares the division
-    turns = float(np.ceil((angle - math.pi) / (2.0 * math.pi)))  # math.ceil makes an integer
-    inside = angle - 2.0 * math.pi * turns
-    if inside <= -math.pi or inside > math.pi:  # by the last digit
-        return math.pi
-    return inside
-
-
-@jit_inline
-def is_finite(x: float) -> bool:
-    """Whether x is a number: not NaN, not infinite."""
-    return -math.inf < x < math.inf
 
 
 def disc(

@@ -20,9 +20,8 @@ from typing import IO, Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.record.file import About, RecordWriter
-from cohelm.robot.keep.gated_robot import Event
 from cohelm.robot.keep.processes import left_alone, started
-from cohelm.robot.keep.record_pipe import ALIVE, LARGEST, line
+from cohelm.robot.keep.record_pipe import ALIVE, LARGEST, Event, line
 from cohelm.robot.model import RobotModel
 
 _RESERVE = 1 << 16  # bytes kept for the log

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from cohelm.core.facing import facing
 from cohelm.core.jit import jit_inline
-from cohelm.core.types import SAFE, VX, VY, Floats, Pose, Twist, X, Y, is_finite
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import SAFE, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.verdict import INVALID, POWERLESS, SHAPED, UNTOUCHED
 

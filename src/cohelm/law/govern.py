@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Desired, Floats, Pose, Twist, is_finite, wrap
+from cohelm.core.scalars import is_finite, wrap
+from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.reference import Reference, evaluate
 
 _LOOKS = 48  # samples per round of the search for the nearest point, three rounds

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cohelm.core.jit import jit_inline
-from cohelm.core.types import Stick, Twist, is_finite
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import Stick, Twist
 from cohelm.law.gains import Gains
 
 

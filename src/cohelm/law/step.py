@@ -6,7 +6,8 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import Desired, Floats, Pose, Stick, Twist, is_finite
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance, barrier
 from cohelm.law.blend import Authority, authority, blend
 from cohelm.law.gains import Gains

@@ -6,7 +6,8 @@ import math
 
 from cohelm.core.facing import facing
 from cohelm.core.jit import jit_inline
-from cohelm.core.types import Desired, Pose, Twist, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Desired, Pose, Twist
 from cohelm.law.gains import Gains
 
 

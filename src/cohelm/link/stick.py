@@ -20,13 +20,12 @@ from __future__ import annotations
 import csv
 import io
 import math
-from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.files import read_bytes
 from cohelm.core.types import Floats
 
@@ -155,9 +154,7 @@ def _table(file: Path) -> tuple[list[str], list[_Row]]:
 def _text(file: Path) -> str:
     if not file.exists():
         beside = [f.name for f in file.parent.glob("*.csv*")] if file.parent.is_dir() else []
-        close = get_close_matches(file.name, beside, n=1, cutoff=0.5)
-        hint = f"; did you mean {close[0]}?" if close else ""
-        raise CohelmError(f"{file}: no such stick file{hint}")
+        raise CohelmError(f"{file}: no such stick file{did_you_mean(file.name, beside)}")
     if file.is_dir():
         raise CohelmError(f"{file}: is a folder, not a stick file")
     try:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from cohelm.core.row import ROW, values
 from cohelm.link.messages import Discs, Map, Polyline, ZoneMap
 from cohelm.link.recorded_status import Displayed, StatusWords
-from cohelm.robot.keep.gated_robot import Event
-from cohelm.robot.keep.record_pipe import RecordLine
+from cohelm.robot.keep.record_pipe import Event, RecordLine
 from cohelm.robot.port import Readings, Scan
 
 _NO_VIEW = "the live view is gone: the robot goes on without"

@@ -8,7 +8,8 @@ from collections import deque
 import numpy as np
 
 from cohelm.core.frames import placed
-from cohelm.core.types import Floats, Pose, Stick, Twist, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.govern import Profile, reversed_twist, turned
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import Reference, through
@@ -24,8 +25,8 @@ from cohelm.pilot.replanning import apart, entered
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.distance_field import swept
 from cohelm.plan.zones import Zoned, Zones
+from cohelm.robot.achievable import achievable
 from cohelm.robot.keep.gated_robot import GatedRobot
-from cohelm.robot.limits import achievable
 
 _NOTHING: Floats = np.empty((0, 2))
 _COMPILING = 180.0  # the first plan may take this long [s]

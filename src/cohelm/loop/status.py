@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.frames import compose
-from cohelm.core.types import Floats, Pose, Stick, Twist, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law import verdict as verdicts
 from cohelm.link.messages import (
     MOST_BEAMS,

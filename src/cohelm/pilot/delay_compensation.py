@@ -7,8 +7,9 @@ import math
 from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.surroundings import Surroundings
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits
 
 
 def periods(delay: float, dt: float) -> tuple[int, float]:

@@ -11,20 +11,11 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.reference import Reference
+from cohelm.pilot.behavior import FOLLOWING, LED
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.flat import Flat, step_of
 from cohelm.pilot.replanning import Plan, ReplanParams, Task, entered, plan
-from cohelm.pilot.step import (
-    FOLLOWING,
-    LED,
-    NO_MOVE,
-    PATIENCE,
-    START,
-    Decision,
-    PilotState,
-    Settings,
-    still,
-)
+from cohelm.pilot.step import NO_MOVE, PATIENCE, START, Decision, PilotState, Settings, still
 from cohelm.plan.course import Course, Route, course, route
 from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams
@@ -78,9 +69,9 @@ class Pilot:
         self.watched: Floats = nobody_watched()
         self.behavior = FOLLOWING
         self._safe: Twist | None = None
-        self.barred = 0.0
+        self.refused_for = 0.0
         """How long nothing has come of what was asked for since it last moved, by `applied` [s]."""
-        self._bars = 0
+        self._refused = 0
         """Kinds of moves of which nothing came either."""
         self._now = -math.inf
         self._taken = 0.0
@@ -122,14 +113,14 @@ class Pilot:
         safe, self._safe = self._safe, None
         left = self.state.left
         if safe is None or not still(command):
-            self.barred = 0.0
-            self._bars = 0 if left == NO_MOVE else self._bars
+            self.refused_for = 0.0
+            self._refused = 0 if left == NO_MOVE else self._refused
             return
         if still(safe):
             return
-        self.barred += self.settings.rules.dt
-        if left != NO_MOVE and self.barred > PATIENCE:
-            self._bars |= kind(left)
+        self.refused_for += self.settings.rules.dt
+        if left != NO_MOVE and self.refused_for > PATIENCE:
+            self._refused |= kind(left)
             self.state = self.state._replace(left=NO_MOVE)
 
     def task(
@@ -138,8 +129,8 @@ class Pilot:
         """A snapshot to plan from. unseen: beside what is seen, see there."""
         since = self.state.time - self._taken
         led = self.behavior == LED
-        state = self.state._replace(refused=self.state.refused | self._bars)
-        return Task(state, pose, twist, seen, self.course, since, led, self.barred, unseen)
+        state = self.state._replace(refused=self.state.refused | self._refused)
+        return Task(state, pose, twist, seen, self.course, since, led, self.refused_for, unseen)
 
     def plan(
         self, pose: Pose, twist: Twist, seen: Surroundings, unseen: Floats = NOTHING_NEAR.points
@@ -152,7 +143,7 @@ class Pilot:
         before = self.state.left
         self.state = taken(self.state, made, self.planner, pose, twist)
         if self.state.left != before:
-            self.barred = 0.0  # a move has its own time to begin
+            self.refused_for = 0.0  # a move has its own time to begin
         self.course = made.course
         if made.new:
             self._taken = self.state.time

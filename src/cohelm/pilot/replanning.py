@@ -76,8 +76,8 @@ class Task(NamedTuple):
     """How long the course has been followed [s]."""
     led: bool
     """Whether the person leads."""
-    barred: float = 0.0
-    """How long gate and monitors have let nothing through of what was asked for [s]."""
+    refused_for: float = 0.0
+    """How long gate and monitors have refused all that was asked for [s]."""
     unseen: Floats = np.empty((0, 2))
     """Beside the obstacles, ground that nothing has seen and that may hold anything, (n, 2)."""
 
@@ -211,7 +211,7 @@ def _ended(task: Task, route: Route, replan_params: ReplanParams) -> bool:
 
 def _held(task: Task, replan_params: ReplanParams) -> bool:
     """Whether the robot does not get on."""
-    return max(task.state.clock.waited, task.barred) > replan_params.waits
+    return max(task.state.clock.waited, task.refused_for) > replan_params.waits
 
 
 def _taken_up(
@@ -317,7 +317,7 @@ def _way_out(
         ),
         least=min(1.2 * settings.rules.hard_margin, settings.rules.soft_margin),
     )
-    if task.barred > replan_params.waits:  # by what is not among the points
+    if task.refused_for > replan_params.waits:  # by what is not among the points
         move = back_off(pose, points, settings.outline, choices, refused)
         return move or back_off(pose, points, settings.outline, choices)
     move = recovery_move(pose, to.psi, points, settings.outline, choices, refused)

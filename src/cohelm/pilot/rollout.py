@@ -12,8 +12,8 @@ from cohelm.law.guard.project import project
 from cohelm.law.track import track
 from cohelm.pilot.step import Settings
 from cohelm.plan.course import Course
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
 
 _DT = 0.05  # a step of the foretold drive [s]
 _SPACING = 0.05  # between the poses that are kept [m, rad]

@@ -12,16 +12,18 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Obstacles
-from cohelm.core.types import Floats, Ints, Pose, Twist, is_finite
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.guard.rules import Rules, checked_rules
 from cohelm.law.guard.step import NOTHING, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
 from cohelm.pilot.delay_compensation import moved_on, periods
 from cohelm.pilot.margin_inflation import SLOP, inflated_rules, noise
+from cohelm.robot.achievable import achievable
 from cohelm.robot.footprint import convex_outline
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable, checked_braking, checked_limits
+from cohelm.robot.limits import Limits, checked_braking, checked_limits
 from cohelm.robot.model import RobotModel
 
 _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 0.16

@@ -16,16 +16,13 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
 from cohelm.law.step import control_step, decided, hand_of
 from cohelm.law.track import track
+from cohelm.pilot.behavior import ESCAPING, EVADING, FOLLOWING, LED
 from cohelm.pilot.delay_compensation import foreseen, moved_on
 from cohelm.plan.course import Course, nearest_row
 from cohelm.plan.evasion.evade import evade
 from cohelm.plan.evasion.params import NO_EVASION, Evasion, EvasionParams
 from cohelm.plan.recovery import RecoveryMove, kind, recovery_twist, rest
 from cohelm.robot.limits import Limits
-
-FOLLOWING, LED, ESCAPING, EVADING = range(4)
-"""What the robot is doing: following its course, led by the person, getting out of a tight spot,
-getting out of somebody's way."""
 
 NO_MOVE = RecoveryMove(0.0, 0.0, 0.0)
 

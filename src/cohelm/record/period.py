@@ -18,7 +18,7 @@ from cohelm.core.row import MEANINGS, ROW
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, X, Y
 from cohelm.law.verdict import BRAKING, INVALID, POWERLESS, SHAPED, STANDING, UNTOUCHED
 from cohelm.link.messages import Arming, DockPhase
-from cohelm.pilot.step import ESCAPING, EVADING, FOLLOWING, LED
+from cohelm.pilot.behavior import ESCAPING, EVADING, FOLLOWING, LED
 from cohelm.robot.gate.modes import GateMode
 
 TOPIC = "/period"

@@ -15,7 +15,8 @@ from PIL import Image
 from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Pose, Twist, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Pose, Twist
 from cohelm.record.file import ROBOT
 from cohelm.record.messages import attachment, messages
 from cohelm.record.topics import IMAGE, Photo, scan_topic

@@ -24,11 +24,11 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm.core.row import ROW
-from cohelm.core.types import Floats, Pose, Twist, wrap
+from cohelm.core.types import Floats, Pose, Twist
 from cohelm.link.recorded_status import Displayed
 from cohelm.record import markers, period, ros2, shown
 from cohelm.record.period import NO_DISCS, NO_H, STORE
-from cohelm.robot.keep.gated_robot import Event
+from cohelm.robot.keep.record_pipe import Event
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
@@ -185,8 +185,9 @@ class RecordTopics:
         axes = np.array([row["stick_x"], row["stick_psi"]], dtype=np.float32)
         self._say(t, "/joy", Joy(robot, axes, np.empty(0, dtype=np.int32)))
         place = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
-        if self._odometry is not None and all(math.isfinite(value) for value in place):
-            at = self._frame(t, MAP, ODOM, _under(place, self._odometry))
+        odometry = self._odometry
+        if odometry is not None and all(math.isfinite(value) for value in place + odometry):
+            at = self._frame(t, MAP, ODOM, _under(place, odometry))
             self._say(t, "/tf", TFMessage([at]))
 
     def _odom(self, odometry: Odometry) -> None:
@@ -224,7 +225,7 @@ class RecordTopics:
 
 def _under(place: Pose, odometry: Pose) -> Pose:
     """The pose of the odometry frame in the map, from the robot's poses in both."""
-    psi = wrap(place.psi - odometry.psi)
+    psi = math.remainder(place.psi - odometry.psi, math.tau)
     c, s = math.cos(psi), math.sin(psi)
     return Pose(
         place.x - c * odometry.x + s * odometry.y, place.y - s * odometry.x - c * odometry.y, psi

@@ -7,9 +7,11 @@ import math
 import threading
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Twist, is_finite
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import Twist
+from cohelm.robot.achievable import achievable
 from cohelm.robot.base import Robot
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Odometry, Readings
 

@@ -171,7 +171,9 @@ class FoxgloveTransport:
     def _open(self) -> ClientConnection:
         """A new connection, on which the bridge has told what it can do."""
         try:
-            there = connect(  # in clear, over a socket that does TLS where the address says so
+            # In clear, over a socket that does TLS where the address says so. legacy: websockets
+            # 17.1 and later warn without it; earlier ones do not look at it, as there is a socket.
+            there = connect(
                 self._at.clear, sock=_reached(self._at), subprotocols=_PROTOCOLS,
                 compression=None, open_timeout=_OPEN, close_timeout=0.5, ping_interval=1.0,
                 ping_timeout=_SILENT, max_size=_LARGEST, proxy=None, legacy=True,

@@ -7,10 +7,9 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from typing import Any, NamedTuple
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device
 from cohelm.link.operator_input import OperatorInput
@@ -56,8 +55,7 @@ def joy_params(pairs: Sequence[str]) -> JoyParams:
     for pair in pairs:
         key, _, value = pair.partition("=")
         if key not in _NAMES:
-            near = get_close_matches(key, _NAMES, 1)
-            meant = f": did you mean {near[0]}?" if near else f"; there are {', '.join(_NAMES)}"
+            meant = did_you_mean(key, _NAMES) or f"; there are {', '.join(_NAMES)}"
             raise CohelmError(f"--joy-param {pair!r}: there is no parameter {key!r}{meant}")
         name, low = _NAMES[key], value.strip().lower()
         if isinstance(getattr(made, name), bool):

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats, Ints, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Ints
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.transforms import Mount
 

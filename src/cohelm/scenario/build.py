@@ -15,7 +15,7 @@ from cohelm.link import stick as sticks
 from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Settings
-from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.hand import StickFile, StickOperator, StickScript

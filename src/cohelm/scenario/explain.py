@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from difflib import get_close_matches
 from typing import Any, cast
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 from yaml.nodes import Node
 
+from cohelm.core.errors import did_you_mean
 from cohelm.core.schema import RENAMED, Schema
 from cohelm.scenario.text import Path, at, dotted, where
 
@@ -38,13 +38,12 @@ def sentences(error: ValidationError, root: Node, model: type[Schema]) -> list[s
 
 
 def nearest(word: str, known: list[str]) -> str:
-    """` did you mean X?`, or nothing: by stem first (a unit gone wrong), then by spelling."""
+    """`did you mean X?`, or nothing: by stem first (a unit gone wrong), then by spelling."""
     stems = [k for k in known if k.rsplit("_", 1)[0] in (word, word.rsplit("_", 1)[0])]
     if len(stems) == 1:
         unit = unit_of((stems[0],))
         return f"did you mean {stems[0]}" + (f" (in {unit})?" if unit else "?")
-    close = get_close_matches(word.lower(), [k.lower() for k in known], n=1, cutoff=0.5)
-    return next((f"did you mean {k}?" for k in known if close and k.lower() == close[0]), "")
+    return did_you_mean(word, known).removeprefix("; ")
 
 
 def unit_of(path: Path) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +14,7 @@ import yaml
 from pydantic import ValidationError
 from yaml.nodes import Node
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.files import check_regular, read_bytes
 from cohelm.core.schema import Schema
 from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
@@ -127,7 +126,7 @@ def _found(world: AnyWorld, folder: Path, asked_by: str) -> AnyWorld:
     made = world.model_copy(update=update)
     file = Path(made.file)
     if not file.is_file():
-        close = _meant(file.name, _beside(file.parent))
+        close = did_you_mean(file.name, _beside(file.parent))
         raise CohelmError(f"{asked_by}: world.file: {file}: no such file{close}")
     now = digest(file)
     if made.sha256 is not None and made.sha256 != now:
@@ -168,10 +167,10 @@ def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
     if not file.exists() and Path(name).suffix not in (".yaml", ".yml"):
         raise CohelmError(
             f"{asked_by}robot: no robot is called {name!r}; there are {', '.join(SHIPPED)}, "
-            f"or give the path of a robot's YAML file{_meant(name, SHIPPED)}"
+            f"or give the path of a robot's YAML file{did_you_mean(name, SHIPPED)}"
         )
     if not file.exists():
-        close = _meant(file.name, _names(file.parent))
+        close = did_you_mean(file.name, _names(file.parent))
         raise CohelmError(f"{asked_by}robot: {file}: no such file{close}")
     return read(file, RobotModel)
 
@@ -236,7 +235,7 @@ def find(path: str | Path) -> Path:
             f"--set robot={path}, or `robot: {path}` in a scenario"
         )
     beside = _names(file.parent)
-    close = _meant(file.name, beside) or _meant(file.stem, named)
+    close = did_you_mean(file.name, beside) or did_you_mean(file.stem, named)
     raise CohelmError(
         f"{path}: no such file{close}; scenarios that come with cohelm: {', '.join(named)}"
     )
@@ -250,15 +249,10 @@ def _beside(folder: Path) -> list[str]:
     return sorted(f.name for f in folder.iterdir()) if folder.is_dir() else []
 
 
-def _meant(word: str, known: Sequence[str] | dict[str, Path]) -> str:
-    close = get_close_matches(word, list(known), n=1, cutoff=0.5)
-    return f"; did you mean {close[0]}?" if close else ""
-
-
 def _text(file: Path) -> str:
     """A file's text, or CohelmError in plain words."""
     if not file.exists():
-        raise CohelmError(f"{file}: no such file{_meant(file.name, _names(file.parent))}")
+        raise CohelmError(f"{file}: no such file{did_you_mean(file.name, _names(file.parent))}")
     if file.is_dir():
         inside = ", ".join(_names(file)) or "none"
         raise CohelmError(f"{file}: is a folder; name a YAML file in it ({inside})")

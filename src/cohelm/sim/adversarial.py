@@ -18,8 +18,9 @@ from cohelm.law.barrier import barrier
 from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits
 from cohelm.sim.judge import FAR, least_clearance
 from cohelm.sim.operator_model import uniform
 

@@ -20,9 +20,10 @@ from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.track.tracker import TrackerParams
+from cohelm.pilot.behavior import LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
 from cohelm.pilot.replanning import ReplanParams, Task, apart
-from cohelm.pilot.step import LED, START, PilotState, Settings, pilot_step
+from cohelm.pilot.step import START, PilotState, Settings, pilot_step
 from cohelm.plan.course import Course, course
 from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams

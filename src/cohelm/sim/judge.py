@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
-from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 from cohelm.sim.world import outline_clearance

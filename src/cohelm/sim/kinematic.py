@@ -10,9 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose, Twist, is_finite
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan, untouched

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
-from cohelm.robot.footprint import disc_clearance
+from cohelm.robot.clearance import disc_clearance
 from cohelm.sim.judge import FAR
 from cohelm.sim.world import World, moves
 

@@ -15,8 +15,8 @@ from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.reference import evaluate, tabulate
 from cohelm.law.step import control_step
+from cohelm.pilot.behavior import FOLLOWING
 from cohelm.pilot.pilot import Planner
-from cohelm.pilot.step import FOLLOWING
 from cohelm.plan.course import nearly_done, route
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import Piloted, Scene, stretches

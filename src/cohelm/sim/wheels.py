@@ -9,8 +9,9 @@ from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.human import supplied_energy
 from cohelm.law.track import pose_error
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits
 
 
 class SimulatedState(NamedTuple):

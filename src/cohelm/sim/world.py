@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, Ints, Pose, X, Y
 from cohelm.law.reference import Reference, evaluate
-from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.clearance import disc_clearance, segment_clearance
 
 
 @dataclass(frozen=True)

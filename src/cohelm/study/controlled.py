@@ -20,9 +20,9 @@ from cohelm.law.human import human, limited
 from cohelm.law.reference import desired, evaluate
 from cohelm.law.track import pose_error
 from cohelm.law.verdict import INVALID, UNTOUCHED
-from cohelm.pilot.step import FOLLOWING
+from cohelm.pilot.behavior import FOLLOWING
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario

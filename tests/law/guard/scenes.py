@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.step import Guarded, Rules, prepared
 from cohelm.law.guard.surroundings import Surroundings, surroundings
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.achievable import achievable
+from cohelm.robot.limits import Limits
 
 SALLY = np.array([[0.36, 0.29], [-0.36, 0.29], [-0.36, -0.29], [0.36, -0.29]])
 SALLY_LIMITS = Limits(1.0, math.inf, 2.0, math.inf, 1.2, 2.0, 0.5)

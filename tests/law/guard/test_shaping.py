@@ -10,7 +10,8 @@ from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.approach import approach
 from cohelm.law.guard.step import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED, Rules, guard
 from cohelm.law.guard.surroundings import Surroundings, surroundings
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.achievable import achievable
+from cohelm.robot.limits import Limits
 from tests.law.guard.scenes import (
     HERE,
     REST,

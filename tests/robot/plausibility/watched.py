@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cohelm.core.types import Pose, Twist, disc
-from cohelm.robot.limits import achievable
+from cohelm.robot.achievable import achievable
 from cohelm.robot.monitor import Restriction
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.port import Readings

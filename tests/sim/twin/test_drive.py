@@ -12,8 +12,8 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import Pose, Twist
 from cohelm.law.guard.bounds import braked
 from cohelm.pilot.margin_inflation import SLOP
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import achievable
 from cohelm.scenario import build, load
 from cohelm.sim.run import pieces, run
 from cohelm.sim.twin.drive import held

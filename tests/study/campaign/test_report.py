@@ -10,7 +10,7 @@ from PIL import Image
 
 from cohelm.core.row import ROW
 from cohelm.core.trace import Trace
-from cohelm.pilot.step import EVADING
+from cohelm.pilot.behavior import EVADING
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.episode import Episode, EpisodeGoal

@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
-from cohelm.robot.footprint import disc_clearance
+from cohelm.robot.clearance import disc_clearance
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn
 from cohelm.scenario.worlds.tracks import Track

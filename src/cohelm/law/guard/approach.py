@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y, is_finite
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.contact import NearestPoint, contact, overlap
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.limits import Limits

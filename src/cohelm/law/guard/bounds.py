@@ -7,7 +7,8 @@ import math
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Twist
 from cohelm.law.guard.project import NOBODY
-from cohelm.robot.limits import Limits, braking_time
+from cohelm.robot.achievable import braking_time
+from cohelm.robot.limits import Limits
 
 WHEEL_ROWS = 8
 """The most rows that `wheel_rows` writes."""

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose, Twist, is_finite
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law.guard.approach import approach_rows, most_rows
 from cohelm.law.guard.bounds import WHEEL_ROWS, braked, wheel_rows
 from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
@@ -19,7 +20,8 @@ from cohelm.law.guard.project import project
 from cohelm.law.guard.rules import Rules, checked_outline, checked_rules
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
-from cohelm.robot.limits import Limits, achievable, checked_limits
+from cohelm.robot.achievable import achievable
+from cohelm.robot.limits import Limits, checked_limits
 
 NOTHING = -1
 """`limiting` when no obstacle changed the nominal command; the wheels' own limits may have."""

@@ -12,11 +12,10 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable
-from difflib import get_close_matches
 from typing import NamedTuple, Protocol
 from urllib.parse import parse_qsl, urlsplit
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.types import Stick
 from cohelm.link.messages import Device
 from cohelm.link.sticks.cls2sim import PORT, Cls2SimLine, Forces, StickPositions, unit
@@ -100,8 +99,7 @@ def parameters(text: str, pushes: bool = True) -> BrunnerParams:
     options: dict[str, str] = {}
     for key, value in given:
         if key not in OPTIONS:
-            near = get_close_matches(key, OPTIONS, 1)
-            hint = f"; did you mean {near[0]}?" if near else ""
+            hint = did_you_mean(key, OPTIONS)
             raise CohelmError(f"{text}: no option {key!r}: it knows {', '.join(OPTIONS)}{hint}")
         if key in options:
             raise CohelmError(f"{text}: {key} stands there twice")

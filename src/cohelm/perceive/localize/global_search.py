@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Ints, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.surfaces import moved
 

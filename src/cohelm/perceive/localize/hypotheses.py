@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cohelm.core.frames import compose
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.global_search import Search, candidates, looked, search
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, twin

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.localization_map import Judgement
 from cohelm.perceive.localize.map_errors import Charges

@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.frames import between
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis

@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass
 
 from cohelm.core.frames import between, compose
-from cohelm.core.types import Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Hypothesis, same, twin

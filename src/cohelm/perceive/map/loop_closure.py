@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from cohelm.core.frames import between, compose
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.place_graph import PlaceGraph, agree
 from cohelm.perceive.map.pose_graph import ROUGH, Link, loop_link, off, spread
 from cohelm.perceive.match.odometry_covariance import inverted

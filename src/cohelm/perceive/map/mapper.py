@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.glimpses import Glimpse
 from cohelm.perceive.map.loop_closure import LoopClosure, revisits
 from cohelm.perceive.map.mapper_params import MapperParams

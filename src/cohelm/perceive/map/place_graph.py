@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.frames import between, compose
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.mapper_params import MapperParams
 from cohelm.perceive.map.pose_graph import (
     Link,

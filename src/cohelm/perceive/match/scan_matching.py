@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose, wrap
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.match.surfaces import Surfaces
 
 

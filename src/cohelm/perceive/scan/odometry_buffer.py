@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose, Twist, is_finite, wrap
+from cohelm.core.scalars import is_finite, wrap
+from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Odometry
 

@@ -20,7 +20,7 @@ from cohelm.perceive.scan.deskew import beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
 from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN, in_view
-from cohelm.robot.footprint import disc_clearance
+from cohelm.robot.clearance import disc_clearance
 from cohelm.robot.sensors import Lidar, vouched_floor
 
 VOUCHED = 0.2

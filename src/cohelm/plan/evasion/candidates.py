@@ -10,8 +10,9 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.plan.evasion.case import Case, to_go
 from cohelm.plan.evasion.params import Evasion, EvasionParams
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits
 
 _SPEEDS = (1.0, 0.75, 0.5, 0.25, 0.0, -0.5, -1.0)
 _TURNINGS = (0.0, 0.15, -0.15, 0.35, -0.35, 0.6, -0.6, 0.8, -0.8, 1.0, -1.0)

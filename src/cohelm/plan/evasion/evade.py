@@ -31,8 +31,9 @@ from cohelm.plan.evasion.foretold import Foretold, leg, whole
 from cohelm.plan.evasion.movers import foreseen, noted
 from cohelm.plan.evasion.params import STEP, Evasion, EvasionParams
 from cohelm.plan.evasion.risk import clearance_at, spare_at, trajectories
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits
 
 _TRIES = 8  # so many of the best are tried for one that is certified
 _NEARLY = 0.4  # what is so much worse than the best is not looked at to its end [m]

@@ -11,8 +11,9 @@ from cohelm.law.guard.bounds import braked
 from cohelm.plan.evasion.case import Case, blocked, to_go
 from cohelm.plan.evasion.params import STEP, EvasionParams
 from cohelm.plan.evasion.risk import risk_at, spare_at
+from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, achievable
+from cohelm.robot.limits import Limits
 
 _TOUCH = 100.0  # cost of a touch for each second that it comes before the horizon [m/s]
 

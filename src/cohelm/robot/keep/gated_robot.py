@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import socket
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate import gate as gates
 from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode, driving, latched
-from cohelm.robot.keep.record_pipe import RecordLine
+from cohelm.robot.keep.record_pipe import Event, RecordLine
 from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
@@ -25,18 +25,6 @@ STANDS_V, STANDS_OMEGA = 0.02, 0.03
 _FARTHEST, _FASTEST = 1e6, 1e3
 """No wheels measure a pose farther from where they began [m, rad], nor more speed [m/s, rad/s]."""
 _NO_NUMBER = Odometry(math.nan, Pose(*3 * [math.nan]), Twist(math.nan, math.nan))
-
-
-class Event(NamedTuple):
-    """Something worth a line in the record."""
-
-    stamp: float
-    """The robot's clock [s]."""
-    who: str
-    """gate, loop, recorder..."""
-    text: str
-    serious: bool = False
-    """Whether somebody should look at it."""
 
 
 class GatedRobot(Protocol):

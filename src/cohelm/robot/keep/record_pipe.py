@@ -6,7 +6,7 @@ import math
 import pickle
 import socket
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 LARGEST = 180_000
 """Bytes of one message: it must fit into the socket's buffer."""
@@ -15,6 +15,18 @@ ALIVE = b"alive"
 MUTE = 3.0
 """A recorder that has been at work and says nothing for so long hangs [s]: about as long as the
 line holds what it is told."""
+
+
+class Event(NamedTuple):
+    """Something worth a line in the record."""
+
+    stamp: float
+    """The robot's clock [s]."""
+    who: str
+    """gate, loop, recorder..."""
+    text: str
+    serious: bool = False
+    """Whether somebody should look at it."""
 
 
 def line() -> tuple[socket.socket, socket.socket]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, X, Y
-from cohelm.robot.footprint import disc_clearance
+from cohelm.robot.clearance import disc_clearance
 from cohelm.sim.adversarial import choose, walk_on
 from cohelm.sim.world import World, place_one
 

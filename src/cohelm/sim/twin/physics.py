@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose, Twist, X, Y, wrap
-from cohelm.robot.limits import Limits, achievable
+from cohelm.core.scalars import wrap
+from cohelm.core.types import Floats, Pose, Twist, X, Y
+from cohelm.robot.achievable import achievable
+from cohelm.robot.limits import Limits
 from cohelm.sim.twin.engine import address, mj_step
 from cohelm.sim.twin.movers import MovingDiscs, walk
 from cohelm.sim.world import NOWHERE, outline_clearance

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats, Pose, Twist, is_finite
-from cohelm.robot.limits import achievable
+from cohelm.core.scalars import is_finite
+from cohelm.core.types import Floats, Pose, Twist
+from cohelm.robot.achievable import achievable
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import AsFast, Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan, untouched

@@ -28,7 +28,7 @@ import numpy as np
 from cohelm.core.types import Floats, Pose, disc
 from cohelm.law.reference import through
 from cohelm.link.stick import StickRecording
-from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.scenario.load import robot
 from cohelm.sim.adversarial import BANG, RAM, SCRIPT, SPIN, AdversarialScene, Attack
 from cohelm.sim.setup import Setup

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.frames import compose, placed
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
-from cohelm.robot.footprint import disc_clearance, segment_clearance
+from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.lidar import sight
 from cohelm.sim.setup import Setup

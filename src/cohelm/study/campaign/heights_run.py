@@ -22,7 +22,7 @@ from cohelm.core.types import Floats, Pose, Stick
 from cohelm.link.messages import Arming, Mode
 from cohelm.loop.stick_arming import CENTRED
 from cohelm.record.ros2 import header
-from cohelm.robot.footprint import segment_clearance
+from cohelm.robot.clearance import segment_clearance
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Scan
 from cohelm.ros.depth import DepthRanges

@@ -17,7 +17,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 from cohelm.core.frames import placed
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
-from cohelm.pilot.step import EVADING
+from cohelm.pilot.behavior import EVADING
 from cohelm.scenario.worlds.tracks import ELSEWHERE
 from cohelm.sim.heights import edges
 from cohelm.study.campaign.episode import Episode

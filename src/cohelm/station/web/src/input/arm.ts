@@ -8,9 +8,12 @@ const CENTRED = 0.05
 /** Next state from whether the device is there, and where it is. */
 export function arm(before: Arming, present: boolean, x: number, psi: number): Arming {
   if (!present || !Number.isFinite(x) || !Number.isFinite(psi)) return 'absent'
-  const centred = Math.abs(x) < CENTRED && Math.abs(psi) < CENTRED
   if (before === 'armed') return 'armed'
-  return centred ? 'armed' : 'waiting'
+  return centred(x, psi) ? 'armed' : 'waiting'
+}
+
+export function centred(x: number, psi: number): boolean {
+  return Math.abs(x) < CENTRED && Math.abs(psi) < CENTRED
 }
 
 /** What a person has to do first for a deflected stick to steer; empty: nothing. */

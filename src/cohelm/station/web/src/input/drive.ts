@@ -2,9 +2,12 @@
 import { computed, signal } from '@preact/signals'
 import { heardMs, send } from '../socket'
 import * as s from '../state'
-import { arm, needed, type Arming } from './arm'
-import { padStops, readPad, rumble } from './gamepad'
+import { arm, centred, needed, type Arming } from './arm'
+import { goOnName, padGoesOn, padStops, readPad, rumble } from './gamepad'
+import { due, hint, next, NO_PRESS, pressed } from './goOn'
 import { keysHeld, letGoOfKeys, listenToKeys, readKeys, typing } from './keyboard'
+import type { Do } from '../messages'
+import { modeName } from '../panels/words'
 import type { Device, Reading } from './source'
 import { letGoOfPads, readTouch, touched } from './touch'
 
@@ -43,10 +46,16 @@ export const useless = computed(() => {
   return needed(s.youDrive.value, state.stopped !== '', state.mode)
 })
 
+/** How to drive on from the gamepad; empty: there is nothing to go on from, or no gamepad in hand. */
+export const goOn = signal('')
+
 let n = 0
 let device: Device = 'none'
 let arming: Arming = 'absent'
 let drove = false
+let press = NO_PRESS
+/** The mode the person last drove in. */
+let lastMode = ''
 
 export function startDriving(): void {
   listenToKeys()
@@ -112,8 +121,24 @@ function turn(now: number): void {
     psi: present ? reading.psi : 0, valid: present, armed: arming === 'armed',
     device, speed_scale: speedScale.value,
   })
+  goOnFromPad(drives, now)
   const leads = drives && device === 'gamepad' && deflected(hand.value)
   if (leads) rumble(s.state.value?.clearance_m ?? null, now)
+}
+
+/** Each step by a press of its own, as with the mouse: let it drive, and then on in the mode of before. */
+function goOnFromPad(drives: boolean, now: number): void {
+  const state = s.state.value
+  const { mode, stopped } = state ?? { mode: 'hold', stopped: '' }
+  if (!drives) lastMode = ''
+  else if (stopped === '' && mode !== 'hold') lastMode = mode
+  const held = hand.value.device === 'gamepad' && hand.value.arming === 'armed' && centred(hand.value.x, hand.value.psi)
+  const what = held && state !== null ? next(drives, stopped !== '', mode, lastMode) : ''
+  const down = padGoesOn()
+  const wanted = due(press, what, down, now)
+  press = pressed(press, what, down, now)
+  if (wanted !== '') send({ type: 'do', what: wanted as Do['what'], value: 0 })
+  goOn.value = hint(press, goOnName(), what === 'reset' ? 'it may drive' : `on in ${modeName(what)}`)
 }
 
 function reason(reading: Reading): string {

@@ -38,6 +38,18 @@ export function padStops(): boolean {
   return pressed
 }
 
+/** Whether the pad's go-on button is held. */
+export function padGoesOn(): boolean {
+  const { goOnButton, stopButton } = settings.value
+  return goOnButton !== stopButton && (pad()?.buttons[goOnButton]?.pressed ?? false)
+}
+
+/** What that button is called. */
+export function goOnName(): string {
+  const number = settings.value.goOnButton
+  return number === 0 && pad()?.mapping === 'standard' ? 'A or ✕ of the gamepad' : `button ${number} of the gamepad`
+}
+
 const NEAR_M = 0.3
 const RUMBLE_MS = 200
 let rumbledAt = 0

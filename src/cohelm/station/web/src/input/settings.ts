@@ -15,12 +15,14 @@ export interface Settings {
   ramp: number
   /** Button of the pad that stops. */
   stopButton: number
+  /** Button of the pad that drives on after a stop; none where it is the one that stops. */
+  goOnButton: number
 }
 
 // On a standard pad forward is −1 and left is −1; ours are both +1.
 export const DEFAULTS: Settings = {
   foreAft: 1, leftRight: 0, foreAftTurned: true, leftRightTurned: true,
-  deadBand: 0.08, curve: 0.3, rumble: true, ramp: 0.4, stopButton: 1,
+  deadBand: 0.08, curve: 0.3, rumble: true, ramp: 0.4, stopButton: 1, goOnButton: 0,
 }
 
 const KEY = 'cohelm.stick'
@@ -47,6 +49,7 @@ export function sound(kept: unknown): Settings {
     rumble: yes('rumble'),
     ramp: number('ramp', 0.05, 3),
     stopButton: Math.round(number('stopButton', 0, 31)),
+    goOnButton: Math.round(number('goOnButton', 0, 31)),
   }
 }
 

@@ -3,7 +3,7 @@ import type { Alarm } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
 import { once, type Shown } from './once'
-import { idle, useless } from '../input/drive'
+import { goOn, idle, useless } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
 
@@ -23,6 +23,7 @@ function ours(): Shown[] {
   }
   const idly = useless.value || (s.youDrive.value ? idle.value : '')
   if (idly !== '') say('warning', `Your stick does not steer: ${idly}.`)
+  if (goOn.value !== '') say('notice', `To drive on: ${goOn.value}.`)
   const where = s.state.value?.localised
   if (where === 'lost') say('alarm', 'The robot does not know where it is. Drive it on a little by hand: it crawls, and what it then sees may tell.')
   else if (where === 'poor') say('warning', 'The robot is not sure where it is.')

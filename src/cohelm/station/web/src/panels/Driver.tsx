@@ -2,7 +2,7 @@
 import { send } from '../socket'
 import * as s from '../state'
 import type { Do } from '../messages'
-import { MODES } from './words'
+import { modeName } from './words'
 
 function ask(what: Do['what'], value = 0): void {
   send({ type: 'do', what, value })
@@ -58,12 +58,12 @@ export function Driver() {
 function Replay() {
   const now = s.state.value
   const driver = s.who.value?.driver
-  const mode = MODES.find(([name]) => name === now?.mode)?.[1]
+  const mode = now === null ? '' : modeName(now.mode)
   return (
     <div class="driver" role="group" aria-label="Replay of a record">
       <strong>Replay</strong>
       {driver != null && <span>{driver} drives</span>}
-      {mode !== undefined && <span>mode: {mode}</span>}
+      {mode !== '' && <span>mode: {mode}</span>}
       {now !== null && now.stopped !== '' && <span class="stopped"><b>Stopped:</b> {now.stopped}</span>}
     </div>
   )

@@ -116,6 +116,9 @@ function StickSettings() {
       <label>stop button
         <input type="number" min="0" max="31" value={set.stopButton} onChange={(e) => change({ stopButton: e.currentTarget.valueAsNumber })} />
       </label>
+      <label>go-on button
+        <input type="number" min="0" max="31" value={set.goOnButton} onChange={(e) => change({ goOnButton: e.currentTarget.valueAsNumber })} />
+      </label>
       <div class="row">
         <button type="button" onClick={() => change(DEFAULTS)}>Defaults</button>
         <button type="button" onClick={() => (open.value = false)}>Close</button>

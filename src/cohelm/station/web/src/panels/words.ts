@@ -9,6 +9,10 @@ export const MODES: Array<[State['mode'], string, string]> = [
   ['manual', 'Manual', 'the stick alone; obstacles are still avoided'],
 ]
 
+export function modeName(mode: string): string {
+  return MODES.find(([name]) => name === mode)?.[1] ?? mode
+}
+
 export function metres(value: number | null | undefined): string {
   return value == null ? '–' : `${tidy(value)} m`
 }

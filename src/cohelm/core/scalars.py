@@ -1,0 +1,27 @@
+"""Angles and single numbers, compiled: wrapping, and whether one is a number at all."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cohelm.core.jit import jit_inline
+
+
+@jit_inline
+def wrap(angle: float) -> float:
+    """The same angle in (-pi, pi] [rad]."""
+    if -math.pi < angle <= math.pi:
+        return angle  # most of the time, and spares the division
+    turns = float(np.ceil((angle - math.pi) / (2.0 * math.pi)))  # math.ceil makes an integer
+    inside = angle - 2.0 * math.pi * turns
+    if inside <= -math.pi or inside > math.pi:  # by the last digit
+        return math.pi
+    return inside
+
+
+@jit_inline
+def is_finite(x: float) -> bool:
+    """Whether x is a number: not NaN, not infinite."""
+    return -math.inf < x < math.inf
