@@ -116,3 +116,10 @@ def test_while_nothing_shows_that_it_was_moved_a_place_that_explains_less_is_no_
     left = Departure(NOWHERE, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, C.unmoved, True)
     assert rivals([little, as_much, own], left) == [as_much, own]
     assert rivals([little, own], left._replace(odds=0.0)) == [little, own]
+
+
+def test_of_two_places_where_it_may_have_been_put_neither_is_left_out():
+    """Along a corridor, a start that was told half a metre off leaves more than one."""
+    left = Departure(NOWHERE, np.diag([0.5, 0.5, 0.25, 0.01, 0.01]) ** 2, C.unmoved, False)
+    there, beside = at(0.6, -3.0, 0.99), at(-0.4, -3.2, 0.98)
+    assert rivals([there, beside], left) == [there, beside]

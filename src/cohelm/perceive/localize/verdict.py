@@ -156,15 +156,15 @@ class Belief:
 
 
 def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
-    """Of those that are ranked, without any that explains less of the scan than the place where
-    the robot left off, while no scan shows that it was moved: where the map knows little,
+    """Of those that are ranked, without any elsewhere that explains less of the scan than the place
+    where the robot left off, while no scan shows that it was moved: where the map knows little,
     little speaks against a place."""
     if left is None or left.odds == 0.0:
         return kept
     own = next((h for h in kept if left.held(h)), None)
     if own is None:
         return kept
-    return [h for h in kept if h is own or h.explained >= own.explained]
+    return [h for h in kept if left.held(h) or h.explained >= own.explained]
 
 
 def _nearest(kept: list[Hypothesis], pose: Pose) -> Hypothesis | None:
