@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Listening, Recording
 from cohelm.drive.shown import drawn, way, zoned
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Mode
+from cohelm.link.messages import Mode, ZoneMap
 from cohelm.loop.docking import Ended
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
@@ -112,6 +112,9 @@ class Session:
         self.driver: Driver | None = None
         self.known: LocalizationMap | None = None
         """The map that the robot localises on."""
+        u_d = robot.scenario.reference.speed_mps
+        self.zone_maps = zoned(plan.zones, u_d)
+        """The plan's zones, as stations and records are told them."""
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
         """Who is shown the pictures, with their age [s]."""
@@ -160,7 +163,7 @@ class Session:
             if known is not None:
                 self.loop.log.show(drawn(known))
             for line in (
-                *zoned(plan.zones, robot.scenario.reference.speed_mps),
+                *self.zone_maps,
                 *way(robot.scenario.reference.spline()),
             ):
                 self.loop.log.show(line)
@@ -231,6 +234,12 @@ class Session:
             loop.log(Photo(packed.stamp, packed.number, packed.data))
         if self.shown is not None:
             self.shown(packed, loop.gated.now() - packed.stamp)
+
+    def rezoned(self, zones: Zones, maps: tuple[ZoneMap, ...]) -> None:
+        """Its robot has other zones from now on. maps: those, as they are told."""
+        self.plan, self.zone_maps = replace(self.plan, zones=zones), maps
+        for one in maps:
+            self.loop.log.show(one)
 
     def end(self, reason: str) -> None:
         """Stop the robot, and go on turning until it stands, so that the record has it."""
