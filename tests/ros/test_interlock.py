@@ -125,6 +125,10 @@ def test_what_is_no_lock_is_told_before_anything_moves():
     assert "is std_msgs/msg/String by /panel, and std_msgs/msg/Bool is needed" in wrong
     assert "Bool is on /stop" in wrong
     assert lock(LOCK, []) == (f"emergency stop: nobody publishes {LOCK}", "")
+    assert lock(LOCK, [right]) == (
+        f"emergency stop: nobody publishes {LOCK}; Bool is on /stop: is it that (--lock)?",
+        "",
+    )
     assert lock("/stop", [right]) == ("emergency stop: /stop by /button", "")
 
 

@@ -122,6 +122,8 @@ class Session:
         """The newest of that camera."""
         self._to_dock = False
         """Whether `run` was to dock."""
+        self._not_begun = ""
+        """Why the mode that was wanted never was."""
         self._recorded = -math.inf
         self._periods = self._lost = 0
         self._whole = True
@@ -202,6 +204,8 @@ class Session:
                     refusal = supervisor.dock(dock) if dock else supervisor.choose(wanted)
                 if late and refusal and dock:
                     supervisor.docking.over(Ended(refusal))
+                elif late:
+                    self._not_begun = refusal
                 if over or late or not refusal:
                     wanted = Mode.HOLD
             self._look()
@@ -252,6 +256,15 @@ class Session:
 
         self.loop.run(stands, self.plan.robot.real_time)
 
+    def state(self) -> str:
+        """What it does, and why it stands, for a person."""
+        loop, gate = self.loop, self.loop.gated.gate
+        seen, supervisor = loop.seen, loop.supervisor
+        why = gate.reason or supervisor.problem or supervisor.paused
+        if not why and seen is not None and seen.lost and loop.has_map:
+            why = f"lost: {seen.reason}"
+        return gate.mode.name.lower() + (f": {why}" if why else "")
+
     def line(self) -> str:
         """How it goes, for a terminal."""
         loop, kept = self.loop, self.loop.timing.kept()
@@ -277,6 +290,7 @@ class Session:
             "mode": gate.mode.name,
             "reason": gate.reason,
             "faulted": gate.mode == GateMode.FAULTED,
+            "not_begun": self._not_begun or None,
             "arrived": loop.driver.arrived,
             "docking": loop.supervisor.docking.last.why or None,
             "docked": loop.supervisor.docking.last.arrived if self._to_dock else None,
