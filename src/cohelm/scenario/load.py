@@ -237,6 +237,7 @@ def find(path: str | Path) -> Path:
         )
     beside = _names(file.parent)
     close = _meant(file.name, beside) or _meant(file.stem, named)
+    close = close or _meant(file.stem, SHIPPED)
     raise CohelmError(
         f"{path}: no such file{close}; scenarios that come with cohelm: {', '.join(named)}"
     )
