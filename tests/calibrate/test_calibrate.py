@@ -126,7 +126,10 @@ def test_too_little_gets_a_sentence_and_no_numbers():
     made, (model, *_), _ = ridden(
         1, "kinematic", plan=lambda p: p._replace(segments=p.segments[:4])
     )
-    with pytest.raises(CohelmError, match="nothing is written"):
+    with pytest.raises(CohelmError, match=r"^too little was .* nothing is written"):
+        response(model, made)
+    made.ended = "the robot was stopped: the scan is 372 ms old"
+    with pytest.raises(CohelmError, match=r"^the robot was stopped: .* old; too little was driven"):
         response(model, made)
     with pytest.raises(CohelmError, match="too little was driven"):
         mount(model, made)

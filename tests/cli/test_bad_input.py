@@ -331,3 +331,9 @@ def test_what_a_filter_can_not_use_is_told(cohelm, monkeypatch, environment, opt
 def test_what_a_drive_can_not_use_is_told_before_anything_starts(cohelm, tmp_path, options, why):
     (tmp_path / "text.yaml").write_text("a" * 9999)
     refused(cohelm("drive", "lab-guard", *options), why)
+
+
+def test_arguments_of_a_node_are_told_what_they_are_here(cohelm):
+    said = cohelm("filter", "--robot", "sally", "--ros-args", "-r", "cmd_vel_nav:=/nav/cmd_vel")
+    assert said.code == 2
+    assert "--ros-args: cohelm is no node of rclpy: name topics with --in, --out" in said.err

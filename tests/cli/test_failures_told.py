@@ -17,7 +17,7 @@ from cohelm.scenario import load
 SOUND = {
     "scenario": "lab-guard", "robot": "Sally", "kind": "kinematic", "rate_hz": 50.0,
     "mode": "STOPPED", "reason": "the drive is over", "faulted": False, "arrived": True,
-    "docking": None, "docked": None,
+    "not_begun": None, "docking": None, "docked": None,
     "least_clearance_moving_m": 0.1234567, "lost_share": 0.02, "lost": False, "periods": 2000,
     "overruns": 0, "within_2ms": 0.9991, "late_median": 1e-5, "late_99": 2e-5, "late_999": 2e-5,
     "late_worst": 0.0123, "took_median": 0.002, "took_99": 0.004, "took_worst": 0.009,
@@ -34,6 +34,7 @@ def test_a_sound_drive_has_no_failure():
     ("changed", "words"),
     [
         ({"faulted": True, "reason": "the scan is 372 ms old"}, "372 ms old"),
+        ({"not_begun": "there is no odometry"}, "it never drove: there is no odometry"),
         ({"lost": True, "lost_share": 1.0}, "did not know where it was on the map (100% of"),
         (
             {"docked": False, "docking": "somebody is in its corridor"},

@@ -28,9 +28,10 @@ def test_the_topics_of_further_lidars_may_be_one_or_a_list(cohelm, tmp_path, top
     assert "two LiDARs of sally-rear can not share a topic: /scan, /scan" in said.err
 
 
+@pytest.mark.parametrize("simulated", ["true", "false"])
 @pytest.mark.parametrize("node", ["/**", "/j100/cohelm_filter"])
-def test_wildcards_and_namespaces_are_meant_as_in_ros(cohelm, tmp_path, node):
-    text = parameters("robot: sally, use_sim_time: false, transport: pigeon", node)
+def test_wildcards_and_namespaces_are_meant_as_in_ros(cohelm, tmp_path, node, simulated):
+    text = parameters(f"robot: sally, use_sim_time: {simulated}, transport: pigeon", node)
     assert "--transport 'pigeon'" in filtered(cohelm, tmp_path, text).err
 
 
@@ -38,7 +39,7 @@ def test_wildcards_and_namespaces_are_meant_as_in_ros(cohelm, tmp_path, node):
     ("text", "words"),
     [
         (parameters("robbot: sally"), "robbot: there is no such parameter; did you mean robot?"),
-        (parameters("use_sim_time: true"), "use_sim_time: there is no such parameter"),
+        (parameters("use_sim_time: 1"), "use_sim_time: there is no such parameter"),
         (parameters("robot: sally, timeout: abc"), "Invalid value for '--timeout'"),
         (parameters("robot: sally, timeout: 99.0"), "Invalid value for '--timeout'"),
         (parameters("url: [a, b]"), "url: must be one value, got ['a', 'b']"),

@@ -10,7 +10,7 @@ from cohelm.core.types import Pose
 from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
-from cohelm.link.messages import Ask, Mode, Severity
+from cohelm.link.messages import Ask, Mode
 from cohelm.plan.path_planner import Goal
 from cohelm.ros.goals import Placed
 from tests.drive.faults import CORRIDOR
@@ -208,19 +208,6 @@ def test_what_only_a_ros2_robot_has_is_refused_for_others():
             on_topics(made, config, print),
         ):
             pass
-
-
-def test_whoever_drives_is_told_that_the_zones_have_changed(tmp_path):
-    topics = OnTopics(None, None)
-    with Drive(tmp_path, topics=topics) as drive:
-        drive.run(range(5))
-        topics.zones_changed("/filter_mask has changed")
-        drive.run(range(5))
-        (alarm,) = [
-            one for one in drive.loop.alarms.worst() if one.text == "/filter_mask has changed"
-        ]
-    assert alarm.active
-    assert alarm.severity == Severity.WARNING
 
 
 class Shown:

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from cohelm.drive.session import Session, SessionConfig, driver_of
-from cohelm.drive.simulated import simulated
+from cohelm.drive.simulated import Simulated, simulated
+from cohelm.link.messages import Mode
 from cohelm.loop.planning import ANSWER, RemotePlanner
+from cohelm.robot.port import Readings
 
 
 @pytest.mark.parametrize(("kind", "steps"), [("kinematic", 2), ("twin", 4)])
@@ -78,3 +80,29 @@ def test_a_start_waits_for_its_first_plan_and_no_longer_however_late_it_is():
         driver.rehearse_plan(seen, Clock())
         assert ANSWER < time.monotonic() - begun < 60.0
         assert not driver.planless
+
+
+def test_a_robot_that_stands_says_why_and_one_that_never_drove_too():
+    class Numb(Simulated):
+        def __call__(self):
+            robot = super().__call__()
+            robot.read = lambda: Readings(None, None)
+            return robot
+
+    made = simulated("lab-guard", real_time=False)
+    with Session(SessionConfig(Numb(made.scenario, made.kind, False, made.seed))) as session:
+        begun = session.loop.gated.now()
+        session.run(lambda loop: loop.gated.now() - begun > 10.5, Mode.AUTOMATIC)
+        assert session.state() == "idle: there is no odometry"
+        assert session.summary()["not_begun"] == "there is no odometry"
+    with Session(SessionConfig(made)) as session:
+        session.run(lambda loop: loop.supervisor.mode == Mode.AUTOMATIC, Mode.AUTOMATIC)
+        assert session.state() == "automatic"
+        session.loop.supervisor.pause("way", "waits for a way on /goal_pose")
+        assert session.state() == "automatic: waits for a way on /goal_pose"
+        session.loop.supervisor.go_on("way")
+        session.loop.seen = session.loop.seen._replace(lost=True, reason="nothing fits")
+        assert session.state() == "automatic: lost: nothing fits"
+        session.end("over")
+        assert session.state().startswith("stopped: over")
+        assert session.summary()["not_begun"] is None

@@ -38,7 +38,7 @@ def test_the_planner_is_handed_the_unseen_ground_apart_from_what_stands_and_from
     planning = SimpleNamespace(plan=lambda now: None, offer=lambda now, task: tasks.append(task))
     route = through(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0]]), 0.5)
     driver = Driver(Pilot(route, SETTINGS), SETTINGS, 0.0, planning)
-    driver._zones = SimpleNamespace(points=lambda pose: zones)
+    driver.zones = SimpleNamespace(points=lambda pose: zones)
     for now, blind in ((0.0, 2), (1.0, 0)):
         seen = SimpleNamespace(
             points=np.vstack((stands, unseen)), blind=blind, map_odom=HERE, pose=HERE, lost=False,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
@@ -10,7 +12,9 @@ from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
+from cohelm.robot.gate.modes import GateMode
 from cohelm.ros.dds import DdsTransport
+from cohelm.ros.filter_node import _reason
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.mismatch import BOOL, TWIST, lock
 from cohelm.ros.port import COMMAND, LATCHED, Endpoint, Qos
@@ -125,6 +129,10 @@ def test_what_is_no_lock_is_told_before_anything_moves():
     assert "is std_msgs/msg/String by /panel, and std_msgs/msg/Bool is needed" in wrong
     assert "Bool is on /stop" in wrong
     assert lock(LOCK, []) == (f"emergency stop: nobody publishes {LOCK}", "")
+    assert lock(LOCK, [right]) == (
+        f"emergency stop: nobody publishes {LOCK}; Bool is on /stop: is it that (--lock)?",
+        "",
+    )
     assert lock("/stop", [right]) == ("emergency stop: /stop by /button", "")
 
 
@@ -134,6 +142,16 @@ def test_a_lock_is_in_the_namespace_or_there_is_none():
     assert Topics.named(lock="").lock == ""
     with pytest.raises(CohelmError, match="no name of a topic"):
         Topics.named(lock="no name")
+
+
+def test_a_latched_stop_names_the_topic_that_lets_go_of_it():
+    gate = SimpleNamespace(mode=GateMode.FAULTED, reason="the robot says: /stop is on")
+    kind, text = _reason(None, "", None, None, gate, "/j100/cohelm_filter/reset")
+    assert kind == "gate"
+    assert text == (
+        "the robot says: /stop is on: mend it, then publish std_msgs/msg/Empty on "
+        "/j100/cohelm_filter/reset"
+    )
 
 
 @pytest.mark.slow

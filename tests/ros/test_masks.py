@@ -8,41 +8,20 @@ import time
 
 import numpy as np
 import pytest
-from rosbags.typesys.stores.ros2_jazzy import (
-    nav_msgs__msg__MapMetaData as MapMetaData,
-    nav_msgs__msg__OccupancyGrid as OccupancyGrid,
-)
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
-from cohelm.record.ros2 import header, pose
-from cohelm.ros.masks import KEEP_OUT, PERCENT, SPEED, FilterMask, Masks, MaskWatch
+from cohelm.ros.masks import KEEP_OUT, PERCENT, SPEED, FilterMask, Masks
 from cohelm.ros.mismatch import FILTER_INFO, GRID, TWIST
 from cohelm.ros.port import COMMAND, LATCHED
-from cohelm.ros.types import store
+from tests.ros.costmap_filters import CELLS, grid, info
 from tests.ros.stage import until
 from tests.ros.transports import TRANSPORTS
 
 pytestmark = pytest.mark.xdist_group("realtime")
 NAN = math.nan
-CELLS = np.array([[0, 100, -1], [30, 0, 100]], np.int8)
 LASTING = {name: one for name, one in TRANSPORTS.items() if name != "from_foxglove"}
 """What a bridge's client publishes is volatile."""
-
-
-def info(topic="filter_mask", kind=KEEP_OUT, base=0.0, multiplier=1.0):
-    made = store().types[FILTER_INFO]
-    return made(header(0, "map"), kind, topic, base, multiplier)
-
-
-def grid(
-    cells=CELLS, resolution=0.1, origin=(1.0, -2.0, 0.5), frame="map", width=None, inclined=0.0
-):
-    at = pose(*origin)
-    at.orientation.x = inclined
-    rows, columns = cells.shape
-    about = MapMetaData(header(0, "").stamp, resolution, width or columns, rows, at)
-    return OccupancyGrid(header(0, frame), about, cells.ravel())
 
 
 class Filter:
@@ -71,9 +50,10 @@ def test_masks_are_heard_by_who_comes_later_with_what_their_values_mean(pair):
     slow.grid.send(grid(np.array([[0, 50]], np.int8), 0.5, (0.0, 0.0, 0.0)))
     kept_out.info.send(info())
     slow.info.send(info(f"{space}/speed_mask", PERCENT, 100.0, -1.0))
-    masks = Masks(ours, ("costmap_filter_info", f"{space}/speed_info"), "map", space)
+    heard: list[bool] = []
+    topics = "costmap_filter_info", f"{space}/speed_info"
+    masks = Masks(ours, topics, "map", space, lambda: heard.append(True))
     one, other = masks.read(20.0)
-    masks.close()
     assert one[:5] == (
         f"{space}/costmap_filter_info", f"{space}/filter_mask", KEEP_OUT, 0.0, 1.0
     )  # fmt: skip
@@ -82,17 +62,35 @@ def test_masks_are_heard_by_who_comes_later_with_what_their_values_mean(pair):
     assert one.origin == pytest.approx(Pose(1.0, -2.0, 0.5))
     assert other[1:5] == (f"{space}/speed_mask", PERCENT, 100.0, -1.0)
     assert other.cells.tolist() == [[0, 50]]
-    said: list[str] = []
-    MaskWatch(ours, (one, other), "map", space, said.append)
+    same = masks.changed((one, other))
+    assert same[0] is one
+    assert same[1] is other
+    heard.clear()
     slow.grid.send(grid(np.array([[0, 60]], np.int8), 0.5, (0.0, 0.0, 0.0)))
-    assert until(lambda: bool(said))
-    assert said[0].startswith(f"{space}/speed_mask has changed: the zones from the start of the")
+    assert until(lambda: masks.changed((one, other))[1] is not other)
+    assert heard
+    same, newer = masks.changed((one, other))
+    assert same is one
+    assert newer.cells.tolist() == [[0, 60]]
+    assert newer[:5] == other[:5]
     slow.info.send(info("elsewhere", PERCENT, 100.0, -1.0))
-    assert until(lambda: len(said) > 1)
-    assert said[1].startswith(f"{space}/speed_info has changed: ")
-    slow.grid.send(grid(np.array([[0, 70]], np.int8), 0.5, (0.0, 0.0, 0.0)))
-    time.sleep(0.5)
-    assert len(said) == 2
+    waited = f"{space}/speed_info names {space}/elsewhere now, and nothing came there yet"
+    assert until(lambda: said(masks, one, other) == waited)
+    slow.info.send(info(f"{space}/speed_mask", KEEP_OUT))
+    assert until(lambda: "now of one of type 0: start the drive again" in said(masks, one, other))
+    slow.info.send(info(f"{space}/speed_mask", SPEED, 0.0, 0.01))
+    assert until(lambda: not said(masks, one, other))
+    assert masks.changed((one, newer))[1][2:5] == (SPEED, 0.0, pytest.approx(0.01))
+    masks.close()
+
+
+def said(masks, *used) -> str:
+    """What is wrong with what comes instead."""
+    try:
+        masks.changed(used)
+    except CohelmError as error:
+        return str(error)
+    return ""
 
 
 BAD_INFOS = [

@@ -387,6 +387,54 @@ def test_a_frame_that_nobody_tells_of_is_refused_unless_the_model_may_say():
     assert found.model.lidar.mount_z_m == SALLY.lidar.mount_z_m
 
 
+def test_what_two_publish_on_one_topic_is_refused_and_what_one_does_twice_is_told():
+    again = out("/scan", SCAN, BEST_EFFORT, "/rear_driver")
+    said = refused([*ENDS, again], FRAMES + readings())
+    assert said == (
+        "/scan is published by /driver, /rear_driver at once, and one LiDAR is needed: remap one "
+        "of them, and describe a further LiDAR under further_lidars (one that was killed is gone "
+        "after some seconds)"
+    )
+    said = refused([*ENDS, out("/odom", ODOMETRY, node="/ekf")], FRAMES + readings())
+    assert said.startswith(
+        "/odom is published by /driver, /ekf at once, and one odometry is needed"
+    )
+    found = seen([*ENDS, ENDS[0]], FRAMES + readings())
+    assert "/odom is published twice by /driver: are there two robots of that name?" in found.notes
+    assert not any("twice" in note for note in seen(ENDS, FRAMES + readings()).notes)
+
+
+def test_scans_in_two_frames_are_of_two_lidars_and_refused_and_later_ones_are_left_out():
+    other = [one for one in readings(frame="laser_rear") if one[0][0] == "/scan"]
+    said = refused(ENDS, FRAMES + readings() + other)
+    assert said == (
+        "/scan comes in the frames 'laser', 'laser_rear' by /driver, and one LiDAR is needed: let "
+        "each have a topic of its own, and describe the other under further_lidars"
+    )
+    found = seen(ENDS, FRAMES + readings())
+    robot = Ros2Robot(found.model, found, Spoken(ENDS, readings() + other))
+    assert robot.read().scan is not None
+    assert robot.damaged == len(other)
+    robot.close()
+
+
+def test_a_controller_that_is_elsewhere_or_says_something_else_is_told():
+    def note(*ends):
+        found = seen([*ENDS, *ends], FRAMES + readings())
+        (said,) = (one for one in found.notes if one.startswith("commands: "))
+        return said
+
+    assert note() == "commands: nobody publishes /cmd_vel_nav yet"
+    assert note(out("/key_vel", TWIST), out("/joy_vel", STAMPED)) == (
+        "commands: nobody publishes /cmd_vel_nav yet; there is /joy_vel, /key_vel"
+    )
+    assert note(out("/cmd_vel_nav", TWIST)) == "commands: /cmd_vel_nav by /driver, none yet"
+    assert note(out("/cmd_vel_nav", "std_msgs/msg/String"), out("/key_vel", TWIST)) == (
+        "commands: /cmd_vel_nav is std_msgs/msg/String by /driver, and geometry_msgs/msg/Twist or "
+        "geometry_msgs/msg/TwistStamped is needed: name another topic with --in; there is /key_vel"
+    )
+
+
 def fixed(parent, child, at=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0, 1.0)):
     moved = Transform(Vector3(*at), Quaternion(*rotation))
     return TransformStamped(header(0, parent), child, moved)

@@ -181,6 +181,7 @@ def test_a_missing_file_is_told_with_the_nearest_name(tmp_path):
     (tmp_path / "garden.yaml").write_text(GOOD)
     for path, said in [
         (tmp_path / "gardn.yaml", "no such file; did you mean garden.yaml?"),
+        ("turtlebot5", "turtlebot5: no such file; did you mean turtlebot4?"),
         ("lab-sharde", "no such file; did you mean lab-shared?"),
         (tmp_path / "lab-shared.yaml", "did you mean the shipped scenario 'lab-shared'?"),
         (tmp_path, "is a folder; name a YAML file in it (garden.yaml)"),

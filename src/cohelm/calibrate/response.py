@@ -95,8 +95,9 @@ def response(model: RobotModel, ride: Ride) -> Response:
     """Fit all motions of a ride. Raises CohelmError where there is too little to tell."""
     data = [_data(ride, straight) for straight in (True, False)]
     if any(len(d.way) < 30 for d in data):
+        why = f"{ride.ended}; " if ride.ended else ""
         raise CohelmError(
-            f"too little was driven to tell delay and lag ({len(ride.segments)} motions; the "
+            f"{why}too little was driven to tell delay and lag ({len(ride.segments)} motions; the "
             "straights come after 16 turns): nothing is written, drive again"
         )
     reached = [_reached(ride, straight) for straight in (True, False)]

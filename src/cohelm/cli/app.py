@@ -25,6 +25,11 @@ app = typer.Typer(
 )
 
 USER_ERROR = 2
+_NO_NODE = (
+    "--ros-args: cohelm is no node of rclpy: name topics with --in, --out, --scan and --odom (of "
+    "filter) or --topic (of robot), the namespace with --namespace or --topic namespace=/NAME, and "
+    "give a parameter file with --params"
+)
 _MOST_PROBLEMS = 20
 """Of a scenario's problems, no more than these are printed."""
 
@@ -37,6 +42,8 @@ def main() -> None:
     patient()
     try:
         try:
+            if "--ros-args" in sys.argv:
+                raise CohelmError(_NO_NODE)
             app()
         finally:
             if sys.stdout is not None:  # pyright: ignore[reportUnnecessaryComparison]  # `>&-`

@@ -48,8 +48,8 @@ def _values(file: Path, node: str, command: Any) -> dict[str, Any]:
     names = _names(command)
     found: dict[str, Any] = {}
     for key, value in (pair for section in mine for pair in section.items()):
-        if (key, value) == ("use_sim_time", False):
-            continue  # every node of ROS 2 has it
+        if key == "use_sim_time" and isinstance(value, bool):
+            continue  # every node of ROS 2 has it; here it is found which time it is
         option = names.get(key)
         if option is None:
             near = did_you_mean(key, names) or f"; there are {', '.join(sorted(names))}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager, nullcontext
@@ -223,6 +224,10 @@ def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
         raise typer.Exit(1)
 
 
+_NUMBERS = re.compile(r"[\d.]+")
+"""Of one reason they change all the time."""
+
+
 @contextmanager
 def _shown(session: Session) -> Generator[None]:
     """What the gate does, as it happens, and on a terminal a line that lives as long as the drive;
@@ -238,10 +243,9 @@ def _shown(session: Session) -> Generator[None]:
                 if shows and session.loop.log.view_lost:
                     shows = False
                     say("the live view is gone: the robot goes on without")
-                gate = session.loop.gated.gate
-                now = gate.mode.name.lower() + (f": {gate.reason}" if gate.reason else "")
-                if now != last:
-                    last = now
+                now = session.state()
+                if (words := _NUMBERS.sub("", now)) != last:
+                    last = words
                     say(plain(now))
                 if status is not None:
                     status.update(plain(session.line()))
@@ -262,6 +266,8 @@ def failures(summary: dict[str, Any]) -> list[str]:
         found.append(f"it has not docked: {summary['docking'] or summary['reason']}")
     if summary["faulted"]:
         found.append(f"the robot stopped itself: {summary['reason']}")
+    if summary["not_begun"]:
+        found.append(f"it never drove: {summary['not_begun']}")
     if summary["lost"]:
         share = summary["lost_share"] or 0.0
         found.append(

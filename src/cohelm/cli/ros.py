@@ -228,6 +228,7 @@ def base(
     ahead, whatever is there.
     """
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
+    from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
     from cohelm.robot.model import SHIPPED
     from cohelm.ros.dds import DdsTransport
     from cohelm.ros.served import ServedRobot, asked_for, wanting
@@ -248,10 +249,13 @@ def base(
             stop.heed(seconds)
             line.over()
             say(f"{plain(made.model.name)} listens on {plain(topics.out)}; Ctrl-C ends it")
+            urgent()  # a real one has its own computer
+            with_its_threads()
             served.run(lambda: stop.over() != "")
             over.set()
             truth = getattr(robot, "truth", lambda: None)()
         finally:
+            ordinary()
             transport.close()
             robot.close()
     if truth is not None:

@@ -40,6 +40,10 @@ class Checking(Protocol):
         """What came out, once; None: nothing yet."""
         ...
 
+    def judge_by(self, judge: PathChecker) -> None:
+        """Hold what is begun from now on against something else."""
+        ...
+
     def close(self) -> None:
         """No more checks."""
         ...
@@ -66,6 +70,10 @@ class CheckingHere:
         made, self._made = self._made, None
         return made
 
+    def judge_by(self, judge: PathChecker) -> None:
+        """From the next one on."""
+        self._judge = judge
+
     def close(self) -> None:
         """Nothing to close."""
 
@@ -77,7 +85,7 @@ class CheckingElsewhere:
         self._judge = judge
         self._jobs = InThread("checking")
         self._child: Child | None = _started(judge)
-        self._up = self._busy = self._closed = False
+        self._up = self._busy = self._closed = self._outdated = False
         self._since = 0.0
 
     @property
@@ -85,6 +93,10 @@ class CheckingElsewhere:
         """Whether the process is up and idle."""
         child = self._child
         if child is None or self._busy:
+            return False
+        if self._outdated:
+            self._outdated = False
+            self._replace(child)
             return False
         if not self._up:
             self._up = child.heard() is not None  # its first word says that it is up
@@ -114,6 +126,10 @@ class CheckingElsewhere:
         if child.gone:
             self._replace(child)
         return made
+
+    def judge_by(self, judge: PathChecker) -> None:
+        """By another process."""
+        self._judge, self._outdated = judge, True
 
     def close(self) -> None:
         """End the process."""

@@ -7,18 +7,19 @@ checks as the page's, and a told pose is taken while the robot stands.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager, suppress
-from queue import Empty, SimpleQueue
+from contextlib import contextmanager
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import OwnRobot, RobotFactory
+from cohelm.drive.jobs import InThread
 from cohelm.drive.operator_requests import SessionJobs, judge_of
 from cohelm.drive.rerouting import PathRequest, Rerouting, stands
 from cohelm.drive.session import Camera as Eye, Session, driver_of
 from cohelm.drive.shown import drawn, way
+from cohelm.drive.zones_on_topics import ZonesOnTopics
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Arming, Checked, Severity
+from cohelm.link.messages import Arming, Checked, ZoneMap
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
@@ -27,7 +28,7 @@ from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.goals import Goals, Placed
 from cohelm.ros.joy import JoyOperator, JoyParams
 from cohelm.ros.localized import MAP, NODE, Localized
-from cohelm.ros.masks import FilterMask, MaskWatch
+from cohelm.ros.masks import FilterMask
 from cohelm.ros.names import resolved
 from cohelm.ros.robot import Ros2Make
 
@@ -52,7 +53,7 @@ class TopicsConfig(NamedTuple):
     joy_params: JoyParams = JoyParams()
     """Which of its axes and buttons count."""
     masks: tuple[FilterMask, ...] = ()
-    """Those whose zones are in use: who changes one is told that it comes too late."""
+    """Those whose zones the robot begins with; it takes up what becomes of them."""
 
 
 class OnTopics:
@@ -60,7 +61,7 @@ class OnTopics:
 
     def __init__(
         self, localized: Localized | None, goals: Goals | None, camera: Eye | None = None,
-        joy: JoyOperator | None = None,
+        joy: JoyOperator | None = None, zones: ZonesOnTopics | None = None,
     ) -> None:  # fmt: skip
         """None: what there is not."""
         self.joy = joy
@@ -74,10 +75,12 @@ class OnTopics:
         self._session: Session | None = None
         self._jobs: SessionJobs | None = None
         self._rerouting: Rerouting | None = None
-        self._changed: SimpleQueue[str] = SimpleQueue()
+        self._zones = zones
         self._asked: dict[int, str] = {}
         """The topic of each wish that was not answered."""
         self._count = 0
+        self._judged: tuple[ZoneMap, ...] = ()
+        """The zones that ways are held against."""
 
     def begin(self, session: Session, jobs: Callable[..., SessionJobs] = SessionJobs) -> None:
         """Of a session that no station drives: ways are made here, and the robot stands until the
@@ -87,23 +90,23 @@ class OnTopics:
         if self._goals is None or not self._goals.ways:
             return
         robot = session.plan.robot
-        self._session = session
+        self._session, self._judged = session, session.zone_maps
         self._jobs = jobs(judge_of(session.plan, session.known), robot.real_time)
         self._rerouting = Rerouting(
             (self,), self._jobs.checking, self._jobs.ways, self._build, self._taken_up
         )
         session.loop.supervisor.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
 
-    def zones_changed(self, said: str) -> None:
-        """That other zones have come than those in use, from any thread."""
-        self._changed.put(said)
+    def attend(self, session: Session) -> None:
+        """Of any session: before its first turn."""
+        if self._zones is not None:
+            self._zones.attend(session)
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
-        with suppress(Empty):
-            changed = self._changed.get_nowait()
-            loop.alarms.on("zones", changed, Severity.WARNING)
-            loop.log.event(changed)
+        if self._zones is not None:
+            self._zones.turn(loop)
+            self._judge_anew()
         if self.joy is not None:
             self._hold(loop, self.joy)
         seen, readings, pilot = loop.seen, loop.readings, loop.driver.pilot
@@ -150,6 +153,16 @@ class OnTopics:
             self._rerouting.close()
         if self._goals is not None:
             self._goals.close()
+        if self._zones is not None:
+            self._zones.close()
+
+    def _judge_anew(self) -> None:
+        """Hold ways against the zones that there are by now."""
+        session = self._session
+        if session is None or self._rerouting is None or session.zone_maps is self._judged:
+            return
+        self._judged = session.zone_maps
+        self._rerouting.judge_by(judge_of(session.plan, session.known))
 
     def _hold(self, loop: Loop, joy: JoyOperator) -> None:
         """Until the joystick was seen once the robot stands; where it has to be held to run, also
@@ -238,13 +251,11 @@ def on_topics(
             joy = JoyOperator(transport, resolved(config.joy, space), config.joy_params)
             if unheard := joy.unheard():
                 say(unheard)
-        made = OnTopics(localized, goals, camera, joy)
-
-        def changed(said: str) -> None:
-            made.zones_changed(said)
-            say(said)
-
-        MaskWatch(transport, config.masks, config.frame, space, changed)
+        zones = None
+        if config.masks:
+            jobs = InThread("zones")
+            zones = ZonesOnTopics(transport, config.masks, config.frame, space, jobs, say)
+        made = OnTopics(localized, goals, camera, joy, zones)
         try:
             yield made
         finally:

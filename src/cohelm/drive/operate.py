@@ -139,7 +139,7 @@ def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]
     try:
         found = look(transport, described, named)
         camera, note = choose(named.camera, transport.endpoints())
-        notes = (*found.notes, note) if note else found.notes
+        notes = tuple(by_topics(one) for one in (*found.notes, note) if one)
         found = found._replace(connection=way, camera=camera, notes=notes)
     except CohelmError as error:
         raise CohelmError(by_topics(str(error))) from error
@@ -155,6 +155,7 @@ _OF_THE_FILTER = {
     "--odom": "--topic odom=TOPIC",
     "--out": "--topic out=TOPIC",
     "with --lock, or none with --lock ''": "with --topic lock=TOPIC",
+    "is it that (--lock)?": "is it that (--topic lock=TOPIC)?",
     "remap that to the topic of --in, or allow it with --allow-bypass and expect no promise":
         "end that",
     "say which is the base's with --stamped or --unstamped": "let the base want one of them",

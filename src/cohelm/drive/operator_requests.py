@@ -21,7 +21,7 @@ from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import PathRequests, Rerouting
 from cohelm.drive.session import Session, SessionConfig, driver_of
-from cohelm.drive.shown import NO_ZONES, detour, drawn, told, way, zoned
+from cohelm.drive.shown import NO_ZONES, detour, drawn, told, way
 from cohelm.law.reference import Reference
 from cohelm.link.messages import HealthReport, Map, Polyline, ZoneMap
 from cohelm.loop.driver import Driver
@@ -75,14 +75,19 @@ class OperatorRequests:
         for none in NO_ZONES:
             operator.publish(none)
         operator.publish(told(session.loop.supervisor.docking.docks))
-        zones = zoned(session.plan.zones, robot.scenario.reference.speed_mps)
-        self._map = zones if known is None else (drawn(known), *zones)
-        self._show(*self._map, *way(robot.scenario.reference.spline()))
+        self._known, self._zones = known, session.zone_maps
+        self._map = () if known is None else (drawn(known),)
+        self._lines = way(robot.scenario.reference.spline())
+        self._show(*self._map, *self._zones, *self._lines)
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
         self._rerouting.turn(loop)
         self._records.turn(loop)
+        if self._session.zone_maps is not self._zones:
+            self._zones = self._session.zone_maps
+            self._rerouting.judge_by(judge_of(self._session.plan, self._known))
+            self._show(*self._map, *self._zones, *self._lines)
         self._tell(loop)
 
     def close(self) -> None:
@@ -115,9 +120,9 @@ class OperatorRequests:
     def _taken_up(self, loop: Loop, reference: Reference) -> None:
         """To stations and records: the robot follows another way."""
         self._session.driver = loop.driver
-        lines = way(reference)
-        self._show(*self._map, *lines)
-        for line in lines:
+        self._lines = way(reference)
+        self._show(*self._map, *self._zones, *self._lines)
+        for line in self._lines:
             loop.log.show(line)
 
     def _show(self, *all_: Map | ZoneMap | Polyline) -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 from cohelm.core.types import Floats
 from cohelm.drive.checking import Checking
 from cohelm.drive.jobs import Jobs
-from cohelm.drive.proposed import NONE, CheckedPath
+from cohelm.drive.proposed import NONE, CheckedPath, PathChecker
 from cohelm.law.reference import Reference
 from cohelm.link.messages import Answer, Checked, Mode, Severity
 from cohelm.loop.driver import Driver
@@ -111,6 +111,10 @@ class Rerouting:
             self._go_on(loop, self._way, now)
         if self._checked is None:
             self._check_next(loop, now)
+
+    def judge_by(self, judge: PathChecker) -> None:
+        """Hold ways against something else from now on."""
+        self._checking.judge_by(judge)
 
     def close(self) -> None:
         """No more checks; a driver nobody took is ended. After the jobs are done."""
@@ -211,6 +215,7 @@ class Rerouting:
 
     def _take_up(self, loop: Loop, driver: Driver, reference: Reference) -> None:
         old, loop.driver = loop.driver, driver
+        driver.zones = old.zones  # those may be others by now
         self._way = None
         self._jobs.do(old.close)
         self._shown(loop, reference)

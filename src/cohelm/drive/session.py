@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Listening, Recording
 from cohelm.drive.shown import drawn, way, zoned
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Mode
+from cohelm.link.messages import Mode, ZoneMap
 from cohelm.loop.docking import Ended
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
@@ -112,6 +112,9 @@ class Session:
         self.driver: Driver | None = None
         self.known: LocalizationMap | None = None
         """The map that the robot localises on."""
+        u_d = robot.scenario.reference.speed_mps
+        self.zone_maps = zoned(plan.zones, u_d)
+        """The plan's zones, as stations and records are told them."""
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
         """Who is shown the pictures, with their age [s]."""
@@ -119,6 +122,8 @@ class Session:
         """The newest of that camera."""
         self._to_dock = False
         """Whether `run` was to dock."""
+        self._not_begun = ""
+        """Why the mode that was wanted never was."""
         self._recorded = -math.inf
         self._periods = self._lost = 0
         self._whole = True
@@ -160,7 +165,7 @@ class Session:
             if known is not None:
                 self.loop.log.show(drawn(known))
             for line in (
-                *zoned(plan.zones, robot.scenario.reference.speed_mps),
+                *self.zone_maps,
                 *way(robot.scenario.reference.spline()),
             ):
                 self.loop.log.show(line)
@@ -199,6 +204,8 @@ class Session:
                     refusal = supervisor.dock(dock) if dock else supervisor.choose(wanted)
                 if late and refusal and dock:
                     supervisor.docking.over(Ended(refusal))
+                elif late:
+                    self._not_begun = refusal
                 if over or late or not refusal:
                     wanted = Mode.HOLD
             self._look()
@@ -232,6 +239,12 @@ class Session:
         if self.shown is not None:
             self.shown(packed, loop.gated.now() - packed.stamp)
 
+    def rezoned(self, zones: Zones, maps: tuple[ZoneMap, ...]) -> None:
+        """Its robot has other zones from now on. maps: those, as they are told."""
+        self.plan, self.zone_maps = replace(self.plan, zones=zones), maps
+        for one in maps:
+            self.loop.log.show(one)
+
     def end(self, reason: str) -> None:
         """Stop the robot, and go on turning until it stands, so that the record has it."""
         gated = self.loop.gated
@@ -242,6 +255,15 @@ class Session:
             return gated.now() > until or (loop.seen is not None and standing(loop.seen.twist))
 
         self.loop.run(stands, self.plan.robot.real_time)
+
+    def state(self) -> str:
+        """What it does, and why it stands, for a person."""
+        loop, gate = self.loop, self.loop.gated.gate
+        seen, supervisor = loop.seen, loop.supervisor
+        why = gate.reason or supervisor.problem or supervisor.paused
+        if not why and seen is not None and seen.lost and loop.has_map:
+            why = f"lost: {seen.reason}"
+        return gate.mode.name.lower() + (f": {why}" if why else "")
 
     def line(self) -> str:
         """How it goes, for a terminal."""
@@ -268,6 +290,7 @@ class Session:
             "mode": gate.mode.name,
             "reason": gate.reason,
             "faulted": gate.mode == GateMode.FAULTED,
+            "not_begun": self._not_begun or None,
             "arrived": loop.driver.arrived,
             "docking": loop.supervisor.docking.last.why or None,
             "docked": loop.supervisor.docking.last.arrived if self._to_dock else None,

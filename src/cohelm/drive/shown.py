@@ -52,6 +52,12 @@ def zoned(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
     return tuple(made)
 
 
+def rezoned(zones: Zones, u_d: float) -> tuple[ZoneMap, ...]:
+    """The same for who may still show others: of each kind, be it that there are none."""
+    made = {one.what: one for one in (*NO_ZONES, *zoned(zones, u_d))}
+    return tuple(made.values())
+
+
 def _zone_map(what: Zone, raster: Cells, cells: NDArray[np.uint8], u_d: float) -> list[ZoneMap]:
     """As large as what is marked; none where nothing is."""
     marked = [np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0)]

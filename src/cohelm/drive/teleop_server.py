@@ -57,6 +57,8 @@ def serve(
             if session.known is None:
                 _log.warning("neither map nor walls to localise by: the robot trusts its odometry")
             path_requests = () if topics is None else (topics,)
+            if topics is not None:
+                topics.attend(session)
             desk = OperatorRequests(
                 session, operator, session.known, door.records, path_requests=path_requests
             )

@@ -41,6 +41,7 @@ def drive_here(
         clock = session.loop.gated.now
         with begun(session):
             if topics is not None:
+                topics.attend(session)
                 topics.begin(session)
             operator.watches(clock)
             end = clock() + (math.inf if seconds is None else seconds)

@@ -11,7 +11,9 @@ from cohelm.core.frames import placed
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.govern import Profile, reversed_twist, turned
-from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
+from cohelm.law.guard.step import farthest
+from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.reference import Reference, through
 from cohelm.link.latency_speed_limit import Cap
 from cohelm.loop.latency_limit import FREE
@@ -61,7 +63,8 @@ class Driver:
         self._planned = -math.inf
         self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
         self._points: Floats = np.empty((0, 2))
-        self._zones = None if zones is None else Zoned(zones, settings.outline, settings.gains.u_d)
+        self.zones = None if zones is None else Zoned(zones, settings.outline, settings.gains.u_d)
+        """What those ask of the robot."""
         self._zoned = self._points
         self._joined = self._points
         self._blind = 0
@@ -109,9 +112,9 @@ class Driver:
         if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)
             self._joined = self._points
-        if self._zones is None:
+        if self.zones is None:
             return obstacles_from_perception(seen, seen.map_odom, self._points)
-        zoned = _NOTHING if seen.lost else self._zones.points(seen.pose)
+        zoned = _NOTHING if seen.lost else self.zones.points(seen.pose)
         if zoned is not self._zoned or len(self._joined) != len(self._points) + len(zoned):
             self._zoned, self._joined = zoned, np.vstack((self._points, zoned))
         return obstacles_from_perception(seen, seen.map_odom, self._joined)
@@ -121,13 +124,28 @@ class Driver:
         end = len(self._points)
         return apart(around, end - self._blind, end)
 
+    def rezone(self, zones: Zoned, pose: Pose | None) -> bool:
+        """Take up other zones, if the robot, as it moves now, can still stop clear of them; whether
+        it has. pose: None for a robot that is lost."""
+        settings = self.settings
+        reach = farthest(settings.outline)
+        if pose is not None:
+            m = manoeuvre(pose, self._twist, settings.limits, settings.rules.dt, reach)
+            m = m._replace(length=m.length + self.delay)  # what is under way is driven first
+            around = surroundings(points=zones.points(pose))
+            margin = settings.rules.hard_margin
+            if in_the_way(m, settings.outline, reach, around, margin) != CLEAR:
+                return False
+        self.zones = zones
+        return True
+
     def slowed(self, seen: Seen) -> Cap:
         """How fast the speed zones that the robot is on let it go; a lost one is on none."""
-        return FREE if self._zones is None or seen.lost else Cap(*self._zones.limit(seen.pose))
+        return FREE if self.zones is None or seen.lost else Cap(*self.zones.limit(seen.pose))
 
     def kept_in(self, seen: Seen) -> bool:
         """Whether the robot is in a keep-out zone, as far as is known."""
-        return self._zones is not None and not seen.lost and self._zones.inside
+        return self.zones is not None and not seen.lost and self.zones.inside
 
     def clear(self, pose: Pose, around: Surroundings, blind: int) -> float:
         """Smallest gap between the outline and anything seen; infinite where nothing is [m].
@@ -196,6 +214,8 @@ class Driver:
             pilot.state = state
             pilot.sent[:] = sent
         self.clear(pose, around, 0)
+        if self.zones is not None:
+            self.rezone(self.zones, pose)
 
     def rehearse_plan(self, seen: Seen, gated: GatedRobot) -> None:
         """Have one plan made, and thrown away: what plans compiles too, and takes long over it."""

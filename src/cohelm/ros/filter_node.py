@@ -148,7 +148,7 @@ class FilterNode:
         stands = passed.out == _STILL and standing(seen.twist)
         reshaping = self._shape.settle(result.verdict, stands)
         gate = gated.gate
-        kind, text = _reason(nominal, wrong, result, passed, gate)
+        kind, text = _reason(nominal, wrong, result, passed, gate, self._report.topic("reset"))
         if reshaping and kind in ("brakes", "monitor"):
             kind, text = "footprint", f"{text}: the outline changes, and both count until it fits"
         row = Row(
@@ -205,12 +205,12 @@ def _place(result: FilterResult, seen: Seen) -> tuple[float, float] | None:
 
 
 def _reason(
-    nominal: Nominal, wrong: str, result: FilterResult, passed: Passed, gate: Gate
+    nominal: Nominal, wrong: str, result: FilterResult, passed: Passed, gate: Gate, reset: str
 ) -> tuple[str, str]:
     """Why the base does not get what the controller asked for: in a word, and in a sentence; both
-    empty where it does."""
+    empty where it does. reset: the topic."""
     if latched(gate.mode):
-        return "gate", f"{gate.reason}: mend it, then publish std_msgs/msg/Empty on the reset topic"
+        return "gate", f"{gate.reason}: mend it, then publish std_msgs/msg/Empty on {reset}"
     if wrong:
         return "readings", f"stopped: {wrong}"
     if nominal.reason:

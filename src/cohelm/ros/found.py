@@ -34,6 +34,8 @@ class FoundLidar(NamedTuple):
     """A LiDAR, as it was found."""
 
     topic: str
+    frame: str
+    """Of its messages: what comes in another one is not its."""
     mount: Mount
     clock: Clock
     stamped_at_end: bool

@@ -63,7 +63,7 @@ def _planar(
         f"{lidar.mount_y_m:.3f} m, middle beam at {lidar.mount_yaw_deg:.1f} deg"
         + (", upside down" if mount.upside_down else "")
     )
-    return DescribedLidar(FoundLidar(topic, mount, ticks, at_end), lidar, note)
+    return DescribedLidar(FoundLidar(topic, heard.frame(topic), mount, ticks, at_end), lidar, note)
 
 
 def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> DescribedLidar:
@@ -104,7 +104,9 @@ def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -
         f"{what}: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
         f"{lidar.beams} beams, at x {x:.3f} y {y:.3f} m{grain}"
     )
-    return DescribedLidar(_found(topic, lidar, ticks, matrix, camera), lidar, note)
+    return DescribedLidar(
+        _found(topic, heard.frame(topic), lidar, ticks, matrix, camera), lidar, note
+    )
 
 
 def _cone(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> DescribedLidar:
@@ -123,15 +125,18 @@ def _cone(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) ->
         + f" in {lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "
         f"{lidar.mount_y_m:.3f} m, looks at {lidar.mount_yaw_deg:.1f} deg"
     )  # fmt: skip
-    return DescribedLidar(_found(topic, lidar, ticks, matrix, None), lidar, note)
+    return DescribedLidar(
+        _found(topic, heard.frame(topic), lidar, ticks, matrix, None), lidar, note
+    )
 
 
 def _found(
-    topic: str, lidar: LidarModel, ticks: Clock, matrix: Floats, camera: depth.Intrinsics | None
+    topic: str, frame: str, lidar: LidarModel, ticks: Clock, matrix: Floats,
+    camera: depth.Intrinsics | None,
 ) -> FoundLidar:  # fmt: skip
     x, y, z = matrix[:3, 3].tolist()
     mount = Mount(Pose(x, y, math.radians(lidar.mount_yaw_deg)), False, z)
-    return FoundLidar(topic, mount, ticks, False, matrix, camera)
+    return FoundLidar(topic, frame, mount, ticks, False, matrix, camera)
 
 
 def _placed(heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed) -> Mount:

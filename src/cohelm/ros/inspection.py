@@ -168,6 +168,10 @@ class Inspection:
         usual = statistics.median(steps)
         return usual if 0.002 <= usual <= 1.0 else math.nan
 
+    def frames(self, topic: str) -> list[str]:
+        """In which the scans of this topic have come; of one LiDAR it is one."""
+        return sorted({one.message.header.frame_id for one in self.scans[topic]})
+
     def frame(self, topic: str) -> str:
         """In which the newest scan of this topic is."""
         return self.scans[topic][-1].message.header.frame_id

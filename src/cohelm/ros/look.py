@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 
@@ -45,7 +44,7 @@ def look(
             listened = not drives or any(
                 not one.publishes and one.topic == topics.out for one in transport.endpoints()
             )
-            if framed and listened:
+            if framed and listened and not _shared(heard, transport.endpoints())[1]:
                 break
         return found(heard, transport, model, allowed, drives)
     finally:
@@ -71,9 +70,19 @@ def found(
             told, amiss = asked(topic, seen)
             wrong.append(amiss)
             notes.append(told)
+    twice, shared = _shared(heard, seen)
+    wrong += shared or [mismatch.frames(topic, heard.frames(topic), seen) for topic in heard.scans]
+    notes += [*twice, mismatch.commands(topics.command, topics.out, heard.command_period(), seen)]
     if any(wrong):
         raise CohelmError("\n".join(filter(None, wrong)))
     return _sensed(heard, model, allowed, out_type, notes)
+
+
+def _shared(heard: Inspection, seen: list[Endpoint]) -> tuple[list[str], list[str]]:
+    """What is to be told, and what is wrong, of topics that more than one publishes."""
+    found = [mismatch.alone(heard.topics.odom, ODOMETRY, "odometry", seen)]
+    found += [mismatch.alone(one, heard.kinds[one], "LiDAR", seen) for one in heard.scans]
+    return [told for told, _ in found if told], [amiss for _, amiss in found if amiss]
 
 
 def _unheard(heard: Inspection, seen: list[Endpoint]) -> list[str]:
@@ -131,12 +140,10 @@ def _sensed(
             "odometry": model.odometry.model_copy(update={"rate_hz": odom_rate}),
         }
     )
-    period = heard.command_period()
-    came = "none yet" if math.isnan(period) else f"{1.0 / period:.0f} Hz"
-    notes.append(f"commands: {topics.command}, {came}")
     return Found(
         topics, made, out_type, heard.body(), heard.odom(), odom_clock,
-        tuple(one.found for one in lidars), period, tuple(notes), bypass=allowed.bypass,
+        tuple(one.found for one in lidars), heard.command_period(), tuple(notes),
+        bypass=allowed.bypass,
         lock_silence=allowed.lock_silence, simulated=heard.simulated,
     )  # fmt: skip
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,11 +57,13 @@ class Masks:
     """What filters have said since this was made, the newest of each."""
 
     def __init__(
-        self, transport: Transport, topics: Sequence[str], frame: str, namespace: str = "/"
-    ) -> None:
-        """topics: of CostmapFilterInfo. frame: the map's, in which the grids have to be.
-        CohelmError for what is no topic's name."""
+        self, transport: Transport, topics: Sequence[str], frame: str, namespace: str = "/",
+        heard: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        """topics: of CostmapFilterInfo. frame: the map's, in which the grids have to be. heard:
+        called after whatever comes, from any thread. CohelmError for what is no topic's name."""
         self._transport, self._frame, self._space = transport, frame, namespace
+        self._told = heard
         self.topics = tuple(dict.fromkeys(resolved(name, namespace) for name in topics))
         self._heard: dict[str, Received] = {}
         self._ends: dict[str, End] = {}
@@ -89,6 +90,26 @@ class Masks:
             raise CohelmError("\n".join(wrong))
         return tuple(made)
 
+    def changed(self, used: Sequence[FilterMask]) -> tuple[FilterMask, ...]:
+        """Those that are in use, each as its filter says it now, and the same object where that is
+        the same. CohelmError for what can not be used instead; not to be called by `heard`."""
+        made: list[FilterMask] = []
+        for one in used:
+            info = self._message(one.info)
+            complete = self._complete(one.info)
+            if info is not None and not complete and self._grid(info) != one.topic:
+                raise CohelmError(
+                    f"{one.info} names {self._grid(info)} now, and nothing came there yet"
+                )
+            now = self._mask(one.info) if complete else one
+            if (now.kind == KEEP_OUT) != (one.kind == KEEP_OUT):
+                raise CohelmError(
+                    f"{one.info} told of a filter of type {one.kind}, and now of one of type "
+                    f"{now.kind}: start the drive again to take that up"
+                )
+            made.append(one if _same(now, one) else now)
+        return tuple(made)
+
     def close(self) -> None:
         """Listen no more."""
         for end in self._ends.values():
@@ -97,6 +118,7 @@ class Masks:
     def _listen(self, topic: str, kind: str) -> None:
         def heard(received: Received) -> None:
             self._heard[topic] = received
+            self._told()
 
         self._ends[topic] = self._transport.subscribe(topic, kind, LATCHED, heard)
 
@@ -170,50 +192,10 @@ class Masks:
         return mismatch.unheard(topic, kind, LATCHED, _OPTION, seen, damage, cure)
 
 
-class MaskWatch:
-    """Tells, once of each topic, that what comes there is no longer what is in use."""
-
-    def __init__(
-        self, transport: Transport, used: Sequence[FilterMask], frame: str, namespace: str,
-        tell: Callable[[str], None],
-    ) -> None:  # fmt: skip
-        self._frame, self._space, self._tell = frame, namespace, tell
-        self._changed: set[str] = set()
-        for one in used:
-            transport.subscribe(one.info, FILTER_INFO, LATCHED, partial(self._hear_info, one))
-            transport.subscribe(one.topic, GRID, LATCHED, partial(self._hear_grid, one))
-
-    def _hear_info(self, used: FilterMask, received: Received) -> None:
-        info = received.message
-        if info is None:
-            return
-        told = (info.filter_mask_topic, info.type, info.base, info.multiplier)
-        try:
-            same = (resolved(told[0], self._space), *told[1:]) == used[1:5]
-        except CohelmError:
-            same = False
-        if not same:
-            self._told(used.info)
-
-    def _hear_grid(self, used: FilterMask, received: Received) -> None:
-        if received.message is None:
-            return
-        try:
-            cells, *where = _cells(used.topic, received.message, self._frame)
-        except CohelmError:
-            self._told(used.topic)
-            return
-        if where != [used.resolution, used.origin] or not np.array_equal(cells, used.cells):
-            self._told(used.topic)
-
-    def _told(self, topic: str) -> None:
-        if topic in self._changed:  # a bridge says again what lasts
-            return
-        self._changed.add(topic)
-        self._tell(
-            f"{topic} has changed: the zones from the start of the drive count until its end; "
-            "start it again to take up the new ones"
-        )
+def _same(one: FilterMask, other: FilterMask) -> bool:
+    """Whether both mean the same zones; a bridge says again what lasts."""
+    about = one._replace(cells=other.cells)
+    return about == other and np.array_equal(one.cells, other.cells)
 
 
 def _cells(topic: str, grid: Any, frame: str) -> tuple[NDArray[np.int8], float, Pose]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from cohelm.ros.port import Endpoint, Qos, reaches
 
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
@@ -114,11 +116,56 @@ def bypass(topic: str, seen: list[Endpoint]) -> str:
     )
 
 
+def commands(topic: str, out: str, period: float, seen: list[Endpoint]) -> str:
+    """Who commands, in words. out: where what is safe goes, and so no controller's. period: from
+    one command to the next; NaN: none came [s]."""
+    there = [one for one in seen if one.publishes and one.topic == topic]
+    others = _publishing((TWIST, STAMPED), [one for one in seen if one.topic not in (topic, out)])
+    instead = f"; there is {others}" if others else ""
+    if not there:
+        return f"commands: nobody publishes {topic} yet{instead}"
+    if not any(one.type in (TWIST, STAMPED) for one in there):
+        return (
+            f"commands: {topic} is {there[0].type}{_by(there)}, and {TWIST} or {STAMPED} is "
+            f"needed: name another topic with --in{instead}"
+        )
+    came = "none yet" if math.isnan(period) else f"{1.0 / period:.0f} Hz"
+    return f"commands: {topic}{_by(there)}, {came}"
+
+
+def alone(topic: str, kind: str, what: str, seen: list[Endpoint]) -> tuple[str, str]:
+    """Whether one thing is published by one node: what is to be told of that, and what is wrong."""
+    there = [one for one in seen if one.publishes and one.topic == topic and one.type == kind]
+    if len({one.node for one in there}) > 1:
+        further = ", and describe a further LiDAR under further_lidars" if what == "LiDAR" else ""
+        return "", (
+            f"{topic} is published{_by(there)} at once, and one {what} is needed: remap one of "
+            f"them{further} (one that was killed is gone after some seconds)"
+        )
+    if len(there) > 1:
+        return f"{topic} is published twice{_by(there)}: are there two robots of that name?", ""
+    return "", ""
+
+
+def frames(topic: str, named: list[str], seen: list[Endpoint]) -> str:
+    """That what comes on a topic is of two sensors; nothing where all is in one frame."""
+    if len(named) < 2:
+        return ""
+    there = [one for one in seen if one.publishes and one.topic == topic]
+    return (
+        f"{topic} comes in the frames {', '.join(map(repr, named[:_MOST_NAMED]))}{_by(there)}, and "
+        "one LiDAR is needed: let each have a topic of its own, and describe the other under "
+        "further_lidars"
+    )
+
+
 def lock(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
     """Who locks the base, in words, and why that is never heard, or nothing."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
-        return f"emergency stop: nobody publishes {topic}", ""
+        others = _publishing((BOOL,), seen)
+        instead = f"; Bool is on {others}: is it that (--lock)?" if others else ""
+        return f"emergency stop: nobody publishes {topic}{instead}", ""
     wrong = [one for one in there if one.type != BOOL]
     if wrong:
         return "", (
@@ -171,6 +218,11 @@ def _others(kind: str, seen: list[Endpoint]) -> str:
     if not topics:
         return f"; there is no {kind.split('/')[-1]} at all"
     return f"; {kind.split('/')[-1]} is on {', '.join(topics[:_MOST_NAMED])}"
+
+
+def _publishing(kinds: tuple[str, ...], seen: list[Endpoint]) -> str:
+    topics = sorted({one.topic for one in seen if one.publishes and one.type in kinds})
+    return ", ".join(topics[:_MOST_NAMED])
 
 
 def nobody(name: str, cure: str) -> str:

@@ -64,7 +64,7 @@ class Ros2Robot(Robot):
             self._still_since = -math.inf
             self._simulated = SimulatedClock.on(self._transport) if found.simulated else None
             self.damaged = 0
-            """Messages that could not be read, so far."""
+            """Messages that could not be read, or are of another LiDAR, so far."""
             if model.lidar is None:
                 raise CohelmError(f"{model.name} has no LiDAR: describe it in the robot's YAML")
             self._lidars = {
@@ -168,8 +168,9 @@ class Ros2Robot(Robot):
                 self._odometry = received
 
     def _hear_scan(self, name: str, received: Received) -> None:
+        message, lidar = received.message, self._lidars[name][0]
         with self._lock:
-            if received.message is None:
+            if message is None or message.header.frame_id != lidar.frame:
                 self.damaged += 1
             else:
                 self._came[name] = received

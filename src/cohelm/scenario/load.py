@@ -236,6 +236,7 @@ def find(path: str | Path) -> Path:
         )
     beside = _names(file.parent)
     close = did_you_mean(file.name, beside) or did_you_mean(file.stem, named)
+    close = close or did_you_mean(file.stem, SHIPPED)
     raise CohelmError(
         f"{path}: no such file{close}; scenarios that come with cohelm: {', '.join(named)}"
     )

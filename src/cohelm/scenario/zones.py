@@ -182,18 +182,28 @@ def read_zones(kept_out: Path | None, slow: Path | None, start: Pose) -> Zones |
     )
 
 
-def masked(masks: Sequence[FilterMask]) -> Zones | None:
-    """From masks of topics, one of each kind at most. None where there is none. CohelmError for one
-    that can not be used."""
+def masked(masks: Sequence[FilterMask], lifted: bool = False) -> Zones | None:
+    """From masks of topics, one of each kind at most. None where there is none. lifted: a mask may
+    mark nothing. CohelmError for one that can not be used."""
     made = Zones()
     for one in masks:
         cells = OccupancyMap(one.cells, one.resolution, one.origin)
-        if one.kind == KEEP_OUT:
+        if lifted and not (one.cells > 0).any():
+            made = _lifted(made, one)
+        elif one.kind == KEEP_OUT:
             made = made._replace(keep_out=_kept_out(cells, one.name))
         else:
             mask = SpeedMask(cells, one.kind == SPEED, one.base, one.multiplier)
             made = made._replace(slow=_slow(mask.checked(one.name), Pose(0.0, 0.0, 0.0), one.name))
     return None if made == Zones() else made
+
+
+def _lifted(made: Zones, one: FilterMask) -> Zones:
+    """With no zone of that kind any more."""
+    if one.kind == KEEP_OUT:
+        return made._replace(keep_out=keep_out(one.cells > 0, one.resolution, one.origin))
+    limits = Cells(np.zeros(one.cells.shape, np.float32), one.resolution, one.origin)
+    return made._replace(slow=SpeedZones(limits, False))
 
 
 def check(zones: Zones, known: LocalizationMap | None) -> None:

@@ -1,0 +1,277 @@
+"""Masks that change while a robot drives: their zones are taken up, or it is said why not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cohelm.core.frames import placed
+from cohelm.core.types import Pose, Twist
+from cohelm.drive.checking import CheckingElsewhere
+from cohelm.drive.jobs import AtOnce
+from cohelm.drive.on_topics import OnTopics
+from cohelm.drive.operator_requests import judge_of
+from cohelm.drive.session import Session, SessionConfig
+from cohelm.drive.simulated import simulated
+from cohelm.drive.zones_on_topics import ZonesOnTopics
+from cohelm.link.messages import Ask, Mode, Severity, Zone, ZoneMap
+from cohelm.plan.path_planner import Goal
+from cohelm.plan.zones import CELL, Zoned, covering
+from cohelm.ros.masks import KEEP_OUT, PERCENT, FilterMask
+from cohelm.ros.port import Received
+from cohelm.scenario.zones import masked
+from tests.drive.faults import CORRIDOR
+from tests.drive.resuming import Drive
+from tests.patience import looks
+from tests.ros.costmap_filters import grid, info
+
+SIDE, LOW = 0.1, (-3.0, -4.0)
+FAR = (9.0, 1.0, 10.0, 2.0)
+"""A zone that is in nobody's way."""
+ACROSS = (1.5, -1.5, 2.3, 0.1)
+"""Of the corridor, all but 1.4 m on the left."""
+SHUT = (2.2, -1.5, 3.0, 1.5)
+
+
+def cells(*boxes, value=100):
+    """Of a mask of the corridor, with boxes (x1, y1, x2, y2) marked."""
+    made = np.zeros((80, 160), np.int8)
+    for box in boxes:
+        x1, y1, x2, y2 = (round(v / SIDE) for v in np.subtract(box, (*LOW, *LOW)))
+        made[y1:y2, x1:x2] = value
+    return made
+
+
+def keep_out(*boxes):
+    return FilterMask("/info", "/mask", KEEP_OUT, 0.0, 1.0, cells(*boxes), SIDE, Pose(*LOW, 0.0))
+
+
+class Topics:
+    """A transport that carries what a test says."""
+
+    def __init__(self) -> None:
+        self._ends = []
+
+    def subscribe(self, topic, kind, qos, hear):
+        self._ends.append((topic, hear))
+        return lambda: None
+
+    def endpoints(self):
+        return []
+
+    def say(self, topic, message) -> None:
+        for one, hear in list(self._ends):
+            if one == topic:
+                hear(Received(message, 0.0))
+
+    def mask(self, *boxes, **keys) -> None:
+        self.say("/mask", grid(cells(*boxes), SIDE, (*LOW, 0.0), **keys))
+
+
+class Ride:
+    """Along the corridor with one keep-out mask on topics; `at` says what comes when."""
+
+    def __init__(self, *boxes, at=lambda ride, loop: None, seconds=40.0, end=5.5) -> None:
+        self.topics, self.said, self.poses, self.modes = Topics(), [], [], []
+        route = [f"reference.waypoints_m=[[0, 0], [{0.5 * end}, 0], [{end}, 0]]"]
+        made = simulated(CORRIDOR, real_time=False, seed=2, changes=route)
+        lidar = made.model.lidar.model_copy(update={"beams": 120})
+        model = made.model.model_copy(update={"lidar": lidar, "camera": None})
+        scenario = made.scenario.model_copy(update={"robot": model})
+        made = type(made)(scenario, made.kind, False, made.seed)
+        used = keep_out(*boxes)
+        zones = ZonesOnTopics(self.topics, (used,), "map", "/", AtOnce(), self.said.append)
+        topics, self.body = OnTopics(None, None, zones=zones), covering(model.outline, CELL)
+        with Session(SessionConfig(made, zones=masked([used]))) as session:
+            topics.attend(session)
+            self.topics.say("/info", info("mask"))
+            self.topics.mask(*boxes)
+            assert not self.said
+            self.session, begun = session, session.loop.gated.now()
+
+            def until(loop) -> bool:
+                self.t = loop.gated.now() - begun
+                self.poses.append(loop.gated.truth().pose)
+                at(self, loop)
+                topics.turn(loop)
+                return loop.driver.arrived or self.t > seconds
+
+            session.run(until, Mode.AUTOMATIC)
+            self.arrived, self.loop = session.loop.driver.arrived, session.loop
+            session.end("over")
+        topics.close()
+
+    def depths(self, *boxes):
+        """Of the true outline in such zones, once a period [m]."""
+        depth = masked([keep_out(*boxes)]).keep_out.depth
+        return np.array([depth.at(placed(self.body, pose)).max() for pose in self.poses])
+
+
+def once(when, do):
+    """Called in each period, does it in the first one in which `when` is true."""
+    done = []
+
+    def at(ride, loop) -> None:
+        if not done and when(ride, loop):
+            done.append(True)
+            ride.at = len(ride.poses)
+            do(ride)
+
+    return at
+
+
+def test_a_zone_that_comes_while_it_drives_is_driven_round_without_a_stop():
+    def when(_, loop):
+        return loop.seen.twist.v > 0.3
+
+    ride = Ride(FAR, at=once(when, lambda ride: ride.topics.mask(ACROSS)))
+    assert ride.said == ["/mask has changed: its zones are taken up"]
+    assert ride.arrived
+    assert ride.depths(ACROSS).max() == 0.0
+    assert not ride.loop.supervisor.paused
+
+
+def test_one_before_which_it_can_not_stop_makes_it_stand_first():
+    here, paused = (0.9, -1.5, 2.3, 0.1), []
+
+    def at(ride, loop):
+        drop(ride, loop)
+        paused.append((loop.supervisor.paused, loop.driver.zones))
+
+    drop = once(lambda _, loop: loop.seen.pose.x > 0.45, lambda ride: ride.topics.mask(here))
+    ride = Ride(FAR, at=at)
+    why = "the zones have changed, and it brakes for them"
+    waits = [zones for said, zones in paused if said == why]
+    assert waits
+    assert set(waits) == {paused[0][1]}  # those before count meanwhile
+    assert paused[-1][1] is not paused[0][1]
+    assert ride.depths(here).max() < 0.2  # at its edge
+    assert ride.arrived
+
+
+def test_one_that_comes_where_it_drives_lets_it_out_and_no_deeper():
+    here = (-1.0, -1.5, 1.6, 1.5)
+    drop = once(lambda _, loop: loop.seen.pose.x > 0.45, lambda ride: ride.topics.mask(here))
+    ride = Ride(FAR, at=drop, end=3.5)
+    depths = ride.depths(here)[ride.at :]
+    assert depths[0] > 0.5
+    assert depths.max() < depths[0] + 0.15
+    assert ride.arrived
+    assert depths[-1] == 0.0
+
+
+def test_one_that_is_lifted_stands_in_nobodys_way_any_more():
+    ride = Ride(SHUT, at=once(lambda ride, _: ride.t > 12.0, lambda ride: ride.topics.mask()))
+    assert ride.poses[ride.at].x < SHUT[0]
+    assert ride.arrived
+    (told,) = [one for one in ride.session.zone_maps if one.what == Zone.KEEP_OUT]
+    assert (told.rows, told.columns) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda t: t.mask(ACROSS, frame="odom"), "/mask: it is in the frame 'odom', and the map's"),
+        (lambda t: t.say("/mask", grid(cells(ACROSS), SIDE, (90.0, 0.0, 0.0))),
+         "the keep-out zones lie beside the map, from 90.0"),
+        (lambda t: t.say("/mask", grid(cells(ACROSS, value=30), SIDE, (*LOW, 0.0))),
+         "/mask (named by /info): no cell is occupied, so no zone is marked"),
+        (lambda t: t.say("/info", info("mask", PERCENT, 100.0, -1.0)),
+         "/info told of a filter of type 0, and now of one of type 1: start the drive again"),
+        (lambda t: t.say("/info", info("elsewhere")),
+         "/info names /elsewhere now, and nothing came there yet"),
+    ],
+)  # fmt: skip
+def test_what_can_not_be_used_is_told_once_and_changes_nothing(tmp_path, spoil, why):
+    topics, said = Topics(), []
+    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", AtOnce(), said.append)
+    with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
+        zones.attend(drive.session)
+        topics.say("/info", info("mask"))
+        topics.mask(FAR)
+        drive.run(range(5))
+        before = drive.loop.driver.zones
+        spoil(topics)
+        spoil(topics)
+        drive.run(range(5))
+        (sentence,) = said
+        assert sentence.startswith(why)
+        assert sentence.endswith("; the zones from before count on")
+        assert drive.loop.driver.zones is before
+        (alarm,) = [one for one in drive.loop.alarms.worst() if one.text == sentence]
+        assert (alarm.active, alarm.severity) == (True, Severity.WARNING)
+        topics.say("/info", info("mask"))
+        topics.mask(ACROSS)
+        drive.run(range(5))
+        assert drive.loop.driver.zones is not before
+        assert not any(one.active for one in drive.loop.alarms.worst() if one.text == sentence)
+
+
+def test_stations_are_shown_them_and_ways_are_held_against_them(tmp_path):
+    topics = Topics()
+    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", AtOnce(), print)
+    with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
+        zones.attend(drive.session)
+        anna = drive.station("anna")
+        drive.run(range(5))
+        anna.ask(Ask.TAKE)
+        topics.say("/info", info("mask"))
+        topics.mask(ACROSS)
+        drive.run(range(10))
+        told = drive.link.bulk._published
+        assert told[ZoneMap, Zone.KEEP_OUT].rows > 0
+        assert told[ZoneMap, Zone.SPEED].rows == 0
+        judge = drive.desk._rerouting._checking._judge
+        assert judge(Goal(1.9, -0.5), Pose(0.0, 0.0, 0.0)).why.endswith("is in a keep-out zone")
+        shown = [one for one in drive.desk._drawn if isinstance(one, ZoneMap)]
+        assert tuple(shown) == drive.session.zone_maps
+
+
+def test_a_way_made_before_they_came_has_them_too(tmp_path):
+    topics = Topics()
+    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", AtOnce(), print)
+    with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
+        zones.attend(drive.session)
+        drive.run(range(5))
+        reference = drive.session.plan.robot.scenario.reference.spline()
+        made = drive.desk._rerouting._build(reference)
+        topics.say("/info", info("mask"))
+        topics.mask(ACROSS)
+        drive.run(range(5))
+        first = drive.loop.driver
+        drive.desk._rerouting._take_up(drive.loop, made, reference)
+        assert drive.loop.driver is made
+        assert made.zones is first.zones is not None
+
+
+def test_zones_are_taken_up_where_the_robot_can_stop_and_at_once_while_it_is_lost():
+    with Session(SessionConfig(simulated(CORRIDOR, real_time=False))) as session:
+        driver, here = session.loop.driver, Pose(1.05, 0.0, 0.0)
+        zones, settings = masked([keep_out(ACROSS)]), driver.settings
+        other = [Zoned(zones, settings.outline, settings.gains.u_d) for _ in range(3)]
+        driver._twist = Twist(0.5, 0.0)
+        assert not driver.rezone(other[0], here)
+        assert driver.zones is None
+        assert driver.rezone(other[1], Pose(0.0, 0.0, 0.0))
+        assert driver.rezone(other[2], None)
+        assert driver.zones is other[2]
+
+
+def test_another_process_judges_ways_from_then_on():
+    made = simulated(CORRIDOR, real_time=False)
+    plan = SessionConfig(made)
+    checking = CheckingElsewhere(judge_of(plan, None))
+    here, goal = Pose(0.0, 0.0, 0.0), Goal(1.9, -0.5)
+
+    def answer():
+        assert any(checking.ready for _ in looks(60.0, 0.02, 0.5))
+        checking.begin(0.0, goal, here)
+        return next(filter(None, (checking.result(0.0) for _ in looks(60.0, 0.02, 0.5))))
+
+    try:
+        assert answer().reference is not None
+        zones = masked([keep_out(ACROSS)])
+        checking.judge_by(judge_of(SessionConfig(made, zones=zones), None))
+        assert answer().why == "the goal 1.9, -0.5 is in a keep-out zone"
+    finally:
+        checking.close()
