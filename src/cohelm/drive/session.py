@@ -112,8 +112,7 @@ class Session:
         self.driver: Driver | None = None
         self.known: LocalizationMap | None = None
         """The map that the robot localises on."""
-        u_d = robot.scenario.reference.speed_mps
-        self.zone_maps = zoned(plan.zones, u_d)
+        self.zone_maps = zoned(plan.zones, robot.scenario.reference.speed_mps)
         """The plan's zones, as stations and records are told them."""
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
@@ -164,10 +163,7 @@ class Session:
             )  # fmt: skip
             if known is not None:
                 self.loop.log.show(drawn(known))
-            for line in (
-                *self.zone_maps,
-                *way(robot.scenario.reference.spline()),
-            ):
+            for line in (*self.zone_maps, *way(robot.scenario.reference.spline())):
                 self.loop.log.show(line)
             self._warm_up()
             if real_time:
@@ -258,11 +254,9 @@ class Session:
 
     def state(self) -> str:
         """What it does, and why it stands, for a person."""
-        loop, gate = self.loop, self.loop.gated.gate
-        seen, supervisor = loop.seen, loop.supervisor
-        why = gate.reason or supervisor.problem or supervisor.paused
-        if not why and seen is not None and seen.lost and loop.has_map:
-            why = f"lost: {seen.reason}"
+        loop, gate, seen = self.loop, self.loop.gated.gate, self.loop.seen
+        lost = seen is not None and seen.lost and loop.has_map and f"lost: {seen.reason}"
+        why = gate.reason or loop.supervisor.problem or loop.supervisor.paused or lost
         return gate.mode.name.lower() + (f": {why}" if why else "")
 
     def line(self) -> str:
