@@ -43,6 +43,7 @@ def test_the_planner_is_handed_the_unseen_ground_apart_from_what_stands_and_from
         seen = SimpleNamespace(
             points=np.vstack((stands, unseen)), blind=blind, map_odom=HERE, pose=HERE, lost=False,
             mobile=np.empty((0, 6)), mobile_max_acceleration=np.empty(0),
+            mobile_velocity_error=np.empty(0),
         )  # fmt: skip
         driver.follow(now, HERE, Stick(0.0, 0.0), driver.around(seen))
     assert tasks[0].obstacles.points.tolist() == [*stands.tolist(), *zones.tolist()]

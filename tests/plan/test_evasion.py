@@ -190,7 +190,7 @@ def _foretold_and_driven(rng):
     ax, ay, u = math.cos(heads), math.sin(heads), rng.uniform(0.0, 0.8)
     start, before = Pose(0.0, 0.0, 0.0), Twist(float(rng.choice([0.0, 0.5, 1.0])), 0.0)
     asked = Twist(float(rng.choice([-1.0, 0.5, 1.0])), rng.uniform(-1.0, 1.0))
-    movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay, 0.8, 2.0, 1.5]])
+    movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay, 0.8, 2.0, 1.5, 0.0]])
     around, reach = surroundings(np.empty((0, 6))), farthest(ON.outline)
     e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
     case = case_at(
@@ -283,23 +283,24 @@ def test_the_robot_keeps_farther_from_who_has_stopped_and_may_turn_on_it():
 
 
 def test_whose_velocity_is_not_known_well_is_not_taken_to_run():
-    """What a LiDAR does not know of a velocity is told as acceleration. Taken to be kept up, it
+    """What a LiDAR does not know of a velocity was told as acceleration. Taken to be kept up, it
     doubled the distance that the robot kept from who had stopped: it waited four times as long."""
     e = EvasionParams()
 
-    def far(most):
+    def far(most, off=0.0):
         seen = np.array([[0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 1.0, 0.0, 0.0]])
-        around = surroundings([disc(2.0, 0.0, 0.3, 0.8, 0.4, 0.0)], [most])
+        slow = [disc(2.0, 0.0, 0.3, 0.8, 0.4, 0.0)]
+        around = surroundings(slow, [most], velocity_error=[off])
         movers, _ = foreseen(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e)
         return trajectories(movers, 0.46, e)[0, 0, 6]
 
-    assert far(3.5) == far(1.0)
+    assert far(3.5) == far(1.0) == far(1.0, 0.5)
     assert far(0.5) < far(1.0)
 
 
 @pytest.mark.parametrize("v", [0.0, 0.01, 0.5, 2.0])
 def test_an_overlap_has_a_risk_like_any_other(v):
-    movers = np.array([[0.3, 0.0, v, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 2.0 * v, 1.5]])
+    movers = np.array([[0.3, 0.0, v, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 2.0 * v, 1.5, 0.0]])
     here, course_ = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace)
     around, reach, e = surroundings(np.empty((0, 6))), farthest(ON.outline), EvasionParams()
     case = case_at(
