@@ -36,8 +36,6 @@ class Hypothesis:
     """Scans since it was judged."""
     stale: bool = False
     """Whether it has not been judged from here, where others have."""
-    led: bool = False
-    """Whether it is where odometry leads, matched as that is known."""
     charges: Charges = field(default_factory=Charges)
     """What the map would have wrong; for a robot that may be anywhere."""
 

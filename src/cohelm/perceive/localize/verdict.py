@@ -73,19 +73,18 @@ class Belief:
         if best is None or not fair(best.judged, c.fair if unsure else c.poor):
             return Verdict(None, 0.0, False, "no place on the map looks like what the LiDAR sees")
         lead = _lead(best, kept[1:] if about.cold else kept[1:2])
-        back = _nearest(kept, about.before) if about.before else None
+        back = next((h for h in kept if about.before and same(h.pose, about.before)), None)
         if back is not None and best.total - back.total < c.margin:
-            led = _lead(back, [h for h in kept if h is not back])
-            best, lead, wanted = back, math.inf, 0.0  # that needs no proof, and is none
+            best, lead, wanted = back, math.inf, 0.0
         else:
-            led, wanted = lead, self._wanted(best, lead, about)
+            wanted = self._wanted(best, lead, about)
         far = self._far(best.pose, about)
         # the map may be wrong here, where all of it has been searched and nothing comes near
         only = about.whole and not far and lead >= 2.0 * c.margin
         # or nobody moved it, and nothing that was found elsewhere makes up for that
         stayed = lead >= c.margin and self._stays(best, about)
         if about.cold and self._disputed(kept):
-            lead = led = 0.0
+            lead = 0.0
         why = ""
         if lead < wanted or (far and (about.views < c.views or not about.complete)):
             some = f"{len(kept)}" if about.complete else "many"
@@ -98,7 +97,7 @@ class Belief:
             why = "too much of what the LiDAR sees is not on the map"
         elif best is not back and sigma(best) > c.sure:
             why = "too few features are in view to say where along them"
-        return Verdict(best, led, only or stayed, why)
+        return Verdict(best, lead, only or stayed, why)
 
     def _explains(
         self, best: Hypothesis, lead: float, far: bool, stayed: bool, poor: bool,
@@ -156,24 +155,15 @@ class Belief:
 
 
 def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
-    """Of those that are ranked, without any elsewhere that explains less of the scan than the place
-    where the robot left off, while no scan shows that it was moved: where the map knows little,
+    """Of those that are ranked, without any that explains less of the scan than the place where
+    the robot left off, while no scan shows that it was moved: where the map knows little,
     little speaks against a place."""
     if left is None or left.odds == 0.0:
         return kept
     own = next((h for h in kept if left.held(h)), None)
     if own is None:
         return kept
-    return [h for h in kept if left.held(h) or h.explained >= own.explained]
-
-
-def _nearest(kept: list[Hypothesis], pose: Pose) -> Hypothesis | None:
-    """The one that is a place, if any is; along a corridor there may be two that nearly are."""
-
-    def off(h: Hypothesis) -> float:
-        return math.hypot(h.pose.x - pose.x, h.pose.y - pose.y)
-
-    return min((h for h in kept if same(h.pose, pose)), key=off, default=None)
+    return [h for h in kept if h is own or h.explained >= own.explained]
 
 
 def _lead(best: Hypothesis, others: list[Hypothesis]) -> float:
