@@ -14,6 +14,17 @@ from cohelm.robot.port import Health, Readings, Scan
 
 CORRIDOR = Path(__file__).parent / "corridor.yaml"
 
+
+def along_corridor(end: float) -> Simulated:
+    """A robot with few beams and no camera, whose route ends so far along the corridor [m]."""
+    route = [f"reference.waypoints_m=[[0, 0], [{0.5 * end}, 0], [{end}, 0]]"]
+    made = simulated(CORRIDOR, real_time=False, seed=2, changes=route)
+    lidar = made.model.lidar.model_copy(update={"beams": 120})
+    model = made.model.model_copy(update={"lidar": lidar, "camera": None})
+    scenario = made.scenario.model_copy(update={"robot": model})
+    return Simulated(scenario, made.kind, False, made.seed)
+
+
 FAULTS = {
     "odometry stops": "the odometry is",
     "odometry is no number": "the odometry is no number",

@@ -24,7 +24,7 @@ from cohelm.plan.zones import CELL, covering
 from cohelm.ros.masks import FilterMask
 from cohelm.scenario.worlds.maps import read_map, read_speed_mask
 from cohelm.scenario.zones import check, masked, read_zones
-from tests.drive.faults import CORRIDOR
+from tests.drive.faults import CORRIDOR, along_corridor
 from tests.drive.resuming import Drive
 
 START = Pose(0.0, 0.0, 0.0)
@@ -73,13 +73,8 @@ class Ride:
 
     def __init__(self, zones, end: float, seconds: float, stick: Stick | None = None) -> None:
         """end: of the route, along the corridor [m]. seconds: at most."""
-        route = [f"reference.waypoints_m=[[0, 0], [{0.5 * end}, 0], [{end}, 0]]"]
-        made = simulated(CORRIDOR, real_time=False, seed=2, changes=route)
-        lidar = made.model.lidar.model_copy(update={"beams": 120})
-        model = made.model.model_copy(update={"lidar": lidar, "camera": None})
-        scenario = made.scenario.model_copy(update={"robot": model})
-        made = type(made)(scenario, made.kind, False, made.seed)
-        body, hand = covering(model.outline, CELL), Hand(stick)
+        made = along_corridor(end)
+        body, hand = covering(made.model.outline, CELL), Hand(stick)
         self.depths: list[float] = []
         """Of the true outline in keep-out zones [m]."""
         self.poses: list[Pose] = []

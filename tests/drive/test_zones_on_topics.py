@@ -20,7 +20,7 @@ from cohelm.plan.zones import CELL, Zoned, covering
 from cohelm.ros.masks import KEEP_OUT, PERCENT, FilterMask
 from cohelm.ros.port import Received
 from cohelm.scenario.zones import masked
-from tests.drive.faults import CORRIDOR
+from tests.drive.faults import CORRIDOR, along_corridor
 from tests.drive.resuming import Drive
 from tests.patience import looks
 from tests.ros.costmap_filters import grid, info
@@ -73,15 +73,10 @@ class Ride:
 
     def __init__(self, *boxes, at=lambda ride, loop: None, seconds=40.0, end=5.5) -> None:
         self.topics, self.said, self.poses, self.modes = Topics(), [], [], []
-        route = [f"reference.waypoints_m=[[0, 0], [{0.5 * end}, 0], [{end}, 0]]"]
-        made = simulated(CORRIDOR, real_time=False, seed=2, changes=route)
-        lidar = made.model.lidar.model_copy(update={"beams": 120})
-        model = made.model.model_copy(update={"lidar": lidar, "camera": None})
-        scenario = made.scenario.model_copy(update={"robot": model})
-        made = type(made)(scenario, made.kind, False, made.seed)
+        made = along_corridor(end)
         used = keep_out(*boxes)
         zones = ZonesOnTopics(self.topics, (used,), "map", "/", AtOnce(), self.said.append)
-        topics, self.body = OnTopics(None, None, zones=zones), covering(model.outline, CELL)
+        topics, self.body = OnTopics(None, None, zones=zones), covering(made.model.outline, CELL)
         with Session(SessionConfig(made, zones=masked([used]))) as session:
             topics.attend(session)
             self.topics.say("/info", info("mask"))

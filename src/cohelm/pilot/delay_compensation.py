@@ -6,7 +6,7 @@ import math
 
 from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
-from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.guard.surroundings import Surroundings, strayed
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
@@ -52,6 +52,6 @@ def moved_on(around: Surroundings, after: float) -> Surroundings:
     for i in range(len(discs)):
         discs[i, X] += discs[i, VX] * after
         discs[i, Y] += discs[i, VY] * after
-        discs[i, RADIUS] += after * (off[i] + 0.5 * around.max_acceleration[i] * after)
+        discs[i, RADIUS] += strayed(off[i], around.max_acceleration[i], after)
         off[i] += around.max_acceleration[i] * after
     return Surroundings(discs, around.max_acceleration, off, around.segments, around.points)

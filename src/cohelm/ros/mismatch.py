@@ -214,10 +214,8 @@ def _by(there: list[Endpoint]) -> str:
 
 
 def _others(kind: str, seen: list[Endpoint]) -> str:
-    topics = sorted({one.topic for one in seen if one.publishes and one.type == kind})
-    if not topics:
-        return f"; there is no {kind.split('/')[-1]} at all"
-    return f"; {kind.split('/')[-1]} is on {', '.join(topics[:_MOST_NAMED])}"
+    name, topics = kind.split("/")[-1], _publishing((kind,), seen)
+    return f"; {name} is on {topics}" if topics else f"; there is no {name} at all"
 
 
 def _publishing(kinds: tuple[str, ...], seen: list[Endpoint]) -> str:

@@ -9,7 +9,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps, coasting
 from cohelm.law.guard.contact import point_clearance, wall_clearance
-from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.guard.surroundings import Surroundings, rests, strayed
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 
@@ -68,7 +68,7 @@ def in_the_way(
         x, y, radius = around.discs[i, X], around.discs[i, Y], around.discs[i, RADIUS]
         vx, vy = around.discs[i, VX], around.discs[i, VY]
         most, off = around.max_acceleration[i], around.velocity_error[i]
-        if vx == 0.0 and vy == 0.0 and most == 0.0 and off == 0.0:
+        if rests(around, i):
             dx, dy = x - m.pose.x, y - m.pose.y
             near = dx * dx + dy * dy < (far + radius) * (far + radius)
             if near and not _clears_still(m, outline, x, y, x, y, radius, clear):
@@ -157,7 +157,7 @@ def _clears_mover(
         return _leaves(m, outline, x0, y0, vx, vy, radius, most, off, clear, g, closing)
     t = 0.0
     for _ in range(_MOST):
-        grown = radius + (off + 0.5 * most * t) * t
+        grown = radius + strayed(off, most, t)
         x, y = x0 + vx * t, y0 + vy * t
         pose = arc(m.pose, m.twist, _travelled(m, t))
         dx, dy = x - pose.x, y - pose.y
@@ -207,7 +207,7 @@ def _grown_clearance(
     """The clearance to a moving disc at time t of the manoeuvre, at least [m]."""
     pose = arc(m.pose, m.twist, _travelled(m, t))
     x, y = x0 + vx * t, y0 + vy * t
-    return _clearance_at(pose, outline, x, y, x, y) - radius - (off + 0.5 * most * t) * t
+    return _clearance_at(pose, outline, x, y, x, y) - radius - strayed(off, most, t)
 
 
 @jit

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats
+from cohelm.core.jit import jit_inline
+from cohelm.core.types import VX, VY, Floats
 
 
 class Surroundings(NamedTuple):
@@ -30,6 +31,20 @@ class Surroundings(NamedTuple):
     velocity_error: Floats
     segments: Floats
     points: Floats
+
+
+@jit_inline
+def rests(around: Surroundings, i: int) -> bool:
+    """Whether disc i stands, and surely will."""
+    still = around.discs[i, VX] == 0.0 and around.discs[i, VY] == 0.0
+    return still and around.max_acceleration[i] == 0.0 and around.velocity_error[i] == 0.0
+
+
+@jit_inline
+def strayed(off: float, most: float, t: float) -> float:
+    """How far from its course a disc may be t later, with that velocity_error and max_acceleration
+    [m]."""
+    return (off + 0.5 * most * t) * t
 
 
 def surroundings(

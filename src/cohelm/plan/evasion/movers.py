@@ -9,7 +9,7 @@ import numpy as np
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps
-from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.guard.surroundings import Surroundings, rests
 from cohelm.plan.evasion.params import STEP, EvasionParams
 from cohelm.robot.limits import Limits
 
@@ -108,7 +108,7 @@ def _gathered(
     for i in range(len(around.discs)):
         d = around.discs[i]
         vx, vy = d[VX], d[VY]
-        max_acceleration, off = around.max_acceleration[i], around.velocity_error[i]
+        max_acceleration = around.max_acceleration[i]
         speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
         top, lately, turning = 0.0, speed > _SLOW, e.turning
         if speed > 0.0:
@@ -121,7 +121,7 @@ def _gathered(
                 lately = lately or (known and seen[k, 8] < _LATELY)
                 ax, ay = lasts * seen[k, 4], lasts * seen[k, 5]
             k += 1
-        if vx == 0.0 and vy == 0.0 and max_acceleration == 0.0 and off == 0.0:
+        if rests(around, i):
             continue
         if lately != moving:
             continue
@@ -140,7 +140,9 @@ def _gathered(
                 back = min(speed / e.turning - brakes, 0.0) / speed
                 ax, ay = ax - back * vx, ay - back * vy
         found[n, 0], found[n, 1], found[n, 2], found[n, 3] = d[X], d[Y], vx, vy
-        found[n, 4], found[n, 5], found[n, 12] = d[RADIUS], max_acceleration, off
+        found[n, 4], found[n, 5], found[n, 12] = (
+            d[RADIUS], max_acceleration, around.velocity_error[i],
+        )  # fmt: skip
         found[n, 6] = e.standing_growth
         if moving:
             found[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)

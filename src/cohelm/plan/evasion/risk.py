@@ -10,6 +10,7 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law.guard.bounds import brake_steps, coasting
 from cohelm.law.guard.contact import point_clearance
+from cohelm.law.guard.surroundings import strayed
 from cohelm.plan.evasion.case import Case
 from cohelm.plan.evasion.params import STEP, EvasionParams
 from cohelm.robot.kinematics import arc
@@ -63,8 +64,8 @@ def clearance_at(
     for i in range(len(then)):
         dx = then[i, 0] + then[i, 2] * agile - pose.x
         dy = then[i, 1] + then[i, 3] * agile - pose.y
-        strayed = (movers[i, 12] + 0.5 * movers[i, 5] * agile) * agile
-        r = movers[i, 4] + strayed + growth * movers[i, 6] * t
+        r = movers[i, 4] + strayed(movers[i, 12], movers[i, 5], agile)
+        r += growth * movers[i, 6] * t
         far = least + reach + r
         if dx * dx + dy * dy < far * far:
             least = min(least, point_clearance(outline, c * dx + s * dy, -s * dx + c * dy) - r)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
-from cohelm.law.guard.surroundings import Surroundings
+from cohelm.core.types import RADIUS, Floats, Pose, X, Y
+from cohelm.law.guard.surroundings import Surroundings, rests
 
 CELL = 0.06  # of the grid of what stands [m]
 _SIDE, _ACROSS = 0.95 * CELL, 0.95 * CELL * math.sqrt(2.0)  # at most 5 % too far, so [m]
@@ -47,9 +47,7 @@ def field_about(around: Surroundings, pose: Pose, half: float) -> Field:
             _mark(d, ax + s * (bx - ax) - x0, ay + s * (by - ay) - y0)
     for i in range(len(around.discs)):
         disc, r = around.discs[i], around.discs[i, RADIUS]
-        surely = around.max_acceleration[i] == 0.0 and around.velocity_error[i] == 0.0
-        rests = disc[VX] == 0.0 and disc[VY] == 0.0 and surely
-        if rests and math.hypot(disc[X] - pose.x, disc[Y] - pose.y) < 1.5 * half + r:
+        if rests(around, i) and math.hypot(disc[X] - pose.x, disc[Y] - pose.y) < 1.5 * half + r:
             m = int(2.0 * math.pi * r / (0.7 * CELL)) + 3
             for j in range(m):
                 a = 2.0 * math.pi * j / m

@@ -174,8 +174,8 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         not (row.arrived or row.falls or row.contacts_moving + row.contacts_standing)
         for row in wanting
     )
-    seen = [row.contact_seen_s for row in sound if row.contacts_moving > 0]
-    seen = [how for how in seen if math.isfinite(how)]
+    moved = [row.contact_seen_s for row in sound if row.contacts_moving > 0]
+    seen = [seconds for seconds in moved if math.isfinite(seconds)]
     scored = any(math.isfinite(row.score) for row in sound)
     scores = [0.0 if row.fault else row.score for row in rows]
     return Summary(
@@ -185,7 +185,7 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         share(sum(row.arrived for row in sound), of) if goals else None,
         share(sum(_well(row) for row in sound), of) if goals else None,
         share(sum(row.contacts_moving > 0 for row in sound), n),
-        share(sum(how == 0.0 for how in seen), n) if seen else None,
+        share(sum(seconds == 0.0 for seconds in seen), n) if seen else None,
         share(sum(row.contacts_standing > 0 for row in sound), n),
         share(sum(row.contacts_departing > 0 for row in sound), n),
         share(sum(row.contacts_moving + row.contacts_standing > 0 for row in sound), n),

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.study.campaign import adversary, barn, crowd, hands, heights, lab, movers, rooms
 from cohelm.study.campaign.episode import LAWS, PLANTS, Episode, Law, Plant
 from cohelm.study.campaign.plant import on_twin
@@ -103,8 +102,7 @@ def suite(name: str, seed: int, data: Path | None, plant: Plant | None = None) -
 
 def _suite(name: str, seed: int, data: Path | None) -> Suite:
     if name not in NAMES:
-        near = get_close_matches(name, NAMES, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = did_you_mean(name, NAMES)
         raise CohelmError(f"there is no suite {name!r}: choose {', '.join(NAMES)}{hint}")
     if data is not None and not data.is_dir():
         raise CohelmError(f"--data {data}: there is no such folder")
