@@ -143,7 +143,7 @@ def taken(
 ) -> Viewed:  # fmt: skip
     """With the cells that those out of view may be in dt [s] later: where they left the view, and
     where one can have walked to from there, and from beyond what is known, over cells that nothing
-    looks at.
+    looks at and that one of them can have reached from where he was last seen, as he was going.
 
     fastest: nobody is faster, but who was seen to be [m/s].
     """
@@ -158,24 +158,24 @@ def taken(
     steps = math.ceil(pace * dt / CELL)
     low_x, low_y = cell(pose.x - KEPT), cell(pose.y - KEPT)
     wide = math.ceil(2.0 * KEPT / CELL) + 1
-    dark, full = np.zeros((wide, wide), np.bool_), np.zeros((wide, wide), np.bool_)
+    may, full = np.zeros((wide, wide), np.bool_), np.zeros((wide, wide), np.bool_)
     for a in range(wide):
         for b in range(wide):
             i, j = low_x + a, low_y + b
             x, y = (i + 0.5) * CELL, (j + 0.5) * CELL
             if _looked_at(views, x, y) or disc_clearance(pose, outline, x, y, 0.0) < _APART:
                 continue
-            dark[a, b] = True
-            full[a, b] = before[i % SIDE, j % SIDE] or (away and not holds(viewed.which, i, j))
             for k in range(len(hidden)):
-                just = hidden[k, UNSEEN] < _JUST
-                near = math.hypot(x - hidden[k, HX], y - hidden[k, HY]) < hidden[k, REACH]
-                full[a, b] |= just and near
+                if math.hypot(x - hidden[k, HX], y - hidden[k, HY]) < hidden[k, REACH]:
+                    may[a, b] = True
+                    full[a, b] |= hidden[k, UNSEEN] < _JUST
+            full[a, b] |= before[i % SIDE, j % SIDE] or (away and not holds(viewed.which, i, j))
+            full[a, b] &= may[a, b]
     for _ in range(steps):
         one = full.copy()
         for a in range(1, wide - 1):
             for b in range(1, wide - 1):
-                if dark[a, b] and not one[a, b]:
+                if may[a, b] and not one[a, b]:
                     full[a, b] = (
                         one[a - 1, b] or one[a + 1, b] or one[a, b - 1] or one[a, b + 1]
                         or one[a - 1, b - 1] or one[a - 1, b + 1]
