@@ -135,6 +135,17 @@ def test_who_has_just_gone_behind_the_robot_is_not_everywhere_there_at_once():
     assert (points[:, 1] > -0.2).all()
 
 
+def test_who_goes_on_behind_the_robot_is_not_beside_it_before_he_can_have_turned_back():
+    """At 1.2 m/s, and capable of 1 m/s^2, he is 0.9 m behind the robot's middle at least when he
+    has been out of view for 0.8 s."""
+    start = WALKER.copy()
+    start[0, 0] += 6.3 * 1.2
+    left = round((1.9 / 1.2 + 0.8) / 0.1)
+    points = blind(driven(standing(left), start, velocity=(-1.2, 0.0)))
+    assert len(points)
+    assert points[:, 0].max() < -0.5
+
+
 CROSSES = np.array([[-1.4, 3.0 + 0.8 * 6.3, 0.0, 0.0, 0.25, 0.7]])
 
 
