@@ -148,6 +148,27 @@ def test_attackers_come_through_nothing():
     assert met > 10
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_an_attacker_changes_its_velocity_no_faster_than_it_is_assumed_to(seed: int):
+    """A wall on its way is no excuse: who walks ahead of the robot and stops dead at a wall is
+    nobody that the filter has promised anything about."""
+    rng = np.random.default_rng(seed)
+    bodies = [disc(*rng.uniform(-2.0, 2.0, 2), 0.2) for _ in range(5)]
+    walls = [[-3.0, -3.0, 3.0, -3.0], [3.0, -3.0, 3.0, 3.0], [3.0, 3.0, -3.0, 3.0]]
+    runner = disc(-2.5, -2.5, 0.25, 0.1, 0.0)
+    robot = Twin(
+        sally(), Pose(9.0, 0.0, 0.0), scene(*bodies, runner, walls=walls), seed=seed,
+        pursuers=Pursuers(np.array([0.0] * 5 + [1.0]), 1.3, seed),
+    )  # fmt: skip
+    velocities = []
+    for _ in range(1500):
+        brake(robot, 0.02)
+        velocities.append(robot.things()[5, 2:4])
+    changes = np.hypot(*np.diff(velocities, axis=0).T)
+    assert changes.max() <= 1.0 * 0.02 + 1e-9
+    assert np.hypot(*np.transpose(velocities)).max() > 0.6  # it does walk
+
+
 def test_who_is_driven_into_is_a_contact_of_a_moving_robot():
     robot = Twin(sally(), around=scene(disc(2.0, 0.0, 0.25, -0.5, 0.0)))
     truth = drive(robot, Twist(0.5, 0.0), 2.0)[-1]

@@ -27,6 +27,8 @@ _BACK = 0.005  # nearer to where it should be than this [m], it is back on its w
 
 
 _KEEPS = 0.2  # for which an attacker keeps what it does [s]
+_LOOKS = 0.1  # apart an attacker looks along its way to where it would stop, [m]
+_GRAZES = 0.005  # and so near is too near: between two looks it may come nearer by half of that [m]
 
 
 class MovingDiscs(NamedTuple):
@@ -45,8 +47,9 @@ class MovingDiscs(NamedTuple):
 
 
 class Pursuit(NamedTuple):
-    """Movers that have no way of their own: attackers, as in `sim.adversarial`. One that bumps into
-    something stops, until it turns to go elsewhere."""
+    """Movers that have no way of their own: attackers, as in `sim.adversarial`. They go for the
+    robot, and brake before all else: what they are assumed to be capable of, they keep to. Only two
+    who run into each other, or into the robot, stop dead."""
 
     max_acceleration: Floats
     """(m,), the acceleration that each uses; 0 for one that goes its way [m/s^2]."""
@@ -102,10 +105,31 @@ def _hunt(
     k = int(time / _KEEPS + 1e-6)
     if k != int((time - step) / _KEEPS + 1e-6) or time < 1.5 * step:
         choose(hunt.push, m, hunt.max_acceleration[m], pose, discs[i], hunt.seed, k)
+    most = hunt.max_acceleration[m]
     walk_on(after, discs[i], hunt.push[m, 0], hunt.push[m, 1], hunt.fastest, step)
+    if not _stops_before(pose, outline, discs, walls, i, after, most):
+        speed = math.hypot(discs[i, VX], discs[i, VY])
+        push = -min(most, speed / step) / max(speed, 1e-9)
+        walk_on(after, discs[i], push * discs[i, VX], push * discs[i, VY], hunt.fastest, step)
     if _bumps(pose, outline, discs, walls, i, after[X], after[Y]) != _NOTHING:
         after[:] = discs[i]
         after[VX] = after[VY] = 0.0
+
+
+@jit
+def _stops_before(
+    pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int, after: Floats, most: float
+) -> bool:  # fmt: skip
+    """Whether disc i, as it is `after` a step, can stop before all that is not the robot, slowing
+    down by at most so much [m/s^2]."""
+    speed = math.hypot(after[VX], after[VY])
+    n = math.ceil(speed * speed / (2.0 * most) / _LOOKS) + 1
+    for k in range(n):
+        time = (k + 1) / n * speed / (2.0 * most)
+        x, y = after[X] + time * after[VX], after[Y] + time * after[VY]
+        if _bumps(pose, outline, discs, walls, i, x, y, _ROBOT + 1, _GRAZES) != _NOTHING:
+            return False
+    return True
 
 
 @jit
@@ -162,13 +186,17 @@ def _go(
 
 @jit
 def _bumps(
-    pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int, x: float, y: float
-) -> int:
-    """What disc i comes into if it goes there: what it is nearer to then than now, and touches."""
+    pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int, x: float, y: float,
+    first: int = _ROBOT, gap: float = 0.0,
+) -> int:  # fmt: skip
+    """What disc i comes into if it goes there: what it is nearer to then than now, and touches.
+
+    first: the first of the things that count. gap: so near is as good as touched [m].
+    """
     was_x, was_y = discs[i, X], discs[i, Y]
-    for thing in range(1 + len(discs) + len(walls)):
+    for thing in range(first, 1 + len(discs) + len(walls)):
         clearance = _clearance(pose, outline, discs, walls, i, x, y, thing)[0]
-        if clearance <= 0.0:
+        if clearance <= gap:
             before = _clearance(pose, outline, discs, walls, i, was_x, was_y, thing)[0]
             if before > max(clearance, -_INSIDE):
                 return thing
