@@ -38,7 +38,8 @@ KEPT = 10.0
 
 HX, HY, HVX, HVY, REACH, UNSEEN = range(6)
 """Columns of those who may be out of view: place [m] and velocity [m/s] that are foretold, how far
-from that place he may be, with his own radius [m], time since he was in view [s]."""
+from that place he may be, with his own radius, whatever he has done since of what he is capable of
+[m], time since he was in view [s]."""
 
 _DEVIATIONS = 2.0  # a foretold place may be off by so many standard deviations
 _EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
@@ -134,14 +135,15 @@ def _reach(one: Floats) -> float:
     return one[RADIUS] + _DEVIATIONS * math.sqrt(one[PP])
 
 
-def out_of_view(tracks: Floats, gone: Floats) -> Floats:
+def out_of_view(tracks: Floats, gone: Floats, max_acceleration: float) -> Floats:
     """Those who may be where nothing looks, (h, 6): tracks (t, COLUMNS) that move or perhaps do,
     and who departed."""
     those = np.vstack((tracks, gone))
     out = np.empty((len(those), 6))
     out[:, HX : HVY + 1] = those[:, TX : TVY + 1]
-    out[:, REACH] = those[:, RADIUS] + _DEVIATIONS * np.sqrt(those[:, PP])
     out[:, UNSEEN] = those[:, MISSED]
+    out[:, REACH] = those[:, RADIUS] + _DEVIATIONS * np.sqrt(those[:, PP])
+    out[:, REACH] += 0.5 * max_acceleration * out[:, UNSEEN] ** 2
     return out
 
 

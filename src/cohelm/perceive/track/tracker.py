@@ -216,7 +216,7 @@ def _may_move(one: Floats, care: TrackerParams) -> bool:
 
 def hidden(movers: Movers, care: TrackerParams) -> Floats:
     """Who may be where the LiDAR does not look, at the newest sweep, as `out_of_view` tells."""
-    return out_of_view(_moving(movers.tracks, care), movers.gone)
+    return out_of_view(_moving(movers.tracks, care), movers.gone, care.max_acceleration)
 
 
 def strays(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
