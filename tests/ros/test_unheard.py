@@ -20,7 +20,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
-from cohelm.cli.ros import _printed
+from cohelm.cli.found import print_found
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.record.ros2 import header
@@ -291,10 +291,11 @@ def test_a_robot_that_is_all_there_is_found_as_it_is():
 
 def test_what_is_printed_is_a_robots_file_that_a_person_would_have_written(capsys):
     found = seen_rear(REAR_ENDS, REAR_FRAMES + readings() + behind())
-    _printed(found, False)
+    print_found(found, found.model, {"scan": ("/scan",)}, False)
     out = capsys.readouterr().out
     assert "None" not in out
-    assert "# scan: /scan" in out.splitlines()
+    scan_line = "# scan: /scan, sensor_msgs/msg/LaserScan by /driver (best effort, volatile)"
+    assert scan_line in out.splitlines()
     assert "field_of_view_deg: 270.0," in out
     made = RobotModel.model_validate(yaml.safe_load(out))
     for a, b in zip(made.lidars, found.model.lidars, strict=True):

@@ -22,7 +22,7 @@ from cohelm.cli.driven import (
     SpeedZones,
 )
 from cohelm.cli.live import Foxglove, live, shown_at
-from cohelm.cli.ros import Bridge, MasksFrom, TopicNames, Transports, on_ros
+from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Pictures, named, plain, say, starting
 
 if TYPE_CHECKING:
@@ -104,6 +104,7 @@ def drive(
     driver: OwnDriver = None,
     ros2: Ros2 = False,
     topics: TopicNames = None,
+    lock_timeout: LockTimeout = None,
     transport: Transports = "auto",
     url: Bridge = "",
     chart: Chart = None,
@@ -151,7 +152,8 @@ def drive(
     kind = "twin" if twin and driver is None and not ros2 else "kinematic"
     options = DriveOptions(
         name, scenario, kind, True, None, changes or [], driver,
-        on_ros(ros2, topics, transport, url, masks_from), chart, keep_out, speed_zones,
+        on_ros(ros2, topics, transport, url, lock_timeout, masks_from),
+        chart, keep_out, speed_zones,
     )  # fmt: skip
     if not ros2:  # that is looked for once
         map_and_zones(options, robot_factory(options))  # what can not be used is told at once,

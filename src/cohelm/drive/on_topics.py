@@ -233,8 +233,7 @@ def on_topics(
             f"{found.odom} and {found.body}"
         )
     for note in found.notes:
-        if not note.startswith("commands: "):  # of other controllers: nobody else drives
-            say(note)
+        say(note)
     space = found.topics.namespace
     transport = found.connection.open(NODE, space)
     try:
