@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats
 from cohelm.drive.factory import OwnRobot, RobotFactory
 from cohelm.drive.jobs import InThread
 from cohelm.drive.operator_requests import SessionJobs, judge_of
@@ -79,8 +80,8 @@ class OnTopics:
         self._asked: dict[int, str] = {}
         """The topic of each wish that was not answered."""
         self._count = 0
-        self._judged: tuple[ZoneMap, ...] = ()
-        """The zones that ways are held against."""
+        self._judged: tuple[tuple[ZoneMap, ...], Floats] | None = None
+        """The zones and the outline that ways are held against."""
 
     def begin(self, session: Session, jobs: Callable[..., SessionJobs] = SessionJobs) -> None:
         """Of a session that no station drives: ways are made here, and the robot stands until the
@@ -90,7 +91,7 @@ class OnTopics:
         if self._goals is None or not self._goals.ways:
             return
         robot = session.plan.robot
-        self._session, self._judged = session, session.zone_maps
+        self._session, self._judged = session, (session.zone_maps, session.loop.outline)
         self._jobs = jobs(judge_of(session.plan, session.known), robot.real_time)
         self._rerouting = Rerouting(
             (self,), self._jobs.checking, self._jobs.ways, self._build, self._taken_up
@@ -106,7 +107,6 @@ class OnTopics:
         """Between two periods."""
         if self._zones is not None:
             self._zones.turn(loop)
-            self._judge_anew()
         if self.joy is not None:
             self._hold(loop, self.joy)
         seen, readings, pilot = loop.seen, loop.readings, loop.driver.pilot
@@ -128,6 +128,7 @@ class OnTopics:
                 self._goals.tell(told.topic, said)
                 loop.log.event(f"{told.topic}: {said}")
         if self._rerouting is not None:
+            self._judge_anew(loop)
             self._rerouting.turn(loop)
 
     def path_requests(self) -> Sequence[PathRequest]:
@@ -156,13 +157,15 @@ class OnTopics:
         if self._zones is not None:
             self._zones.close()
 
-    def _judge_anew(self) -> None:
-        """Hold ways against the zones that there are by now."""
+    def _judge_anew(self, loop: Loop) -> None:
+        """Hold ways against the zones that there are by now, with the outline that it has."""
         session = self._session
-        if session is None or self._rerouting is None or session.zone_maps is self._judged:
+        if session is None or self._rerouting is None or self._judged is None:
             return
-        self._judged = session.zone_maps
-        self._rerouting.judge_by(judge_of(session.plan, session.known))
+        zones, outline = self._judged
+        if session.zone_maps is not zones or loop.outline is not outline:
+            self._judged = session.zone_maps, loop.outline
+            self._rerouting.judge_by(judge_of(session.plan, session.known, loop.outline))
 
     def _hold(self, loop: Loop, joy: JoyOperator) -> None:
         """Until the joystick was seen once the robot stands; where it has to be held to run, also
