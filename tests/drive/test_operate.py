@@ -6,8 +6,9 @@ import signal
 
 import pytest
 
-from cohelm.drive.operate import by_topics, ended
+from cohelm.drive.operate import ended
 from cohelm.ros import mismatch
+from cohelm.ros.options import by_topics
 from cohelm.ros.port import Endpoint, Qos
 
 

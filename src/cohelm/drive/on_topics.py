@@ -26,12 +26,14 @@ from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
 from cohelm.ros.camera import Camera
 from cohelm.ros.clock import SimulatedClock
-from cohelm.ros.goals import Goals, Placed
-from cohelm.ros.joy import JoyOperator, JoyParams
-from cohelm.ros.localized import MAP, NODE, Localized
+from cohelm.ros.goals import GOAL, ONCE, Goals, Placed
+from cohelm.ros.joy import JOY, JoyOperator, JoyParams
+from cohelm.ros.localized import MAP, NODE, PATH, POSE, Localized
 from cohelm.ros.masks import FilterMask
 from cohelm.ros.names import resolved
+from cohelm.ros.port import SENSOR
 from cohelm.ros.robot import Ros2Make
+from cohelm.ros.unreached import Unreached, Wanted
 
 TOPICS = -1
 """Who wishes on a topic, where clients of the link have their numbers."""
@@ -258,10 +260,25 @@ def on_topics(
             jobs = InThread("zones")
             zones = ZonesOnTopics(transport, config.masks, config.frame, space, jobs, say)
         made = OnTopics(localized, goals, camera, joy, zones)
+        told = say if goals is None else goals.note
+        unreached = Unreached(transport, heard_besides(config, space), told)
         try:
             yield made
         finally:
+            unreached.close()
             made.close()
             localized.close()
     finally:
         transport.close()
+
+
+def heard_besides(config: TopicsConfig, space: str) -> tuple[Wanted, ...]:
+    """What may come at any time, in a namespace."""
+    return (
+        *(Wanted(resolved(one, space), (GOAL, PATH), ONCE, "--goals-from") for one in config.ways),
+        *(
+            Wanted(resolved(one, space), (POSE,), ONCE, "--initial-pose-from")
+            for one in (config.initial,) if one
+        ),
+        *(Wanted(resolved(one, space), (JOY,), SENSOR, "--joy") for one in (config.joy,) if one),
+    )  # fmt: skip

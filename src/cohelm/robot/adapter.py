@@ -177,4 +177,6 @@ def _unbraked(model: RobotModel) -> Limits:
 
 
 def _said(method: str, error: Exception) -> str:
+    if isinstance(error, CohelmError):  # a sentence already
+        return str(error)
     return f"{method} failed: {type(error).__name__}: {error}"

@@ -76,5 +76,7 @@ class Found(NamedTuple):
     """Whether stamps are of the simulator's time on /clock."""
     camera: CameraTopic | None = None
     """What people look through; chosen for who drives."""
+    by_key: bool = False
+    """Whether topics are named as `--topic KEY=NAME`, and not by an option each."""
     endpoints: tuple[Endpoint, ...] = ()
     """All publishers and subscribers of others that were seen."""

@@ -81,6 +81,8 @@ class JoyOperator(NullOperator):
         self._lock = threading.Lock()
         self._came = self._changed = -math.inf
         """When the newest message came, and when one differed from that before [s]."""
+        self._damage = ""
+        """What was wrong with the bytes that came last."""
         self._newest: tuple[tuple[float, ...], tuple[int, ...]] = ((), ())
         """Axes and buttons."""
         self._transport = transport
@@ -116,6 +118,8 @@ class JoyOperator(NullOperator):
         age = self._clock() - self._came
         if not 0.0 <= age <= STALE:
             known = math.isfinite(age)
+            if self._damage:
+                return f"{self.topic}: what comes can not be read ({self._damage})"
             return f"{self.topic}: " + (f"silent for {age:.1f} s" if known else "nothing is heard")
         said = self._read()
         return f"{self.topic}: {said}" if isinstance(said, str) else ""
@@ -158,6 +162,7 @@ class JoyOperator(NullOperator):
 
     def _hear(self, received: Received) -> None:
         message: Any = received.message
+        self._damage = received.damage if message is None else ""
         if message is None:
             return
         newest = (

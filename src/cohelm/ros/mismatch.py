@@ -57,6 +57,18 @@ def unheard(
     return f"{topic} is published{_by(right)}, but nothing comes: {stuck}, or a firewall between?"
 
 
+def never(
+    topic: str, kinds: tuple[str, ...], qos: Qos, option: str, seen: list[Endpoint]
+) -> str:  # fmt: skip
+    """Why nothing of those who publish on a topic is ever heard; empty: something is, or nobody
+    does yet. kinds: of the messages that are. option: as above."""
+    there = [one for one in seen if one.publishes and one.topic == topic]
+    if not there or any(one.type in kinds and not reaches(one.qos, qos) for one in there):
+        return ""
+    kind = next((one.type for one in there if one.type in kinds), kinds[0])
+    return unheard(topic, kind, qos, option, seen)
+
+
 def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -> tuple[str, str]:
     """The type the base wants for its commands, and what is wrong, or nothing.
 

@@ -30,6 +30,7 @@ from cohelm.ros.interlock import Interlock
 from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import GATE, ODOMETRY
+from cohelm.ros.options import by_topics
 from cohelm.ros.port import COMMAND, SENSOR, Received, Transport
 from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import yaw_of
@@ -52,7 +53,7 @@ class Ros2Robot(Robot):
         self._transport = transport or connection().open("cohelm_robot")
         try:
             if found is None:
-                found = look(self._transport, model, _by_environment())
+                found = look(self._transport, model, _by_environment())._replace(by_key=True)
             super().__init__(model)
             self._found = found
             topics = found.topics
@@ -108,6 +109,8 @@ class Ros2Robot(Robot):
         measured = None if odometry is None else self._measured(odometry.message)
         outline, wrong = (None, "") if self._footprint is None else self._footprint.read()
         faults = (*self._interlock.faults(), *filter(None, (wrong,)))
+        if self._found.by_key:
+            faults = tuple(map(by_topics, faults))
         health = Health(self.now(), math.nan, faults)
         return Readings(measured, first, None, health, further, self._contacts.read(), outline)
 
