@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -414,9 +415,32 @@ def test_scans_in_two_frames_are_of_two_lidars_and_refused_and_later_ones_are_le
     )
     found = seen(ENDS, FRAMES + readings())
     robot = Ros2Robot(found.model, found, Spoken(ENDS, readings() + other))
-    assert robot.read().scan is not None
-    assert robot.damaged == len(other)
+    read = robot.read()
+    assert read.scan is not None
+    assert read.health.faults == (
+        "/scan comes in the frame 'laser_rear', and was in 'laser' when it was looked at: mend its "
+        "driver, or start again",
+    )
     robot.close()
+    robot = Ros2Robot(found.model, found, Spoken(ENDS, other + readings()))
+    assert robot.read().health.faults == ()  # it has come right again
+    robot.close()
+
+
+def test_what_can_not_be_read_any_more_is_a_fault_and_a_few_such_messages_are_not():
+    found = seen(ENDS, FRAMES + readings())
+    for topic, kind in (("/odom", ODOMETRY), ("/scan", SCAN)):
+        for many in (4, 5):
+            robot = Ros2Robot(found.model, found, Spoken(ENDS, readings()))
+            hear = {
+                "/odom": robot._hear_odometry,
+                "/scan": partial(robot._hear_scan, SALLY.lidar.name),
+            }
+            for _ in range(many):
+                hear[topic](Received(None, 0.0, f"7 bytes are no {kind}"))
+            why = f"what comes on {topic} can not be read (7 bytes are no {kind}): mend its driver"
+            assert robot.read().health.faults == ((why,) if many == 5 else ())
+            robot.close()
 
 
 def test_a_controller_that_is_elsewhere_or_says_something_else_is_told():

@@ -37,6 +37,8 @@ from cohelm.ros.transforms import yaw_of
 
 _QUIET = 1.0
 """A robot that stands is told so for this long, and then left alone: others may drive it [s]."""
+_DAMAGES = 5
+"""So many messages in a row that can not be used are no chance."""
 _STILL = Twist(0.0, 0.0)
 
 
@@ -64,8 +66,8 @@ class Ros2Robot(Robot):
             self._told = _STILL
             self._still_since = -math.inf
             self._simulated = SimulatedClock.on(self._transport) if found.simulated else None
-            self.damaged = 0
-            """Messages that could not be read, or are of another LiDAR, so far."""
+            self._unusable: dict[str, tuple[int, str]] = {}
+            """Of each topic, how many of the last messages in a row were, and why."""
             if model.lidar is None:
                 raise CohelmError(f"{model.name} has no LiDAR: describe it in the robot's YAML")
             self._lidars = {
@@ -108,7 +110,7 @@ class Ros2Robot(Robot):
         further = tuple(scan for scan in seen.values() if scan is not None)
         measured = None if odometry is None else self._measured(odometry.message)
         outline, wrong = (None, "") if self._footprint is None else self._footprint.read()
-        faults = (*self._interlock.faults(), *filter(None, (wrong,)))
+        faults = (*self._interlock.faults(), *filter(None, (wrong, *self._damages())))
         if self._found.by_key:
             faults = tuple(map(by_topics, faults))
         health = Health(self.now(), math.nan, faults)
@@ -164,19 +166,35 @@ class Ros2Robot(Robot):
         return (self._simulated or clock).age(stamp)
 
     def _hear_odometry(self, received: Received) -> None:
-        with self._lock:
-            if received.message is None:
-                self.damaged += 1
-            else:
+        if self._usable(self._found.topics.odom, received, ""):
+            with self._lock:
                 self._odometry = received
 
     def _hear_scan(self, name: str, received: Received) -> None:
-        message, lidar = received.message, self._lidars[name][0]
-        with self._lock:
-            if message is None or message.header.frame_id != lidar.frame:
-                self.damaged += 1
-            else:
+        lidar = self._lidars[name][0]
+        if self._usable(lidar.topic, received, lidar.frame):
+            with self._lock:
                 self._came[name] = received
+
+    def _usable(self, topic: str, received: Received, frame: str) -> bool:
+        """Whether a message can be used. frame: that it has to be in; empty: any."""
+        message, why = received.message, ""
+        if message is None:
+            why = f"what comes on {topic} can not be read ({received.damage}): mend its driver"
+        elif frame and message.header.frame_id != frame:
+            why = (
+                f"{topic} comes in the frame {message.header.frame_id!r}, and was in {frame!r} "
+                "when it was looked at: mend its driver, or start again"
+            )
+        with self._lock:
+            many = self._unusable.get(topic, (0, ""))[0]
+            self._unusable[topic] = (many + 1, why) if why else (0, "")
+        return not why
+
+    def _damages(self) -> list[str]:
+        """What is wrong with topics of which nothing can be used any more."""
+        with self._lock:
+            return [why for many, why in self._unusable.values() if many >= _DAMAGES]
 
 
 def _ranges(
