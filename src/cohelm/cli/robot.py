@@ -27,7 +27,7 @@ from cohelm.cli.driven import (
     Twin,
 )
 from cohelm.cli.found import PrintConfig, print_found
-from cohelm.cli.live import Foxglove, live, shown_at
+from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
 from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
 from cohelm.cli.tell import (
     Json,
@@ -125,6 +125,7 @@ def robot(
         typer.Option(metavar="HOST[:PORT]", help="Paired stations drive it, see `cohelm pair`."),
     ] = None,
     foxglove: Foxglove = None,
+    foxglove_teleop: FoxgloveTeleop = False,
     changes: Changes = None,
     print_config: PrintConfig = False,
     as_json: Json = False,
@@ -163,6 +164,11 @@ def robot(
             "with --listen the station says how to drive: leave out --mode, --dock, --arrive and "
             "--fast"
         )
+    if listen is None and foxglove_teleop:
+        raise CohelmError(
+            "--foxglove-teleop takes the lease as a station does, and without --listen there is "
+            "none: add --listen 127.0.0.1, or use cohelm drive"
+        )
     if listen is not None and joy:
         raise CohelmError("with --listen the sticks of stations steer: leave out --joy")
     if joy_param and not joy:
@@ -186,7 +192,7 @@ def robot(
         _printed(made, topics_heard, as_json)
         return
     plan = SessionConfig(
-        made, rate, record, live(foxglove), chosen_map, zones=zones,
+        made, rate, record, live(foxglove, foxglove_teleop), chosen_map, zones=zones,
         loop=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"

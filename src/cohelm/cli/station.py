@@ -21,7 +21,7 @@ from cohelm.cli.driven import (
     Site,
     SpeedZones,
 )
-from cohelm.cli.live import Foxglove, live, shown_at
+from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
 from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Pictures, named, plain, say, starting
 
@@ -121,6 +121,7 @@ def drive(
     carry_on: CarryOn = False,
     pictures: Pictures = 5.0,
     foxglove: Foxglove = None,
+    foxglove_teleop: FoxgloveTeleop = False,
     host: Host = "127.0.0.1",
     port: Port = 8765,
     tls: Tls = False,
@@ -159,7 +160,7 @@ def drive(
         map_and_zones(options, robot_factory(options))  # what can not be used is told at once,
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
-    door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove)
+    door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove, foxglove_teleop)
     with (
         ExitStack() as joined,
         RobotProcess(options, door, carry_on, pictures=pictures, wait=False, live=view) as robot,
