@@ -103,6 +103,12 @@ def test_a_robot_that_stands_says_why_and_one_that_never_drove_too():
         session.loop.supervisor.go_on("way")
         session.loop.seen = session.loop.seen._replace(lost=True, reason="nothing fits")
         assert session.state() == "automatic: lost: nothing fits"
+        session.loop.supervisor.choose(Mode.MANUAL)
+        assert session.state().startswith("manual: ")  # and not as the gate calls it
+        assert not session.stopped
+        session.loop.gated.stop("somebody")
+        assert session.stopped
         session.end("over")
-        assert session.state().startswith("stopped: over")
+        assert not session.stopped  # that is no news
+        assert session.state().startswith("stopped: somebody")
         assert session.summary()["not_begun"] is None

@@ -281,7 +281,7 @@ def _shown(session: Session) -> Generator[None]:
     over = threading.Event()
 
     def show() -> None:
-        last = ""
+        last, told = "", False
         with screen.status("") if screen.is_terminal else nullcontext() as status:
             shows = session.live is not None
             while not over.wait(0.5):
@@ -292,6 +292,9 @@ def _shown(session: Session) -> Generator[None]:
                 if (words := _NUMBERS.sub("", now)) != last:
                     last = words
                     say(plain(now))
+                if session.stopped and not told:
+                    say("it stands so until it is started again; with --listen a station resets it")
+                told = session.stopped
                 if status is not None:
                     status.update(plain(session.line()))
 

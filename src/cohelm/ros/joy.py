@@ -104,14 +104,14 @@ class JoyOperator(NullOperator):
         """The stick, as it is now."""
         age = self._clock() - self._came
         if not 0.0 <= age <= STALE:
-            return OperatorInput(
-                1, self.topic, None, age if math.isfinite(age) else math.nan, 0.0, ()
-            )  # fmt: skip
+            known = age if math.isfinite(age) else math.nan
+            return OperatorInput(1, self.topic, None, known, 0.0, (), why=self.problem())
         said = self._read()
         stick = CENTRED if isinstance(said, str) else said
         valid = not isinstance(said, str)
         command = Command(stick, valid, True, Device.GAMEPAD, 1.0, ())
-        return OperatorInput(1, self.topic, command, age, 0.0, ())
+        why = "" if valid else f"{self.topic}: {said}"
+        return OperatorInput(1, self.topic, command, age, 0.0, (), why=why)
 
     def problem(self) -> str:
         """Why there is no stick, in a sentence; empty: there is one."""

@@ -72,11 +72,13 @@ def found(
         out_type, amiss = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
         wrong += [amiss, "" if allowed.bypass else mismatch.bypass(topics.out, seen)]
         notes.append(f"commands to the base: {topics.out}, {out_type}")
-    for topic, asked in ((topics.footprint, mismatch.footprint), (topics.lock, mismatch.lock)):
-        if topic:
-            told, amiss = asked(topic, seen)
-            wrong.append(amiss)
-            notes.append(told)
+    told: list[tuple[str, str]] = []
+    if topics.footprint:
+        told.append(mismatch.footprint(topics.footprint, seen))
+    if topics.lock:
+        told.append(mismatch.lock(topics.lock, seen, {one.topic for one in heard.contacts}))
+    notes += [said for said, _ in told]
+    wrong += [amiss for _, amiss in told]
     twice, shared = _shared(heard, seen)
     wrong += shared or [mismatch.frames(topic, heard.frames(topic), seen) for topic in heard.scans]
     notes += [*twice, mismatch.commands(topics.command, topics.out, heard.command_period(), seen)]

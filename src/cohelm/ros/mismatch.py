@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 from cohelm.ros.port import Endpoint, Qos, reaches
 
@@ -171,11 +172,14 @@ def frames(topic: str, named: list[str], seen: list[Endpoint]) -> str:
     )
 
 
-def lock(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
-    """Who locks the base, in words, and why that is never heard, or nothing."""
+def lock(
+    topic: str, seen: list[Endpoint], other: Collection[str] = ()
+) -> tuple[str, str]:  # fmt: skip
+    """Who locks the base, in words, and why that is never heard, or nothing. other: topics that are
+    none, as it is known what they are."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
-        others = _publishing((BOOL,), seen)
+        others = _publishing((BOOL,), [one for one in seen if one.topic not in other])
         instead = f"; Bool is on {others}: is it that (--lock)?" if others else ""
         return f"emergency stop: nobody publishes {topic}{instead}", ""
     wrong = [one for one in there if one.type != BOOL]
