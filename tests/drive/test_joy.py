@@ -83,7 +83,7 @@ def test_by_hand_it_waits_to_be_centred_stands_without_its_button_and_lost_it_st
     assert seen.speeds[6.1] > 0.1  # back within a second, and centred
     assert fastest(seen, 7.4, 8.3) == 0.0
     assert seen.gate.mode == GateMode.STOPPED
-    assert seen.gate.reason.startswith("the stick is lost: no command for")
+    assert seen.gate.reason.startswith("the stick is lost: /joy: silent for")
 
 
 def held(t):
