@@ -51,19 +51,20 @@ def look(
             )
             if framed and listened and not _shared(heard, transport.endpoints())[1]:
                 break
-        return found(heard, transport, model, allowed, drives, way or Connection())
+        return found(heard, transport, model, allowed, drives, way)
     finally:
         heard.end()
 
 
 def found(
     heard: Inspection, transport: Transport, model: RobotModel, allowed: Allowed, drives: bool,
-    way: Connection,
+    way: Connection | None = None,
 ) -> Found:  # fmt: skip
     """What was heard, as one robot. CohelmError for what does not fit."""
     seen, topics = transport.endpoints(), heard.topics
     if not seen and not heard.odometry and not any(heard.scans.values()):
         raise CohelmError(mismatch.nobody(transport.name, transport.unseen))
+    way = way or Connection()
     why = f", because {way.why}" if way.why else ""
     notes, wrong = [f"transport: {transport.name}{why}"], _unheard(heard, seen)
     notes += [f"{one.model.said}: {one.topic}, {one.kind}" for one in heard.contacts]

@@ -37,8 +37,9 @@ from cohelm.ros.transforms import yaw_of
 
 _QUIET = 1.0
 """A robot that stands is told so for this long, and then left alone: others may drive it [s]."""
-_DAMAGES = 5
-"""So many messages in a row that can not be used are no chance."""
+_DAMAGES = 3
+"""So many messages in a row that can not be used are no chance; what comes no more is missed after
+three and a half (`loop.sensor_watchdog`), without it being known why."""
 _STILL = Twist(0.0, 0.0)
 
 
@@ -202,7 +203,7 @@ def _ranges(
 ) -> laser.Ranges | CloudRanges | DepthRanges | ConeRanges:  # fmt: skip
     """What makes ranges of the messages of a LiDAR."""
     if found.cloud is not None and model.range_sensor:
-        return ConeRanges(model, found.cloud)
+        return ConeRanges(model, found.cloud, found.topic)
     if found.cloud is not None and found.camera is not None:
         return DepthRanges(model, found.camera, found.cloud, found.topic)
     if found.cloud is not None:
