@@ -258,6 +258,8 @@ class Session:
         loop, gate, seen = self.loop, self.loop.gated.gate, self.loop.seen
         lost = seen is not None and seen.lost and loop.has_map and f"lost: {seen.reason}"
         why = gate.reason or loop.supervisor.problem or loop.supervisor.paused or lost
+        if not why and driving(gate.mode) and seen is not None and standing(seen.twist):
+            why = loop.log.why(loop.supervisor.mode)
         mode = loop.supervisor.mode if driving(gate.mode) else gate.mode
         return mode.name.lower() + (f": {why}" if why else "")
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.row import ROW, values
 from cohelm.core.types import Floats
-from cohelm.link.messages import Discs, Map, Polyline, ZoneMap
+from cohelm.link.messages import Discs, Map, Mode, Polyline, ZoneMap
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.robot.keep.record_pipe import Event, Outline, RecordLine
 from cohelm.robot.port import Readings, Scan
@@ -65,6 +65,12 @@ class DriveLog:
     def dropped(self) -> int:
         """Messages the recorder had no room for."""
         return self._line.dropped
+
+    def why(self, mode: Mode) -> str:
+        """Why the robot does not do what is asked for in a mode, as stations were told last; empty:
+        it does."""
+        words = self._words
+        return "" if words is None or words.mode != mode else words.why
 
     @property
     def mute(self) -> bool:
