@@ -326,11 +326,17 @@ def test_what_a_filter_can_not_use_is_told(cohelm, monkeypatch, environment, opt
         (("--topic", "scan=/front"), "add --ros2"),
         (("--url", "ws://robot:8765"), "add --ros2"),
         (("--masks-from", "/costmap_filter_info"), "add --ros2"),
+        (("--lock-timeout", "1"), "add --ros2"),
     ],
 )
 def test_what_a_drive_can_not_use_is_told_before_anything_starts(cohelm, tmp_path, options, why):
     (tmp_path / "text.yaml").write_text("a" * 9999)
     refused(cohelm("drive", "lab-guard", *options), why)
+
+
+@pytest.mark.parametrize("option", [("--print-config",), ("--lock-timeout", "1")])
+def test_what_only_a_ros_2_robot_has_is_refused_of_another(cohelm, option):
+    refused(cohelm("robot", "lab-guard", *option), "of a ROS 2 robot: add --ros2")
 
 
 def test_arguments_of_a_node_are_told_what_they_are_here(cohelm):

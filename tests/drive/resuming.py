@@ -37,6 +37,7 @@ class Wheels:
 
     def __init__(self, robot) -> None:
         self.robot, self.sent, self.bumped, self.held = robot, Twist(0.0, 0.0), False, None
+        self.outline = None
 
     def __getattr__(self, name):
         return getattr(self.robot, name)
@@ -45,6 +46,8 @@ class Wheels:
         readings = self.robot.read()
         if self.held is not None:  # the scan stops
             readings = readings._replace(scan=self.held)
+        if self.outline is not None:
+            readings = readings._replace(outline=self.outline.copy())
         if self.bumped:
             said = ("the bumper is pressed",)
             readings = readings._replace(health=Health(self.robot.now(), float("nan"), said))

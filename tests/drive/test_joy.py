@@ -79,11 +79,11 @@ def test_by_hand_it_waits_to_be_centred_stands_without_its_button_and_lost_it_st
     assert seen.speeds[2.38] > 0.2
     assert fastest(seen, 3.2, 3.4) < 0.01
     assert seen.speeds[4.38] > 0.2  # held again it drives on
-    assert "no command for" in seen.reasons[4.8]
+    assert "the stick is lost: /joy: silent for" in seen.reasons[4.8]
     assert seen.speeds[6.1] > 0.1  # back within a second, and centred
     assert fastest(seen, 7.4, 8.3) == 0.0
     assert seen.gate.mode == GateMode.STOPPED
-    assert seen.gate.reason.startswith("the stick is lost: no command for")
+    assert seen.gate.reason.startswith("the stick is lost: /joy: silent for")
 
 
 def held(t):

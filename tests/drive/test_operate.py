@@ -6,8 +6,9 @@ import signal
 
 import pytest
 
-from cohelm.drive.operate import by_topics, ended
+from cohelm.drive.operate import ended
 from cohelm.ros import mismatch
+from cohelm.ros.options import by_topics
 from cohelm.ros.port import Endpoint, Qos
 
 
@@ -46,6 +47,7 @@ def test_what_does_not_fit_names_options_that_the_command_has():
         mismatch.bypass("/cmd_vel", others),
         mismatch.lock("/stop", others)[1],
         mismatch.lock("/pressed", [Endpoint("/other", mismatch.BOOL, qos, True, "/panel")])[0],
+        mismatch.footprint("/stop", others)[1],
         mismatch.no_frame("/a", "laser", "base_link", []),
     ]  # fmt: skip
     assert all(said)

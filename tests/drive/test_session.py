@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from cohelm.core.types import Twist
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
@@ -103,6 +104,18 @@ def test_a_robot_that_stands_says_why_and_one_that_never_drove_too():
         session.loop.supervisor.go_on("way")
         session.loop.seen = session.loop.seen._replace(lost=True, reason="nothing fits")
         assert session.state() == "automatic: lost: nothing fits"
+        session.loop.seen = session.loop.seen._replace(lost=False, twist=Twist(0.0, 0.0))
+        said = session.loop.log._words
+        session.loop.log.words(said._replace(mode=Mode.AUTOMATIC, why="held back: a zone"))
+        assert session.state() == "automatic: held back: a zone"
+        session.loop.seen = session.loop.seen._replace(twist=Twist(0.3, 0.0))
+        assert session.state() == "automatic"  # it does drive
+        session.loop.supervisor.choose(Mode.MANUAL)
+        assert session.state() == "manual"  # and not as the gate calls it
+        assert not session.stopped
+        session.loop.gated.stop("somebody")
+        assert session.stopped
         session.end("over")
-        assert session.state().startswith("stopped: over")
+        assert not session.stopped  # that is no news
+        assert session.state().startswith("stopped: somebody")
         assert session.summary()["not_begun"] is None

@@ -134,7 +134,7 @@ class Listeners:
             TF: lambda message: StaticTransforms().add(message),
             ODOMETRY: lambda message: yaw_of(message.pose.pose.orientation),
             RANGE: lambda message: cone.ConeRanges(
-                cone.described(message, "/sonar", body, 10.0, 0.0, SONAR), body
+                cone.described(message, "/sonar", body, 10.0, 0.0, SONAR), body, "/sonar"
             ).of(message),
             FILTER_INFO: lambda message: self._zones(message, SEEN[GRID]),
             GRID: lambda message: self._zones(SEEN[FILTER_INFO], message),

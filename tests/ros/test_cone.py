@@ -55,7 +55,7 @@ def test_the_cone_is_as_the_message_says_and_where_its_frame_is():
     assert (found.mount_x_m, found.mount_y_m) == pytest.approx((0.2, 0.1))
     assert found.mount_yaw_deg == pytest.approx(math.degrees(0.6))
     assert math.degrees(found.lidar().step) <= 2.0
-    ranges = ConeRanges(found, level(yaw=0.6)).of(message(1.5))
+    ranges = ConeRanges(found, level(yaw=0.6), "/sonar").of(message(1.5))
     assert ranges.tolist() == [1.5] * found.beams
 
 
@@ -63,7 +63,7 @@ def test_a_sensor_that_looks_down_a_little_measures_along_the_floor():
     tilted = level(pitch=math.radians(15.0))
     found = described(message(), "/left", tilted, 12.0, 0.03, GIVEN)
     flat = math.cos(math.radians(15.0))
-    assert ConeRanges(found, tilted).of(message(1.0))[0] == pytest.approx(flat)
+    assert ConeRanges(found, tilted, "/sonar").of(message(1.0))[0] == pytest.approx(flat)
     assert found.range_max_m == pytest.approx(4.0 * flat)
 
 

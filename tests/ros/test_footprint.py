@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cohelm.law.verdict import Verdict
+from cohelm.pilot.reshaping import Shape
 from cohelm.ros import footprint
 from cohelm.ros.footprint import ToldFootprint
 from cohelm.ros.port import Received
-from cohelm.ros.reshaping import Shape
 
 NAN, INF = float("nan"), float("inf")
 BOX = [(0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)]

@@ -133,6 +133,7 @@ def test_what_is_no_lock_is_told_before_anything_moves():
         f"emergency stop: nobody publishes {LOCK}; Bool is on /stop: is it that (--lock)?",
         "",
     )
+    assert lock(LOCK, [right], {"/stop"})[0] == f"emergency stop: nobody publishes {LOCK}"
     assert lock("/stop", [right]) == ("emergency stop: /stop by /button", "")
 
 

@@ -7,6 +7,8 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
+from cohelm.link.messages import Arming
+from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 from cohelm.ros.joy import JoyOperator, JoyParams, joy_params
 from cohelm.ros.port import Received
 
@@ -97,6 +99,7 @@ def test_what_is_no_stick_is_one_sentence_and_none_that_steers(wrong, said):
     joy.say(**wrong)
     assert joy.stick is None
     assert joy.operator.problem().startswith(f"/joy: {said}")
+    assert joy.operator.receive().why == joy.operator.problem()
     assert not joy.operator.held()
 
 
@@ -117,6 +120,21 @@ def test_a_deflection_that_nothing_changes_is_of_no_hand(x, patience):
         joy.say(0.0)
         joy.now += 0.05
     assert joy.operator.problem() == ""
+
+
+def test_why_a_stick_is_lost_is_what_its_topic_says():
+    joy, dt = Topic(), 0.02
+    joy.say()
+    state = updated(StickState(), joy.operator.receive(), ArmingParams(), dt)
+    joy.say(0.5)
+    state = updated(state, joy.operator.receive(), ArmingParams(), dt)
+    assert (state.arming, state.lost) == (Arming.ARMED, "")
+    joy.say(axes=4)
+    lost = updated(state, joy.operator.receive(), ArmingParams(), dt).lost
+    assert lost.startswith("/joy: it has 4 axes, and axis_linear.x is 5: choose it with")
+    joy.now += 1.0
+    lost = updated(state, joy.operator.receive(), ArmingParams(), dt).lost
+    assert lost == "/joy: silent for 1.0 s"
 
 
 def test_bytes_that_are_no_message_are_none():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,10 +21,11 @@ from rosbags.typesys.stores.ros2_jazzy import (
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
-from cohelm.cli.ros import _printed
+from cohelm.cli.found import print_found
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.record.ros2 import header
+from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import look as looking, rendered
@@ -229,7 +231,14 @@ def test_single_ranges_are_heard_where_the_robots_description_has_a_range_sensor
     assert read.sensor == "rear"
     assert (read.ranges == np.float32(1.25)).all()
     robot.close()
-    said[-1][1].range = math.nan
+    said[-1][1].max_range = 1.0
+    robot = RobotAdapter(Ros2Robot(seen.model, seen, Spoken(ends, readings() + said)))
+    assert robot.read().health.faults == (
+        "/scan_rear says it measures from 0.06 to 1 m, and said from 0.06 to 3 m when it was "
+        "looked at: mend its driver, or start again",
+    )
+    robot.close()
+    said[-1][1].max_range, said[-1][1].range = 3.0, math.nan
     robot = Ros2Robot(seen.model, seen, Spoken(ends, readings() + said))
     assert robot.read().further == ()
     robot.close()
@@ -291,10 +300,11 @@ def test_a_robot_that_is_all_there_is_found_as_it_is():
 
 def test_what_is_printed_is_a_robots_file_that_a_person_would_have_written(capsys):
     found = seen_rear(REAR_ENDS, REAR_FRAMES + readings() + behind())
-    _printed(found, False)
+    print_found(found, found.model, {"scan": ("/scan",)}, False)
     out = capsys.readouterr().out
     assert "None" not in out
-    assert "# scan: /scan" in out.splitlines()
+    scan_line = "# scan: /scan, sensor_msgs/msg/LaserScan by /driver (best effort, volatile)"
+    assert scan_line in out.splitlines()
     assert "field_of_view_deg: 270.0," in out
     made = RobotModel.model_validate(yaml.safe_load(out))
     for a, b in zip(made.lidars, found.model.lidars, strict=True):
@@ -413,9 +423,32 @@ def test_scans_in_two_frames_are_of_two_lidars_and_refused_and_later_ones_are_le
     )
     found = seen(ENDS, FRAMES + readings())
     robot = Ros2Robot(found.model, found, Spoken(ENDS, readings() + other))
-    assert robot.read().scan is not None
-    assert robot.damaged == len(other)
+    read = robot.read()
+    assert read.scan is not None
+    assert read.health.faults == (
+        "/scan comes in the frame 'laser_rear', and was in 'laser' when it was looked at: mend its "
+        "driver, or start again",
+    )
     robot.close()
+    robot = Ros2Robot(found.model, found, Spoken(ENDS, other + readings()))
+    assert robot.read().health.faults == ()  # it has come right again
+    robot.close()
+
+
+def test_what_can_not_be_read_any_more_is_a_fault_and_a_few_such_messages_are_not():
+    found = seen(ENDS, FRAMES + readings())
+    for topic, kind in (("/odom", ODOMETRY), ("/scan", SCAN)):
+        for many in (2, 3):
+            robot = Ros2Robot(found.model, found, Spoken(ENDS, readings()))
+            hear = {
+                "/odom": robot._hear_odometry,
+                "/scan": partial(robot._hear_scan, SALLY.lidar.name),
+            }
+            for _ in range(many):
+                hear[topic](Received(None, 0.0, f"7 bytes are no {kind}"))
+            why = f"what comes on {topic} can not be read (7 bytes are no {kind}): mend its driver"
+            assert robot.read().health.faults == ((why,) if many == 3 else ())
+            robot.close()
 
 
 def test_a_controller_that_is_elsewhere_or_says_something_else_is_told():

@@ -9,7 +9,7 @@ import typer
 
 from cohelm.cli.app import app
 from cohelm.cli.driven import Twin
-from cohelm.cli.ros import Bridge, TopicNames, Transports, on_ros
+from cohelm.cli.ros import Bridge, LockTimeout, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Json, named, plain, print_json, print_table, progress, say, starting
 
 
@@ -24,6 +24,7 @@ def calibrate(
     ] = None,
     ros2: Annotated[bool, typer.Option("--ros2", help="It is a ROS 2 robot.")] = False,
     topics: TopicNames = None,
+    lock_timeout: LockTimeout = None,
     transport: Transports = "auto",
     url: Bridge = "",
     twin: Twin = False,
@@ -77,7 +78,7 @@ def calibrate(
     plan = excitation(model, floor)
     kind = "twin" if twin else "kinematic"
     named = name if driver is not None or ros2 else str(file)
-    where = on_ros(ros2, topics, transport, url)
+    where = on_ros(ros2, topics, transport, url, lock_timeout)
     made = robot_factory(DriveOptions(named, scenario, kind, True, None, [], driver, where))
     say(
         f"{plain(model.name)} needs {plan.length:.1f} m of free floor ahead and "

@@ -20,27 +20,48 @@ Foxglove = Annotated[
 ]
 
 
-def live(where: str | None) -> LiveConfig | None:
-    """Where a drive is to be shown, if it is. Raises CohelmError for what is no address."""
+FoxgloveTeleop = Annotated[
+    bool,
+    typer.Option(
+        "--foxglove-teleop",
+        help="With --foxglove on this machine: its Teleop panel may steer, when nobody else does.",
+    ),
+]
+
+
+def live(where: str | None, teleop: bool = False) -> LiveConfig | None:
+    """Where a drive is to be shown, if it is. teleop: whether it is steered from there, too. Raises
+    CohelmError for what is no address, or where anybody could steer."""
+    from cohelm.core.errors import CohelmError
+
     if where is None:
+        if teleop:
+            raise CohelmError("--foxglove-teleop is of a live view: add --foxglove 127.0.0.1")
         return None
     from cohelm.drive.live import PORT, LiveConfig
     from cohelm.link.udp import address
     from cohelm.station.doors import is_loopback
 
     host, port = address(where, PORT)
+    if teleop and not is_loopback(host):
+        raise CohelmError(
+            f"on {host} the address would cross the network in clear, and whoever listens there "
+            "could steer: --foxglove 127.0.0.1, and from elsewhere ssh -L "
+            f"{port}:127.0.0.1:{port}; or look on without --foxglove-teleop"
+        )
     if not is_loopback(host):
         say(
             "in clear: whoever can listen on this network can see what the robot's camera sees, "
             "and where it is"
         )
-    return LiveConfig(host, port)
+    return LiveConfig(host, port, teleop=teleop)
 
 
 def shown_at(config: LiveConfig | None) -> None:
     """Say where it is shown."""
     if config is not None:
+        can = "look on and steer" if config.teleop else "look on"
         say(
             f"live: {plain(config.address)} (Foxglove or Lichtblick, as Foxglove WebSocket; "
-            "whoever has the address can look on)"
+            f"whoever has the address can {can})"
         )

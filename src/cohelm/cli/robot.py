@@ -26,8 +26,9 @@ from cohelm.cli.driven import (
     SpeedZones,
     Twin,
 )
-from cohelm.cli.live import Foxglove, live, shown_at
-from cohelm.cli.ros import Bridge, MasksFrom, TopicNames, Transports, on_ros
+from cohelm.cli.found import PrintConfig, print_found
+from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
+from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
 from cohelm.cli.tell import (
     Json,
     Pictures,
@@ -41,8 +42,10 @@ from cohelm.cli.tell import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
     from contextlib import AbstractContextManager
 
+    from cohelm.drive.factory import RobotFactory
     from cohelm.drive.session import Session
 
 
@@ -53,6 +56,7 @@ def robot(
     driver: OwnDriver = None,
     ros2: Ros2 = False,
     topics: TopicNames = None,
+    lock_timeout: LockTimeout = None,
     transport: Transports = "auto",
     url: Bridge = "",
     map_frame: Annotated[
@@ -121,7 +125,9 @@ def robot(
         typer.Option(metavar="HOST[:PORT]", help="Paired stations drive it, see `cohelm pair`."),
     ] = None,
     foxglove: Foxglove = None,
+    foxglove_teleop: FoxgloveTeleop = False,
     changes: Changes = None,
+    print_config: PrintConfig = False,
     as_json: Json = False,
 ) -> None:
     """Drive a robot in real time until stopped.
@@ -150,12 +156,18 @@ def robot(
 
     options = DriveOptions(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
-        on_ros(ros2, topics, transport, url, masks_from, map_frame), chart, keep_out, speed_zones,
+        on_ros(ros2, topics, transport, url, lock_timeout, masks_from, map_frame),
+        chart, keep_out, speed_zones,
     )  # fmt: skip
     if listen is not None and (mode or arrive or fast or dock):
         raise CohelmError(
             "with --listen the station says how to drive: leave out --mode, --dock, --arrive and "
             "--fast"
+        )
+    if listen is None and foxglove_teleop:
+        raise CohelmError(
+            "--foxglove-teleop takes the lease as a station does, and without --listen there is "
+            "none: add --listen 127.0.0.1, or use cohelm drive"
         )
     if listen is not None and joy:
         raise CohelmError("with --listen the sticks of stations steer: leave out --joy")
@@ -172,8 +184,15 @@ def robot(
     made = robot_factory(options)
     masks = masks_on_topics(options, made)
     chosen_map, zones = map_and_zones(options, made, masks)
+    if print_config:
+        topics_heard = {
+            "goals": goals_from or (), "initial_pose": (initial_pose_from,), "joy": (joy,),
+            "masks": masks_from or (),
+        }  # fmt: skip
+        _printed(made, topics_heard, as_json)
+        return
     plan = SessionConfig(
-        made, rate, record, live(foxglove), chosen_map, zones=zones,
+        made, rate, record, live(foxglove, foxglove_teleop), chosen_map, zones=zones,
         loop=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
@@ -211,6 +230,32 @@ def robot(
     _told(made.scenario.name, summary, as_json)
 
 
+def _printed(made: RobotFactory, heard: Mapping[str, Sequence[str]], as_json: bool) -> None:
+    """What was found of a ROS 2 robot. heard: topics that somebody named besides, by their use.
+    CohelmError for another robot."""
+    from cohelm.core.errors import CohelmError
+    from cohelm.drive.factory import OwnRobot
+    from cohelm.ros.names import resolved
+    from cohelm.ros.robot import Ros2Make
+
+    if not isinstance(made, OwnRobot) or not isinstance(made.make, Ros2Make):
+        raise CohelmError("--print-config is of a ROS 2 robot: add --ros2")
+    found = made.make.found
+    topics: dict[str, tuple[str, ...]] = {
+        key: (one,) for key, one in found.topics.by_use(found.model).items()
+    }
+    del topics["command"]  # of other controllers: nobody else drives
+    if found.camera is not None:
+        topics["camera"] = (found.camera.name,)
+    space = found.topics.namespace
+    for key, several in heard.items():
+        if named := tuple(resolved(one, space) for one in several if one):
+            topics[key] = named
+    for note in found.notes:
+        say(plain(note))
+    print_found(found, made.model, topics, as_json)
+
+
 def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
     """What became of the drive."""
     failed = failures(summary)
@@ -236,7 +281,7 @@ def _shown(session: Session) -> Generator[None]:
     over = threading.Event()
 
     def show() -> None:
-        last = ""
+        last, told = "", False
         with screen.status("") if screen.is_terminal else nullcontext() as status:
             shows = session.live is not None
             while not over.wait(0.5):
@@ -247,6 +292,9 @@ def _shown(session: Session) -> Generator[None]:
                 if (words := _NUMBERS.sub("", now)) != last:
                     last = words
                     say(plain(now))
+                if session.stopped and not told:
+                    say("it stands so until it is started again; with --listen a station resets it")
+                told = session.stopped
                 if status is not None:
                     status.update(plain(session.line()))
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cohelm.cli.app import app
 from cohelm.cli.driven import Seconds, Seed, Twin
+from cohelm.cli.found import PrintConfig, print_found
 from cohelm.cli.parameters import heeded
 from cohelm.cli.tell import Json, plain, print_json, say, starting
 
@@ -24,8 +25,8 @@ TopicNames = Annotated[
     typer.Option(
         "--topic",
         metavar="KEY=NAME",
-        help="With --ros2: odom, scan, scan_NAME, contact_NAME, out, lock, camera (pictures) or "
-        "namespace, where not as usual.",
+        help="With --ros2: odom, scan, scan_NAME, contact_NAME, out, lock, footprint, camera "
+        "(pictures) or namespace, where not as usual.",
     ),
 ]
 Transports = Annotated[
@@ -41,6 +42,15 @@ Bridge = Annotated[
 ]
 
 
+LockTimeout = Annotated[
+    float | None,
+    typer.Option(
+        "--lock-timeout",
+        min=0.1,
+        metavar="SECONDS",
+        help="Of a ROS 2 robot: its emergency stop counts when it is silent for so long, too.",
+    ),
+]
 MasksFrom = Annotated[
     list[str] | None,
     typer.Option(
@@ -54,7 +64,7 @@ MasksFrom = Annotated[
 
 def on_ros(
     ros2: bool, topics: Sequence[str] | None, transport: str, url: str,
-    masks: Sequence[str] | None = None, frame: str = "map",
+    lock_timeout: float | None = None, masks: Sequence[str] | None = None, frame: str = "map",
 ) -> Ros2Config | None:  # fmt: skip
     """Where a ROS 2 robot is, if it is one. frame: of the map. CohelmError for what only one
     has."""
@@ -62,10 +72,12 @@ def on_ros(
     from cohelm.drive.operate import Ros2Config
 
     if ros2:
-        return Ros2Config(tuple(topics or ()), transport, url, tuple(masks or ()), frame)
-    if topics or url or transport != "auto" or masks:
+        silence = math.inf if lock_timeout is None else lock_timeout
+        return Ros2Config(tuple(topics or ()), transport, url, tuple(masks or ()), frame, silence)
+    if topics or url or transport != "auto" or masks or lock_timeout is not None:
         raise CohelmError(
-            "--topic, --transport, --url and --masks-from are of a ROS 2 robot: add --ros2"
+            "--topic, --transport, --url, --lock-timeout and --masks-from are of a ROS 2 robot: "
+            "add --ros2"
         )
     return None
 
@@ -125,9 +137,7 @@ def filter_(
     lock: Annotated[
         str, typer.Option(metavar="TOPIC", help="While true nothing moves; '' for none.")
     ] = "/emergency_stop",
-    lock_timeout: Annotated[
-        float | None, typer.Option(min=0.1, help="... and when silent for so long [s].")
-    ] = None,
+    lock_timeout: LockTimeout = None,
     transport: Transports = "auto",
     url: Bridge = "",
     params: Annotated[
@@ -135,9 +145,7 @@ def filter_(
         typer.Option("--params", metavar="FILE", callback=heeded("cohelm_filter"), is_eager=True,
                      help="These options from a ROS 2 parameter file (YAML)."),
     ] = None,
-    print_config: Annotated[
-        bool, typer.Option("--print-config", help="Print what was found, and end.")
-    ] = False,
+    print_config: PrintConfig = False,
     seconds: Seconds = None,
     as_json: Json = False,
 ) -> None:  # fmt: skip
@@ -183,13 +191,13 @@ def filter_(
     with starting(NODE) as line, ended() as stop:
         opened = way.open(NODE, topics.namespace)
         try:
-            say(plain(f"transport: {way.kind}, because {way.why}"))
-            found = look(opened, model, topics, allowed, wait)._replace(connection=way)
+            found = look(opened, model, topics, allowed, wait, way=way)
             for note in found.notes:
                 say(plain(note))
             if print_config:
                 line.over()
-                _printed(found, as_json)
+                used = {key: (one,) for key, one in found.topics.by_use(model).items()}
+                print_found(found, found.model, used, as_json)
                 return
             _served(opened, found, timeout, rate, seconds, stop, line)
         finally:
@@ -304,32 +312,3 @@ def _served(
     finally:
         ordinary()
         gated.close()
-
-
-def _printed(found: Found, as_json: bool) -> None:
-    """What was found, as the robot's YAML file would say it, or JSON."""
-    from cohelm.robot.model import RobotModel
-    from cohelm.scenario.load import dump
-
-    topics: dict[str, Any] = found.topics._asdict() | {"out_type": found.out_type}
-    for several in ("further", "contacts"):
-        if named := topics.pop(several):
-            topics[several] = dict(named)
-    if as_json:
-        model = found.model.model_dump(mode="json", exclude_none=True)
-        print_json({"topics": topics, "robot": model, "notes": list(found.notes)})
-        return
-    for key, name in topics.items():
-        if name:
-            print(f"# {key}: {name}")
-    short = _short(found.model.model_dump(mode="json", exclude_none=True))
-    print(dump(RobotModel.model_validate(short)), end="")
-
-
-def _short(value: Any) -> Any:
-    """With numbers as a person would write them: to a tenth of a millimetre or millisecond."""
-    if isinstance(value, dict):
-        return {key: _short(one) for key, one in cast("dict[str, Any]", value).items()}
-    if isinstance(value, list):
-        return [_short(one) for one in cast("list[Any]", value)]
-    return round(value, 4) if isinstance(value, float) else value

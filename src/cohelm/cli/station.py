@@ -21,8 +21,8 @@ from cohelm.cli.driven import (
     Site,
     SpeedZones,
 )
-from cohelm.cli.live import Foxglove, live, shown_at
-from cohelm.cli.ros import Bridge, MasksFrom, TopicNames, Transports, on_ros
+from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
+from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Pictures, named, plain, say, starting
 
 if TYPE_CHECKING:
@@ -104,6 +104,7 @@ def drive(
     driver: OwnDriver = None,
     ros2: Ros2 = False,
     topics: TopicNames = None,
+    lock_timeout: LockTimeout = None,
     transport: Transports = "auto",
     url: Bridge = "",
     chart: Chart = None,
@@ -120,6 +121,7 @@ def drive(
     carry_on: CarryOn = False,
     pictures: Pictures = 5.0,
     foxglove: Foxglove = None,
+    foxglove_teleop: FoxgloveTeleop = False,
     host: Host = "127.0.0.1",
     port: Port = 8765,
     tls: Tls = False,
@@ -151,13 +153,14 @@ def drive(
     kind = "twin" if twin and driver is None and not ros2 else "kinematic"
     options = DriveOptions(
         name, scenario, kind, True, None, changes or [], driver,
-        on_ros(ros2, topics, transport, url, masks_from), chart, keep_out, speed_zones,
+        on_ros(ros2, topics, transport, url, lock_timeout, masks_from),
+        chart, keep_out, speed_zones,
     )  # fmt: skip
     if not ros2:  # that is looked for once
         map_and_zones(options, robot_factory(options))  # what can not be used is told at once,
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
-    door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove)
+    door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove, foxglove_teleop)
     with (
         ExitStack() as joined,
         RobotProcess(options, door, carry_on, pictures=pictures, wait=False, live=view) as robot,

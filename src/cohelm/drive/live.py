@@ -1,8 +1,9 @@
 """Shows a drive as it goes to Foxglove and Lichtblick: the topics of a record, over WebSocket.
 
 The server is a process of its own, told by loop and gate process as a recorder is: they never wait
-for it, nor does it for who looks on. Who looks on can do nothing else. The protocol is Foxglove's
-(https://github.com/foxglove/ws-protocol, docs/spec.md).
+for it, nor does it for who looks on. Who looks on can do nothing else, but steer where that was
+allowed (`foxglove_teleop`). The protocol is Foxglove's (https://github.com/foxglove/ws-protocol,
+docs/spec.md).
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from cohelm.core.errors import CohelmError
+from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined
+from cohelm.drive.published import ENCODINGS, PublishedTwists
 from cohelm.drive.recorder import Listening, received
 from cohelm.link.udp import resolved
 from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions
@@ -56,6 +59,9 @@ _LARGEST = 1 << 16
 _PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
 _DATA, _HEAD = 1, struct.Struct("<BIQ")
 """Before a message's bytes: what it is, subscription, stamp [ns]."""
+_NO_TELEOP = (
+    "nothing can be sent to the robot from here: to steer it, start it with --foxglove-teleop"
+)
 _ERROR = 2
 """Level of a status message."""
 
@@ -69,6 +75,10 @@ class LiveConfig:
     """0: a free one."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
     """Only who has it may look on."""
+    teleop: bool = False
+    """Whether who looks on may steer, too; on loopback only."""
+    joined: Joined | None = None
+    """How the robot's link is joined for that; known when there is one."""
 
     @property
     def address(self) -> str:
@@ -89,7 +99,7 @@ class Live(Listening):
         self.address = LiveConfig(config.host, port, config.token).address
         """With the token."""
         try:
-            super().__init__("cohelm live", _show, listening, config.token, model)
+            super().__init__("cohelm live", _show, listening, config.token, model, config.joined)
         finally:
             listening.close()
 
@@ -115,13 +125,16 @@ def _bound(host: str, port: int) -> socket.socket:
 
 
 def _show(
-    listening: socket.socket, token: str, model: RobotModel,
+    listening: socket.socket, token: str, model: RobotModel, joined: Joined | None,
     loop: socket.socket, gated: socket.socket,
 ) -> None:  # fmt: skip
     """The other process. It ends when both lines are closed."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.nice(5)  # loop, gate process and recorder come first
-    asyncio.run(_shown(listening, LiveServer(model, token), [loop, gated]))
+    teleop = None if joined is None else FoxgloveTeleop(joined)
+    asyncio.run(_shown(listening, LiveServer(model, token, teleop), [loop, gated]))
+    if teleop is not None:
+        teleop.close()
 
 
 async def _shown(listening: socket.socket, server: LiveServer, lines: list[socket.socket]) -> None:
@@ -176,7 +189,9 @@ async def _signs(server: LiveServer, loop: socket.socket) -> None:
 class LiveServer:
     """Has what is said passed on to who asked for it; what lasts also to who comes later."""
 
-    def __init__(self, model: RobotModel, token: str) -> None:
+    def __init__(self, model: RobotModel, token: str, teleop: FoxgloveTeleop | None = None) -> None:
+        """teleop: who steers for those who look on; None: nobody may."""
+        self._teleop = teleop
         self._model, self._path = model, f"/{token}".encode()
         self._topics: RecordTopics | None = None
         self._viewers: set[_Viewer] = set()
@@ -184,8 +199,10 @@ class LiveServer:
         made = definitions(model)
         self._channels = dict(enumerate(made, 1))
         info: dict[str, Any] = {
-            "op": "serverInfo", "name": f"cohelm {model.name}", "capabilities": [],
-            "supportedEncodings": [], "metadata": {}, "sessionId": secrets.token_hex(8),
+            "op": "serverInfo", "name": f"cohelm {model.name}",
+            "capabilities": [] if teleop is None else ["clientPublish"],
+            "supportedEncodings": [] if teleop is None else [*ENCODINGS],
+            "metadata": {}, "sessionId": secrets.token_hex(8),
         }  # fmt: skip
         channels = [
             {
@@ -227,8 +244,10 @@ class LiveServer:
         if len(self._viewers) >= MOST:
             await connection.close(1013, "too many look on already")
             return
-        viewer = _Viewer(connection, self._greetings)
-        speaking = asyncio.create_task(viewer.speak())
+        viewer = _Viewer(connection, self._greetings, self._teleop)
+        tasks = [asyncio.create_task(viewer.speak())]
+        if self._teleop is not None:
+            tasks.append(asyncio.create_task(viewer.published.vouch(connection)))
         self._viewers.add(viewer)
         try:
             async for message in connection:
@@ -237,7 +256,9 @@ class LiveServer:
             pass
         finally:
             self._viewers.discard(viewer)
-            speaking.cancel()
+            viewer.published.gone()
+            for one in tasks:
+                one.cancel()
 
     async def said(self) -> None:
         """Wait until nothing waits for anybody."""
@@ -245,8 +266,11 @@ class LiveServer:
             await asyncio.sleep(0.02)
 
     def _heed(self, viewer: _Viewer, said: str | bytes) -> None:
-        """Subscribe and unsubscribe; there is nothing else to be had here."""
+        """Subscribe and unsubscribe, and where somebody may steer, what is published."""
         try:
+            if isinstance(said, bytes) and self._teleop is not None:
+                viewer.published.take(said)
+                return
             asked: Any = json.loads(said)
             match asked["op"]:
                 case "subscribe":
@@ -257,17 +281,30 @@ class LiveServer:
                 case "unsubscribe":
                     for number in _listed(asked["subscriptionIds"]):
                         viewer.unsubscribe(number)
+                case "advertise" if self._teleop is not None:
+                    for one in _listed(asked["channels"]):
+                        viewer.published.advertise(one)
+                case "unadvertise" if self._teleop is not None:
+                    for number in _listed(asked["channelIds"]):
+                        viewer.published.unadvertise(number)
+                case "advertise" | "unadvertise":
+                    viewer.tell(_NO_TELEOP)
                 case _:
                     viewer.tell("nothing can be sent to the robot, nor set or called there")
-        except (ValueError, KeyError, TypeError, UnicodeDecodeError, RecursionError, struct.error):
+        except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError, struct.error):
             viewer.tell("this was not understood")
 
 
 class _Viewer:
     """One who looks on, and what waits to be sent there."""
 
-    def __init__(self, connection: ServerConnection, greetings: list[str]) -> None:
+    def __init__(
+        self, connection: ServerConnection, greetings: list[str],
+        teleop: FoxgloveTeleop | None = None,
+    ) -> None:  # fmt: skip
         self._connection = connection
+        self.published = PublishedTwists(teleop, self.tell)
+        """What they steer with."""
         self._waiting: deque[tuple[str, str | bytes]] = deque(("", one) for one in greetings)
         self._size = 0
         self._waker = asyncio.Event()

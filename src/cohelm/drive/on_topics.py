@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.types import Floats
 from cohelm.drive.factory import OwnRobot, RobotFactory
 from cohelm.drive.jobs import InThread
 from cohelm.drive.operator_requests import SessionJobs, judge_of
@@ -25,12 +26,14 @@ from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
 from cohelm.ros.camera import Camera
 from cohelm.ros.clock import SimulatedClock
-from cohelm.ros.goals import Goals, Placed
-from cohelm.ros.joy import JoyOperator, JoyParams
-from cohelm.ros.localized import MAP, NODE, Localized
+from cohelm.ros.goals import GOAL, ONCE, Goals, Placed
+from cohelm.ros.joy import JOY, JoyOperator, JoyParams
+from cohelm.ros.localized import MAP, NODE, PATH, POSE, Localized
 from cohelm.ros.masks import FilterMask
 from cohelm.ros.names import resolved
+from cohelm.ros.port import SENSOR
 from cohelm.ros.robot import Ros2Make
+from cohelm.ros.unreached import Unreached, Wanted
 
 TOPICS = -1
 """Who wishes on a topic, where clients of the link have their numbers."""
@@ -79,8 +82,8 @@ class OnTopics:
         self._asked: dict[int, str] = {}
         """The topic of each wish that was not answered."""
         self._count = 0
-        self._judged: tuple[ZoneMap, ...] = ()
-        """The zones that ways are held against."""
+        self._judged: tuple[tuple[ZoneMap, ...], Floats] | None = None
+        """The zones and the outline that ways are held against."""
 
     def begin(self, session: Session, jobs: Callable[..., SessionJobs] = SessionJobs) -> None:
         """Of a session that no station drives: ways are made here, and the robot stands until the
@@ -90,7 +93,7 @@ class OnTopics:
         if self._goals is None or not self._goals.ways:
             return
         robot = session.plan.robot
-        self._session, self._judged = session, session.zone_maps
+        self._session, self._judged = session, (session.zone_maps, session.loop.outline)
         self._jobs = jobs(judge_of(session.plan, session.known), robot.real_time)
         self._rerouting = Rerouting(
             (self,), self._jobs.checking, self._jobs.ways, self._build, self._taken_up
@@ -106,7 +109,6 @@ class OnTopics:
         """Between two periods."""
         if self._zones is not None:
             self._zones.turn(loop)
-            self._judge_anew()
         if self.joy is not None:
             self._hold(loop, self.joy)
         seen, readings, pilot = loop.seen, loop.readings, loop.driver.pilot
@@ -128,6 +130,7 @@ class OnTopics:
                 self._goals.tell(told.topic, said)
                 loop.log.event(f"{told.topic}: {said}")
         if self._rerouting is not None:
+            self._judge_anew(loop)
             self._rerouting.turn(loop)
 
     def path_requests(self) -> Sequence[PathRequest]:
@@ -156,13 +159,15 @@ class OnTopics:
         if self._zones is not None:
             self._zones.close()
 
-    def _judge_anew(self) -> None:
-        """Hold ways against the zones that there are by now."""
+    def _judge_anew(self, loop: Loop) -> None:
+        """Hold ways against the zones that there are by now, with the outline that it has."""
         session = self._session
-        if session is None or self._rerouting is None or session.zone_maps is self._judged:
+        if session is None or self._rerouting is None or self._judged is None:
             return
-        self._judged = session.zone_maps
-        self._rerouting.judge_by(judge_of(session.plan, session.known))
+        zones, outline = self._judged
+        if session.zone_maps is not zones or loop.outline is not outline:
+            self._judged = session.zone_maps, loop.outline
+            self._rerouting.judge_by(judge_of(session.plan, session.known, loop.outline))
 
     def _hold(self, loop: Loop, joy: JoyOperator) -> None:
         """Until the joystick was seen once the robot stands; where it has to be held to run, also
@@ -233,8 +238,7 @@ def on_topics(
             f"{found.odom} and {found.body}"
         )
     for note in found.notes:
-        if not note.startswith("commands: "):  # of other controllers: nobody else drives
-            say(note)
+        say(note)
     space = found.topics.namespace
     transport = found.connection.open(NODE, space)
     try:
@@ -256,10 +260,25 @@ def on_topics(
             jobs = InThread("zones")
             zones = ZonesOnTopics(transport, config.masks, config.frame, space, jobs, say)
         made = OnTopics(localized, goals, camera, joy, zones)
+        told = say if goals is None else goals.note
+        unreached = Unreached(transport, heard_besides(config, space), told)
         try:
             yield made
         finally:
+            unreached.close()
             made.close()
             localized.close()
     finally:
         transport.close()
+
+
+def heard_besides(config: TopicsConfig, space: str) -> tuple[Wanted, ...]:
+    """What may come at any time, in a namespace."""
+    return (
+        *(Wanted(resolved(one, space), (GOAL, PATH), ONCE, "--goals-from") for one in config.ways),
+        *(
+            Wanted(resolved(one, space), (POSE,), ONCE, "--initial-pose-from")
+            for one in (config.initial,) if one
+        ),
+        *(Wanted(resolved(one, space), (JOY,), SENSOR, "--joy") for one in (config.joy,) if one),
+    )  # fmt: skip

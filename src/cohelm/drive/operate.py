@@ -46,6 +46,8 @@ class Ros2Config(NamedTuple):
     """Topics of CostmapFilterInfo, whose masks are its zones."""
     frame: str = "map"
     """Of the map, in which those masks are."""
+    lock_silence: float = math.inf
+    """Without a word on the lock's topic for so long the base is locked [s]."""
 
 
 class DriveOptions(NamedTuple):
@@ -127,7 +129,9 @@ def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]
     """A ROS 2 robot, as it is found; CohelmError with all that does not fit."""
     from cohelm.ros.camera import choose
     from cohelm.ros.connection import connection
+    from cohelm.ros.found import Allowed
     from cohelm.ros.look import look
+    from cohelm.ros.options import by_topics
     from cohelm.ros.robot import Ros2Make, topics_of
 
     named = topics_of(where.topics)
@@ -137,40 +141,17 @@ def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]
     way = connection(where.transport, where.url)
     transport = way.open("cohelm", named.namespace)
     try:
-        found = look(transport, described, named)
+        allowed = Allowed(lock_silence=where.lock_silence)
+        found = look(transport, described, named, allowed, way=way)
         camera, note = choose(named.camera, transport.endpoints())
-        notes = tuple(by_topics(one) for one in (*found.notes, note) if one)
-        found = found._replace(connection=way, camera=camera, notes=notes)
+        told = (one for one in found.notes if not one.startswith("commands: "))  # of controllers
+        notes = tuple(by_topics(one) for one in (*told, note) if one)
+        found = found._replace(camera=camera, notes=notes, by_key=True)
     except CohelmError as error:
         raise CohelmError(by_topics(str(error))) from error
     finally:
         transport.close()
     return own_robot(Ros2Make(found), site, found.model, changes)
-
-
-_OF_THE_FILTER = {
-    "--further-scan": "--topic scan_NAME=TOPIC",
-    "--scan": "--topic scan=TOPIC",
-    "--contact": "--topic contact_NAME=TOPIC",
-    "--odom": "--topic odom=TOPIC",
-    "--out": "--topic out=TOPIC",
-    "with --lock, or none with --lock ''": "with --topic lock=TOPIC",
-    "is it that (--lock)?": "is it that (--topic lock=TOPIC)?",
-    "remap that to the topic of --in, or allow it with --allow-bypass and expect no promise":
-        "end that",
-    "say which is the base's with --stamped or --unstamped": "let the base want one of them",
-    ", or allow it with --clock-difference": "",
-    ", or give lidar.mount_x_m, mount_y_m and mount_yaw_deg in the robot's YAML file and "
-    "--mount-from-model": "",
-}  # fmt: skip
-
-
-def by_topics(text: str) -> str:
-    """What does not fit, with the options that a robot's commands have: `--topic KEY=NAME`, where
-    `cohelm filter` has one for each."""
-    for one, instead in _OF_THE_FILTER.items():
-        text = text.replace(one, instead)
-    return text
 
 
 def _is_robot(path: Path) -> bool:

@@ -76,6 +76,7 @@ class OperatorRequests:
             operator.publish(none)
         operator.publish(told(session.loop.supervisor.docking.docks))
         self._known, self._zones = known, session.zone_maps
+        self._outline = session.loop.outline
         self._map = () if known is None else (drawn(known),)
         self._lines = way(robot.scenario.reference.spline())
         self._show(*self._map, *self._zones, *self._lines)
@@ -84,9 +85,13 @@ class OperatorRequests:
         """Between two periods."""
         self._rerouting.turn(loop)
         self._records.turn(loop)
-        if self._session.zone_maps is not self._zones:
+        reshaped = loop.outline is not self._outline
+        if reshaped:
+            self._outline = loop.outline
+            self._operator.reshape(self._outline)
+        if self._session.zone_maps is not self._zones or reshaped:
             self._zones = self._session.zone_maps
-            self._rerouting.judge_by(judge_of(self._session.plan, self._known))
+            self._rerouting.judge_by(judge_of(self._session.plan, self._known, self._outline))
             self._show(*self._map, *self._zones, *self._lines)
         self._tell(loop)
 
@@ -132,11 +137,15 @@ class OperatorRequests:
             self._operator.publish(one)
 
 
-def judge_of(plan: SessionConfig, known: LocalizationMap | None) -> PathChecker:
-    """What ways of a robot at its site are held against."""
+def judge_of(
+    plan: SessionConfig, known: LocalizationMap | None, outline: Floats | None = None
+) -> PathChecker:
+    """What ways of a robot at its site are held against. outline: the robot's; None: its model's
+    [m]."""
     robot, zones = plan.robot, plan.zones or Zones()
+    outline = robot.model.outline if outline is None else outline
     return PathChecker(
-        robot.scenario.reference.speed_mps, robot.model.outline, *_occupied(known), zones.keep_out
+        robot.scenario.reference.speed_mps, outline, *_occupied(known), zones.keep_out
     )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cohelm import __version__
+from cohelm.core.types import Floats
 from cohelm.drive.pictures import Packed
 from cohelm.drive.rerouting import PathRequest
 from cohelm.link.messages import (
@@ -44,9 +45,9 @@ class OverLink:
         self._records = records
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"
         """Starts or ends a record; why not, or nothing."""
-        self.publish(
-            hello(model if camera else model.model_copy(update={"camera": None}), on_loss, watchdog)
-        )
+        shown = model if camera else model.model_copy(update={"camera": None})
+        self._hello = hello(shown, on_loss, watchdog)
+        self.publish(self._hello)
         self.list_records()
 
     # ---- what the loop asks of an operator ----------------------------------------------
@@ -85,6 +86,10 @@ class OverLink:
     def publish(self, message: FromRobot) -> None:
         """To all stations, now and later."""
         self._bulk.publish(message)
+
+    def reshape(self, outline: Floats) -> None:
+        """The robot has another outline, (k, 2) [m]: stations draw that from now on."""
+        self.publish(self._hello._replace(outline=outline.astype(np.float32)))
 
     def list_records(self) -> None:
         """Say which records there are."""

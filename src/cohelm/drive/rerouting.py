@@ -214,8 +214,8 @@ class Rerouting:
             self._jobs.do(built.made.close)
 
     def _take_up(self, loop: Loop, driver: Driver, reference: Reference) -> None:
-        old, loop.driver = loop.driver, driver
-        driver.zones = old.zones  # those may be others by now
+        old = loop.driver
+        loop.take_up(driver)
         self._way = None
         self._jobs.do(old.close)
         self._shown(loop, reference)

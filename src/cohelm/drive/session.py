@@ -32,7 +32,7 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import Zones
 from cohelm.record.topics import Photo
-from cohelm.robot.gate.modes import GateMode, latched
+from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, LocalGatedRobot, rules, standing
 from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
 from cohelm.robot.keep.process import RemoteGatedRobot
@@ -121,6 +121,7 @@ class Session:
         """The newest of that camera."""
         self._to_dock = False
         """Whether `run` was to dock."""
+        self._ends = False
         self._not_begun = ""
         """Why the mode that was wanted never was."""
         self._recorded = -math.inf
@@ -243,7 +244,7 @@ class Session:
 
     def end(self, reason: str) -> None:
         """Stop the robot, and go on turning until it stands, so that the record has it."""
-        gated = self.loop.gated
+        gated, self._ends = self.loop.gated, True
         gated.stop(reason)
         until = gated.now() + _BRAKING
 
@@ -257,7 +258,15 @@ class Session:
         loop, gate, seen = self.loop, self.loop.gated.gate, self.loop.seen
         lost = seen is not None and seen.lost and loop.has_map and f"lost: {seen.reason}"
         why = gate.reason or loop.supervisor.problem or loop.supervisor.paused or lost
-        return gate.mode.name.lower() + (f": {why}" if why else "")
+        if not why and driving(gate.mode) and seen is not None and standing(seen.twist):
+            why = loop.log.why(loop.supervisor.mode)
+        mode = loop.supervisor.mode if driving(gate.mode) else gate.mode
+        return mode.name.lower() + (f": {why}" if why else "")
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it stands until somebody resets it, and is not at its end."""
+        return latched(self.loop.gated.gate.mode) and not self._ends
 
     def line(self) -> str:
         """How it goes, for a terminal."""

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cohelm.core.types import Twist
+from cohelm.drive.foxglove_teleop import Joined
 from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.link.keys import Keys
+from cohelm.link.keys import Keys, joined_by
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.robot_end import STALE
+from cohelm.loop.driver import BY_HAND_YAW_RATE
 from cohelm.loop.loop import Loop
 
 if TYPE_CHECKING:
@@ -47,11 +50,20 @@ def serve(
     Raises CohelmError where something can not be started.
     """
     on_loss = "goes on alone" if plan.loop.carry_on else "stops"
-    end, bulk = both_ends(door.keys, door.host, door.port, door.records, STALE + plan.patience)
+    let_in, live, own = door.keys, plan.live, None
+    if live is not None and live.teleop:
+        let_in, own = joined_by(door.keys, "foxglove")
+    end, bulk = both_ends(let_in, door.host, door.port, door.records, STALE + plan.patience)
     operator = OverLink(
         end, bulk, plan.robot.model, door.records, on_loss, plan.loop.arming.stale,
         plan.robot.kind != "kinematic" and not (topics is not None and topics.blind),
     )  # fmt: skip
+    if live is not None and own is not None:
+        here = "127.0.0.1" if door.host in ("0.0.0.0", "") else door.host
+        here = "::1" if here == "::" else here
+        full = Twist(plan.robot.scenario.reference.speed_mps, BY_HAND_YAW_RATE)
+        joined = Joined(own, here, int(operator.address[1]), full)
+        plan = replace(plan, live=replace(live, joined=joined))
     try:
         with Session(plan, operator, None if topics is None else topics.camera) as session:
             if session.known is None:

@@ -207,6 +207,15 @@ def pair_here(*names: str) -> tuple[Keys, ...]:
     )
 
 
+def joined_by(of_robot: Keys, name: str) -> tuple[Keys, Keys]:
+    """A robot's keys that let one more station in, as long as they are used, and that one's."""
+    certificate, key = made(name, "station")
+    return (
+        of_robot._replace(trusted=(*of_robot.trusted, certificate)),
+        Keys(name, certificate, key, (of_robot.certificate,)),
+    )
+
+
 def _usable(name: str) -> str:
     if not _NAME.fullmatch(name):
         raise CohelmError(

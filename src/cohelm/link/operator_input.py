@@ -34,6 +34,8 @@ class OperatorInput(NamedTuple):
     term: int = 0
     """Counts the leases: another one than before, and what was chosen in that is over. A driver who
     is lost, with nobody after him, leaves it as it was."""
+    why: str = ""
+    """Why there is no stick, where more is known than that."""
 
 
 def stops_first(requests: tuple[ClientRequest, ...]) -> tuple[ClientRequest, ...]:

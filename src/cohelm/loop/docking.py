@@ -60,7 +60,7 @@ class Docking:
     ) -> None:  # fmt: skip
         """settings, delay: of the pilot that drives elsewhere. lidars: that look; a robot that does
         not look behind backs out at a crawl: somebody may stand there since it came."""
-        self.docks = tuple(docks)
+        self.docks, self._lidars = tuple(docks), lidars
         self._unseen = not looks_behind(lidars, settings.outline)
         self._outline = settings.outline
         self._pilots = {
@@ -74,6 +74,12 @@ class Docking:
         self.backwards = False
         """Whether it is undocking."""
         self._begun = self._moved = self._alone = 0.0
+
+    def reshape(self, outline: Floats) -> None:
+        """The robot has another outline from now on, (k, 2) [m]."""
+        self._unseen, self._outline = not looks_behind(self._lidars, outline), outline
+        for (_, backwards), pilot in self._pilots.items():
+            pilot.reshape(-outline if backwards else outline)
 
     @property
     def on(self) -> bool:

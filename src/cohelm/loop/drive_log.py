@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.row import ROW, values
-from cohelm.link.messages import Discs, Map, Polyline, ZoneMap
+from cohelm.core.types import Floats
+from cohelm.link.messages import Discs, Map, Mode, Polyline, ZoneMap
 from cohelm.link.recorded_status import Displayed, StatusWords
-from cohelm.robot.keep.record_pipe import Event, RecordLine
+from cohelm.robot.keep.record_pipe import Event, Outline, RecordLine
 from cohelm.robot.port import Readings, Scan
 
 _NO_VIEW = "the live view is gone: the robot goes on without"
@@ -37,6 +38,7 @@ class DriveLog:
         self._odometry, self._scan = -math.inf, -1
         self._further: dict[str, int] = {}
         self._words: StatusWords | None = None
+        self._outline: Outline | None = None
 
     def __call__(self, message: object) -> None:
         """Anything."""
@@ -46,6 +48,8 @@ class DriveLog:
     def into(self, line: RecordLine) -> None:
         """Another recorder from now on, or none; the one before is not closed."""
         self._line, self.fault, self._words = line, "", None
+        if self._outline is not None:
+            line(self._outline)
 
     @property
     def open(self) -> bool:
@@ -61,6 +65,12 @@ class DriveLog:
     def dropped(self) -> int:
         """Messages the recorder had no room for."""
         return self._line.dropped
+
+    def why(self, mode: Mode) -> str:
+        """Why the robot does not do what is asked for in a mode, as stations were told last; empty:
+        it does."""
+        words = self._words
+        return "" if words is None or words.mode != mode else words.why
 
     @property
     def mute(self) -> bool:
@@ -96,6 +106,11 @@ class DriveLog:
     def show(self, what: Map | ZoneMap | Polyline | Discs) -> None:
         """What the stations are shown, that the drive can be shown again."""
         self(Displayed(self._clock(), what))
+
+    def outline(self, corners: Floats) -> None:
+        """The robot's is another from now on, (k, 2) [m]."""
+        self._outline = Outline(self._clock(), corners)
+        self(self._outline)
 
     def readings(self, readings: Readings) -> tuple[Scan, ...]:
         """What is new among them. Returns the scans that are, that of the first LiDAR first."""

@@ -30,6 +30,8 @@ from cohelm.plan.zones import Zoned, Zones
 from cohelm.robot.achievable import achievable
 from cohelm.robot.keep.gated_robot import GatedRobot
 
+BY_HAND_YAW_RATE = 1.0
+"""Of the whole stick, where it alone drives [rad/s]."""
 _NOTHING: Floats = np.empty((0, 2))
 _COMPILING = 180.0  # the first plan may take this long [s]
 _EVERY = 0.2  # from one snapshot for the planner to the next [s]
@@ -53,7 +55,7 @@ class Driver:
         self.fastest = math.inf
         """What is asked for is slowed down to this [m/s]."""
         self._alone = _alone(settings, delay)
-        fast = settings.gains._replace(k_hx=1.0, k_hpsi=1.0)
+        fast = settings.gains._replace(k_hx=1.0, k_hpsi=BY_HAND_YAW_RATE)
         self._by_hand = _alone(settings._replace(gains=fast), delay)
         dt = settings.rules.dt
         self._delay = periods(delay, dt)[0]
@@ -129,6 +131,7 @@ class Driver:
         it has. pose: None for a robot that is lost."""
         settings = self.settings
         reach = farthest(settings.outline)
+        zones.reshape(settings.outline)
         if pose is not None:
             m = manoeuvre(pose, self._twist, settings.limits, settings.rules.dt, reach)
             m = m._replace(length=m.length + self.delay)  # what is under way is driven first
@@ -138,6 +141,14 @@ class Driver:
                 return False
         self.zones = zones
         return True
+
+    def reshape(self, outline: Floats) -> None:
+        """The robot has another outline from now on, (k, 2) [m]."""
+        self.settings = self.settings._replace(outline=outline)
+        for pilot in (self._alone, self._by_hand, *((self.pilot,) if self.pilot else ())):
+            pilot.reshape(outline)
+        if self.zones is not None:
+            self.zones.reshape(outline)
 
     def slowed(self, seen: Seen) -> Cap:
         """How fast the speed zones that the robot is on let it go; a lost one is on none."""

@@ -7,8 +7,9 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from cohelm.core.types import Twist
+from cohelm.core.types import Floats, Twist
 from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.verdict import Verdict
 from cohelm.link.latency_speed_limit import FREE as NOTICED
 from cohelm.link.messages import Mode, Severity
 from cohelm.loop.alarms import ActiveAlarms
@@ -23,17 +24,20 @@ from cohelm.loop.stick_arming import CENTRED, ArmingParams
 from cohelm.loop.supervisor import PLANNED, Supervisor
 from cohelm.loop.timing import Timing
 from cohelm.perceive.pipeline import Perception, Seen
+from cohelm.pilot.reshaping import Shape
 from cohelm.pilot.step import Decision
 from cohelm.plan.docks import Dock
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.gated_robot import GatedRobot
+from cohelm.robot.keep.gated_robot import GatedRobot, standing
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.port import Readings
 
 _NO_PLANNER = "the path planner is gone: the robot keeps to its course"
 _LATE_PLANNER = "the path planner does not answer: the robot keeps to its course"
+_RESHAPED = "the robot has another outline: both count until it can stop clear with both"
+_RESHAPING = "the outline changes, and both count until it fits"
 _IN_ZONE = "in a keep-out zone: it can drive out, but no deeper"
 _MUTE_RECORDER = "the recorder does not answer: what it has no room for is lost"
 
@@ -81,6 +85,9 @@ class Loop:
         self.turning = False
         """Whether `run` is at work."""
         self.decision: Decision | None = None
+        self._shape = Shape(gated.model.outline, self._reshape)
+        self._reshaping = False
+        """Whether the outline before counts too."""
         self.has_map = has_map
         """Whether the pose is that of a map, and not the odometry's."""
         self._senses = SensorWatchdog(
@@ -121,6 +128,17 @@ class Loop:
         self.log.into(line)
         self.alarms.over("recorder")
 
+    @property
+    def outline(self) -> Floats:
+        """The robot's, as it said last; the same array as long as it is the same, (k, 2) [m]."""
+        return self._shape.told
+
+    def take_up(self, driver: Driver) -> None:
+        """Another driver from now on; the one before is not closed."""
+        driver.zones = self.driver.zones  # those may be others by now
+        driver.reshape(self._shape.outline)
+        self.driver = self.supervisor.driver = self._reporter.driver = driver
+
     def period(self) -> None:
         """One turn: read, perceive, step, gate, send; then record and report."""
         gated = self.gated
@@ -128,6 +146,9 @@ class Loop:
         late = began - self._due if self._due > -math.inf else 0.0
         readings = self.readings = gated.read()
         now = gated.now()  # after them: what a held-up loop reads is not from the future
+        if self._shape.take(readings.outline):
+            self._reshaping = True
+            self.log.event(_RESHAPED)
         seen = self._perceive(now, readings)
         supervisor = self.supervisor
         supervisor.follow_gate()
@@ -137,6 +158,8 @@ class Loop:
         if decision is None:
             self.cap = FREE
         passed = self._propose(readings, decision)
+        if self._reshaping:
+            passed = self._settle(seen, decision, passed)
         self._late, self._took = late, gated.now() - began
         self._raise_alarms(seen)
         report = self._reporter.report(
@@ -209,6 +232,22 @@ class Loop:
         self._number += 1
         passed = self.gated.propose(Proposal(self._number, readings.odometry.stamp, safe))
         self.driver.given(STANDING if latched(self.gated.gate.mode) else passed.out)
+        return passed
+
+    def _reshape(self, outline: Floats) -> None:
+        for one in (self.driver, self.perception, self.supervisor.docking):
+            one.reshape(outline)
+
+    def _settle(self, seen: Seen, decision: Decision | None, passed: Passed) -> Passed:
+        """Does the outline before still count, and is it why the robot brakes?"""
+        verdict = Verdict.STANDING if decision is None else Verdict(decision.verdict)
+        stands = passed.out == STANDING and standing(seen.twist)
+        self._reshaping = self._shape.settle(verdict, stands)
+        if not self._reshaping:
+            self.log.event("the outline of before counts no more")
+            self.log.outline(self.outline)
+        elif decision is not None and verdict in (Verdict.BRAKING, Verdict.STANDING):
+            return passed._replace(reason=passed.reason or _RESHAPING)
         return passed
 
     def _raise_alarms(self, seen: Seen) -> None:

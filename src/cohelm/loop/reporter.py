@@ -35,7 +35,7 @@ class Reporter:
         has_map: bool, period: float,
     ) -> None:  # fmt: skip
         """lidar: the first one. has_map: whether poses are those of a map. period: [s]."""
-        self._log, self._operator, self._driver = log, operator, driver
+        self._log, self._operator, self.driver = log, operator, driver
         self._has_map, self._period = has_map, period
         self._lidars = {"": (0, lidar)} | {
             one.name: (k, one.lidar()) for k, one in enumerate(model.further_lidars, 1)
@@ -50,7 +50,7 @@ class Reporter:
         decision: Decision | None, applied: Twist,
     ) -> PeriodReport:  # fmt: skip
         """What there is to say of this period. New scans and discs are shown at once."""
-        driver, new = self._driver, self._log.readings(readings)
+        driver, new = self.driver, self._log.readings(readings)
         for scan in new:
             which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
             if lidar is not None:
@@ -88,12 +88,12 @@ class Reporter:
 
     def _discs(self, seen: Seen) -> NDArray[np.float32]:
         """The nearest round things, in the map, as `core.types` has them, (n, 6)."""
-        rows = self._driver.around(seen).discs
+        rows = self.driver.around(seen).discs
         far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
         return rows[np.argsort(far)[:_MOST_DISCS]].astype(np.float32)
 
     def _progress(self) -> float:
-        pilot = self._driver.pilot
+        pilot = self.driver.pilot
         if pilot is None:
             return math.nan
         return pilot.state.row / max(len(pilot.planner.route.line) - 1, 1)

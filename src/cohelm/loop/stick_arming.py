@@ -83,11 +83,11 @@ def _believed(received: OperatorInput, params: ArmingParams) -> tuple[Command | 
         said = (
             f"no command for {1000.0 * received.age:.0f} ms" if silent else "nobody drives any more"
         )
-        return None, said
+        return None, received.why or said
     if not received.age <= params.stale:
         return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
     if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
-        return None, "the stick vanished"
+        return None, received.why or "the stick vanished"
     if not command.armed:
         return None, "the stick was disarmed"
     return command, ""

@@ -36,7 +36,9 @@ class Planner(NamedTuple):
 
     def __call__(self, task: Task) -> Plan:
         """The plan for a snapshot; takes milliseconds, and changes nothing."""
-        return plan(task, self.route, self.settings, self.path_params, self.replan_params)
+        s = self.settings
+        s = s if task.outline is None else s._replace(outline=task.outline)
+        return plan(task, self.route, s, self.path_params, self.replan_params)
 
 
 class Pilot:
@@ -123,6 +125,11 @@ class Pilot:
             self._refused |= kind(left)
             self.state = self.state._replace(left=NO_MOVE)
 
+    def reshape(self, outline: Floats) -> None:
+        """The robot has another outline from the next step on, (k, 2), as in the settings."""
+        self.settings = self.settings._replace(outline=outline)
+        self._step = step_of(self.settings, self.planner.route.line)
+
     def task(
         self, pose: Pose, twist: Twist, seen: Surroundings, unseen: Floats = NOTHING_NEAR.points
     ) -> Task:  # fmt: skip
@@ -130,7 +137,10 @@ class Pilot:
         since = self.state.time - self._taken
         led = self.behavior == LED
         state = self.state._replace(refused=self.state.refused | self._refused)
-        return Task(state, pose, twist, seen, self.course, since, led, self.refused_for, unseen)
+        return Task(
+            state, pose, twist, seen, self.course, since, led, self.refused_for, unseen,
+            self.settings.outline,
+        )  # fmt: skip
 
     def plan(
         self, pose: Pose, twist: Twist, seen: Surroundings, unseen: Floats = NOTHING_NEAR.points

@@ -80,6 +80,8 @@ class Task(NamedTuple):
     """How long gate and monitors have refused all that was asked for [s]."""
     unseen: Floats = np.empty((0, 2))
     """Beside the obstacles, ground that nothing has seen and that may hold anything, (n, 2)."""
+    outline: Floats | None = None
+    """The robot's, if it is another than in the planner's settings."""
 
     def with_unseen(self) -> Surroundings:
         """The obstacles, and the unseen ground as if it were one."""

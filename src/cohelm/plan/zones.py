@@ -87,9 +87,9 @@ class Fence:
 
     def __init__(self, zones: KeepOut, outline: Floats) -> None:
         """outline: (k, 2), convex, counter-clockwise [m]."""
-        self.zones, self._samples = zones, covering(outline, CELL)
+        self.zones = zones
         self._beyond = _BEYOND + zones.depth.resolution
-        self._pose: Pose | None = None
+        self.reshape(outline)
         self._allowed: dict[int, float] = {}
         """Of each zone that the robot is in, the depth that it may have [m]."""
         self._points: Floats = np.empty((0, 2))
@@ -100,6 +100,11 @@ class Fence:
         self._border, self._of = cells.centres(i, j), zones.zone[i, j]
         self._near = np.zeros(len(i), np.bool_)
         self._standing(self._near, self._window(Pose(0.0, 0.0, 0.0)))  # compiles what is needed
+
+    def reshape(self, outline: Floats) -> None:
+        """The robot has another outline from now on."""
+        self._samples = covering(outline, CELL)
+        self._pose: Pose | None = None
 
     def points(self, pose: Pose) -> Floats:
         """(p, 2), in the map [m], for a robot there."""
@@ -196,7 +201,14 @@ class Zoned:
         """outline: (k, 2), convex, counter-clockwise [m]. u_d: the usual speed [m/s]."""
         kept_out, self._slow = zones or Zones()
         self._fence = None if kept_out is None else Fence(kept_out, outline)
-        self._body, self._u_d = covering(outline, CELL), u_d
+        self._u_d = u_d
+        self.reshape(outline)
+
+    def reshape(self, outline: Floats) -> None:
+        """The robot has another outline from now on."""
+        self._body = covering(outline, CELL)
+        if self._fence is not None:
+            self._fence.reshape(outline)
 
     def points(self, pose: Pose) -> Floats:
         """The keep-out zones that stand in its way, (p, 2), in the map [m]; the same array as long

@@ -6,11 +6,14 @@ import contextlib
 import math
 import threading
 
+import numpy as np
+
 from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import is_finite
-from cohelm.core.types import Twist
+from cohelm.core.types import Floats, Twist
 from cohelm.robot.achievable import achievable
 from cohelm.robot.base import Robot
+from cohelm.robot.footprint import convex_outline
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Odometry, Readings
@@ -80,6 +83,7 @@ class RobotAdapter:
                 given = self._robot.read()
                 if given.odometry is not None and _again(given.odometry, self._newest.odometry):
                     given = given._replace(odometry=None)
+                given = given._replace(outline=self._outline(given.outline))
                 self._newest = _newest(given, self._newest)
             except Exception as error:
                 self._failed["read"] = _said("read", error)
@@ -119,6 +123,13 @@ class RobotAdapter:
             self._closed.set()
             with contextlib.suppress(Exception):
                 self._robot.close()
+
+    def _outline(self, told: Floats | None) -> Floats | None:
+        """The newest outline, the same array as long as it is the same. CohelmError for none."""
+        before = self._newest.outline
+        if told is None or (before is not None and np.array_equal(told, before)):
+            return before
+        return convex_outline(told)
 
     def _brake(self) -> None:
         now = self._robot.now()
@@ -166,4 +177,6 @@ def _unbraked(model: RobotModel) -> Limits:
 
 
 def _said(method: str, error: Exception) -> str:
+    if isinstance(error, CohelmError):  # a sentence already
+        return str(error)
     return f"{method} failed: {type(error).__name__}: {error}"

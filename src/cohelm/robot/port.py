@@ -104,8 +104,7 @@ class Readings(NamedTuple):
     """Of each bumper and cliff sensor that has said anything, the newest."""
     outline: Floats | None = None
     """The robot's own, convex, counter-clockwise, (k, 2) in the body frame [m]; None: as its model
-    has it. Heeded by the collision monitor and `cohelm filter`; the loop's own filter and plans go
-    by the model's."""
+    has it."""
 
     def of_lidar(self, name: str) -> Scan | None:
         """The newest scan of a further LiDAR."""

@@ -63,14 +63,23 @@ def described(
 class ConeRanges:
     """Puts one range onto the beams of a model."""
 
-    def __init__(self, model: LidarModel, matrix: Floats) -> None:
-        self._beams = model.beams
+    def __init__(self, model: LidarModel, matrix: Floats, topic: str) -> None:
+        self._beams, self._topic = model.beams, topic
+        self._limits = model.range_min_m, model.range_max_m
         self._flat = math.hypot(float(matrix[0, 0]), float(matrix[1, 0]))
 
     def of(self, message: Any) -> Floats:
         """(beams,) [m], all the same: inf for nothing, -inf for too near, NaN where nothing was
-        measured, which drivers also say as 0."""
+        measured, which drivers also say as 0. CohelmError where it measures from or to elsewhere
+        than when it was looked at."""
         low, high = float(message.min_range), float(message.max_range)
+        before = tuple(limit / self._flat for limit in self._limits)
+        if not np.allclose((low, high), before, rtol=0.01, atol=0.002):
+            raise CohelmError(
+                f"{self._topic} says it measures from {low:g} to {high:g} m, and said from "
+                f"{before[0]:g} to {before[1]:g} m when it was looked at: mend its driver, or "
+                "start again"
+            )
         made: Floats = np.full(self._beams, self._flat * told(float(message.range), low, high))
         return made
 

@@ -24,7 +24,14 @@ class Connection(NamedTuple):
     """This one and no other."""
 
     def open(self, node: str, namespace: str = "/") -> Transport:
-        """A new transport. CohelmError where it can not begin."""
+        """A new transport. CohelmError where it can not begin, with why it was this one."""
+        try:
+            return self._opened(node, namespace)
+        except CohelmError as error:
+            why = f" ({self.kind} was taken because {self.why})" if self.why else ""
+            raise CohelmError(f"{error}{why}") from error
+
+    def _opened(self, node: str, namespace: str) -> Transport:
         if self.kind == FOXGLOVE:
             from cohelm.ros.foxglove import FoxgloveTransport
 

@@ -19,6 +19,7 @@ from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.verdict import Verdict
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
 from cohelm.perceive.pipeline import Perception, Seen, rehearse
+from cohelm.pilot.reshaping import Shape
 from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode, driving, latched
@@ -31,7 +32,6 @@ from cohelm.ros.found import Found
 from cohelm.ros.pacing import Pacing
 from cohelm.ros.port import Qos, Transport
 from cohelm.ros.report import Report, Row
-from cohelm.ros.reshaping import Shape
 
 WATCHDOG = 0.2
 """Without a sound proposal for so long the gate process brakes the base [s]."""

@@ -11,6 +11,7 @@ from cohelm.ros import clock, depth
 from cohelm.ros.camera import CameraTopic
 from cohelm.ros.clock import Clock
 from cohelm.ros.connection import Connection
+from cohelm.ros.port import Endpoint
 from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import Mount
 
@@ -75,3 +76,7 @@ class Found(NamedTuple):
     """Whether stamps are of the simulator's time on /clock."""
     camera: CameraTopic | None = None
     """What people look through; chosen for who drives."""
+    by_key: bool = False
+    """Whether topics are named as `--topic KEY=NAME`, and not by an option each."""
+    endpoints: tuple[Endpoint, ...] = ()
+    """All publishers and subscribers of others that were seen."""

@@ -23,7 +23,7 @@ from cohelm.ros.port import LATCHED, Qos, Received, Transport
 from cohelm.ros.transforms import yaw_of
 
 GOAL = "geometry_msgs/msg/PoseStamped"
-_ONCE = Qos(reliable=True, depth=5)
+ONCE = Qos(reliable=True, depth=5)
 """Of what is said once: it must not be lost on its way."""
 _STEP = 0.25
 """Between two poses of a path that are kept, at least [m]."""
@@ -67,11 +67,11 @@ class Goals:
         )
         self.ways = tuple(resolved(name, namespace) for name in ways)
         for topic in self.ways:
-            transport.subscribe(topic, GOAL, _ONCE, partial(self._goal, topic))
-            transport.subscribe(topic, PATH, _ONCE, partial(self._path, topic))
+            transport.subscribe(topic, GOAL, ONCE, partial(self._goal, topic))
+            transport.subscribe(topic, PATH, ONCE, partial(self._path, topic))
         if initial:
             topic = resolved(initial, namespace)
-            transport.subscribe(topic, POSE, _ONCE, partial(self._told, topic))
+            transport.subscribe(topic, POSE, ONCE, partial(self._told, topic))
 
     def way(self) -> tuple[str, Goal | Floats] | None:
         """The newest way and its topic, once: a goal, or way-points (n, 2) [m]."""
@@ -87,7 +87,10 @@ class Goals:
 
     def tell(self, topic: str, what: str) -> None:
         """What became of something on a topic, in a sentence; returns at once."""
-        said = f"{topic}: {what}"
+        self.note(f"{topic}: {what}")
+
+    def note(self, said: str) -> None:
+        """A sentence, to people and on the topic; returns at once."""
         self._beside.submit(self._reason.send, messages.reason(said))
         self._beside.submit(self._say, said)
 

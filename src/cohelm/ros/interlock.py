@@ -35,7 +35,7 @@ class Interlock:
         self._pressed, self._unread = "", ""
         self._heard = time.monotonic()
         self._there, self._missed = False, 0
-        self._gone = self._other = self._blind = ""
+        self._gone = self._other = self._blind = self._deaf = ""
         self._over = threading.Event()
         if lock:
             # Who says it all the time, maybe best effort; and who said it once, to all who come.
@@ -50,7 +50,9 @@ class Interlock:
         silent = ""
         if self._lock and time.monotonic() - self._heard > self._silence:
             silent = f"{self._lock} has been silent for more than {self._silence:g} s"
-        return tuple(filter(None, (pressed, silent, self._gone, self._other, self._blind)))
+        return tuple(
+            filter(None, (pressed, silent, self._gone, self._deaf, self._other, self._blind))
+        )
 
     def close(self) -> None:
         """Look no more."""
@@ -80,4 +82,5 @@ class Interlock:
         self._missed = self._missed + 1 if self._there and not there else 0
         left = self._missed > 1  # a word may come before it is known who said it
         self._gone = f"nobody publishes {self._lock} any more" if left else ""
+        self._deaf = mismatch.lock(self._lock, seen)[1] if self._lock else ""
         self._other = "" if self._bypass else mismatch.bypass(self._out, seen)

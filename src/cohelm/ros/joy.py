@@ -81,6 +81,8 @@ class JoyOperator(NullOperator):
         self._lock = threading.Lock()
         self._came = self._changed = -math.inf
         """When the newest message came, and when one differed from that before [s]."""
+        self._damage = ""
+        """What was wrong with the bytes that came last."""
         self._newest: tuple[tuple[float, ...], tuple[int, ...]] = ((), ())
         """Axes and buttons."""
         self._transport = transport
@@ -102,20 +104,22 @@ class JoyOperator(NullOperator):
         """The stick, as it is now."""
         age = self._clock() - self._came
         if not 0.0 <= age <= STALE:
-            return OperatorInput(
-                1, self.topic, None, age if math.isfinite(age) else math.nan, 0.0, ()
-            )  # fmt: skip
+            known = age if math.isfinite(age) else math.nan
+            return OperatorInput(1, self.topic, None, known, 0.0, (), why=self.problem())
         said = self._read()
         stick = CENTRED if isinstance(said, str) else said
         valid = not isinstance(said, str)
         command = Command(stick, valid, True, Device.GAMEPAD, 1.0, ())
-        return OperatorInput(1, self.topic, command, age, 0.0, ())
+        why = "" if valid else f"{self.topic}: {said}"
+        return OperatorInput(1, self.topic, command, age, 0.0, (), why=why)
 
     def problem(self) -> str:
         """Why there is no stick, in a sentence; empty: there is one."""
         age = self._clock() - self._came
         if not 0.0 <= age <= STALE:
             known = math.isfinite(age)
+            if self._damage:
+                return f"{self.topic}: what comes can not be read ({self._damage})"
             return f"{self.topic}: " + (f"silent for {age:.1f} s" if known else "nothing is heard")
         said = self._read()
         return f"{self.topic}: {said}" if isinstance(said, str) else ""
@@ -158,6 +162,7 @@ class JoyOperator(NullOperator):
 
     def _hear(self, received: Received) -> None:
         message: Any = received.message
+        self._damage = received.damage if message is None else ""
         if message is None:
             return
         newest = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -9,6 +10,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
 from cohelm.ros import clock, depth, mismatch
 from cohelm.ros.clock import Clock, estimated
+from cohelm.ros.connection import Connection
 from cohelm.ros.found import Allowed, Found
 from cohelm.ros.found_lidar import describe
 from cohelm.ros.inspection import Inspection
@@ -24,15 +26,18 @@ commands."""
 def look(
     transport: Transport, model: RobotModel, topics: Topics, allowed: Allowed | None = None,
     wait: float = 10.0, drives: bool = True, over: Callable[[], bool] = lambda: False,
+    way: Connection | None = None,
 ) -> Found:  # fmt: skip
     """Look at a robot that stands.
 
     wait: for what is missing [s]. drives: whether the base is to be driven from here; else nobody
-    has to listen to `topics.out`. over: whether to give up.
+    has to listen to `topics.out`. over: whether to give up. way: that opened the transport.
 
     Raises CohelmError with everything that does not fit, one sentence a line.
     """
     allowed = allowed or Allowed()
+    if not topics.lock and math.isfinite(allowed.lock_silence):
+        raise CohelmError("--lock-timeout, and no lock: name its topic too, or leave out both")
     heard = Inspection(transport, topics, model)
     end, least = time.monotonic() + wait, time.monotonic() + _LEAST
     try:
@@ -46,36 +51,42 @@ def look(
             )
             if framed and listened and not _shared(heard, transport.endpoints())[1]:
                 break
-        return found(heard, transport, model, allowed, drives)
+        return found(heard, transport, model, allowed, drives, way)
     finally:
         heard.end()
 
 
 def found(
-    heard: Inspection, transport: Transport, model: RobotModel, allowed: Allowed, drives: bool
+    heard: Inspection, transport: Transport, model: RobotModel, allowed: Allowed, drives: bool,
+    way: Connection | None = None,
 ) -> Found:  # fmt: skip
     """What was heard, as one robot. CohelmError for what does not fit."""
     seen, topics = transport.endpoints(), heard.topics
     if not seen and not heard.odometry and not any(heard.scans.values()):
         raise CohelmError(mismatch.nobody(transport.name, transport.unseen))
-    notes, wrong = [f"transport: {transport.name}"], _unheard(heard, seen)
+    way = way or Connection()
+    why = f", because {way.why}" if way.why else ""
+    notes, wrong = [f"transport: {transport.name}{why}"], _unheard(heard, seen)
     notes += [f"{one.model.said}: {one.topic}, {one.kind}" for one in heard.contacts]
     out_type = TWIST
     if drives:
         out_type, amiss = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
         wrong += [amiss, "" if allowed.bypass else mismatch.bypass(topics.out, seen)]
         notes.append(f"commands to the base: {topics.out}, {out_type}")
-    for topic, asked in ((topics.footprint, mismatch.footprint), (topics.lock, mismatch.lock)):
-        if topic:
-            told, amiss = asked(topic, seen)
-            wrong.append(amiss)
-            notes.append(told)
+    told: list[tuple[str, str]] = []
+    if topics.footprint:
+        told.append(mismatch.footprint(topics.footprint, seen))
+    if topics.lock:
+        told.append(mismatch.lock(topics.lock, seen, {one.topic for one in heard.contacts}))
+    notes += [said for said, _ in told]
+    wrong += [amiss for _, amiss in told]
     twice, shared = _shared(heard, seen)
     wrong += shared or [mismatch.frames(topic, heard.frames(topic), seen) for topic in heard.scans]
     notes += [*twice, mismatch.commands(topics.command, topics.out, heard.command_period(), seen)]
     if any(wrong):
         raise CohelmError("\n".join(filter(None, wrong)))
-    return _sensed(heard, model, allowed, out_type, notes)
+    made = _sensed(heard, model, allowed, out_type, notes)
+    return made._replace(connection=way, endpoints=tuple(seen))
 
 
 def _shared(heard: Inspection, seen: list[Endpoint]) -> tuple[list[str], list[str]]:

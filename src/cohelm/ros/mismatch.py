@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 from cohelm.ros.port import Endpoint, Qos, reaches
 
@@ -55,6 +56,18 @@ def unheard(
     if qos.transient_local:
         stuck = "is its node not active yet (ros2 lifecycle get)"
     return f"{topic} is published{_by(right)}, but nothing comes: {stuck}, or a firewall between?"
+
+
+def never(
+    topic: str, kinds: tuple[str, ...], qos: Qos, option: str, seen: list[Endpoint]
+) -> str:  # fmt: skip
+    """Why nothing of those who publish on a topic is ever heard; empty: something is, or nobody
+    does yet. kinds: of the messages that are. option: as above."""
+    there = [one for one in seen if one.publishes and one.topic == topic]
+    if not there or any(one.type in kinds and not reaches(one.qos, qos) for one in there):
+        return ""
+    kind = next((one.type for one in there if one.type in kinds), kinds[0])
+    return unheard(topic, kind, qos, option, seen)
 
 
 def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -> tuple[str, str]:
@@ -159,11 +172,14 @@ def frames(topic: str, named: list[str], seen: list[Endpoint]) -> str:
     )
 
 
-def lock(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
-    """Who locks the base, in words, and why that is never heard, or nothing."""
+def lock(
+    topic: str, seen: list[Endpoint], other: Collection[str] = ()
+) -> tuple[str, str]:  # fmt: skip
+    """Who locks the base, in words, and why that is never heard, or nothing. other: topics that are
+    none, as it is known what they are."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
-        others = _publishing((BOOL,), seen)
+        others = _publishing((BOOL,), [one for one in seen if one.topic not in other])
         instead = f"; Bool is on {others}: is it that (--lock)?" if others else ""
         return f"emergency stop: nobody publishes {topic}{instead}", ""
     wrong = [one for one in there if one.type != BOOL]

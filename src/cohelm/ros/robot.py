@@ -30,12 +30,16 @@ from cohelm.ros.interlock import Interlock
 from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import GATE, ODOMETRY
+from cohelm.ros.options import by_topics
 from cohelm.ros.port import COMMAND, SENSOR, Received, Transport
 from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import yaw_of
 
 _QUIET = 1.0
 """A robot that stands is told so for this long, and then left alone: others may drive it [s]."""
+_DAMAGES = 3
+"""So many messages in a row that can not be used are no chance; what comes no more is missed after
+three and a half (`loop.sensor_watchdog`), without it being known why."""
 _STILL = Twist(0.0, 0.0)
 
 
@@ -52,7 +56,7 @@ class Ros2Robot(Robot):
         self._transport = transport or connection().open("cohelm_robot")
         try:
             if found is None:
-                found = look(self._transport, model, _by_environment())
+                found = look(self._transport, model, _by_environment())._replace(by_key=True)
             super().__init__(model)
             self._found = found
             topics = found.topics
@@ -63,8 +67,8 @@ class Ros2Robot(Robot):
             self._told = _STILL
             self._still_since = -math.inf
             self._simulated = SimulatedClock.on(self._transport) if found.simulated else None
-            self.damaged = 0
-            """Messages that could not be read, or are of another LiDAR, so far."""
+            self._unusable: dict[str, tuple[int, str]] = {}
+            """Of each topic, how many of the last messages in a row were, and why."""
             if model.lidar is None:
                 raise CohelmError(f"{model.name} has no LiDAR: describe it in the robot's YAML")
             self._lidars = {
@@ -107,7 +111,9 @@ class Ros2Robot(Robot):
         further = tuple(scan for scan in seen.values() if scan is not None)
         measured = None if odometry is None else self._measured(odometry.message)
         outline, wrong = (None, "") if self._footprint is None else self._footprint.read()
-        faults = (*self._interlock.faults(), *filter(None, (wrong,)))
+        faults = (*self._interlock.faults(), *filter(None, (wrong, *self._damages())))
+        if self._found.by_key:
+            faults = tuple(map(by_topics, faults))
         health = Health(self.now(), math.nan, faults)
         return Readings(measured, first, None, health, further, self._contacts.read(), outline)
 
@@ -161,19 +167,35 @@ class Ros2Robot(Robot):
         return (self._simulated or clock).age(stamp)
 
     def _hear_odometry(self, received: Received) -> None:
-        with self._lock:
-            if received.message is None:
-                self.damaged += 1
-            else:
+        if self._usable(self._found.topics.odom, received, ""):
+            with self._lock:
                 self._odometry = received
 
     def _hear_scan(self, name: str, received: Received) -> None:
-        message, lidar = received.message, self._lidars[name][0]
-        with self._lock:
-            if message is None or message.header.frame_id != lidar.frame:
-                self.damaged += 1
-            else:
+        lidar = self._lidars[name][0]
+        if self._usable(lidar.topic, received, lidar.frame):
+            with self._lock:
                 self._came[name] = received
+
+    def _usable(self, topic: str, received: Received, frame: str) -> bool:
+        """Whether a message can be used. frame: that it has to be in; empty: any."""
+        message, why = received.message, ""
+        if message is None:
+            why = f"what comes on {topic} can not be read ({received.damage}): mend its driver"
+        elif frame and message.header.frame_id != frame:
+            why = (
+                f"{topic} comes in the frame {message.header.frame_id!r}, and was in {frame!r} "
+                "when it was looked at: mend its driver, or start again"
+            )
+        with self._lock:
+            many = self._unusable.get(topic, (0, ""))[0]
+            self._unusable[topic] = (many + 1, why) if why else (0, "")
+        return not why
+
+    def _damages(self) -> list[str]:
+        """What is wrong with topics of which nothing can be used any more."""
+        with self._lock:
+            return [why for many, why in self._unusable.values() if many >= _DAMAGES]
 
 
 def _ranges(
@@ -181,7 +203,7 @@ def _ranges(
 ) -> laser.Ranges | CloudRanges | DepthRanges | ConeRanges:  # fmt: skip
     """What makes ranges of the messages of a LiDAR."""
     if found.cloud is not None and model.range_sensor:
-        return ConeRanges(model, found.cloud)
+        return ConeRanges(model, found.cloud, found.topic)
     if found.cloud is not None and found.camera is not None:
         return DepthRanges(model, found.camera, found.cloud, found.topic)
     if found.cloud is not None:
@@ -224,7 +246,7 @@ def _by_environment() -> Topics:
 def topics_of(pairs: Sequence[str]) -> Topics:
     """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR, `contact_NAME=` of a
     bumper or cliff sensor. CohelmError for what is none of them."""
-    names = ("command", "out", "scan", "odom", "lock", "namespace", "camera")
+    names = ("command", "out", "scan", "odom", "lock", "namespace", "camera", "footprint")
     given: dict[str, str] = {}
     several: dict[str, list[str]] = {"scan_": [], "contact_": []}
     for pair in pairs:

@@ -72,6 +72,18 @@ class Topics(NamedTuple):
             )
         return topics
 
+    def by_use(self, model: RobotModel) -> dict[str, str]:
+        """All that a robot has, by the keys under which somebody names them."""
+        lidars = ("scan", *(f"scan_{one.name}" for one in model.further_lidars))
+        contacts = (f"contact_{one.name}" for one in model.contacts)
+        named = {
+            "command": self.command, "out": self.out, "odom": self.odom,
+            **dict(zip(lidars, self.of_lidars(model), strict=True)),
+            **dict(zip(contacts, self.of_contacts(model), strict=True)),
+            "lock": self.lock, "footprint": self.footprint,
+        }  # fmt: skip
+        return {key: topic for key, topic in named.items() if topic}
+
     def of_contacts(self, model: RobotModel) -> tuple[str, ...]:
         """The topics of its bumpers and cliff sensors. CohelmError for one that the robot does not
         have."""

@@ -8,6 +8,8 @@ import socket
 import time
 from typing import Any, NamedTuple
 
+from cohelm.core.types import Floats
+
 LARGEST = 180_000
 """Bytes of one message: it must fit into the socket's buffer."""
 ALIVE = b"alive"
@@ -27,6 +29,15 @@ class Event(NamedTuple):
     text: str
     serious: bool = False
     """Whether somebody should look at it."""
+
+
+class Outline(NamedTuple):
+    """The robot's is another from now on."""
+
+    stamp: float
+    """The robot's clock [s]."""
+    corners: Floats
+    """(k, 2), in the body frame [m]."""
 
 
 def line() -> tuple[socket.socket, socket.socket]:

@@ -25,14 +25,20 @@ class Shape:
         """What counts."""
         return self._now
 
-    def take(self, outline: Floats | None) -> None:
+    @property
+    def told(self) -> Floats:
+        """What the robot said last: it alone will count."""
+        return self._next
+
+    def take(self, outline: Floats | None) -> bool:
         """What the robot says its outline is; None: nothing. Another one counts at once, and the
-        one before too."""
+        one before too. Returns whether it is another one."""
         if outline is None or np.array_equal(outline, self._next):
-            return
+            return False
         self._now = hull(np.vstack((self._now, outline)))
         self._next = outline
         self._reshape(self._now)
+        return True
 
     def settle(self, verdict: Verdict, stands: bool) -> bool:
         """After a period with it: whether both still count.

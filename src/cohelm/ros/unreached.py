@@ -1,0 +1,68 @@
+"""Says who publishes what is never heard: another type, or a quality of service that never matches.
+
+What comes seldom, as goals do, is not missed when it does not come; and who publishes it may come
+later than the robot.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from cohelm.core.errors import CohelmError
+from cohelm.ros import mismatch
+from cohelm.ros.port import Qos, Transport
+
+_LOOK = 1.0
+"""From one look to the next [s]."""
+_TWICE = 2
+"""Somebody's type may be known before their QoS is: what is wrong is told when seen so often."""
+
+
+class Wanted(NamedTuple):
+    """What is heard on a topic."""
+
+    topic: str
+    kinds: tuple[str, ...]
+    """Types of messages."""
+    qos: Qos
+    option: str
+    """By which another topic is named."""
+
+
+class Unreached:
+    """Looks, from a thread of its own, and says each sentence once."""
+
+    def __init__(
+        self, transport: Transport, wanted: Sequence[Wanted], say: Callable[[str], None]
+    ) -> None:
+        """say: hears a sentence for a person."""
+        self._transport, self._wanted, self._say = transport, tuple(wanted), say
+        self._seen: dict[str, int] = {}
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="unreached", daemon=True)
+        if wanted:
+            self._thread.start()
+
+    def look(self) -> None:
+        """Once."""
+        there = self._transport.endpoints()
+        for topic, kinds, qos, option in self._wanted:
+            if why := mismatch.never(topic, kinds, qos, option, there):
+                self._seen[why] = self._seen.get(why, 0) + 1
+                if self._seen[why] == _TWICE:
+                    self._say(why)
+
+    def close(self) -> None:
+        """Look no more."""
+        self._over.set()
+        if self._wanted:
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over.wait(_LOOK):
+            try:
+                self.look()
+            except CohelmError:  # the transport has been closed meanwhile, or its bridge is gone
+                continue

@@ -1,0 +1,224 @@
+"""Foxglove's Teleop panel steers through the lease, as a station does, or is told why not."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import struct
+import time
+
+import pytest
+
+from cohelm.cli.live import live as live_view
+from cohelm.core.errors import CohelmError
+from cohelm.core.types import Stick, Twist
+from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined, stick_of
+from cohelm.drive.live import LiveConfig
+from cohelm.drive.operate import DriveOptions
+from cohelm.drive.published import twist_of
+from cohelm.drive.robot_process import RobotProcess
+from cohelm.drive.teleop_server import TeleopConfig
+from cohelm.law.gains import Gains
+from cohelm.law.human import human, limited
+from cohelm.link.keys import joined_by, pair_here
+from cohelm.link.messages import Ask, Mode
+from cohelm.link.station_end import StationEnd
+from cohelm.record.period import STORE
+from cohelm.ros.messages import command
+from tests.cli.test_bad_input import refused
+from tests.drive.onlooker import Onlooker
+from tests.patience import looks
+
+pytestmark = pytest.mark.xdist_group("realtime")
+TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+FULL = Twist(0.5, 1.0)
+
+
+def said(v: float, omega: float) -> bytes:
+    """As the panel says it, in JSON."""
+    linear, angular = {"x": v, "y": 0.0, "z": 0.0}, {"x": 0.0, "y": 0.0, "z": omega}
+    return json.dumps({"linear": linear, "angular": angular}).encode()
+
+
+@pytest.mark.parametrize("kind", [TWIST, STAMPED])
+def test_a_twist_is_the_same_in_either_encoding(kind):
+    data = bytes(STORE.serialize_cdr(command(Twist(0.3, -0.4), kind, "base"), kind))
+    assert twist_of(data, kind, "cdr") == Twist(0.3, -0.4)
+    found = json.loads(said(0.3, -0.4))
+    text = json.dumps({"header": {}, "twist": found} if kind == STAMPED else found)
+    assert twist_of(text.encode(), kind, "json") == Twist(0.3, -0.4)
+
+
+@pytest.mark.parametrize(("v", "omega"), [(0.5, 0.0), (-0.2, 0.0), (0.3, 0.8), (0.4, -0.1)])
+def test_what_is_asked_for_is_what_the_law_makes_of_the_stick(v, omega):
+    gains = Gains(k_hx=1.0, k_hpsi=1.0, u_d=FULL.v)
+    asked = human(limited(stick_of(Twist(v, omega), FULL), gains), gains)
+    assert tuple(asked) == pytest.approx((v, omega))
+
+
+def test_too_much_is_as_much_as_there_is_on_the_same_arc_and_turning_alone_only_creeps():
+    x, psi = stick_of(Twist(2.0, 2.0), FULL)
+    assert (x, psi) == pytest.approx((1.0, 0.5))
+    gains = Gains(k_hx=1.0, k_hpsi=1.0, u_d=FULL.v)
+    for v in (0.0, 0.01):  # beside the dead band the law would drive ahead at full speed (45)
+        assert human(limited(stick_of(Twist(v, 0.5), FULL), gains), gains).v < 0.03
+    assert human(limited(stick_of(Twist(-0.001, 0.5), FULL), gains), gains).v > -0.03
+    assert stick_of(Twist(0.0, 0.0), FULL) == Stick(0.0, 0.0)
+
+
+def test_off_loopback_or_without_a_live_view_nobody_may_steer(cohelm):
+    assert live_view("127.0.0.1", True).teleop
+    assert not live_view("127.0.0.1").teleop
+    with pytest.raises(CohelmError, match=r"in clear, .* could steer: .* ssh -L 8766"):
+        live_view("0.0.0.0", True)
+    with pytest.raises(CohelmError, match="add --foxglove"):
+        live_view(None, True)
+    teleop = ("--foxglove", "127.0.0.1", "--foxglove-teleop")
+    refused(cohelm("robot", "lab-guard", *teleop), "add --listen 127.0.0.1, or use cohelm drive")
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as one:
+        return one.getsockname()[1]
+
+
+class Panel(Onlooker):
+    """Foxglove with a Teleop panel."""
+
+    def __init__(self, address: str, kind: str = "geometry_msgs/Twist", encoding="json") -> None:
+        super().__init__(address, ["/cmd_vel", "/diagnostics"])
+        channel = {"id": 7, "topic": "/cmd_vel", "encoding": encoding, "schemaName": kind}
+        self.say(op="advertise", channels=[channel])
+
+    def press(self, v: float, omega: float = 0.0) -> None:
+        self.connection.send(struct.pack("<BI", 1, 7) + said(v, omega))
+
+    def sees(self, until, within: float = 30.0, v: float | None = None) -> bool:
+        """Whether something becomes true, while it presses at 20 Hz; v None: nothing is pressed."""
+        due = 0.0
+        for _ in looks(within, 0.005, 0.2):
+            if v is not None and time.monotonic() >= due:
+                due = time.monotonic() + 0.05
+                self.press(v)
+            while self.take(0.0):
+                pass
+            if until():
+                return True
+        return False
+
+    def drives(self) -> bool:
+        """Whether it does: it is pressed, and let go now and then, as a busy machine loses it."""
+        drives = any(
+            self.sees(lambda: self.v > 0.15, 3.0, 0.3) or self.sees(lambda: False, 0.6)
+            for _ in range(8)
+        )
+        return drives
+
+    @property
+    def v(self) -> float:
+        """What the wheels try [m/s]."""
+        rows = self.heard["/cmd_vel"]
+        return STORE.deserialize_cdr(rows[-1][1], STAMPED).twist.linear.x if rows else 0.0
+
+    def was_told(self, words: str) -> bool:
+        return any(words in one["message"] for one in self.told)
+
+    def driver(self) -> str:
+        for _, data in reversed(self.heard["/diagnostics"]):
+            message = STORE.deserialize_cdr(data, "diagnostic_msgs/msg/DiagnosticArray")
+            for one in message.status:
+                if one.name == "driver":
+                    return one.message
+        return ""
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    of_robot, of_anna = pair_here("anna")
+    view = LiveConfig(port=free_port(), teleop=True)
+    door = TeleopConfig(of_robot, "127.0.0.1", 0, tmp_path_factory.mktemp("records"))
+    options = DriveOptions("lab-guard", "lab-guard", "kinematic", True, None, [])
+    with RobotProcess(options, door, patience=2.0, live=view) as made:
+        made.view, made.anna = view, of_anna
+        yield made
+
+
+def test_pressed_it_takes_the_lease_and_drives_and_let_go_the_robot_stands(robot):
+    panel = Panel(robot.view.address)
+    assert panel.info["capabilities"] == ["clientPublish"]
+    assert panel.info["supportedEncodings"] == ["json", "cdr"]
+    assert panel.drives(), panel.told
+    assert panel.driver() == "foxglove"
+    assert panel.sees(lambda: abs(panel.v) < 1e-3)  # nothing is said of letting go
+    assert panel.drives(), panel.told  # and nothing was latched
+    with StationEnd(robot.anna, robot.host, robot.port) as anna:
+        panel.sees(lambda: anna.status() is not None, v=0.3)
+        anna.ask(Ask.STOP)
+        assert panel.sees(lambda: panel.was_told("reset it on the page"), v=0.3)
+        assert panel.sees(lambda: abs(panel.v) < 1e-3, v=0.3)
+        assert not panel.sees(lambda: panel.v > 0.05, 1.0, v=0.3)  # pressed, and stopped
+        panel.close()  # and so it gives the lease back
+        for _ in looks(30.0, 0.05, 0.2):
+            if anna.status().status.lease.driver == 0:
+                break
+        anna.ask(Ask.TAKE)
+        for _ in looks(30.0, 0.05, 0.2):
+            lease = anna.status().status.lease
+            if lease.driver == lease.you:
+                break
+        else:
+            raise AssertionError("the lease was not given back")
+        anna.ask(Ask.RESET)
+        other = Panel(robot.view.address)
+        drives = "anna drives, and has to give the lease back first"
+        assert other.sees(lambda: other.was_told(drives), v=0.3), other.told
+        assert not other.sees(lambda: other.v > 0.01, 1.0, v=0.3)
+        assert anna.status().status.lease.driver == anna.status().status.lease.you
+        anna.ask(Ask.GIVE)
+        other.sees(lambda: anna.status().status.lease.driver == 0)
+        other.close()
+
+
+def test_a_panel_that_is_gone_in_the_middle_is_no_stick_that_was_let_go(robot):
+    panel = Panel(robot.view.address)
+    with StationEnd(robot.anna, robot.host, robot.port) as anna:
+        assert panel.drives(), panel.told
+        panel.press(0.3)
+        panel.connection.socket.shutdown(socket.SHUT_RDWR)
+        for _ in looks(30.0, 0.05, 0.2):
+            if "lost" in anna.status().status.stopped:
+                break
+        assert "lost" in anna.status().status.stopped
+        assert anna.status().status.mode == Mode.HOLD
+
+
+@pytest.mark.parametrize(
+    ("kind", "encoding", "data", "why"),
+    [
+        ("std_msgs/msg/String", "json", b"{}", "/cmd_vel is std_msgs/msg/String: the robot is"),
+        (TWIST, "ros1", b"", "/cmd_vel comes as ros1: it has to be json or cdr"),
+        (TWIST, "json", said(math.nan, 0.0), "the twist is no number"),
+        (TWIST, "json", said(math.inf, 0.0), "the twist is no number"),
+        (TWIST, "json", b'{"linear": {"x": 1' + b"0" * 400 + b"}}", "not understood"),
+        (TWIST, "json", b'{"linear": 1}', "not understood"),
+        (TWIST, "json", b"[[[", "not understood"),
+        (TWIST, "cdr", b"\x00\x01\x00\x00\x01", "not understood"),
+    ],
+)
+def test_what_can_not_be_steered_with_is_told(robot, kind, encoding, data, why):
+    panel = Panel(robot.view.address, kind, encoding)
+    panel.connection.send(struct.pack("<BI", 1, 7) + data)
+    assert panel.sees(lambda: panel.was_told(why)), panel.told
+    panel.close()
+
+
+def test_only_one_of_those_who_look_on_steers(monkeypatch):
+    of_robot, own = joined_by(pair_here()[0], "foxglove")
+    assert own.certificate in of_robot.trusted
+    monkeypatch.setattr(FoxgloveTeleop, "_run", lambda self: None)
+    teleop = FoxgloveTeleop(Joined(own, "127.0.0.1", 9, FULL))
+    assert teleop.publish("a", Twist(0.1, 0.0), print) == ""
+    assert "somebody else who looks on" in teleop.publish("b", Twist(0.1, 0.0), print)
+    teleop._came -= 11.0
+    assert teleop.publish("b", Twist(0.1, 0.0), print) == ""

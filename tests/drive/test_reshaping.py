@@ -1,0 +1,237 @@
+"""An outline that changes while all of cohelm drives: it counts when the robot can stop with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Pose, Stick, Twist
+from cohelm.drive.operator_requests import judge_of
+from cohelm.drive.session import Session, SessionConfig
+from cohelm.drive.simulated import Simulated
+from cohelm.link.messages import Ask, Mode
+from cohelm.loop.operator import Scripted
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.base import Robot
+from cohelm.robot.clearance import segment_clearance
+from cohelm.robot.footprint import hull
+from cohelm.robot.port import Readings
+from cohelm.scenario.load import load_robot
+from tests.drive.faults import along_corridor
+from tests.drive.resuming import Drive
+
+ARM = 0.3
+"""So much longer is the robot with its arm out [m]."""
+RESHAPED, ALONE = "the robot has another outline", "the outline of before counts no more"
+
+
+class Arm:
+    """A robot that says which outline it has."""
+
+    def __init__(self, robot) -> None:
+        self.robot, self.outline = robot, None
+
+    def __getattr__(self, name):
+        return getattr(self.robot, name)
+
+    def read(self):
+        outline = self.outline
+        return self.robot.read()._replace(outline=None if outline is None else outline.copy())
+
+
+@dataclass(frozen=True)
+class WithArm(Simulated):
+    def __call__(self):
+        return Arm(super().__call__())
+
+
+def corridor(end: float) -> WithArm:
+    made = along_corridor(end)
+    return WithArm(made.scenario, made.kind, False, made.seed)
+
+
+def longer(outline, ahead: float = ARM, beside: float = 0.0):
+    tips = [[outline[:, 0].max() + ahead, y * (0.1 + beside)] for y in (-1.0, 1.0)]
+    wide = [[0.0, y * (np.abs(outline[:, 1]).max() + beside)] for y in (-1.0, 1.0)]
+    return hull(np.vstack((outline, tips, wide)))
+
+
+class Ride:
+    """Ahead in manual mode, or along the route; `at` changes the outline."""
+
+    def __init__(self, end=10.3, at=lambda ride: None, mode=Mode.AUTOMATIC, seconds=40.0) -> None:
+        made = corridor(end)
+        self.events, self.reasons, self.least = [], [], np.inf
+        walls = made.scenario.walls()
+        stick = Scripted(lambda t: Stick(1.0 if t > 0.5 else 0.0, 0.0), lambda: self.t)
+        self.t = 0.0
+        with Session(SessionConfig(made), stick if mode == Mode.MANUAL else None) as session:
+            loop = self.loop = session.loop
+            self.arm, begun = loop.gated._robot, loop.gated.now()
+            self.file = made.model.outline
+            event, words = loop.log.event, loop.log.words
+            loop.log.event = lambda text, *more: self.events.append(text) or event(text, *more)
+            loop.log.words = lambda said: self.reasons.append(said.why) or words(said)
+
+            def until(loop) -> bool:
+                self.t = loop.gated.now() - begun
+                at(self)
+                pose = loop.gated.truth().pose
+                now = self.file if self.arm.outline is None else self.arm.outline
+                self.gap = min(segment_clearance(pose, now, *wall) for wall in walls)
+                self.least = min(self.least, self.gap)
+                self.pose, self.speed = pose, loop.seen.twist.v
+                return loop.driver.arrived or self.t > seconds
+
+            session.run(until, mode)
+            self.arrived = loop.driver.arrived
+            session.end("over")
+
+    def told(self, words: str) -> int:
+        """How often."""
+        return sum(words in one for one in self.events)
+
+
+def at_speed(change):
+    def at(ride) -> None:
+        if ride.arm.outline is None and ride.loop.seen.twist.v > 0.3:
+            ride.arm.outline = change(ride.file)
+
+    return at
+
+
+def test_it_drives_on_with_an_arm_out_and_ends_its_route_as_much_sooner():
+    """To a wall that it reaches with its arm and not with its file's outline."""
+    short, long = Ride(10.5, seconds=30.0), Ride(10.5, at_speed(longer), seconds=30.0)
+    assert short.told(RESHAPED) == 0
+    assert (long.told(RESHAPED), long.told(ALONE)) == (1, 1)
+    assert short.pose.x - long.pose.x > 0.7 * ARM
+    assert long.least > 0.015
+    assert not any("outline changes" in why for why in long.reasons)
+
+
+def test_where_it_can_not_stop_with_both_it_brakes_and_says_why():
+    """Grown 5 cm before a wall, at speed: the larger outline would be in the wall."""
+
+    def at(ride) -> None:
+        if ride.arm.outline is None and 11.0 - ride.loop.seen.pose.x < 0.36 + ARM + 0.15:
+            ride.arm.outline = longer(ride.file)
+
+    ride = Ride(10.5, at, Mode.MANUAL, seconds=26.0)
+    assert ride.told(RESHAPED) == 1
+    assert any("the outline changes, and both count until it fits" in w for w in ride.reasons)
+    assert ride.told(ALONE) == 1  # as it stands
+    assert abs(ride.speed) < 0.05
+
+
+def test_one_that_shrinks_is_believed_as_late():
+    """The larger one counts until a motion is certified: then it goes as near as the small one."""
+
+    def at(ride) -> None:
+        if ride.arm.outline is None and ride.t > 0.2:
+            ride.arm.outline = longer(ride.file)
+        elif ride.t > 8.0 and len(ride.arm.outline) != len(ride.file):
+            ride.arm.outline = ride.file
+
+    ride, short = Ride(10.5, at, seconds=30.0), Ride(10.5, seconds=30.0)
+    assert (ride.told(RESHAPED), ride.told(ALONE)) == (2, 2)
+    assert ride.pose.x == pytest.approx(short.pose.x, abs=0.05)
+
+
+@pytest.fixture
+def drive(tmp_path):
+    with Drive(tmp_path) as made:
+        yield made
+
+
+def test_stations_plans_and_another_way_go_by_the_outline_that_it_has(drive):
+    shown = []
+    drive.link.reshape = lambda outline: shown.append(outline)
+
+    def script():
+        anna = drive.station("anna")
+        yield from range(5)
+        anna.ask(Ask.TAKE)
+        yield from range(5)
+        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        yield from range(40)
+        wide = longer(drive.gated.model.outline, 0.0, 0.3)
+        drive.wheels.outline = wide
+        yield from range(40)
+        assert len(shown) == 1
+        assert np.array_equal(shown[0], wide)
+        loop, first = drive.loop, drive.loop.driver
+        assert np.array_equal(first.pilot.task(loop.seen.pose, Twist(0, 0), first.around(
+            loop.seen)).outline, wide)  # fmt: skip
+        assert np.array_equal(drive.beside.checking._judge.outline, wide)
+        anna.propose([(4.0, 0.0), (7.0, 0.2)])
+        yield from range(150)
+        assert loop.driver is not first
+        assert loop.supervisor.driver is loop.driver
+        assert loop._reporter.driver is loop.driver
+        assert np.array_equal(loop.driver.settings.outline, wide)
+        assert np.array_equal(loop.driver.pilot.settings.outline, wide)
+
+    drive.run(script())
+
+
+def test_a_way_is_held_against_the_outline_that_it_has():
+    made = along_corridor(6.0)
+    plan, narrow = SessionConfig(made), np.array([[2.0, 0.9], [4.0, 0.9]])
+    known = map_from_geometry(made.scenario.walls(), made.start)
+    here = Pose(0.0, 0.0, 0.0)
+    assert judge_of(plan, known)(narrow, here).reference is not None
+    wide = longer(made.model.outline, 0.0, 0.3)
+    said = judge_of(plan, known, wide)(narrow, here)
+    assert said.reference is None
+    assert "on the way to 2: something in the way" in said.why
+
+
+class Own(Robot):
+    """Says an outline that is none, or one the other way round."""
+
+    outline = None
+
+    def read(self):
+        return Readings(outline=self.outline)
+
+    def send(self, twist):
+        pass
+
+    def stop(self):
+        pass
+
+
+def test_an_outline_of_ones_own_robot_is_checked_where_it_comes_in():
+    adapter = RobotAdapter(own := Own(load_robot("sally")))
+    own.outline = own.model.outline[::-1]
+    assert np.array_equal(np.sort(adapter.read().outline, axis=0), np.sort(own.outline, axis=0))
+    assert adapter.read().health.faults == ()
+    before = adapter.read().outline
+    own.outline = np.array([[0.1, np.nan], [0.2, 0.1], [0.0, 0.1]])
+    read = adapter.read()
+    assert read.outline is before
+    assert "must be finite numbers" in read.health.faults[0]
+    adapter.close()
+
+
+def test_the_way_of_a_new_driver_is_what_is_reported(drive):
+    """Progress was told of the way before."""
+
+    def script():
+        anna = drive.station("anna")
+        yield from range(5)
+        anna.ask(Ask.TAKE)
+        yield from range(5)
+        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        yield from range(250)
+        before = drive.loop._reporter._progress()
+        assert before > 0.1
+        anna.propose([(4.0, 0.0), (7.0, 0.2)])
+        yield from range(150)
+        assert drive.loop._reporter._progress() < before
+
+    drive.run(script())

@@ -1,0 +1,124 @@
+"""Who publishes what is never heard is told, whenever he comes; what is wrong is one sentence."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from cohelm.core.errors import CohelmError
+from cohelm.drive.on_topics import TopicsConfig, heard_besides
+from cohelm.ros.goals import GOAL
+from cohelm.ros.interlock import Interlock
+from cohelm.ros.joy import JOY, JoyOperator, JoyParams
+from cohelm.ros.localized import PATH, POSE
+from cohelm.ros.mismatch import BOOL, TWIST
+from cohelm.ros.options import by_topics
+from cohelm.ros.port import COMMAND, Endpoint, Qos, Received
+from cohelm.ros.unreached import Unreached
+from tests.patience import looks
+
+BEST_EFFORT = Qos(False)
+CONFIG = TopicsConfig(ways=("goal_pose", "/plan"), initial="initialpose", joy="joy")
+
+
+class Network:
+    """Who publishes, in a test's hands."""
+
+    name = "nobody's"
+
+    def __init__(self) -> None:
+        self.there: list[Endpoint] = []
+        self.heard: list[object] = []
+
+    def comes(self, topic: str, kind: str, qos: Qos = COMMAND) -> None:
+        self.there.append(Endpoint(topic, kind, qos, True, "/rviz"))
+
+    def endpoints(self) -> list[Endpoint]:
+        return self.there
+
+    def lost(self) -> str:
+        return ""
+
+    def subscribe(self, topic, kind, qos, heard):
+        self.heard.append(heard)
+        return lambda: None
+
+
+def told(*ends, config=CONFIG) -> list[str]:
+    network, said = Network(), list[str]()
+    made = Unreached(network, (), said.append)
+    made._wanted = heard_besides(config, "/r2")
+    for one in ends:
+        network.comes(*one)
+    for _ in range(4):
+        made.look()
+    return said
+
+
+def test_with_nobody_there_or_who_is_heard_nothing_is_said():
+    assert told() == []
+    ends = (("/r2/goal_pose", GOAL), ("/r2/goal_pose", PATH), ("/plan", PATH),
+            ("/r2/initialpose", POSE), ("/r2/joy", JOY, BEST_EFFORT))  # fmt: skip
+    assert told(*ends) == []
+    assert told(("/r2/goal_pose", "geometry_msgs/msg/Pose"), ("/r2/goal_pose", GOAL)) == []
+
+
+@pytest.mark.parametrize(
+    ("end", "why"),
+    [
+        (("/r2/goal_pose", "geometry_msgs/msg/PointStamped"),
+         "/r2/goal_pose is geometry_msgs/msg/PointStamped by /rviz, and geometry_msgs/msg/"
+         "PoseStamped is needed: name another topic with --goals-from"),
+        (("/plan", PATH, BEST_EFFORT),
+         "/plan never reaches this node: the publisher is best effort and the subscriber wants "
+         "reliable; mend the QoS of its publisher"),
+        (("/r2/initialpose", GOAL), "is needed: name another topic with --initial-pose-from"),
+        (("/r2/joy", TWIST), "sensor_msgs/msg/Joy is needed: name another topic with --joy"),
+    ],
+)  # fmt: skip
+def test_who_is_never_heard_is_told_once(end, why):
+    (said,) = told(end)
+    assert why in said
+
+
+def test_it_looks_by_itself_and_a_transport_that_is_gone_ends_nothing(monkeypatch):
+    monkeypatch.setattr("cohelm.ros.unreached._LOOK", 0.01)
+    network, said, fails = Network(), list[str](), [3]
+    endpoints = network.endpoints
+
+    def seen():
+        fails[0] -= 1
+        if fails[0] > 0:
+            raise CohelmError("the bridge is gone")
+        return endpoints()
+
+    network.endpoints = seen
+    network.comes("/r2/joy", TWIST)
+    made = Unreached(network, heard_besides(CONFIG, "/r2"), said.append)
+    assert any(said for _ in looks(20.0, 0.01, 0.2))
+    made.close()
+
+
+def test_an_emergency_stop_that_can_not_be_heard_is_a_fault_whenever_it_comes():
+    network = Network()
+    one = Interlock(network, "/cmd_vel", "/emergency_stop")
+    assert not one.faults()
+    network.comes("/emergency_stop", "std_msgs/msg/String")
+    assert any(one.faults() for _ in looks(20.0, 0.05, 0.5))
+    (why,) = one.faults()
+    assert why.startswith("/emergency_stop is std_msgs/msg/String by /rviz, and std_msgs/msg/Bool")
+    assert "with --lock" in why
+    assert "with --topic lock=TOPIC" in by_topics(why)
+    network.there[:] = []
+    network.comes("/emergency_stop", BOOL)
+    assert any(not one.faults() for _ in looks(20.0, 0.05, 0.5))
+    one.close()
+
+
+def test_bytes_of_a_joystick_that_can_not_be_read_are_told():
+    network, now = Network(), time.monotonic()
+    joy = JoyOperator(network, "/joy", JoyParams(), lambda: now)
+    assert joy.problem() == "/joy: nothing is heard"
+    network.heard[0](Received(None, now, "7 bytes are no Joy"))
+    assert joy.problem() == "/joy: what comes can not be read (7 bytes are no Joy)"
