@@ -206,7 +206,7 @@ def robot(
     usual = "shared" if joy and not dock else ""
     chosen = None if listen is not None else mode_and_stick(made, mode or usual)
     say(begins)
-    if listen is not None and not keys.stations():
+    if listen is not None and not keys.stations() and not foxglove_teleop:
         say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
     with starting(made.model.name) as line, ended() as stop, topics_too as beside:
 

@@ -63,3 +63,25 @@ class InThread:
                 job()
             except Exception:
                 _log.exception("a mistake in what was done beside the loop; it goes on")
+
+
+def in_thread(what: Callable[[], None]) -> Callable[[], None]:
+    """Do something in a thread: what compiles here, and what compiles in the gate process, take
+    as long as the longer of the two. Returns what waits for its end, and raises what it raised."""
+    raised: list[BaseException] = []
+
+    def done() -> None:
+        try:
+            what()
+        except BaseException as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=done, name="warm up", daemon=True)
+    thread.start()
+
+    def waited() -> None:
+        thread.join()
+        if raised:
+            raise raised[0]
+
+    return waited

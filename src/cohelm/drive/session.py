@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.drive.factory import RobotFactory
+from cohelm.drive.jobs import in_thread
 from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Listening, Recording
@@ -140,7 +140,7 @@ class Session:
                 check(plan.zones, known)
             has_map = known is not None
             docks = docks_of(plan, known)
-            warmed_up = _in_thread(lambda: rehearse(model, has_map)) if real_time else None
+            warmed_up = in_thread(lambda: rehearse(model, has_map)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             listeners = (self.recording, self.live)
             record, live = (_line(one, real_time) for one in listeners)
@@ -352,28 +352,6 @@ class Session:
 def _line(listener: Listening | None, real_time: bool) -> RecordLine:
     """From the loop."""
     return RecordLine(None if listener is None else listener.loop, waits=not real_time)
-
-
-def _in_thread(what: Callable[[], None]) -> Callable[[], None]:
-    """Do something in a thread: what compiles here, and what compiles in the gate process, take
-    as long as the longer of the two. Returns what waits for its end, and raises what it raised."""
-    raised: list[BaseException] = []
-
-    def done() -> None:
-        try:
-            what()
-        except BaseException as error:
-            raised.append(error)
-
-    thread = threading.Thread(target=done, name="warm up", daemon=True)
-    thread.start()
-
-    def waited() -> None:
-        thread.join()
-        if raised:
-            raise raised[0]
-
-    return waited
 
 
 def _loop_params(plan: SessionConfig) -> LoopParams:
