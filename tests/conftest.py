@@ -62,9 +62,14 @@ def pytest_configure(config: pytest.Config) -> None:
         os.nice(10)
 
 
+GROUP = r'xdist_group\("(\w+)"\)'
+MARKED = re.compile(rf"^@pytest\.mark\.{GROUP}\n(?:@.*\n)*def (\w+)", re.MULTILINE)
+"""A test that is marked by itself, and not with its file."""
+
+
 class ByFile(LoadScopeScheduling):
-    """Each file as a whole to one worker, with those of its group; what watches the clock, to the
-    first one.
+    """Each file to one worker, with those of its group; tests that are marked by themselves, with
+    theirs; what watches the clock, to the first one.
 
     pytest-xdist 3.8 tells groups by a name of tests that pytest 9.2 reads no more.
     """
@@ -75,14 +80,19 @@ class ByFile(LoadScopeScheduling):
         super()._assign_work_unit(node)
 
     def _split_scope(self, nodeid: str) -> str:
-        return self._group(nodeid.split("::")[0])
+        file, _, test = nodeid.partition("::")
+        whole, own = self._groups(file)
+        return own.get(test.partition("[")[0], whole)
 
     @functools.cache  # noqa: B019  there is one, for the whole run
-    def _group(self, file: str) -> str:
+    def _groups(self, file: str) -> tuple[str, dict[str, str]]:
+        """The group of a file's tests, and of those that have one of their own."""
         if file.startswith("tests/station/"):  # one robot and one browser for them all
-            return "realtime"
-        group = re.search(r'xdist_group\("(\w+)"\)', (self.config.rootpath / file).read_text())
-        return group[1] if group else file
+            return "realtime", {}
+        text = (self.config.rootpath / file).read_text()
+        own = {match[2]: match[1] for match in MARKED.finditer(text)}
+        whole = re.search(GROUP, MARKED.sub("", text))
+        return whole[1] if whole else file, own
 
 
 @pytest.hookimpl(optionalhook=True)

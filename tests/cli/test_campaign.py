@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,8 +16,25 @@ ONE = ("campaign", "adversary", "--law", "guard", "--n", "3", "--seed", "2", "--
 TWO = ("campaign", "random", "--compare", "none,paper", "--n", "2", "--seed", "2", "--jobs", "1")
 
 
-def test_one_law_says_one_object_with_what_is_counted(cohelm, tmp_path):
-    said = cohelm(*ONE, "--out", "there", "--json")
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """Folders of campaigns, by their arguments, as they were left: each is driven once."""
+    left = {}
+
+    def take(cohelm, arguments, to):
+        """Such a folder at `to`, and what the command said when it was driven."""
+        if arguments not in left:
+            folder = tmp_path_factory.mktemp("driven") / "there"
+            left[arguments] = folder, cohelm(*arguments, "--out", folder)
+        folder, said = left[arguments]
+        shutil.copytree(folder, to)
+        return said
+
+    return take
+
+
+def test_one_law_says_one_object_with_what_is_counted(cohelm, driven, tmp_path):
+    said = driven(cohelm, (*ONE, "--json"), tmp_path / "there")
     assert said.code == 0
     got = json.loads(said.out)
     assert (got["suite"], got["law"], got["episodes"], got["seed"]) == ("adversary", "guard", 3, 2)
@@ -28,8 +46,8 @@ def test_one_law_says_one_object_with_what_is_counted(cohelm, tmp_path):
     assert json.loads((tmp_path / "there" / "summary.json").read_text()).items() <= got.items()
 
 
-def test_laws_are_put_side_by_side_on_the_same_episodes(cohelm, tmp_path):
-    said = cohelm(*TWO, "--out", "there")
+def test_laws_are_put_side_by_side_on_the_same_episodes(cohelm, driven, tmp_path):
+    said = driven(cohelm, TWO, tmp_path / "there")
     assert said.code == 0
     assert re.search(r"quantity\W+none\W+paper", said.out)
     got = json.loads(cohelm("campaign", "there", "--json").out)
@@ -42,8 +60,8 @@ def test_laws_are_put_side_by_side_on_the_same_episodes(cohelm, tmp_path):
     assert "link " not in page
 
 
-def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, tmp_path):
-    cohelm(*TWO, "--out", "there")
+def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, driven, tmp_path):
+    driven(cohelm, TWO, tmp_path / "there")
     got = json.loads(cohelm("campaign", "there", "--replay", "paper/1", "--json").out)
     assert got["same_as_row"] is True
     assert (got["law"], got["episode"], got["out"]) == ("paper", 1, "there/episodes/paper-1")
@@ -84,8 +102,8 @@ def test_what_can_not_be_done_is_one_sentence(cohelm, tmp_path, arguments, words
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_of_another_campaign_is_not_touched(cohelm, tmp_path):
-    cohelm(*ONE, "--out", "there")
+def test_a_folder_of_another_campaign_is_not_touched(cohelm, driven, tmp_path):
+    driven(cohelm, (*ONE, "--json"), tmp_path / "there")
     before = sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*"))
     said = cohelm(*ONE[:-4], "--seed", "3", "--out", "there")
     assert said.code == 2

@@ -6,12 +6,8 @@ import subprocess
 import sys
 import time
 
-import pytest
-
 from cohelm.link import keys
 from cohelm.link.station_end import StationEnd
-
-pytestmark = pytest.mark.xdist_group("realtime")
 
 
 def test_a_paired_station_hears_a_robot_that_listens(tmp_path, monkeypatch):

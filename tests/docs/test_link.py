@@ -66,7 +66,7 @@ def test_the_numbers_are_those_of_the_code():
         assert said in TEXT
         number, unit = re.findall(r"([\d.]+) (ms|s)\b", said)[-1]
         assert float(number) * {"ms": 1e-3, "s": 1.0}[unit] == pytest.approx(value)
-    assert f"clients | {robot_end.MOST_CLIENTS}, of them {robot_end.MOST_OF_ONE_KEY} with" in TEXT
+    assert f"clients | {client.MOST_CLIENTS}, of them {client.MOST_OF_ONE_KEY} with" in TEXT
     assert f"{client.DATAGRAMS:.0f} a second and {client.AT_ONCE:.0f} at once are heard" in TEXT
     assert f"of {client.LOOKED_AT:.0f} a second a stop is" in TEXT
     assert f"{client.REQUESTS:.0f} a second and {client.REQUESTS_AT_ONCE:.0f} at once" in TEXT

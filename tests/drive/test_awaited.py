@@ -92,7 +92,6 @@ def test_a_page_that_left_before_makes_no_link_afterwards():
     assert not link.quality().connected
 
 
-@pytest.mark.xdist_group("realtime")
 def test_a_robot_that_still_starts_is_ended_at_once(tmp_path):
     own, _ = keys.pair_here()
     robot = RobotProcess(LAB, TeleopConfig(own, "127.0.0.1", 0, tmp_path), wait=False)
@@ -103,7 +102,6 @@ def test_a_robot_that_still_starts_is_ended_at_once(tmp_path):
     assert robot.over == ""
 
 
-@pytest.mark.xdist_group("realtime")
 def test_a_robot_that_can_not_be_started_says_so_and_what_follows_is_called(tmp_path):
     own, _ = keys.pair_here()
     robot = RobotProcess(NOWHERE, TeleopConfig(own, "127.0.0.1", 0, tmp_path), wait=False)

@@ -6,7 +6,6 @@ import threading
 import time
 
 import numpy as np
-import pytest
 
 from cohelm.core.types import Pose
 from cohelm.drive import checking
@@ -14,7 +13,6 @@ from cohelm.drive.checking import CheckingElsewhere
 from cohelm.drive.proposed import CheckedPath, PathChecker
 from tests.link.ends import until
 
-pytestmark = pytest.mark.xdist_group("realtime")
 STARTED = 240.0  # with nothing compiled, on a busy machine [s]
 OUTLINE = np.array([(-0.36, -0.29), (0.36, -0.29), (0.36, 0.29), (-0.36, 0.29)])
 JUDGE = PathChecker(0.5, OUTLINE, np.empty((0, 2)), np.empty((0, 2)))

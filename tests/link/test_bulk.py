@@ -32,7 +32,6 @@ from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import STATUS, until
 
-pytestmark = pytest.mark.xdist_group("realtime")
 HERE = "127.0.0.1"
 
 

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from cohelm.core.types import Stick
-from cohelm.link.client import AT_ONCE, free_number
+from cohelm.link.client import AT_ONCE, MOST_CLIENTS, MOST_OF_ONE_KEY, free_number
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.pending import MOST_WAITING
-from cohelm.link.robot_end import MOST_CLIENTS, MOST_OF_ONE_KEY, SILENT, RobotEnd
+from cohelm.link.robot_end import SILENT, RobotEnd
 from cohelm.link.station_end import StationEnd
 from cohelm.link.wire import Header, encode, from_operator, may_stop
 from tests.link.ends import CENTRED, STATUS, until
@@ -126,7 +126,7 @@ def test_requests_beyond_a_rate_are_refused_with_an_answer_and_stops_are_not(rob
 
 def test_numbers_are_used_again_and_newcomers_still_get_a_status(robot, keys):
     """After 65 535 connections, as if there had been so many."""
-    robot._number = 65_533
+    robot._clients.last = 65_533
     with contextlib.ExitStack() as stack:
         stations = [
             stack.enter_context(StationEnd(keys[1], HERE, robot.address[1])) for _ in range(4)

@@ -30,7 +30,7 @@ from cohelm.scenario.load import robot as load_robot
 from tests.ros.bridge import Bridge
 from tests.ros.stage import alone, stage, until
 
-pytestmark = pytest.mark.xdist_group("realtime")
+pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 
 
 def test_auto_takes_the_bridge_where_its_address_is_given_or_nothing_else_is_there(monkeypatch):

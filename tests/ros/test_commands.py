@@ -32,8 +32,6 @@ from cohelm.ros.transforms import yaw_of
 from tests.ros.stage import NOBODYS, Base, Controller, alone, until
 from tests.ros.test_masks import Filter, grid, info
 
-pytestmark = pytest.mark.xdist_group("realtime")
-
 
 def cohelm(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(

@@ -24,7 +24,7 @@ from cohelm.ros.port import COMMAND, SENSOR
 from tests.ros.stage import until
 from tests.ros.transports import TRANSPORTS
 
-pytestmark = pytest.mark.xdist_group("realtime")
+pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 NAN = math.nan
 
 

@@ -13,6 +13,7 @@ from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
 from cohelm.robot.gate.modes import GateMode
+from cohelm.ros import interlock
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.filter_node import _reason
 from cohelm.ros.interlock import Interlock
@@ -31,6 +32,11 @@ def others():
     made = DdsTransport("others")
     yield made
     made.close()
+
+
+@pytest.fixture(autouse=True)
+def _looks_often(monkeypatch):
+    monkeypatch.setattr(interlock, "_LOOK", 0.05)
 
 
 @pytest.fixture

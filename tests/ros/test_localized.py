@@ -28,7 +28,7 @@ from cohelm.scenario.load import robot as load_robot
 from tests.ros.stage import until
 from tests.ros.transports import TRANSPORTS
 
-pytestmark = pytest.mark.xdist_group("realtime")
+pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 MAP_ODOM, ODOM = Pose(3.0, -1.0, 0.4), Pose(1.5, 0.25, -1.1)
 LASTING = [pytest.param(one, id=name) for name, one in TRANSPORTS.items() if one.graph]
 """Transports on which what is transient local lasts."""

@@ -25,7 +25,7 @@ from cohelm.sim.world import world
 from tests.ros.stage import HALL, alone
 from tests.ros.transports import bridge
 
-pytestmark = pytest.mark.xdist_group("realtime")
+pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 PAGE = (Path(__file__).parents[2] / "docs" / "ros2.md").read_text(encoding="utf-8")
 DESCRIBED = re.search(r"```yaml\n(name: rover\n.*?)```", PAGE, re.DOTALL)[1]
 COMMAND = re.search(r"^    cohelm (filter --robot rover.yaml .*)$", PAGE, re.MULTILINE)[1]

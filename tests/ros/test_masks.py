@@ -18,7 +18,7 @@ from tests.ros.costmap_filters import CELLS, grid, info
 from tests.ros.stage import until
 from tests.ros.transports import TRANSPORTS
 
-pytestmark = pytest.mark.xdist_group("realtime")
+pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 NAN = math.nan
 LASTING = {name: one for name, one in TRANSPORTS.items() if name != "from_foxglove"}
 """What a bridge's client publishes is volatile."""

@@ -24,7 +24,6 @@ from cohelm.ros.types import packed, unpacked
 from cohelm.station.tls import certificate
 from tests.ros.stage import until
 
-pytestmark = pytest.mark.xdist_group("realtime")
 STRING = "std_msgs/msg/String"
 COUNT, WRITERS = 120, 3
 

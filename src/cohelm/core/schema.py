@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
+
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
+"""x or y of a world [m]."""
 
 
 def refuse(*problems: tuple[str, str]) -> NoReturn:

@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from cohelm.link import lease, udp
-from cohelm.link.client import Client, free_number
+from cohelm.link.client import Client, Clients
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import HandshakeRefused, context
 from cohelm.link.io_thread import IoThread
@@ -33,17 +33,12 @@ from cohelm.link.wire import Header, encode, from_operator, may_stop
 
 STALE = 0.25
 """An older command is not used [s]."""
-AHEAD = 0.05
-"""A command that seems to come from further ahead than this is not used either [s]."""
 REQUEST_LIFE = 1.0
 """A request asked longer ago is refused, but for a stop [s]."""
 SILENT = 2.0
 """Of whom nothing was heard for so long, the lease can be taken without asking [s]."""
 FORGOTTEN = 30.0
 """... and it is let go for good, its lease too [s]."""
-MOST_CLIENTS = 16
-MOST_OF_ONE_KEY = 12
-"""Clients with one certificate: the pages of one station, and a few places for others."""
 _MOST_SPEECHLESS = 8
 """Clients of whom nothing sensible was heard yet; a further one takes the oldest's place."""
 _SPEECHLESS = 5.0  # [s], and such a one is let go
@@ -69,12 +64,11 @@ class RobotEnd(IoThread):
         self._session = secrets.randbits(64)
         super().__init__("link robot")
         self._lock = threading.RLock()
-        self._clients: dict[int, Client] = {}
+        self._clients = Clients()
         self._held = lease.Held()
         self._term = 0
         self._given_at = -math.inf
         """When the lease came to the driver otherwise than by his own asking just then [s]."""
-        self._number = 0
         self._pending = Pending()
         self._lines = Coalesced()
         self._outbox: dict[object, Status | ScanPart | Discs] = {}
@@ -89,15 +83,16 @@ class RobotEnd(IoThread):
         now = self.clock()
         with self._lock:
             taken = self._pending.take()
-            asked = tuple(a._replace(age=self._oldest(a, now)) for a in taken)
+            asked = tuple(
+                a._replace(age=self._clients.oldest(a.client, a.request.made, now)) for a in taken
+            )
             client = self._clients.get(self._held.driver)
             if client is None:
-                who = self._held.driver
                 return OperatorInput(
-                    who, self._name(who), None, math.nan, math.nan, asked, self._term
+                    self._held.driver, "", None, math.nan, math.nan, asked, self._term
                 )
             age = client.path.oldest(client.stamp, now)
-            fresh = client.command is not None and self._fresh(client, client.stamp, now)
+            fresh = client.command is not None and client.in_time(client.stamp, now, self._stale)
             if fresh:
                 client.used_age = age
             return OperatorInput(
@@ -128,12 +123,12 @@ class RobotEnd(IoThread):
     def clients(self) -> dict[int, str]:
         """Who is connected: names by number."""
         with self._lock:
-            return {n: c.channel.name for n, c in self._clients.items() if c.session is not None}
+            return {c.number: c.channel.name for c in self._clients.heard()}
 
     def client_of(self, fingerprint: str, session: int) -> int | None:
         """The number of a connected client, by its certificate and session."""
         with self._lock:
-            client = self._found(fingerprint, session)
+            client = self._clients.found(fingerprint, session)
             return None if client is None else client.number
 
     @property
@@ -207,9 +202,7 @@ class RobotEnd(IoThread):
             speechless = [c for c in self._clients.values() if c.session is None]
             if len(speechless) >= _MOST_SPEECHLESS:
                 self._leave(speechless[0], "pushed out by newer connections")
-            self._number = free_number(self._number, set(self._clients))
-            client = Client(self._number, guest, self.clock())
-            self._clients[self._number] = client
+            client = self._clients.welcome(guest, self.clock())
         self._say(client, f"{client.name} is connected from {guest.address[0]}")
         for message in guest.first:
             self._message(client, message)
@@ -251,35 +244,21 @@ class RobotEnd(IoThread):
             if not client.path.heard(header, now):
                 self._not_used(client, "out of order")
                 return self._requests(client, message, now, stops_only=True)
-            if not self._fresh(client, header.stamp, now):
+            if not client.in_time(header.stamp, now, self._stale):
                 unknown = math.isnan(client.path.offset)
                 self._not_used(client, "clocks not compared" if unknown else "too old")
                 return self._requests(client, message, now, stops_only=True)
             client.command, client.stamp = message, header.stamp
             self._requests(client, message, now, stops_only=False)
 
-    def _fresh(self, client: Client, stamp: float, now: float) -> bool:
-        """Whether a command is young enough even in the worst case, and not from the future."""
-        path = client.path
-        return -AHEAD <= path.age(stamp, now) and path.oldest(stamp, now) <= self._stale
-
-    def _found(self, fingerprint: str, session: int) -> Client | None:
-        for client in self._clients.values():
-            if client.session == session and client.channel.peer == fingerprint:
-                return client
-        return None
-
     def _known(self, client: Client, header: Header, now: float) -> Client | None:
         """The client by its session: who comes again, on a new channel, is who it was. None: there
         is no place for another."""
         if client.session == header.session:
             return client
-        old = self._found(client.channel.peer, header.session)
+        old = self._clients.found(client.channel.peer, header.session)
         if old is not None:
-            old.socket.close()
-            old.channel, old.socket, old.address = client.channel, client.socket, client.address
-            del self._clients[client.number]
-            client.same_as = old
+            self._clients.reunite(old, client)
             return old
         if client.session is None and not self._seated(client, now):
             self._door.refuse(client.address, "as many clients as there can be")
@@ -292,15 +271,11 @@ class RobotEnd(IoThread):
 
     def _seated(self, client: Client, now: float) -> bool:
         """Whether there is a place for a new client, if need be that of one who is silent."""
-        others = [c for c in self._clients.values() if c.session is not None]
-        same = [c for c in others if c.channel.peer == client.channel.peer]
-        if len(same) < MOST_OF_ONE_KEY and len(others) < MOST_CLIENTS:
-            return True
-        among = same if len(same) >= MOST_OF_ONE_KEY else others
-        silent = [c for c in among if c.number != self._held.driver and now - c.last > SILENT]
+        crowd = self._clients.crowd(client)
+        silent = [c for c in crowd if c.number != self._held.driver and now - c.last > SILENT]
         if silent:
             self._leave(min(silent, key=lambda c: c.last), "another needs the place")
-        return bool(silent)
+        return not crowd or bool(silent)
 
     def _not_used(self, client: Client, why: str) -> None:
         client.dropped += 1
@@ -320,7 +295,7 @@ class RobotEnd(IoThread):
                     self.answer(off.client, off.request.number, False, f"{client.name} stopped it")
             elif not client.requests.take(now):
                 refused = "too many requests: wait a second"
-            elif not self._in_time(client, request, now):
+            elif not client.in_time(request.made, now, REQUEST_LIFE):
                 refused = "it came too late"
             elif request.what in _OF_LEASE:
                 self._lease_request(client, request, now)
@@ -332,10 +307,6 @@ class RobotEnd(IoThread):
                 refused = "too many requests: wait for their answers"
             if refused:
                 self.answer(client.number, request.number, False, refused)
-
-    def _in_time(self, client: Client, request: Request, now: float) -> bool:
-        path, made = client.path, request.made
-        return -AHEAD <= path.age(made, now) and path.oldest(made, now) <= REQUEST_LIFE
 
     def _lease_request(self, client: Client, request: Request, now: float) -> None:
         held = self._held
@@ -351,13 +322,6 @@ class RobotEnd(IoThread):
         taken = request.what is Ask.TAKE
         self._lease(said.held, f"asked by {client.name}", taken=taken)
 
-    def _oldest(self, asked: ClientRequest, now: float) -> float:
-        """How long ago something was asked for at most [s]; NaN: who asked is gone."""
-        client = self._clients.get(asked.client)
-        if client is None:
-            return math.nan
-        return client.path.oldest(asked.request.made, now)
-
     def _before_lease(self, client: Client, request: Request, now: float) -> bool:
         """Whether it was made before the driver could know that he drives."""
         return now - client.path.age(request.made, now) < self._given_at
@@ -368,22 +332,15 @@ class RobotEnd(IoThread):
             self._given_at = -math.inf if taken else self.clock()
             if not (lost and held.driver == lease.NOBODY):
                 self._term += 1
-            self._withdraw(self._held.driver)
+            old = self._held.driver  # what it asked for, and the loop has not done, it shall not do
+            for asked in self._pending.withdraw(old, but=_FOR_ALL):
+                self.answer(old, asked.request.number, False, "you do not drive any more")
             new = self._clients.get(held.driver)
             who = "nobody" if new is None else new.name
             self._say(None, f"{who} drives now: {why}")
             if new is not None:
                 new.command = None  # what it wanted before it drove counts for nothing
         self._held = held
-
-    def _withdraw(self, driver: int) -> None:
-        """What somebody asked for as the driver, and the loop has not done, it shall not do."""
-        for asked in self._pending.withdraw(driver, but=_FOR_ALL):
-            self.answer(driver, asked.request.number, False, "you do not drive any more")
-
-    def _name(self, number: int) -> str:
-        client = self._clients.get(number)
-        return client.channel.name if client else ""
 
     def _say(self, about: Client | None, text: str, level: int = logging.INFO) -> None:
         """Into the log; of what one certificate's clients do, a line of a kind a second."""
@@ -430,8 +387,8 @@ class RobotEnd(IoThread):
             path = client.path
             return status._replace(
                 lease=Lease(
-                    client.number, held.driver, self._name(held.driver), held.asking,
-                    self._name(held.asking), held.until - self.clock(),
+                    client.number, held.driver, self._clients.name(held.driver), held.asking,
+                    self._clients.name(held.asking), held.until - self.clock(),
                 ),
                 answers=tuple(client.answers),
                 timing=status.timing._replace(

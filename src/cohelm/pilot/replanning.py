@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import RADIUS, Desired, Floats, Pose, Twist, X, Y
+from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.govern import CourseClock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.rollout import ahead
 from cohelm.pilot.step import NO_MOVE, PilotState, Settings, still
+from cohelm.pilot.surface_points import surface_points
 from cohelm.plan.course import Course, Route, course, nearest_row, paced, window
 from cohelm.plan.distance_field import swept
 from cohelm.plan.elastic_band import distances
@@ -21,11 +21,7 @@ from cohelm.plan.path_planner import PathParams, way
 from cohelm.plan.prediction import Foresight, met
 from cohelm.plan.recovery import Choices, RecoveryMove, back_off, kind, recovery_move, wriggle
 
-_ROUND = 24  # points around a disc, at least
-_FINE = 0.03  # between points around a disc that is near [m]
-_APART = 0.05  # between points on a wall [m]
-_DENSE, _DENSE_WITHIN = 0.01, 2.5  # the same where millimetres matter, and how far that is [m]
-_NEAR = 1.5  # the robot's centre to a disc's surface [m]
+_DENSE, _DENSE_WITHIN = 0.01, 2.5  # between points where millimetres matter, how far that is [m]
 _CHOICES = Choices()
 _NO_WAY: Floats = np.empty((0, 2))
 _PERIOD = 0.25  # of plans, at most, for `_once_a_second` to come once a second [s]
@@ -130,7 +126,7 @@ def plan(
     state, now = task.state, task.course
     if state.evasion.on and not _once_a_second(task):  # it does not follow the course meanwhile
         return Plan(now, False, None, False, math.inf)
-    there = known(task.with_unseen(), task.pose, replan_params.known)
+    there = surface_points(task.with_unseen(), task.pose, replan_params.known)
     coming = met(
         task.obstacles.discs, task.pose, route.reference.speed, replan_params.known,
         replan_params.foresight,
@@ -149,7 +145,7 @@ def plan(
         made = _course(task, there, kept, route, settings, path_params, replan_params, far)
     ended = not made.new and _ended(task, route, replan_params)
     if (made.failed or ended) and len(task.unseen):
-        points = known(task.obstacles, task.pose, replan_params.known)
+        points = surface_points(task.obstacles, task.pose, replan_params.known)
         made = _course(task, points, kept, route, settings, path_params, replan_params, far)
     return made._replace(
         move=_way_out(task, made, there, route, settings, path_params, replan_params)
@@ -326,7 +322,7 @@ def _way_out(
     if move is None and refused:
         move = recovery_move(pose, to.psi, points, settings.outline, choices)
     if move is None and held:
-        dense = known(task.with_unseen(), pose, _DENSE_WITHIN, _DENSE)
+        dense = surface_points(task.with_unseen(), pose, _DENSE_WITHIN, _DENSE)
         move = recovery_move(pose, to.psi, dense, settings.outline, choices, refused)
         move = move or wriggle(pose, dense, settings.outline, choices, refused)
     if move is not None and abs(off) < 0.3 and move.distance == 0.0:
@@ -355,68 +351,3 @@ def _once_a_second(task: Task) -> bool:
 def _remaining(course: Course, tau: float) -> float:
     """How far it is to the end of a course, about [m]."""
     return (course.reference.duration - tau) * course.reference.speed
-
-
-def known(around: Surroundings, pose: Pose, far: float, apart: float = _APART) -> Floats:
-    """All that is within `far` of the robot as points on its surfaces, (p, 2) [m].
-
-    apart: from one point on a wall to the next [m].
-    """
-    return _surfaces(around.discs, around.segments, around.points, pose, far, apart)
-
-
-@jit_inline
-def _ring(disc: Floats, pose: Pose) -> int:
-    """How many points stand for a disc: where a corner may have to pass, their chords matter."""
-    r = disc[RADIUS]
-    if math.hypot(disc[X] - pose.x, disc[Y] - pose.y) - r > _NEAR:
-        return _ROUND
-    return max(_ROUND, min(int(2.0 * math.pi * r / _FINE), 8 * _ROUND))
-
-
-@jit
-def _surfaces(
-    discs: Floats, walls: Floats, seen: Floats, pose: Pose, far: float, spacing: float
-) -> Floats:  # fmt: skip
-    most = len(seen)
-    for i in range(len(discs)):
-        most += _ring(discs[i], pose)
-    for i in range(len(walls)):
-        length = math.hypot(walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1])
-        most += int(min(length, 2.0 * far) / spacing) + 2
-    points = np.empty((most, 2))
-    n = 0
-    for i in range(len(discs)):
-        dx, dy, r = discs[i, X] - pose.x, discs[i, Y] - pose.y, discs[i, RADIUS]
-        if not math.hypot(dx, dy) < far + r:
-            continue
-        ring = _ring(discs[i], pose)
-        for j in range(ring):
-            angle = 2.0 * math.pi * j / ring
-            points[n, 0] = discs[i, X] + r * math.cos(angle)
-            points[n, 1] = discs[i, Y] + r * math.sin(angle)
-            n += 1
-    for i in range(len(walls)):
-        ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
-        length = math.hypot(ex, ey)
-        if not 0.0 < length < math.inf:
-            continue
-        along = ((pose.x - walls[i, 0]) * ex + (pose.y - walls[i, 1]) * ey) / length
-        across = ((pose.x - walls[i, 0]) * ey - (pose.y - walls[i, 1]) * ex) / length
-        if not abs(across) < far:
-            continue
-        half = math.sqrt(far * far - across * across)
-        first, last = max(along - half, 0.0), min(along + half, length)
-        if first > last:
-            continue
-        steps = int((last - first) / spacing) + 1
-        for j in range(steps + 1):
-            share = (first + (last - first) * j / steps) / length
-            points[n, 0], points[n, 1] = walls[i, 0] + share * ex, walls[i, 1] + share * ey
-            n += 1
-    for i in range(len(seen)):
-        dx, dy = seen[i, 0] - pose.x, seen[i, 1] - pose.y
-        if dx * dx + dy * dy < far * far:
-            points[n, 0], points[n, 1] = seen[i, 0], seen[i, 1]
-            n += 1
-    return points[:n]

@@ -14,7 +14,7 @@ from cohelm.core.types import Floats, Twist
 from cohelm.robot.achievable import achievable
 from cohelm.robot.base import Robot
 from cohelm.robot.footprint import convex_outline
-from cohelm.robot.limits import Limits
+from cohelm.robot.limits import unbraked
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Odometry, Readings
 
@@ -45,7 +45,7 @@ class RobotAdapter:
             raise CohelmError(
                 f"{type(robot).__name__} has no model: call super().__init__(load_robot(...)) first"
             )
-        self._robot, self._free = robot, _unbraked(robot.model)
+        self._robot, self._free = robot, unbraked(robot.model.bounds())
         self._newest = Readings()
         self._calls = threading.Lock()  # into the robot: one at a time
         self._commanded = self._stopped = -math.inf
@@ -168,12 +168,6 @@ def _newest(new: Readings, old: Readings) -> Readings:
     both = zip(new, old, strict=True)
     newest = Readings._make(one if one is not None else was for one, was in both)
     return newest._replace(further=tuple(scans.values()), contacts=tuple(contacts.values()))
-
-
-def _unbraked(model: RobotModel) -> Limits:
-    return model.bounds()._replace(
-        acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
-    )
 
 
 def _said(method: str, error: Exception) -> str:

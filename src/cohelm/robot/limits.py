@@ -71,3 +71,10 @@ def checked_braking(limits: Limits) -> Limits:
 def unlimited(track: float) -> Limits:
     """The ideal unicycle of the paper: any command is reached at once."""
     return Limits(math.inf, math.inf, math.inf, math.inf, math.inf, math.inf, track)
+
+
+def unbraked(limits: Limits) -> Limits:
+    """The same but for accelerations: within them are the twists that can be held."""
+    return limits._replace(
+        acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
+    )

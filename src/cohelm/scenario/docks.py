@@ -11,14 +11,13 @@ from pydantic import Field
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed
-from cohelm.core.schema import Schema
+from cohelm.core.schema import Coordinate, Schema
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.distance_field import swept
 from cohelm.plan.docks import Dock, poses_to
 from cohelm.plan.zones import Cells, Zones, covering
 
-Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 _OFF = math.sqrt(0.5)
 """A surface is no farther from the middle of its cell than so many sides of one."""
 

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.schema import Schema, refuse
+from cohelm.core.schema import Coordinate, Schema, refuse
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.reference import Reference, through
@@ -28,7 +28,6 @@ from cohelm.scenario.zones import ZonesModel
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import Body, World, world
 
-Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Point = tuple[Coordinate, Coordinate]
 Segment = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 Speed = Annotated[float, Field(gt=0.0, le=100.0)]

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose, placed
-from cohelm.core.schema import Schema, refuse
+from cohelm.core.schema import Coordinate, Schema, refuse
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.surfaces import MOST_CELLS
@@ -28,7 +28,6 @@ from cohelm.scenario.worlds.maps import (
     read_speed_mask,
 )
 
-Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Corners = Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=3, max_length=10_000)]
 File = Annotated[str, Field(min_length=1)]
 _MOST_IN_A_ROW = 65535

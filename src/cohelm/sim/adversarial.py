@@ -23,6 +23,7 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 from cohelm.sim.judge import FAR, least_clearance
 from cohelm.sim.operator_model import uniform
+from cohelm.sim.world import from_wall
 
 GUARD, PAPER, NO_LAW = range(3)
 """Whose filter it is: the guard, the paper's barrier, or none but the wheels' limits."""
@@ -164,14 +165,10 @@ def _nearest(pose: Pose, things: Floats, walls: Floats) -> tuple[float, float]:
         if far < best:
             best, x, y = far, dx, dy
     for i in range(len(walls)):
-        ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
-        wx, wy = pose.x - walls[i, 0], pose.y - walls[i, 1]
-        length = ex * ex + ey * ey
-        s = min(max((wx * ex + wy * ey) / length, 0.0), 1.0) if length > 0.0 else 0.0
-        dx, dy = s * ex - wx, s * ey - wy
+        dx, dy = from_wall(pose, walls, i)
         far = math.sqrt(dx * dx + dy * dy)
         if far < best:
-            best, x, y = far, dx, dy
+            best, x, y = far, -dx, -dy
     return x, y
 
 

@@ -14,7 +14,7 @@ from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits
+from cohelm.robot.limits import Limits, unbraked
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan, untouched
@@ -138,11 +138,8 @@ class Kinematic(Paced):
         self._told = self._tick
         if not (is_finite(twist.v) and is_finite(twist.omega)):
             twist = Twist(0.0, 0.0)
-        free = self._limits._replace(
-            acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
-        )
         twist = Twist(float(twist.v), float(twist.omega))
-        possible = achievable(twist, Twist(0.0, 0.0), free, self._step)
+        possible = achievable(twist, Twist(0.0, 0.0), unbraked(self._limits), self._step)
         self._coming.append((self._tick + self._delay, possible))
         self._arrive()
         return possible

@@ -93,6 +93,16 @@ def place(discs: Floats, world: World, t: float) -> None:
 
 
 @jit_inline
+def from_wall(pose: Pose, walls: Floats, i: int) -> tuple[float, float]:
+    """From the nearest point of wall i to the robot's centre [m]."""
+    ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
+    wx, wy = pose.x - walls[i, 0], pose.y - walls[i, 1]
+    length = ex * ex + ey * ey
+    s = min(max((wx * ex + wy * ey) / length, 0.0), 1.0) if length > 0.0 else 0.0
+    return wx - s * ex, wy - s * ey
+
+
+@jit_inline
 def outline_clearance(
     pose: Pose, outline: Floats, reach: float, discs: Floats, walls: Floats, least: float
 ) -> float:
@@ -108,11 +118,7 @@ def outline_clearance(
             clearance = disc_clearance(pose, outline, discs[i, X], discs[i, Y], discs[i, RADIUS])
             least = min(least, clearance)
     for i in range(walls.shape[0]):
-        ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
-        wx, wy = pose.x - walls[i, 0], pose.y - walls[i, 1]
-        length = ex * ex + ey * ey
-        s = min(max((wx * ex + wy * ey) / length, 0.0), 1.0) if length > 0.0 else 0.0
-        gx, gy = wx - s * ex, wy - s * ey
+        gx, gy = from_wall(pose, walls, i)
         near = max(least + reach, 0.0)
         if gx * gx + gy * gy < near * near:
             clearance = segment_clearance(

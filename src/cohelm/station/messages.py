@@ -11,11 +11,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from cohelm.core.schema import Schema
+from cohelm.core.schema import Coordinate, Schema
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
-Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Point = tuple[Coordinate, Coordinate]
 Count = Annotated[int, Field(ge=0, lt=2**53)]
 Where = tuple[float, float, float]

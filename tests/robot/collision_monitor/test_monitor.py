@@ -9,10 +9,10 @@ import pytest
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE
 from cohelm.robot.collision_monitor.free_space import VOUCHED
-from cohelm.robot.collision_monitor.monitor import LASTS, CollisionMonitor, seen_by
+from cohelm.robot.collision_monitor.monitor import LASTS, CollisionMonitor
 from cohelm.robot.collision_monitor.odometry import advanced, seen_from
 from cohelm.robot.collision_monitor.source import AHEAD, MISSED
-from cohelm.robot.collision_monitor.surroundings import REMEMBERED, MonitorSurroundings
+from cohelm.robot.collision_monitor.surroundings import REMEMBERED, MonitorSurroundings, seen_by
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described, monitors
 from cohelm.robot.monitor import UNRESTRICTED

@@ -9,13 +9,12 @@ not show.
 from __future__ import annotations
 
 import math
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist
+from cohelm.robot.collision_monitor.contacts import NEVER, Met, met
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
 from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
 from cohelm.robot.collision_monitor.odometry import PoseHistory
@@ -25,19 +24,17 @@ from cohelm.robot.collision_monitor.source import MonitorSource
 from cohelm.robot.collision_monitor.surroundings import (
     NOTHING,
     MonitorSurroundings,
+    all_of,
     all_round,
     joined,
+    seen_by,
+    seen_by_both,
 )  # fmt: skip
 from cohelm.robot.collision_monitor.sweep import (
-    Outline,
     around,
-    contact_time,
     edge_distances,
     fastest,
     outline,
-    outside,
-    outwards,
-    ring_of,
 )  # fmt: skip
 from cohelm.robot.gate.bounds import Bounds, needed
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
@@ -51,8 +48,6 @@ LAG = 0.1
 odometry is the mean over a reading and comes late."""
 LASTS = 1.0
 """A reason is told in the same words until it has been away for so long [s]."""
-ALONG = 1e-6
-"""What comes nearer by no more than this is passed along [m]."""
 _NONE = Twist(0.0, 0.0)
 _WHAT = {-math.inf: "ground that nothing looked at", UNWATCHED: "floor that nothing has seen"}
 
@@ -70,21 +65,6 @@ class Described(NamedTuple):
     """From a command to the wheels [s]."""
     period: float
     """From one command to the next [s]."""
-
-
-class Met(NamedTuple):
-    """When a motion, held, meets what is around, and which of it: first its returns with their
-    errors, then anything with its margin."""
-
-    solid: float
-    """[s], infinite for never."""
-    solid_point: int
-    anything: float
-    """[s], infinite for never."""
-    point: int
-
-
-NEVER = Met(math.inf, -1, math.inf, -1)
 
 
 class MonitoredMotion(NamedTuple):
@@ -344,62 +324,3 @@ class CollisionMonitor:
             words = f"collision monitor: {because}"
         self._words[kind] = words, now
         return Restriction(share, words)
-
-
-def all_of(parts: list[MonitorSurroundings]) -> MonitorSurroundings:
-    """Those of several LiDARs."""
-    return reduce(joined, parts)
-
-
-def seen_by(things: MonitorSurroundings, pose: Pose, within: float) -> MonitorSurroundings:
-    """In the body frame at a pose, those that are so near to its origin, with their margins [m]."""
-    return seen_by_both(things, pose, NOTHING, pose, within)
-
-
-@jit
-def seen_by_both(
-    things: MonitorSurroundings,
-    pose: Pose,
-    others: MonitorSurroundings,
-    other_pose: Pose,
-    within: float,
-) -> MonitorSurroundings:
-    """The same, and of others in the frame of another pose."""
-    n, k = len(things.points) + len(others.points), 0
-    points, errors, margins, seen = np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n)
-    for of, at in ((things, pose), (others, other_pose)):
-        c, s = math.cos(at.psi), math.sin(at.psi)
-        for i in range(len(of.points)):
-            x, y, margin = of.points[i, 0] - at.x, of.points[i, 1] - at.y, of.margins[i]
-            if x * x + y * y <= (within + margin) ** 2:
-                points[k, 0], points[k, 1] = c * x + s * y, c * y - s * x
-                errors[k], margins[k], seen[k] = of.errors[i], margin, of.seen[i]
-                k += 1
-    return MonitorSurroundings(points[:k], errors[:k], margins[:k], seen[:k])
-
-
-@jit
-def met(things: MonitorSurroundings, twist: Twist, shape: Outline) -> Met:
-    """What a motion meets. What is in the outline may be left. What is beside it, but may be nearer
-    by its error, may be passed along too, and so may unknown ground, as that takes in no more of
-    it."""
-    solid, solid_point, anything, point = math.inf, -1, math.inf, -1
-    ring = ring_of(twist, shape)
-    for i in range(len(things.points)):
-        x, y, error = things.points[i, 0], things.points[i, 1], things.errors[i]
-        time = contact_time(x, y, things.margins[i], twist, shape, ring)
-        if time == math.inf:
-            continue
-        out = outwards(x, y, twist, shape) if time == 0.0 else -math.inf
-        known = error > -math.inf
-        if time < anything and (known or not out >= -ALONG):
-            anything, point = time, i
-        if not known:
-            continue
-        time = contact_time(x, y, error, twist, shape, ring)
-        beside = outside(x, y, shape) > 0.0
-        if time == 0.0 and (out >= -ALONG if beside else out > 0.0):
-            continue
-        if time < solid:
-            solid, solid_point = time, i
-    return Met(solid, solid_point, anything, point)

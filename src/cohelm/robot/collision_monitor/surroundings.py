@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.collision_monitor.odometry import PoseHistory, placed, seen_from
 from cohelm.robot.collision_monitor.returns import SURE, Returns, Sensor
@@ -70,6 +72,38 @@ def joined(new: MonitorSurroundings, old: MonitorSurroundings) -> MonitorSurroun
     if not len(old.points):
         return new
     return MonitorSurroundings(*(np.concatenate(both) for both in zip(new, old, strict=True)))
+
+
+def all_of(parts: list[MonitorSurroundings]) -> MonitorSurroundings:
+    """Those of several LiDARs."""
+    return reduce(joined, parts)
+
+
+def seen_by(things: MonitorSurroundings, pose: Pose, within: float) -> MonitorSurroundings:
+    """In the body frame at a pose, those that are so near to its origin, with their margins [m]."""
+    return seen_by_both(things, pose, NOTHING, pose, within)
+
+
+@jit
+def seen_by_both(
+    things: MonitorSurroundings,
+    pose: Pose,
+    others: MonitorSurroundings,
+    other_pose: Pose,
+    within: float,
+) -> MonitorSurroundings:
+    """The same, and of others in the frame of another pose."""
+    n, k = len(things.points) + len(others.points), 0
+    points, errors, margins, seen = np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n)
+    for of, at in ((things, pose), (others, other_pose)):
+        c, s = math.cos(at.psi), math.sin(at.psi)
+        for i in range(len(of.points)):
+            x, y, margin = of.points[i, 0] - at.x, of.points[i, 1] - at.y, of.margins[i]
+            if x * x + y * y <= (within + margin) ** 2:
+                points[k, 0], points[k, 1] = c * x + s * y, c * y - s * x
+                errors[k], margins[k], seen[k] = of.errors[i], margin, of.seen[i]
+                k += 1
+    return MonitorSurroundings(points[:k], errors[:k], margins[:k], seen[:k])
 
 
 def all_round(sensor: Sensor) -> bool:

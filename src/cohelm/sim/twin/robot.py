@@ -13,6 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.achievable import achievable
+from cohelm.robot.limits import unbraked
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import AsFast, Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan, untouched
@@ -191,10 +192,7 @@ class Twin(Paced):
         self._told = int(self._state[0]["step"])
         if not (is_finite(twist.v) and is_finite(twist.omega)):
             twist = Twist(0.0, 0.0)
-        free = self._limits._replace(
-            acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
-        )
-        possible = achievable(twist, Twist(0.0, 0.0), free, self._step)
+        possible = achievable(twist, Twist(0.0, 0.0), unbraked(self._limits), self._step)
         self._orders.append((self._told + self._delay, possible.v, possible.omega))
         return possible
 

@@ -31,16 +31,15 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import scipy
 
 from cohelm.core.types import Floats, Pose
-from cohelm.law.reference import Reference, through
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.heights import Heights, between, box, drop, edges
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.twin.settings import TwinModel, Twinned
 from cohelm.sim.world import world
+from cohelm.study.campaign import rectangle
 from cohelm.study.campaign.episode import (
     DT,
     PAPER,
@@ -65,7 +64,6 @@ HANDS = ("", "shared", "", "back", "ram", "", "spin", "shared", "back", "bang")
 
 _DROPS, _BOXES = ("stair", "pit", "kerb", "dock"), ("table", "shelf", "low")
 _SPEED, _LIMIT, _ATTACK, _NEAR, _OFF = 0.6, 60.0, 15.0, 0.4, 1.3
-_CELL = 0.05  # of the grid on which a way is looked for [m]
 _LIDAR = 0.20  # height of its plane [m]
 
 
@@ -84,9 +82,7 @@ def case(seed: int, number: int) -> Episode:
         heights, names = _things(rng, one, length, width)
         if _way(heights, length, width, start, goal, 0.5 * wide):
             break
-    walls = np.array(
-        [[0, 0, length, 0], [length, 0, length, width], [length, width, 0, width], [0, width, 0, 0]]
-    )
+    walls = rectangle.walls(length, width)
     body = between(heights.boxes, 0.0, model.height_m)
     plane = between(heights.boxes, _LIDAR, _LIDAR)
     manual = hand not in ("", "shared")
@@ -96,7 +92,7 @@ def case(seed: int, number: int) -> Episode:
             float(rng.uniform(-math.pi, math.pi)) if manual
             else math.atan2(goal[1] - start[1], goal[0] - start[0]),
         ),
-        reference=_straight(start, goal),
+        reference=rectangle.straight(start, goal, _SPEED),
         outline=model.outline,
         limits=model.bounds(),
         gains=PAPER._replace(u_d=_SPEED),
@@ -149,11 +145,6 @@ def _loads(rng: np.random.Generator, model: RobotModel, number: int) -> tuple[Lo
     if number % 2:
         loads.append(drawn(float(rng.uniform(3.0, 12.0))))
     return tuple(loads)
-
-
-def _straight(start: Floats, goal: Floats) -> Reference:
-    n = max(round(float(np.hypot(*(goal - start)))), 2)
-    return through(start + np.linspace(0.0, 1.0, n + 1)[:, None] * (goal - start), _SPEED)
 
 
 def _things(
@@ -239,9 +230,6 @@ def _way(
         < CLEAR
     ):
         return False
-    x, y = np.arange(0.0, length, _CELL), np.arange(0.0, width, _CELL)
-    clear = np.minimum(np.minimum(x, length - x)[None, :], np.minimum(y, width - y)[:, None])
-    clear = np.minimum(clear, clearances(heights, *np.meshgrid(x, y), high))
-    pieces, _ = scipy.ndimage.label(clear > radius)
-    at = [pieces[round(p[1] / _CELL), round(p[0] / _CELL)] for p in (start, goal)]
-    return bool(at[0] != 0 and at[0] == at[1])
+    x, y, clear = rectangle.places(length, width)
+    clear = np.minimum(clear, clearances(heights, x, y, high))
+    return rectangle.leads(clear, start, goal, radius)

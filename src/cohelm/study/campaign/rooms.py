@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy
 
 from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import Reference, through
@@ -26,6 +25,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
+from cohelm.study.campaign import rectangle
 from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, sequence
 
 WAY = 1.1
@@ -40,7 +40,6 @@ NEAR = 0.3
 LIMIT = 120.0
 
 _OFF = 1.2  # of start and goal from their walls [m]
-_CELL = 0.05  # of the grid on which a way is looked for [m]
 
 
 def case(seed: int, number: int) -> Episode:
@@ -59,17 +58,14 @@ def case(seed: int, number: int) -> Episode:
         Body((x, y, 0.0, 0.0, r, r + reach)) for x, y, r in resting.tolist()
     ]  # fmt: skip
     walkers = [_walker(rng, length, width, start, reach) for _ in range(rng.integers(2, 6))]
-    walls = np.array(
-        [[0, 0, length, 0], [length, 0, length, width], [length, width, 0, width], [0, width, 0, 0]]
-    )
     heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
     setup = Setup(
         start=Pose(float(start[0]), float(start[1]), heading),
-        reference=_straight(start, goal),
+        reference=rectangle.straight(start, goal, SPEED),
         outline=sally.outline,
         limits=sally.bounds(),
         gains=PAPER._replace(u_d=SPEED),
-        around=world(([*still, *walkers], walls)),
+        around=world(([*still, *walkers], rectangle.walls(length, width))),
         names=(*(f"disc_{i}" for i in range(len(still))),
                *(f"walker_{i}" for i in range(len(walkers)))),
         dt=DT,
@@ -83,11 +79,6 @@ def case(seed: int, number: int) -> Episode:
 def sally() -> RobotModel:
     """The robot that drives here."""
     return robot("sally")
-
-
-def _straight(start: Floats, goal: Floats) -> Reference:
-    n = max(round(float(np.hypot(*(goal - start)))), 2)
-    return through(start + np.linspace(0.0, 1.0, n + 1)[:, None] * (goal - start), SPEED)
 
 
 def _resting(
@@ -107,13 +98,10 @@ def has_way(
     discs: Floats, length: float, width: float, start: Floats, goal: Floats, radius: float
 ) -> bool:
     """Whether a circle can be rolled from start to goal between discs (x, y, r) and the walls."""
-    x, y = np.arange(0.0, length, _CELL), np.arange(0.0, width, _CELL)
-    clear = np.minimum(np.minimum(x, length - x)[None, :], np.minimum(y, width - y)[:, None])
+    x, y, clear = rectangle.places(length, width)
     for cx, cy, r in discs:
-        clear = np.minimum(clear, np.hypot(x[None, :] - cx, y[:, None] - cy) - r)
-    pieces, _ = scipy.ndimage.label(clear > radius)
-    at = [pieces[round(p[1] / _CELL), round(p[0] / _CELL)] for p in (start, goal)]
-    return bool(at[0] != 0 and at[0] == at[1])
+        clear = np.minimum(clear, np.hypot(x - cx, y - cy) - r)
+    return rectangle.leads(clear, start, goal, radius)
 
 
 def _walker(
