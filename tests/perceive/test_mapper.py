@@ -12,6 +12,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.perceive.map.glimpses import glimpses
 from cohelm.perceive.map.loop_closure import revisits
 from cohelm.perceive.map.mapper import Survey, encounters
+from cohelm.perceive.map.place_graph import Place, PlaceGraph
 from cohelm.perceive.map.pose_graph import Link, consistent, solved, spread
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.match.odometry_covariance import (
@@ -172,6 +173,32 @@ def test_false_loops_that_came_first_are_found_out_by_those_that_can_be_true_tog
     glued = solved(ring, [*steps, *(link._replace(loop=False) for link in wrong)])
     kept = consistent(glued, [*steps, *wrong, *right])
     assert [link for link in kept if link.loop] == right
+
+
+def test_views_of_two_places_count_together_only_where_the_way_between_these_is_known():
+    """Two laps lie on each other only because nobody knows how far drift has torn them apart. What
+    a look-alike in the first one says, a right view of the second one says too, by chance."""
+    graph, firm, loose = PlaceGraph(), np.eye(3) * 1e6, np.diag([0.1, 0.1, 100.0])
+    laps = [[Pose(0.5 * k, y, 0.0) for k in range(10)] for y in (0.0, 0.0, 5.0)]
+    for k, pose in enumerate(pose for lap in laps for pose in lap):
+        step = None
+        if k > 0:
+            information = loose if k % 10 == 0 else firm
+            step = Link(k - 1, k, between(graph.poses[-1], pose), information, False)
+        graph.add(Place(k, np.empty((0, 2)), np.empty((0, 2))), pose, step)
+
+    def seen(lap: int, k: int) -> None:
+        graph.doubt(Link(10 * lap + k, 20 + k, Pose(0.0, 0.0, 0.0), firm, True))
+
+    seen(0, 2)
+    seen(0, 4)
+    seen(1, 6)  # 2 m after the first
+    assert not any(link.loop for link in graph.links)
+    seen(1, 8)
+    assert not any(link.loop for link in graph.links)
+    seen(0, 9)
+    believed = [(link.a, link.b) for link in graph.links if link.loop]
+    assert believed == [(2, 22), (4, 24), (9, 29)]
 
 
 def test_places_are_unsure_by_the_way_to_them_and_no_more_than_a_loop_allows():

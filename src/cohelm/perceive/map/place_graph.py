@@ -27,9 +27,12 @@ from cohelm.perceive.map.pose_graph import (
     loop_link,
     rows,
     solved,
+    spread,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces, moved, surfaces, thinned
+
+_SAME = 0.5  # a graph moves places by less, in the main [m]
 
 
 class Place(NamedTuple):
@@ -94,13 +97,15 @@ class PlaceGraph:
     def doubt(self, link: Link) -> None:
         """A loop that disagrees with the drive: believed with others that say the same.
 
-        A scan in between that fits nowhere is no evidence against them.
+        A scan in between that fits nowhere is no evidence against them. What says the same of an
+        old place whose way from theirs is not known says it by chance.
         """
         there = self.there(link)
         held = [link]
         for one in self._maybe:
             since = between(self.poses[one[-1].b], self.poses[link.b])
-            if agree(compose(self.there(one[-1]), since), there):
+            same = agree(compose(self.there(one[-1]), since), there)
+            if same and self._known(one[-1].a, link.a):
                 self._maybe = [other for other in self._maybe if other is not one]
                 held = [*one, link]
                 break
@@ -115,6 +120,11 @@ class PlaceGraph:
         loops = [one for one in self.links if one.loop]
         if any(contradicted(self.poses, one) for one in loops) or self._outvoted:
             self.agree_again()
+
+    def _known(self, a: int, b: int) -> bool:
+        """Whether the links tell where place b is as seen from place a, to what `agree` asks."""
+        unsure = spread(self.poses, self.links, a)[b, :2, :2]
+        return math.sqrt(float(np.linalg.eigvalsh(unsure)[-1])) < _SAME
 
     def agree_again(self) -> None:
         """Sort out which of all loops that ever were believed can be true together."""
@@ -249,4 +259,4 @@ class PlaceGraph:
 
 def agree(a: Pose, b: Pose) -> bool:
     """Whether two poses are one, but for what a graph moves places by."""
-    return math.hypot(a.x - b.x, a.y - b.y) < 0.5 and abs(wrap(a.psi - b.psi)) < 0.1
+    return math.hypot(a.x - b.x, a.y - b.y) < _SAME and abs(wrap(a.psi - b.psi)) < 0.1
