@@ -98,6 +98,38 @@ def test_where_it_left_off_is_believed_though_a_third_of_the_map_is_wrong():
     assert verdict.why == ""
 
 
+def along_a_wall(x, log):
+    """A place that a match tells across the wall only."""
+    one = at(x, log, agree=0.67, told=105)
+    one.covariance = np.diag([0.3, 0.02, 0.01]) ** 2
+    return one
+
+
+def test_along_a_wall_who_left_off_is_known_as_well_as_odometry_knows():
+    """A third of the map is gone, the match slides, and what is 0.6 m on is the same place. It
+    stands, and no scan tells it more."""
+    found = lost_at(NOWHERE, odds=C.unmoved, knew=False)
+    found.left = found.left._replace(joint=np.diag([0.09, 0.09, 0.05, 0.01, 0.01]) ** 2)
+    found._whole = True
+    own, beside, far = along_a_wall(0.1, -3.2), along_a_wall(-0.55, -4.0), at(5.0, 5.0, 1.0, 105)
+    for one in (own, beside, far):
+        one.prior = found._prior(one)
+    said = [found.verdict([own, beside, far]) for _ in range(C.steady)]
+    assert said[0].why  # and not at once
+    assert said[-1].why == ""
+    assert abs(said[-1].best.pose.x) < 0.02
+    assert math.sqrt(said[-1].best.covariance[0, 0]) < 0.09
+
+
+def test_a_place_far_off_that_looks_better_than_where_it_left_off_by_as_much_keeps_it_lost():
+    found = lost_at(NOWHERE, odds=C.unmoved, knew=False)
+    found._whole = True
+    own, far = along_a_wall(0.1, -3.2), at(5.0, 8.0, 1.0, 105)
+    for one in (own, far):
+        one.prior = found._prior(one)
+    assert all(found.verdict([own, far]).why for _ in range(2 * C.steady))
+
+
 def test_while_nothing_shows_that_it_was_moved_a_place_that_explains_less_is_no_rival():
     """Where the map knows little, little speaks against a place."""
     own, little, as_much = at(0.0, -25.0, 0.52), at(25.0, -6.0, 1.0, 225), at(20.0, -18.0, 0.8)

@@ -56,6 +56,23 @@ def test_along_a_corridor_without_features_nothing_contradicts():
     assert log > Caution().contradicted
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_wall_that_goes_on_where_the_scan_before_told_nothing_is_no_contradiction(side):
+    """Who turns leaves the scan's first beams, or its last, untold (`DeskewedScan.ranges`): the
+    wall along which they look goes on there, much nearer than where the next beam ended."""
+    walls = np.array([[-50.0, -1.0, 50.0, -1.0], [-50.0, 1.0, 50.0, 1.0]])
+    half = math.radians(0.5 * LIDAR.field_of_view_deg)
+    for off in np.linspace(-0.02, 0.02, 9):
+        # the last beam that tells ends some 8 m along the wall
+        at = Pose(0.0, 0.0, side * (half - 0.3 + off))
+        turned = Pose(0.0, 0.0, -side * 0.2)
+        there = Pose(0.0, 0.0, at.psi + turned.psi)
+        before = seen(at, 0, NONE, walls)
+        before[slice(0, 22) if side > 0 else slice(len(before) - 22, None)] = math.nan
+        log = agreement(LIDAR.lidar(), before, seen(there, 1, NONE, walls), turned)
+        assert log > Caution().contradicted
+
+
 def test_an_empty_scan_contradicts_nothing_and_is_no_keyframe():
     nothing = np.full(LIDAR.beams, math.nan)
     assert agreement(LIDAR.lidar(), nothing, seen(HERE), Pose(0.0, 0.0, 0.0)) == 0.0

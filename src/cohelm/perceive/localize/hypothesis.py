@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -83,6 +83,20 @@ class Departure(NamedTuple):
     def held(self, one: Hypothesis) -> bool:
         """Whether a place is where the robot would be had nobody moved it."""
         return self.strayed(one) < 9.0
+
+    def stays(self, one: Hypothesis) -> bool:
+        """Whether it is such a place, and no scan shows that somebody moved it."""
+        return self.odds > 0.0 and self.held(one)
+
+    def known(self, one: Hypothesis) -> Hypothesis:
+        """A place where the robot left off, as well as its match and odometry tell it together:
+        along a wall, a match tells nothing."""
+        own, led, at, here = one.covariance, self.joint[:3, :3], one.pose, self.pose
+        off = np.array([here.x - at.x, here.y - at.y, wrap(here.psi - at.psi)])
+        gain = own @ np.linalg.inv(own + led)
+        x, y, psi = (gain @ off).tolist()
+        pose = Pose(at.x + x, at.y + y, at.psi + psi)
+        return replace(one, pose=pose, covariance=own - gain @ own)
 
     def away(self, pose: Pose) -> float:
         """How far off a place is [m]."""

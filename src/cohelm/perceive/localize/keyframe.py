@@ -62,11 +62,13 @@ def _appeared(lidar: Lidar, seen: Floats, free: Floats, step: Pose) -> float:
         if not beside <= beam < n - beside:
             continue
         least = math.inf
-        told = False
+        first, last = n, -1
         for b in range(beam - beside, beam + beside + 1):
             if not math.isnan(free[b]):
-                told = True
+                first, last = min(first, b), b
                 least = min(least, free[b])
+        # on either side: a wall along which the last beam looks goes on where none told
+        told = first < beam < last
         new = told and d < 0.9 * lidar.range_max and least > d + _NEAR + _TURNED * d
         if new:
             run += 1

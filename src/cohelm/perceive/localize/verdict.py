@@ -81,8 +81,12 @@ class Belief:
         far = self._far(best.pose, about)
         # the map may be wrong here, where all of it has been searched and nothing comes near
         only = about.whole and not far and lead >= 2.0 * c.margin
-        # or nobody moved it, and nothing that was found elsewhere makes up for that
-        stayed = lead >= c.margin and self._stays(best, about)
+        # or nobody moved it, and nothing that was found elsewhere makes up for that; to one that
+        # stands no scan tells more
+        steady = lead >= c.margin or (lead >= wanted and self._led >= c.steady)
+        stayed = steady and self._stays(best, about)
+        if about.left and about.left.stays(best):
+            best = about.left.known(best)
         if about.cold and self._disputed(kept):
             lead = 0.0
         why = ""
@@ -127,7 +131,7 @@ class Belief:
         left, c = about.left, self.caution
         if left is None or not left.held(one):
             return False
-        if left.odds > 0.0:
+        if left.stays(one):
             return True
         alike = one.judged.agree >= c.seen and one.witnessed > 2.0 * c.contradicted
         return left.knew and about.whole and alike
@@ -157,13 +161,17 @@ class Belief:
 def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
     """Of those that are ranked, without any that explains less of the scan than the place where
     the robot left off, while no scan shows that it was moved: where the map knows little,
-    little speaks against a place."""
-    if left is None or left.odds == 0.0:
+    little speaks against a place. And without any that its match and odometry together take to
+    where they take the likeliest of those where it left off."""
+    own = next((h for h in kept if left is not None and left.stays(h)), None)
+    if left is None or own is None:
         return kept
-    own = next((h for h in kept if left.held(h)), None)
-    if own is None:
-        return kept
-    return [h for h in kept if h is own or h.explained >= own.explained]
+    at = left.known(own).pose
+
+    def another(h: Hypothesis) -> bool:
+        return not (left.held(h) and same(left.known(h).pose, at))
+
+    return [h for h in kept if h is own or (h.explained >= own.explained and another(h))]
 
 
 def _lead(best: Hypothesis, others: list[Hypothesis]) -> float:
