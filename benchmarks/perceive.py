@@ -49,6 +49,7 @@ from tests.perceive.drives import (  # noqa: E402
 )
 
 DATA = ROOT.parent / "shared" / "data"
+INTEL = DATA / "lidar" / "intel.gfs.log"
 SALLY = robot("sally").model_copy(update={"lidar": LIDAR})
 QUICK = "--quick" in sys.argv[1:]
 HOME = [(-0.5, -1.75), (-0.6, -0.5), (-0.5, 0.8), (0.0, 2.5)]
@@ -56,6 +57,9 @@ Row = tuple[str, ...]
 
 
 def main() -> None:
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        print(__doc__)
+        return
     console = Console()
     truth = known(*lab_map())
     rehearse(SALLY, mapped=True)
@@ -346,17 +350,25 @@ def beams_on(ranges: Floats, pose: Pose, person: Floats) -> int:
 
 
 def intel() -> Iterator[Row]:
-    """The relations' clock is found by where most of their times are those of scans."""
-    log, relations = DATA / "lidar" / "intel.gfs.log", DATA / "lidar" / "intel.relations"
-    if not (log.exists() and relations.exists()):
-        return
     folder = ROOT / "benchmarks" / "results" / "intel"
-    mapped(log, folder, 0.05, lambda doing, share: None)
+    if not INTEL.exists():
+        return
+    off, heading = intel_errors(folder)
+    yield (
+        f"{len(off)}", cm(np.mean(off)), cm(np.median(off)), cm(rms(off)),
+        deg(np.mean(heading)), deg(np.median(heading)),
+    )  # fmt: skip
+
+
+def intel_errors(folder: Path) -> tuple[Floats, Floats]:
+    """The Intel log mapped into a folder: how far off each relation of its publication is (n,) [m,
+    rad]. Their clock is found by where most of their times are those of scans."""
+    mapped(INTEL, folder, 0.05, lambda doing, share: None)
     way = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
-    odometry = read_log(log).odometry
+    odometry = read_log(INTEL).odometry
     rows = np.array([[o.stamp, *o.pose, 0.0, 0.0] for o in odometry])
     rows = rows[np.concatenate(([True], np.diff(rows[:, 0]) > 0))]
-    asked = read_relations(relations)
+    asked = read_relations(INTEL.with_name("intel.relations"))
     stamps = np.unique([t for a, b, _ in asked for t in (a, b)])
     gaps = (stamps[:, None] - way[:, 0]).ravel()
     bins = np.round(gaps / 0.02).astype(np.int64)
@@ -368,15 +380,9 @@ def intel() -> Iterator[Row]:
         step = between(Pose(*pose_at(rows, way[i, 0])), Pose(*pose_at(rows, t)))
         return compose(Pose(*way[i, 1:].tolist()), step)
 
-    off, heading = [], []
-    for a, b, true in asked:
-        error = between(true, between(place(a - zero), place(b - zero)))
-        off.append(math.hypot(error.x, error.y))
-        heading.append(abs(error.psi))
-    yield (
-        f"{len(asked)}", cm(np.mean(off)), cm(np.median(off)), cm(rms(np.array(off))),
-        deg(np.mean(heading)), deg(np.median(heading)),
-    )  # fmt: skip
+    errors = [between(true, between(place(a - zero), place(b - zero))) for a, b, true in asked]
+    off = np.array([math.hypot(one.x, one.y) for one in errors])
+    return off, np.array([abs(one.psi) for one in errors])
 
 
 def court() -> Iterator[Row]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.perceive import INTEL, intel_errors
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, Twist
@@ -321,6 +322,17 @@ def test_nothing_is_looked_for_farther_than_drift_can_have_led():
     trail = np.array([[3.0, 2.5]])
     seen = lined(RING, Pose(3.0, 2.5, 0.0))
     assert not revisits(known(RING), *seen, trail, np.array([2.0]), Pose(9.0, 2.5, 0.0), 0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not INTEL.exists(), reason="the shared data are not beside this checkout")
+def test_the_laps_of_the_intel_lab_lie_on_each_other(tmp_path):
+    """Drift lays one lap on another there, 9 m off: a wrong loop leaves 60 cm in the mean."""
+    off, heading = intel_errors(tmp_path)
+    assert len(off) == 2984
+    assert off.mean() < 0.15
+    assert np.percentile(off, 99) < 0.5
+    assert np.degrees(heading).mean() < 4.0
 
 
 @pytest.mark.skipif(killian.FILE is None, reason="COHELM_KILLIAN names no killian.g2o")
