@@ -130,9 +130,28 @@ def test_a_place_far_off_that_looks_better_than_where_it_left_off_by_as_much_kee
     assert all(found.verdict([own, far]).why for _ in range(2 * C.steady))
 
 
+def test_people_about_speak_no_less_against_where_it_stands_than_against_its_twin():
+    """They contradict what was seen before, had it stayed; what it would have seen from the other
+    end of the hall nobody knows. The newest scan fits both."""
+    here = Pose(2.0, 2.0, 0.0)
+    found = lost_at(here)
+    own, other = at(2.0, -1.0), at(4.0, -1.0)
+    own.pose, other.pose = here, Pose(3.0, 1.0, math.pi)
+    own.witnessed = -17.5
+    found.all = [other, own]
+    assert found.ranked()[0] is own
+
+
 def test_while_nothing_shows_that_it_was_moved_a_place_that_explains_less_is_no_rival():
     """Where the map knows little, little speaks against a place."""
     own, little, as_much = at(0.0, -25.0, 0.52), at(25.0, -6.0, 1.0, 225), at(20.0, -18.0, 0.8)
     left = Departure(NOWHERE, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, C.unmoved, True)
     assert rivals([little, as_much, own], left) == [as_much, own]
     assert rivals([little, own], left._replace(odds=0.0)) == [little, own]
+
+
+def test_of_two_places_where_it_may_have_been_put_neither_is_left_out():
+    """Along a corridor, a start that was told half a metre off leaves more than one."""
+    left = Departure(NOWHERE, np.diag([0.5, 0.5, 0.25, 0.01, 0.01]) ** 2, C.unmoved, False)
+    there, beside = at(0.6, -3.0, 0.99), at(-0.4, -3.2, 0.98)
+    assert rivals([there, beside], left) == [there, beside]

@@ -8,7 +8,6 @@ nearly as well (`verdict`): two rooms alike are not guessed between.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,7 +52,7 @@ class Hypotheses:
         c = self.caution
         self.all: list[Hypothesis] = []
         self.everywhere = self.cold  # whether it is the whole map that is searched
-        self.before: Pose | None = None  # where it believed to be until somebody said where it is
+        self.before: Departure | None = None  # where it was until somebody said where it is
         self.moved = False  # whether a check has found one that fits as it used to
         self.left: Departure | None = None  # where it was when it became lost
         self._belief = Belief(c, self.judge, len(self.lidar.beams))
@@ -115,7 +114,7 @@ class Hypotheses:
     def led_on(self, step: Pose) -> None:
         """The robot has moved by a step, by its odometry."""
         self._base = compose(self._base, step)
-        self.before = compose(self.before, step) if self.before else None
+        self.before = self.before.led_on(step) if self.before else None
         self.left = self.left.led_on(step) if self.left else None
 
     def compared(self) -> None:
@@ -156,11 +155,12 @@ class Hypotheses:
         self._search = search(np.vstack(all_), places)
         # where it is taken to be competes with all others
         known = [] if self.cold else [here]
-        known += [p for p in (self.left.pose if self.left else None, self.before) if p]
+        known += [self.left.pose] if self.left else []
         self._found = [(pose, None) for pose in known]
-        if known:  # where odometry leads is not looked for half a metre beside
-            sure = self.left.joint if self.left else joint
-            self._found += [(own, inverted(sure[:3, :3]))]
+        # where odometry leads is not looked for half a metre beside
+        led = [(own, self.left.joint if self.left else joint)] if known else []
+        led += [(self.before.pose, self.before.joint)] if self.before else []
+        self._found += [(pose, inverted(sure[:3, :3])) for pose, sure in led]
         self._searched = (points, across, sweep.ranges)
         self._tried, self._sought = [], self._stamp
         self._again = self.cold and bool(self.all)
@@ -228,13 +228,13 @@ class Hypotheses:
             foretold, own = moved(one.pose, joined(one.covariance, joint[3:, 3:]), step)
             one.pose, one.covariance = foretold, own[:3, :3].copy()
         for one in oldest:
-            prior = inverted(one.covariance if self.cold else one.covariance + _BESIDE)
+            held = self.cold or one.led
+            prior = inverted(one.covariance if held else one.covariance + _BESIDE)
             fit = align(self.known.surfaces, points, across, one.pose, prior, care)
             own = joined(one.covariance, joint[3:, 3:])
-            told = fit.information
-            if self.cold:  # what is followed for long must not be held to where it began
-                told = independent(self.known.surfaces, points, across, fit.pose, care, fit.rms)
-                told = (since.share if one.stale else 0.0) * told
+            # what is followed for long must not be held to where it began: each wall tells once
+            told = independent(self.known.surfaces, points, across, fit.pose, care, fit.rms)
+            told = (since.share if one.stale else 0.0) * told
             one.pose, one.covariance = fit.pose, updated(own, told)[:3, :3]
             one.judged = self.judge.judge(fit.pose, sweep.ranges)
             if not self.cold:
@@ -253,7 +253,10 @@ class Hypotheses:
         """Drop what is refuted; all that can be, the likeliest first."""
         stayed = [h for h in self.all if self.left is not None and self.left.held(h)]
         for one in self.all:
-            one.prior = self._prior(one, stayed)
+            own = next((h for h in stayed if twin(one, h, self.caution)), None)
+            one.prior = self._prior(one, own is not None)
+            if own is not None:  # people about speak no less against it than against its twin
+                one.witnessed = min(one.witnessed, own.witnessed)
         alive = [h for h in self.all if self._possible(h.pose, h.judged)]
         alive.sort(key=lambda h: -h.total)
         kept: list[Hypothesis] = []
@@ -296,7 +299,8 @@ class Hypotheses:
         driven = since.way >= c.travelled or since.turned >= 2.0 * c.travelled
         about = Circumstances(
             self.cold, self._whole, bool(kept) and self._complete(kept), self.everywhere,
-            self.moved, since.views, driven, self.left, self.before,
+            self.moved, since.views, driven, self.left,
+            self.before.pose if self.before else None,
         )  # fmt: skip
         found = self._belief.verdict(kept, about)
         if found.best is None and self._searched is None:
@@ -309,29 +313,30 @@ class Hypotheses:
     ) -> float:  # fmt: skip
         """Match a candidate, and keep it as a hypothesis where it fits. prior: (3, 3), how well it
         is known, as information; None: hardly. How likely it is."""
-        care = self.judge.care
+        care, led = self.judge.care, prior is not None
+        wide = np.diag([0.3, 0.3, 0.1]) ** 2 if prior is None else inverted(prior)
         if prior is None:
             prior, care = np.diag([1.0, 1.0, 4.0]), care._replace(reach=0.6, rounds=30)
         fit = align(self.known.surfaces, points, across, guess, prior, care)
         judged = self.judge.judge(fit.pose, ranges)
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):
             return -1e3
-        joint = joined(np.diag([0.3, 0.3, 0.1]) ** 2, UNKNOWN)
-        told = fit.information
-        if self.cold:
-            told = independent(self.known.surfaces, points, across, fit.pose, care, fit.rms)
+        joint = joined(wide, UNKNOWN)
+        told = independent(self.known.surfaces, points, across, fit.pose, care, fit.rms)
         covariance = updated(joint, told)[:3, :3]
         pose = compose(fit.pose, self._base)
         new = self.judge.weighed(judged)
         for other in self.all:
             if same(other.pose, pose):
-                if new > other.latest and not self.cold:
-                    other.pose, other.covariance = pose, covariance
+                # what odometry knows of a place counts against what one scan says
+                least = other.latest + (0.5 * self.caution.margin if other.led else 0.0)
+                if new > least and not self.cold:
+                    other.pose, other.covariance, other.led = pose, covariance, led
                     other.latest, other.judged = new, judged
                 return -1e3  # nothing new
         # it must fit what was seen from the places before: to come late is no advantage
         before = self._since.likely(pose, self._weighed)
-        found = Hypothesis(pose, covariance, before, new, judged)
+        found = Hypothesis(pose, covariance, before, new, judged, led=led)
         if self.cold:
             for view in self._last.used:
                 at = compose(fit.pose, view.back)
@@ -359,10 +364,10 @@ class Hypotheses:
         fits = judged.agree > 0.35 + more and judged.through < 0.4 - more
         return fits and free_at(self.known, pose.x, pose.y)
 
-    def _prior(self, one: Hypothesis, stayed: Sequence[Hypothesis] = ()) -> float:
+    def _prior(self, one: Hypothesis, turned_round: bool = False) -> float:
         """What where the robot was says to a hypothesis: that it stayed, that nobody carries it far
-        in no time, and that who is pushed or dragged is hardly turned round. stayed: those that are
-        where it was."""
+        in no time, and that who is pushed or dragged is hardly turned round. turned_round: whether
+        it is the twin of one where it was."""
         c, left = self.caution, self.left
         if left is None:
             return 0.0
@@ -372,7 +377,7 @@ class Hypotheses:
         if left.knew:
             beyond = left.away(one.pose) - (c.near + 0.5 + c.pace * self.alarm.carried)
             carried = min(0.5 * (max(beyond, 0.0) / c.put) ** 2, c.unmoved)
-        if any(twin(one, own, c) for own in stayed):
+        if turned_round:
             carried = c.unmoved
         if self.everywhere:
             return -carried

@@ -36,6 +36,8 @@ class Hypothesis:
     """Scans since it was judged."""
     stale: bool = False
     """Whether it has not been judged from here, where others have."""
+    led: bool = False
+    """Whether it is where odometry leads, matched as that is known."""
     charges: Charges = field(default_factory=Charges)
     """What the map would have wrong; for a robot that may be anywhere."""
 
@@ -91,6 +93,8 @@ class Departure(NamedTuple):
     def known(self, one: Hypothesis) -> Hypothesis:
         """A place where the robot left off, as well as its match and odometry tell it together:
         along a wall, a match tells nothing."""
+        if one.led:  # it was matched so
+            return one
         own, led, at, here = one.covariance, self.joint[:3, :3], one.pose, self.pose
         off = np.array([here.x - at.x, here.y - at.y, wrap(here.psi - at.psi)])
         gain = own @ np.linalg.inv(own + led)

@@ -215,9 +215,9 @@ class Judgement(NamedTuple):
     passed where the map has a wall, or did not return from one. log: how likely the scan is, by
     the number of things that contradict, not of their beams: one wide wall is one error of the
     map, three are a wrong place. told: number of beams. weighed: log as it compares with that of
-    other places: a beam that ends where the map knows nothing is explained as little as one that
-    passes through a wall. closer: log likelihood by which ends of beams lie closer to their
-    surfaces than is usual: the right place needs no more, but of two that fit it tells one.
+    other places: where the map knows nothing, a wall is as likely as none, by the metre. closer:
+    log likelihood by which ends of beams lie closer to their surfaces than is usual: the right
+    place needs no more, but of two that fit it tells one.
     passed: number of walls that were looked through, which nobody who walks about explains.
     """
 
@@ -238,7 +238,8 @@ RUN = 3  # fewer neighbouring beams are an edge, not a thing
 _EDGE = -0.2  # log likelihoods: of such an edge,
 _SHORT, _WIDE_SHORT = -1.5, -0.02  # a thing that is not on the map, and each of its beams,
 _THROUGH, _WIDE_THROUGH = -3.0, -0.05  # a wall that is not there, and each beam through it
-_UNKNOWN = -1.0  # a thing seen where the map knows nothing
+_UNKNOWN = -1.0  # a thing seen where the map knows nothing,
+UNDRAWN = -0.7  # and each metre of it: nobody has seen whether a wall stands: as likely as not
 AGREE, IN_FRONT, BEHIND, SILENT, BEYOND = 0, 1, 2, 3, 4
 
 
@@ -254,7 +255,7 @@ def judge(
     """
     x, y, c, s = eye(lidar, pose)
     counts = np.zeros(5, np.int64)
-    log, near_log, passed = 0.0, 0.0, 0
+    log, near_log, passed, beyond = 0.0, 0.0, 0, 0.0
     before, run = SILENT, 0
     for i in range(0, len(ranges), every):
         r = ranges[i]
@@ -265,6 +266,7 @@ def judge(
         verdict, _, off = read(known, x, y, dx, dy, r, lidar.range_max, NEAR, offset, spread)
         near_log -= off
         counts[verdict] += 1
+        beyond += every * lidar.step * r if verdict == BEYOND else 0.0
         if verdict == before:
             run += 1
             continue
@@ -280,7 +282,7 @@ def judge(
     log += min(better, 0.0)
     return Judgement(
         counts[AGREE] / told, counts[IN_FRONT] / told, counts[BEHIND] / told, log, told,
-        log + _WIDE_THROUGH * counts[BEYOND] * every, better, passed,
+        log + UNDRAWN * beyond, better, passed,
     )  # fmt: skip
 
 

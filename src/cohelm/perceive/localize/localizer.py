@@ -21,7 +21,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.hypotheses import Hypotheses
-from cohelm.perceive.localize.hypothesis import Departure, Hypothesis
+from cohelm.perceive.localize.hypothesis import Departure
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.localize.pose_check import PoseCheck
@@ -69,7 +69,7 @@ class Locator:
         )
         self._check = PoseCheck(c, self._judge, self._alarm, self._hypotheses)
         self._odometry: Pose | None = None
-        self._told = False  # whether somebody has just said where it is
+        self._told = self.start is not None  # whether somebody has just said where it is
         self._doubts = 0  # scans in a row that do not fit,
         self._odd = 0  # and that are less likely than usual
         self._likely = 0.0  # log likelihood of the believed pose
@@ -89,7 +89,9 @@ class Locator:
         it, what was believed before needs no proof but to fit.
         """
         wide = np.diag([sigma, sigma, 0.5 * sigma]) ** 2
-        before, usual = None if self.located.lost else self.located.pose, self._judge.usual
+        before, usual = None, self._judge.usual
+        if not self.located.lost:
+            before = Departure(self.located.pose, self._joint, 0.0, self._check.knew)
         self._forget()
         self._odometry = None
         self._believe(pose, wide, 0.0, 0.0)
@@ -162,8 +164,8 @@ class Locator:
         # moved from where it was, or put elsewhere than was said: the place that fits is one of
         # those that may
         jumped = movable and off > c.refused
-        if jumped and check.lead >= c.unmoved and check.fitting < c.proven:
-            told = joined(told[:3, :3] + np.diag([c.put, c.put, 0.5 * c.put]) ** 2, told[3:, 3:])
+        if jumped and check.started:
+            told = self._loosened(told)
         if self._doubts >= c.patience or jumped:
             self._forget()
             self._hypotheses.everywhere = False
@@ -182,7 +184,7 @@ class Locator:
             self._wheels = self._wheels.learnt(joint, innovation)
             self._judge.learn_surfaces(fit, way)
             self._joint = updated(joint, fit.information)
-            new = min(1.0, max(way / care.correlated, 0.02)) if not movable else 1.0
+            new = 1.0 if self._told else min(1.0, max(way / care.correlated, 0.02))
             self._told_joint = updated(told, new * own)
             self.located = Located(
                 fit.pose, self._told_joint[:3, :3].copy(), judged.agree, False, ""
@@ -222,7 +224,7 @@ class Locator:
     def _settle(self) -> None:
         """Drop what is refuted; believe one if no other is near it; else go on, or look again."""
         kept = self._hypotheses.ranked()
-        if self._check.on and self._holds(kept[0] if kept else None):
+        if self._check.on and self._holds():
             return
         best, lead, proven, why = self._hypotheses.verdict(kept)
         if best is None:
@@ -233,20 +235,28 @@ class Locator:
             self._forget()
             self._believe(best.pose, best.covariance, best.judged.agree, lead, proven)
 
-    def _holds(self, best: Hypothesis | None) -> bool:
+    def _holds(self) -> bool:
         """Whether the believed pose stands up to what a check of it has found; that ends it."""
         check, pose = self._check, self.located.pose
         check.on = False
         if self._hypotheses.everywhere:
             left = given_up = check.given_up_on_the_map(pose)
         else:
-            given_up = check.given_up(best, pose, self._likely)
+            given_up = check.given_up(pose, self.located.covariance, self._likely)
             left = given_up and check.movable
         if left:
-            self._hypotheses.left = Departure(pose, self._told_joint, 0.0, check.knew)
+            joint = self._loosened(self._told_joint) if check.started else self._told_joint
+            odds = check.lead if check.started else 0.0
+            self._hypotheses.left = Departure(pose, joint, odds, check.knew)
         if not given_up:
             self._hypotheses.drop()
         return not given_up
+
+    def _loosened(self, joint: Floats) -> Floats:
+        """The covariance of a start that was told, where it does not look so (`Caution.put`)."""
+        put = self.caution.put
+        wide = np.diag([put, put, 0.5 * put]) ** 2
+        return joined(joint[:3, :3] + wide, joint[3:, 3:])
 
     def _believe(
         self, pose: Pose, covariance: Floats, share: float, lead: float, proven: bool = False

@@ -23,6 +23,7 @@ from cohelm.perceive.localize.localization_map import (
     NEAR,
     RUN,
     SILENT,
+    UNDRAWN,
     USUAL,
     LocalizationMap,
     eye,
@@ -40,7 +41,6 @@ _LINE = 0.1  # within so much of a line, a poor LiDAR's scatter twice [m]
 _SHORT = -1.5  # log likelihoods: of a thing on no map,
 _THROUGH = -3.0  # of a wall that is not there, or that is on no map,
 _WIDE = -1.0  # and of each metre, for maps err alike along so much (`MatchParams.correlated`)
-_BEYOND = -0.7  # or where nobody has seen whether a wall stands: as likely as not
 _RIGHT = -2.0  # of a map that is wrong here at all, for most of what is in view is right;
 _AGAIN = 0.7  # where it is wrong once, it is likelier wrong again
 _AROUND = ((0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1))
@@ -253,7 +253,7 @@ def _cost(kind: int, new: int, again: bool) -> float:
     if wide == 0.0:
         return 0.0
     if kind == BEYOND:
-        return _BEYOND * wide
+        return UNDRAWN * wide
     thing = _SHORT if kind == IN_FRONT else _THROUGH
     return _WIDE * wide + (0.0 if again else thing)
 

@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
-from cohelm.core.types import Pose
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Hypothesis, same, twin
@@ -75,6 +77,11 @@ class PoseCheck:
         return self.fitting >= self.caution.proven and not self.astray
 
     @property
+    def started(self) -> bool:
+        """Whether all that is known is the start that was told: it has not been held to it yet."""
+        return self.lead >= self.caution.unmoved and self.fitting < self.caution.proven
+
+    @property
     def movable(self) -> bool:
         """Whether the robot may have been moved, or has not yet shown that it knows its place."""
         return self.alarm.raised or self.fitting < self.caution.proven
@@ -86,12 +93,17 @@ class PoseCheck:
         c = self.caution
         return 0.0 if self.alarm.raised else c.unmoved if self.fitting >= c.proven else self.lead
 
-    def given_up(self, best: Hypothesis | None, pose: Pose, likely: float) -> bool:
-        """Whether a pose does not stand up to what a check of it has found near by. best: the
-        likeliest of that. likely: the pose's log likelihood by the newest scan."""
+    def given_up(self, pose: Pose, covariance: Floats, likely: float) -> bool:
+        """Whether a pose does not stand up to what a check of it has found near by. covariance:
+        (3, 3), its own. likely: its log likelihood by the newest scan."""
         c, found = self.caution, self.hypotheses.all
-        if self._shaken and found:
-            best = max(found, key=lambda h: h.latest + self.alarm.gained(h.pose, pose))
+        if self.lead == 0.0 and self.fitting < c.proven and self._beside(pose, covariance, likely):
+            return True
+
+        def fits(h: Hypothesis) -> float:
+            return h.latest + (self.alarm.gained(h.pose, pose) if self._shaken else 0.0)
+
+        best = max(found, key=fits, default=None)
         if best is None or same(best.pose, pose):
             self._rivals = 0
             return False
@@ -115,6 +127,21 @@ class PoseCheck:
         if lost:
             self.hypotheses.moved = as_before and not better
         return lost
+
+    def _beside(self, pose: Pose, covariance: Floats, likely: float) -> bool:
+        """Whether nothing but what somebody said tells a pose from another one near by, to which
+        its covariance does not reach: matches make it sure of a place, not of which of two it is.
+        What is said is as good as `Caution.put`."""
+        c = self.caution
+        told = np.diag(np.array([c.put, c.put, 0.5 * c.put]) ** -2.0)
+
+        def rivals(h: Hypothesis) -> bool:
+            off = np.array([h.pose.x - pose.x, h.pose.y - pose.y, wrap(h.pose.psi - pose.psi)])
+            apart = float(off @ np.linalg.solve(covariance + h.covariance, off)) > 9.0
+            lead = h.latest - likely - 0.5 * float(off @ told @ off)
+            return apart and self.judge.plausible(h.judged) and lead > -0.5 * c.margin
+
+        return any(rivals(h) for h in self.hypotheses.all if not same(h.pose, pose))
 
     def given_up_on_the_map(self, pose: Pose) -> bool:
         """Whether the same place of the whole map has fitted better twice, now that a pose has not

@@ -73,11 +73,12 @@ class Belief:
         if best is None or not fair(best.judged, c.fair if unsure else c.poor):
             return Verdict(None, 0.0, False, "no place on the map looks like what the LiDAR sees")
         lead = _lead(best, kept[1:] if about.cold else kept[1:2])
-        back = next((h for h in kept if about.before and same(h.pose, about.before)), None)
+        back = _nearest(kept, about.before) if about.before else None
         if back is not None and best.total - back.total < c.margin:
-            best, lead, wanted = back, math.inf, 0.0
+            led = _lead(back, [h for h in kept if h is not back])
+            best, lead, wanted = back, math.inf, 0.0  # that needs no proof, and is none
         else:
-            wanted = self._wanted(best, lead, about)
+            led, wanted = lead, self._wanted(best, lead, about)
         far = self._far(best.pose, about)
         # the map may be wrong here, where all of it has been searched and nothing comes near
         only = about.whole and not far and lead >= 2.0 * c.margin
@@ -88,7 +89,7 @@ class Belief:
         if about.left and about.left.stays(best):
             best = about.left.known(best)
         if about.cold and self._disputed(kept):
-            lead = 0.0
+            lead = led = 0.0
         why = ""
         if lead < wanted or (far and (about.views < c.views or not about.complete)):
             some = f"{len(kept)}" if about.complete else "many"
@@ -101,7 +102,7 @@ class Belief:
             why = "too much of what the LiDAR sees is not on the map"
         elif best is not back and sigma(best) > c.sure:
             why = "too few features are in view to say where along them"
-        return Verdict(best, lead, only or stayed, why)
+        return Verdict(best, led, only or stayed, why)
 
     def _explains(
         self, best: Hypothesis, lead: float, far: bool, stayed: bool, poor: bool,
@@ -159,8 +160,8 @@ class Belief:
 
 
 def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
-    """Of those that are ranked, without any that explains less of the scan than the place where
-    the robot left off, while no scan shows that it was moved: where the map knows little,
+    """Of those that are ranked, without any elsewhere that explains less of the scan than the place
+    where the robot left off, while no scan shows that it was moved: where the map knows little,
     little speaks against a place. And without any that its match and odometry together take to
     where they take the likeliest of those where it left off."""
     own = next((h for h in kept if left is not None and left.stays(h)), None)
@@ -169,9 +170,20 @@ def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
     at = left.known(own).pose
 
     def another(h: Hypothesis) -> bool:
-        return not (left.held(h) and same(left.known(h).pose, at))
+        if left.held(h):
+            return not same(left.known(h).pose, at)
+        return h.explained >= own.explained
 
-    return [h for h in kept if h is own or (h.explained >= own.explained and another(h))]
+    return [h for h in kept if h is own or another(h)]
+
+
+def _nearest(kept: list[Hypothesis], pose: Pose) -> Hypothesis | None:
+    """The one that is a place, if any is; along a corridor there may be two that nearly are."""
+
+    def off(h: Hypothesis) -> float:
+        return math.hypot(h.pose.x - pose.x, h.pose.y - pose.y)
+
+    return min((h for h in kept if same(h.pose, pose)), key=off, default=None)
 
 
 def _lead(best: Hypothesis, others: list[Hypothesis]) -> float:
