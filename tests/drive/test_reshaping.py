@@ -147,16 +147,22 @@ def drive(tmp_path):
         yield made
 
 
+def following(drive):
+    """Anna has the lease, and has the robot follow its course."""
+    anna = drive.station("anna")
+    yield from range(5)
+    anna.ask(Ask.TAKE)
+    yield from range(5)
+    anna.ask(Ask.MODE, Mode.AUTOMATIC)
+    return anna
+
+
 def test_stations_plans_and_another_way_go_by_the_outline_that_it_has(drive):
     shown = []
     drive.link.reshape = lambda outline: shown.append(outline)
 
     def script():
-        anna = drive.station("anna")
-        yield from range(5)
-        anna.ask(Ask.TAKE)
-        yield from range(5)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna = yield from following(drive)
         yield from range(40)
         wide = longer(drive.gated.model.outline, 0.0, 0.3)
         drive.wheels.outline = wide
@@ -222,11 +228,7 @@ def test_the_way_of_a_new_driver_is_what_is_reported(drive):
     """Progress was told of the way before."""
 
     def script():
-        anna = drive.station("anna")
-        yield from range(5)
-        anna.ask(Ask.TAKE)
-        yield from range(5)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna = yield from following(drive)
         yield from range(250)
         before = drive.loop._reporter._progress()
         assert before > 0.1

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cohelm.core.types import Stick, Twist
 from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.loop.stick_arming import CENTRED
 
 if TYPE_CHECKING:
     from cohelm.link.keys import Keys
@@ -34,7 +35,6 @@ _CONNECTS = 3.0
 """A link that is not there by then is told of [s]."""
 _LEAST = 0.051
 """Just out of the stick's dead band: without fore-aft, left-right alone would drive ahead (45)."""
-_CENTRED = Stick(0.0, 0.0)
 
 
 class Joined(NamedTuple):
@@ -140,7 +140,7 @@ class _Hand:
         """Once. twist: None while nothing is pressed."""
         new, self._pressed = twist is not None and not self._pressed, twist is not None
         told = self._end.status()
-        stick = _CENTRED if twist is None else stick_of(twist, self._full)
+        stick = CENTRED if twist is None else stick_of(twist, self._full)
         mode = None if told is None else told.status.mode
         if told is None:
             if now - self._begun > _CONNECTS and not self._end.state().connected:
@@ -160,8 +160,8 @@ class _Hand:
             elif told.status.why and math.hypot(*told.status.applied) < 1e-3:
                 self._tell(now, told.status.why)
         # Another mode would take silence for a person who lets the controller lead.
-        steers = mode is Mode.MANUAL or stick == _CENTRED
-        self._end.steer(stick if steers else _CENTRED, True, True, Device.TOUCH)
+        steers = mode is Mode.MANUAL or stick == CENTRED
+        self._end.steer(stick if steers else CENTRED, True, True, Device.TOUCH)
         self._answers(now)
 
     def leave(self, pressed: bool) -> None:
@@ -170,9 +170,9 @@ class _Hand:
         if told is not None and told.status.lease.driver == told.status.lease.you and not pressed:
             given, until = self._end.ask(Ask.GIVE), time.monotonic() + 0.5
             while self._end.answer(given) is None and time.monotonic() < until:
-                self._end.steer(_CENTRED, True, True, Device.TOUCH)
+                self._end.steer(CENTRED, True, True, Device.TOUCH)
                 time.sleep(_PERIOD)
-        self._end.steer(_CENTRED, False, False, Device.TOUCH)
+        self._end.steer(CENTRED, False, False, Device.TOUCH)
         time.sleep(2.0 * _PERIOD)  # so that the robot hears that the stick is gone
 
     def _ask(self, now: float, what: Ask, value: int = 0) -> None:

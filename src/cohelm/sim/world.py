@@ -94,7 +94,7 @@ def place(discs: Floats, world: World, t: float) -> None:
 
 @jit_inline
 def from_wall(pose: Pose, walls: Floats, i: int) -> tuple[float, float]:
-    """From the nearest point of wall i to the robot's centre [m]."""
+    """From the nearest point of wall i to where something is [m]."""
     ex, ey = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
     wx, wy = pose.x - walls[i, 0], pose.y - walls[i, 1]
     length = ex * ex + ey * ey

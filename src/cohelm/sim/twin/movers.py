@@ -12,7 +12,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Ints, Pose, X, Y
 from cohelm.robot.clearance import disc_clearance
 from cohelm.sim.adversarial import choose, walk_on
-from cohelm.sim.world import World, place_one
+from cohelm.sim.world import World, from_wall, place_one
 
 STROLL = 0.4
 """Speed at which a mover goes round what is in its way [m/s]."""
@@ -232,12 +232,7 @@ def _clearance(
         far = math.hypot(wx, wy)
         clearance = far - radius - other[RADIUS] if thing - 1 != i else math.inf
     else:
-        wall = walls[thing - 1 - len(discs)]
-        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-        wx, wy = x - wall[0], y - wall[1]
-        length = ex * ex + ey * ey
-        s = min(max((wx * ex + wy * ey) / length, 0.0), 1.0) if length > 0.0 else 0.0
-        wx, wy = wx - s * ex, wy - s * ey
+        wx, wy = from_wall(Pose(x, y, 0.0), walls, thing - 1 - len(discs))
         far = math.hypot(wx, wy)
         clearance = far - radius
     return (clearance, wx / far, wy / far) if far > 0.0 else (clearance, 1.0, 0.0)
