@@ -75,6 +75,18 @@ def test_a_check_that_never_ends_is_given_up_and_no_call_waits(monkeypatch):
         process.close()
 
 
+def test_a_process_that_was_given_up_is_ended_though_nobody_came_to_it_before_the_end():
+    """Its replacing is left out, as all that has not begun then; its end is not."""
+    process, held_up = CheckingElsewhere(JUDGE), threading.Event()
+    child = process._child
+    process._jobs.do(lambda: held_up.wait(STARTED) and None)
+    process._busy = child.gone = True
+    assert process.result(time.monotonic()).why == "it could not be checked: send it again"
+    threading.Timer(0.2, held_up.set).start()
+    process.close()
+    assert child._process.exitcode is not None
+
+
 def test_a_process_that_comes_up_after_the_end_is_ended(monkeypatch):
     """On a busy machine `close` does not wait for it."""
     process = CheckingElsewhere(Sleepy())

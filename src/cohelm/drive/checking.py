@@ -85,6 +85,7 @@ class CheckingElsewhere:
         self._judge = judge
         self._jobs = InThread("checking")
         self._child: Child | None = _started(judge)
+        self._given_up: Child | None = None
         self._up = self._busy = self._closed = self._outdated = False
         self._since = 0.0
 
@@ -136,12 +137,12 @@ class CheckingElsewhere:
         self._closed = True
         child, self._child = self._child, None
         self._jobs.close(_AGAIN + 1.0)
-        for one in {child, self._child}:
+        for one in {child, self._child, self._given_up}:  # its replacing may not have begun
             if one is not None:
                 one.end()
 
     def _replace(self, child: Child) -> None:
-        self._child, self._up, self._busy = None, False, False
+        self._child, self._given_up, self._up, self._busy = None, child, False, False
 
         def again() -> None:
             child.end()

@@ -11,7 +11,6 @@ import os
 import pickle
 import socket
 import struct
-import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -33,8 +32,6 @@ class Child:
         self._process = started(name, _serve, theirs, answer, begin, daemon=True)
         theirs.close()
         self._line.setblocking(False)
-        # the process ends with its line: also that of a child that is dropped without `end`
-        weakref.finalize(self, self._line.close)
         self._going, self._coming = b"", bytearray()
         self.gone = False
         """Whether there will be no more answers."""
