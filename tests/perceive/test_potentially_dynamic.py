@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.frames import compose, inverse
-from cohelm.core.types import RADIUS, Pose, Twist, X, Y, disc, discs
+from cohelm.core.types import RADIUS, VX, VY, Pose, Twist, X, Y, disc, discs
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.scan.clusters import Look
@@ -56,20 +56,20 @@ def reached(moment, seen, x, y, radius, after=0.3):
 
 @pytest.mark.parametrize("speed", [0.3, 0.8, 1.2])
 def test_who_walks_onto_free_ground_is_covered_at_once(speed):
-    """A walker comes out from behind a pillar of the map."""
+    """A walker comes out from behind a pillar of the map, on which the robot knows its place."""
     pillar = disc(4.2, -0.1, 0.3)
     lab = map_from_geometry(WALLS, HERE, np.array([[4.2, -0.1, 0.3]]))
 
     def at(t):
-        return 4.5, 0.2 - speed * t
+        return 4.5, 0.2 - speed * (t - 0.5)
 
     def around(t):
         return discs(pillar, disc(*at(t), 0.25))
 
     checked = 0
-    for moment, seen in watch(standing(1.6 / speed), around, lab):
+    for moment, seen in watch(standing(0.5 + 1.6 / speed), around, lab):
         x, y = at(moment.now + 0.3)
-        if -1.2 < y < -0.5 and moment.now > 0.3:
+        if -1.2 < y < -0.5:
             checked += 1
             assert reached(moment, seen, x, y, 0.25) < 0.0
     assert checked >= 4
@@ -113,10 +113,9 @@ def test_who_came_and_stopped_may_set_off_again_and_is_a_thing_in_the_end():
     beside = [s for t, s in told if 5.8 < t < 9.0]
     assert beside
     for seen in beside:
-        assert len(seen.discs) == 0
-        assert len(seen.mobile) > 3
+        assert len(seen.mobile) > 0
         assert seen.mobile_max_acceleration.min() >= 1.0
-        assert seen.mobile[:, RADIUS].max() < 0.1
+        assert np.hypot(seen.mobile[:, VX], seen.mobile[:, VY]).max() < 0.15
     assert len(told[-1][1].mobile) == 0
 
 

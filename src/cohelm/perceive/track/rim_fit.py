@@ -26,6 +26,8 @@ class Fit(NamedTuple):
     radius: float
     variance: float
     """Of its place, in the direction in which it is least sure [m^2]."""
+    radius_variance: float
+    """[m^2]"""
     good: bool
     """Whether what is seen is its rim."""
 
@@ -52,7 +54,7 @@ def rim_fit(
     n = len(points)
     weight = 1.0 / (noise * max(1.0, n / _ALIKE))
     fx, fy, fr = x, y, radius
-    a = b = c = d = e = f = 0.0
+    a = b = c = d = e = f = left = 0.0
     for _ in range(_STEPS):
         # normal equations of what is asked for, (a b d; b c e; d e f), and their right-hand side
         a, b, c, d, e, f = 1.0 / place, 0.0, 1.0 / place, 0.0, 0.0, 1.0 / size
@@ -70,6 +72,8 @@ def rim_fit(
             gx += weight * ux * off
             gy += weight * uy * off
             gr += weight * off
+        det = a * c - b * b
+        left = f - (c * d * d - 2.0 * b * d * e + a * e * e) / det  # the place is done with
         a, b, c = a - d * d / f, b - d * e / f, c - e * e / f  # the radius is done with
         gx, gy = gx - d * gr / f, gy - e * gr / f
         det = a * c - b * b
@@ -80,4 +84,4 @@ def rim_fit(
             break
     least = 0.5 * (a + c) - math.sqrt(0.25 * (a - c) * (a - c) + b * b)  # eigenvalue
     good = fr > 0.0 and rim_distance(points, fx, fy, fr) < _OFF
-    return Fit(fx, fy, fr, 1.0 / max(least, 1e-9), good)
+    return Fit(fx, fy, fr, 1.0 / max(least, 1e-9), 1.0 / max(left, 1e-9), good)

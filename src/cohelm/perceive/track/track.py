@@ -15,19 +15,21 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats
 
 TX, TY, TVX, TVY, TAX, TAY, PP, PV, VV, PA, VA, AA = range(12)
-RADIUS, SEEN, MISSED, PROOF, MOVES, SINCE, GONE, CALM, WHOLE, WHERE = range(12, 22)
+RADIUS, RR, SEEN, MISSED, PROOF, MOVES, SINCE, GONE, CALM, WHERE = range(12, 22)
 ENDS = 8
 COLUMNS = WHERE + 2 * ENDS
 """Columns of tracks: position, velocity and acceleration, their covariances (the same along both
 axes: of position, of it with velocity, of velocity, of position and velocity with acceleration, of
-acceleration), radius, scans it was seen in, time since [s], proof that it moves, whether it counts
-as moving, how long ago WHERE is from [s], scans in which its place was free, how long nothing
-proved that it moves [s], scans in which nothing hid a part of it; from WHERE on x and y of eight
-places in which beams ended on it a while ago [m].
+acceleration), radius, its variance, scans it was seen in, time since [s], proof that it moves,
+whether it counts as moving, how long ago WHERE is from [s], scans in which its place was free, how
+long nothing proved that it moves [s]; from WHERE on x and y of eight places in which beams ended
+on it a while ago [m].
 """
 
 FADES = 0.8
 """A change of velocity fades so fast [s]: about the time of a step and a half of a walker."""
+
+_CHANGES = 0.003  # by which a radius may change in a second, 1 cm in ten: an arm, a coat [m]
 
 
 @jit
@@ -36,6 +38,7 @@ def predicted(one: Floats, dt: float, max_acceleration: float) -> None:
     for axis in range(2):
         one[TX + axis] += dt * one[TVX + axis] + 0.5 * dt * dt * one[TAX + axis]
         one[TVX + axis] += dt * one[TAX + axis]
+    one[RR] += _CHANGES * _CHANGES * dt
     q = max_acceleration * max_acceleration
     if one[MOVES] == 0.0:
         one[PP] += 2.0 * dt * one[PV] + dt * dt * one[VV] + 0.25 * q * dt**4 + 1e-5

@@ -16,11 +16,9 @@ from cohelm.core.frames import placed
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.scan.clusters import (
-    AGE,
     CX,
     CY,
     FIRST,
-    HIDDEN,
     LAST,
     SIZE,
     Look,
@@ -42,7 +40,7 @@ from cohelm.perceive.track.potentially_dynamic import (
     wild,
 )
 from cohelm.perceive.track.proof import prove
-from cohelm.perceive.track.rim_fit import rim_distance, rim_fit
+from cohelm.perceive.track.rim_fit import rim_distance
 from cohelm.perceive.track.track import (
     CALM,
     COLUMNS,
@@ -52,6 +50,7 @@ from cohelm.perceive.track.track import (
     PP,
     PROOF,
     RADIUS,
+    RR,
     SEEN,
     SINCE,
     TAX,
@@ -61,17 +60,13 @@ from cohelm.perceive.track.track import (
     TX,
     TY,
     VV,
-    WHOLE,
-    corrected,
     no_tracks,
     noted_ends,
     predicted,
 )
+from cohelm.perceive.track.update import UNSURE, centre_variance, is_rim, known, then, updated
 from cohelm.robot.sensors import Lidar
 
-_KNOWN = 3.0  # who was in view whole in so many scans, of him the radius is known,
-_SURE = 0.05  # to this, one standard deviation [m];
-_UNSURE = 0.15  # before that, to this [m]
 _BLIND = Look(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
 
 
@@ -87,7 +82,8 @@ class TrackerParams(NamedTuple):
     proof: int = 3
     """Scans that must prove it moves; up to twice as many are remembered."""
     calm: float = 3.0
-    """Who has moved, and stands, may walk on, and stays a mover for so long [s]."""
+    """Who has moved, and stands, may walk on, and stays a mover for so long [s]; whose radius is
+    known, `wary.keep`."""
     keep: float = 1.5
     """Hidden, a mover is foreseen for so long [s]."""
     back: tuple[float, ...] = (0.45, 0.95, 1.4)
@@ -258,15 +254,15 @@ def _followed(
             for i in range(t):
                 if taken[i]:
                     continue
-                x, y = _then(out[i], found[j])
+                x, y = then(out[i], found[j])
                 d = math.hypot(found[j, CX] - x, found[j, CY] - y)
                 if d > 0.6:
                     continue
-                if _is_rim(out[i], found[j]):
+                if is_rim(out[i], found[j]):
                     d = rim_distance(_seen(places, found[j]), x, y, out[i, RADIUS])
                     cost = d * d / (care.scatter * care.scatter + out[i, PP])
                 else:
-                    wide = _scatter(found[j], care) + out[i, PP]
+                    wide = centre_variance(found[j], care.scatter) + out[i, PP]
                     cost = d * d / wide + 4.0 * abs(found[j, SIZE] - out[i, RADIUS])
                 if cost < best:
                     best, bi, bj = cost, i, j
@@ -274,19 +270,22 @@ def _followed(
             break
         whose[bj], taken[bi] = bi, True
         seen = _seen(places, found[bj])
-        _update(out[bi], found[bj], seen, lidar, now, care)
+        updated(
+            out[bi], found[bj], seen, lidar, now, care.scatter, care.max_acceleration
+        )  # fmt: skip
+        calm = care.wary.keep if known(out[bi]) else care.calm
         prove(
-            out[bi], found[bj], seen, lidar, now, care.slowest, care.proof, care.calm,
+            out[bi], found[bj], seen, lidar, now, care.slowest, care.proof, calm,
             care.max_acceleration,
         )  # fmt: skip
     n = t
     for j in range(k):
         if whose[j] < 0.0 and not _within_mover(out, t, found[j]):
             out[n, TX], out[n, TY], out[n, RADIUS] = found[j, CX], found[j, CY], found[j, SIZE]
-            out[n, PP], out[n, VV] = _scatter(found[j], care), 1.0
+            out[n, PP], out[n, VV] = centre_variance(found[j], care.scatter), 1.0
             out[n, SEEN] = 1.0
             noted_ends(out[n], _seen(places, found[j]))
-            out[n, WHOLE] = 1.0 if found[j, HIDDEN] == 0.0 else 0.0
+            out[n, RR] = UNSURE * UNSURE
             whose[j] = n
             n += 1
     kept, lost, came = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
@@ -303,85 +302,9 @@ def _followed(
 
 
 @jit
-def _scatter(cluster: Floats, care: TrackerParams) -> float:
-    """Variance of a cluster's centre: less sure where only a part is in view [m^2]."""
-    own = care.scatter + (0.5 * cluster[SIZE] + 0.05 if cluster[HIDDEN] > 0.0 else 0.0)
-    return own * own
-
-
-@jit
-def _is_rim(one: Floats, cluster: Floats) -> bool:
-    """Whether a cluster may be the rim, or a part of it, of a mover of known radius."""
-    known = one[MOVES] > 0.0 and one[WHOLE] >= _KNOWN
-    return known and cluster[SIZE] < one[RADIUS] + _SURE
-
-
-@jit
-def _then(one: Floats, cluster: Floats) -> tuple[float, float]:
-    """Where the track was when the cluster's beams were measured [m]."""
-    if one[MOVES] == 0.0:
-        return one[TX], one[TY]
-    return one[TX] - cluster[AGE] * one[TVX], one[TY] - cluster[AGE] * one[TVY]
-
-
-@jit
 def _seen(places: Floats, cluster: Floats) -> Floats:
     """The points of a cluster."""
     return places[int(cluster[FIRST]) : int(cluster[LAST])]
-
-
-@jit
-def _update(
-    one: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: Look, care: TrackerParams
-) -> None:  # fmt: skip
-    """Kalman update of a track by its cluster of points in `odom`, `seen`."""
-    one[SEEN] += 1.0
-    one[MISSED] = 0.0
-    one[GONE] = 0.0
-    if one[MOVES] > 0.0 and _fitted(one, cluster, seen, lidar, now, care):
-        return
-    x, y = _then(one, cluster)
-    noise = _scatter(cluster, care)
-    gain = one[PP] / (one[PP] + noise)
-    dx, dy = gain * (cluster[CX] - x), gain * (cluster[CY] - y)
-    corrected(one, dx, dy, (1.0 - gain) * one[PP], care.max_acceleration)
-    _sized(one, cluster[SIZE], cluster[HIDDEN] > 0.0)
-
-
-@jit
-def _sized(one: Floats, size: float, hidden: bool) -> None:
-    """Update its radius by a measured one; of a hidden one, by no smaller one [m]."""
-    if hidden:
-        size = max(size, one[RADIUS])
-    else:
-        one[WHOLE] += 1.0
-    one[RADIUS] += (0.3 if size > one[RADIUS] else 0.1) * (size - one[RADIUS])
-
-
-@jit
-def _fitted(
-    one: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: Look, care: TrackerParams
-) -> bool:
-    """Update a mover by the disc whose rim is seen; whether there is such a disc."""
-    x, y = _then(one, cluster)
-    known, hidden = _is_rim(one, cluster), cluster[HIDDEN] > 0.0
-    if hidden and not known:
-        return False
-    sure = _SURE if known else _UNSURE
-    noise = lidar.noise * lidar.noise
-    fit = rim_fit(seen, x, y, one[RADIUS], one[PP], sure * sure, noise)
-    off = rim_distance(seen, fit.x, fit.y, fit.radius)
-    if off * off > noise:  # it is less round than a disc is
-        fit = rim_fit(seen, x, y, one[RADIUS], one[PP], sure * sure, off * off)
-    ux, uy = fit.x - now.sensor.x, fit.y - now.sensor.y
-    mx, my = seen[:, 0].mean() - now.sensor.x, seen[:, 1].mean() - now.sensor.y
-    before = mx * mx + my * my < ux * ux + uy * uy
-    if not (fit.good and before):
-        return False
-    corrected(one, fit.x - x, fit.y - y, fit.variance, care.max_acceleration)
-    if not hidden:
-        _sized(one, fit.radius, False)
-    return True
 
 
 @jit
