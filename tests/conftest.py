@@ -87,8 +87,6 @@ class ByFile(LoadScopeScheduling):
     @functools.cache  # noqa: B019  there is one, for the whole run
     def _groups(self, file: str) -> tuple[str, dict[str, str]]:
         """The group of a file's tests, and of those that have one of their own."""
-        if file.startswith("tests/station/"):  # one robot and one browser for them all
-            return "realtime", {}
         text = (self.config.rootpath / file).read_text()
         own = {match[2]: match[1] for match in MARKED.finditer(text)}
         whole = re.search(GROUP, MARKED.sub("", text))

@@ -256,6 +256,11 @@ def station_phone(robot: Robot, browser: Browser, take_it: Callable[[Page], None
 
 
 @shot
+def station_sideways(robot: Robot, browser: Browser, take_it: Callable[[Page], None]) -> None:
+    _touched(robot, browser, 844, 390, take_it)
+
+
+@shot
 def station_tablet(robot: Robot, browser: Browser, take_it: Callable[[Page], None]) -> None:
     _touched(robot, browser, 1024, 768, take_it)
 

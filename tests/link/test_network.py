@@ -17,8 +17,9 @@ import pytest
 from cohelm.core.types import Stick
 from cohelm.link.keys import pair_here
 from cohelm.link.messages import Ask, Device, Mode, Piece
+from cohelm.link.operator_input import STALE
 from cohelm.link.robot_bulk import RobotBulk
-from cohelm.link.robot_end import STALE, RobotEnd
+from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 from tests.link import net

@@ -69,6 +69,7 @@ def until(seen: Callable[[], object], do: Callable[[], object]) -> None:
 
 def take(page: Page) -> None:
     """Become the driver of a robot that nobody drives."""
+    who(page).get_by_role("status").wait_for()  # else the first press is of a button yet to come
     until(
         lambda: expect(who(page)).to_contain_text("You drive", timeout=SOON),
         press(page, "Take over"),

@@ -64,7 +64,10 @@ class Robot:
                 self.watcher.ask(Ask.MODE, Mode.HOLD)
                 if _neat(status._replace(lease=status.lease._replace(driver=0, asking=0))):
                     self.watcher.ask(Ask.GIVE, 0)
-            time.sleep(0.4)  # a client may ask for 20 things a second, and no more
+            # as soon as it shows; but a client may ask for 20 things a second, and no more
+            before, late = _untidy(status), time.monotonic() + 0.4
+            while time.monotonic() < late and _untidy(self.status()) == before:
+                time.sleep(0.02)
 
     def close(self) -> None:
         """End it."""
@@ -72,11 +75,15 @@ class Robot:
         self._made.close()
 
 
+def _untidy(s: Status | None) -> tuple[object, ...] | None:
+    """What there is to tidy up."""
+    if s is None:
+        return None
+    return s.stopped, s.alarms, s.recording, s.mode != Mode.HOLD, s.lease.driver, s.lease.asking
+
+
 def _neat(s: Status | None) -> bool:
-    return s is not None and (
-        not s.stopped and not s.alarms and not s.recording and s.mode == Mode.HOLD
-        and s.lease.driver == s.lease.asking == 0
-    )  # fmt: skip
+    return s is not None and not any(_untidy(s) or ())
 
 
 @contextmanager

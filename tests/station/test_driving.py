@@ -1,5 +1,6 @@
 """A person drives in a browser: with keys, a gamepad, two thumbs."""
 
+import itertools
 from pathlib import Path
 
 import pytest
@@ -357,6 +358,41 @@ def test_two_thumbs_on_a_phone(browser_phone: BrowserContext, server: Server) ->
     for panel in ("Camera", "Plots", "Link", "Drive"):
         page.get_by_role("navigation").get_by_role("button", name=panel).tap()
         expect(page.get_by_role("button", name="Stop the robot")).to_be_in_viewport()
+    release(page)
+
+
+def test_a_phone_held_sideways_has_room_for_the_map_and_for_two_thumbs(
+    browser_phone: BrowserContext, server: Server
+) -> None:
+    """Nothing that is pressed lies under anything else, and most of it is the map."""
+    page = browser_phone.new_page()
+    page.set_viewport_size({"width": 740, "height": 330})  # a small one, within the browser's bars
+    page.goto(server.address)
+    who(page).get_by_role("button", name="Take over").wait_for()
+    take(page)
+    boxes = [
+        page.get_by_role(role, name=name).bounding_box()
+        for role, name in (
+            ("slider", "Forward and back"), ("slider", "Left and right"), ("radio", "Manual"),
+            ("button", "Stop the robot"), ("button", "Release"), ("button", "Camera"),
+        )
+    ]  # fmt: skip
+    for box in boxes:
+        assert box is not None
+        assert box["width"] >= 44
+        assert box["height"] >= 33
+        assert 0 <= box["x"] <= box["x"] + box["width"] <= 740
+        assert 0 <= box["y"] <= box["y"] + box["height"] <= 330
+    for one, other in itertools.combinations(filter(None, boxes), 2):
+        apart_x = abs(2 * (one["x"] - other["x"]) + one["width"] - other["width"])
+        apart_y = abs(2 * (one["y"] - other["y"]) + one["height"] - other["height"])
+        assert (
+            apart_x >= one["width"] + other["width"] or apart_y >= one["height"] + other["height"]
+        )
+    seen = page.locator("#map").bounding_box()
+    assert seen is not None
+    assert seen["width"] >= 0.6 * 740
+    assert seen["height"] >= 0.6 * 330
     release(page)
 
 

@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cohelm.core.types import Stick, Twist
 from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.link.operator_input import STALE
 from cohelm.loop.stick_arming import CENTRED
 
 if TYPE_CHECKING:
     from cohelm.link.keys import Keys
     from cohelm.link.station_end import StationEnd
 
-EXPIRES = 0.25
-"""A twist counts for so long, as a stick in a page does [s]."""
 ALIVE = 0.5
 """A connection that has not answered for so long is gone [s]."""
 GIVES_BACK = 10.0
@@ -114,7 +113,7 @@ class FoxgloveTeleop:
             while not self._over.wait(_PERIOD):
                 with self._lock:
                     now = time.monotonic()
-                    twist = self._twist if now - self._came <= EXPIRES else None
+                    twist = self._twist if now - self._came <= STALE else None
                     alive, silent = now - self._answered <= ALIVE, now - self._came
                     if silent > GIVES_BACK or not alive:
                         self._who, self._thread, self._answered = None, None, -math.inf

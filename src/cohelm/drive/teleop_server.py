@@ -14,8 +14,8 @@ from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.keys import Keys, joined_by
+from cohelm.link.operator_input import STALE
 from cohelm.link.robot_bulk import both_ends
-from cohelm.link.robot_end import STALE
 from cohelm.loop.driver import BY_HAND_YAW_RATE
 from cohelm.loop.loop import Loop
 

@@ -6,6 +6,10 @@ from typing import NamedTuple
 
 from cohelm.link.messages import Ask, Command, Request
 
+STALE = 0.25
+"""A stick that was not heard of for so long is gone, whichever way it comes [s]: an older command
+is not used."""
+
 
 class ClientRequest(NamedTuple):
     """A request that the loop must do or refuse, and answer."""

@@ -38,8 +38,9 @@ from cohelm.link.messages import (
     Waypoints,
     ZoneMap,
 )  # fmt: skip
+from cohelm.link.operator_input import STALE
 from cohelm.link.pace import BulkPace
-from cohelm.link.robot_end import STALE, RobotEnd
+from cohelm.link.robot_end import RobotEnd
 from cohelm.link.robot_records import Digests, Wanted, listed, opened
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode, from_operator

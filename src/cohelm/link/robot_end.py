@@ -26,13 +26,11 @@ from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.listener import Guest, Listener
 from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
-from cohelm.link.operator_input import ClientRequest, OperatorInput
+from cohelm.link.operator_input import STALE, ClientRequest, OperatorInput
 from cohelm.link.pending import Pending
 from cohelm.link.rate import Coalesced
 from cohelm.link.wire import Header, encode, from_operator, may_stop
 
-STALE = 0.25
-"""An older command is not used [s]."""
 REQUEST_LIFE = 1.0
 """A request asked longer ago is refused, but for a stop [s]."""
 SILENT = 2.0

@@ -12,15 +12,13 @@ from typing import Any, NamedTuple
 from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device
-from cohelm.link.operator_input import OperatorInput
+from cohelm.link.operator_input import STALE, OperatorInput
 from cohelm.loop.operator import NullOperator
 from cohelm.loop.stick_arming import CENTRED
 from cohelm.ros import mismatch
 from cohelm.ros.port import SENSOR, Received, Transport
 
 JOY = "sensor_msgs/msg/Joy"
-STALE = 0.25
-"""Without a message for so long there is no stick [s]."""
 STUCK, STUCK_AT_THE_END = 3.0, 10.0
 """Deflected, a hand trembles: without any change for so long nobody holds it [s]; at the end of its
 travel, for so long."""

@@ -26,13 +26,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from cohelm.core.errors import CohelmError
+from cohelm.link.operator_input import STALE
 from cohelm.station.doors import Doorkeeper, from_elsewhere, own_name, same_origin
 from cohelm.station.operator import PageOperator
 from cohelm.station.records import Downloads
 from cohelm.station.robot_link import Connect
 
-STALE = 0.25
-"""A stick that was not heard of for so long is gone [s]."""
 MOST_OPERATORS = 12
 PROTOCOL = "cohelm"
 """Of the WebSocket; the session stands beside it."""

@@ -574,13 +574,22 @@ def test_it_says_on_which_side_the_thing_is():
     nothing, unknown = np.zeros(1), np.full(1, -math.inf)
     for point, said in (
         ((0.46, 0.1), "0.10 m ahead"), ((-0.56, 0.1), "0.20 m behind"),
-        ((0.1, 0.39), "0.10 m left"), ((0.1, -0.31), "0.02 m right"),
+        ((0.1, 0.39), "0.10 m to the left"), ((0.1, -0.31), "0.02 m to the right"),
         ((0.3, 0.2), "0.00 m ahead"), ((0.5, 0.32), "0.14 m ahead"),
     ):  # fmt: skip
         here = np.array([point])
         assert it._where(MonitorSurroundings(here, *[nothing] * 3), 0) == f"something {said}"
         there = MonitorSurroundings(here, unknown, nothing, nothing)
         assert it._where(there, 0) == f"ground that nothing looked at {said}"
+
+
+def test_what_is_too_near_to_be_measured_is_said_to_be():
+    """Else who has a driver that says 0, or less, where nothing came back looks for a thing."""
+    ranges = empty()
+    ranges[len(ranges) // 2] = -math.inf
+    found = standing(ranges).restrict(1.0, Twist(0.5, 0.0))
+    assert found.share < 1.0
+    assert "something too near to be measured 0.00 m" in found.reason
 
 
 def test_a_robot_that_runs_away_is_a_fault():

@@ -10,6 +10,7 @@ from cohelm.robot.collision_monitor.returns import (
     NEIGHBOURS,
     PATCH,
     SURE,
+    TOO_NEAR,
     Sensor,
     averaged as averaged_of,
     returns,
@@ -61,7 +62,8 @@ def test_too_near_to_measure_is_something_from_the_sensor_to_its_least_range():
     at = 0.5 + SENSOR.bearings[360]
     assert found.points[1] == pytest.approx((0.3 + 0.06 * math.cos(at), 0.1 + 0.06 * math.sin(at)))
     assert found.points[2] == pytest.approx((0.3, 0.1))
-    assert found.errors[1:].tolist() == [0.0, 0.0]
+    assert found.errors[1:].tolist() == [TOO_NEAR, TOO_NEAR]
+    assert TOO_NEAR + 1e-9 == 1e-9
     assert found.margins[1:] == pytest.approx([0.06 * STEP, 0.0])
     assert found.passed == pytest.approx([20 / 719, 360 / 719, 360 / 719])
 

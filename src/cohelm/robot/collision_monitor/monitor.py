@@ -18,7 +18,7 @@ from cohelm.robot.collision_monitor.contacts import NEVER, Met, met
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
 from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
 from cohelm.robot.collision_monitor.odometry import PoseHistory
-from cohelm.robot.collision_monitor.returns import Sensor, returns
+from cohelm.robot.collision_monitor.returns import TOO_NEAR, Sensor, returns
 from cohelm.robot.collision_monitor.runaway import Runaway
 from cohelm.robot.collision_monitor.source import MonitorSource
 from cohelm.robot.collision_monitor.surroundings import (
@@ -49,7 +49,10 @@ odometry is the mean over a reading and comes late."""
 LASTS = 1.0
 """A reason is told in the same words until it has been away for so long [s]."""
 _NONE = Twist(0.0, 0.0)
-_WHAT = {-math.inf: "ground that nothing looked at", UNWATCHED: "floor that nothing has seen"}
+_WHAT = {
+    -math.inf: "ground that nothing looked at", UNWATCHED: "floor that nothing has seen",
+    TOO_NEAR: "something too near to be measured",
+}  # fmt: skip
 
 
 class Described(NamedTuple):
@@ -314,7 +317,7 @@ class CollisionMonitor:
         if abs(along[0]) >= abs(along[1]):
             side = "ahead" if along[0] > 0.0 else "behind"
         else:
-            side = "left" if along[1] > 0.0 else "right"
+            side = "to the left" if along[1] > 0.0 else "to the right"
         return f"{what} {max(float(outside.max()), 0.0):.2f} m {side}"
 
     def _told(self, now: float, share: float, kind: str, because: str) -> Restriction:

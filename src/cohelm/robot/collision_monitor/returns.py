@@ -21,6 +21,8 @@ has 1.41 sigma, so 3 of its own."""
 SURE = 3.0
 """A thing may be nearer than its return by this many sigma of the average, and by as much as
 two beams are apart."""
+TOO_NEAR = math.ulp(0.0)
+"""Error of what is too near to be measured [m]: none in any sum, and told from other things."""
 
 
 class Sensor(NamedTuple):
@@ -104,13 +106,14 @@ def _returns(
             hit = 0.0 <= ranges[i] <= within and ranges[i] < math.inf
             if (part == 0 and not hit) or (part > 0 and not ranges[i] < 0.0):
                 continue
-            far, error = (least if part == 1 else 0.0), 0.0
+            far, error, sure = (least if part == 1 else 0.0), TOO_NEAR, 0.0
             if part == 0:
                 far, count = averaged(ranges, i, step, noise)
                 error = noise / math.sqrt(1.0 if alone else count)
+                sure = SURE * error
             bearing = psi + bearings[i]
             points[k, 0], points[k, 1] = x + far * math.cos(bearing), y + far * math.sin(bearing)
-            errors[k], margins[k] = error, SURE * error + far * step
+            errors[k], margins[k] = error, sure + far * step
             passed[k] = i / max(n - 1, 1)
             k += 1
     return points, errors, margins, passed

@@ -33,7 +33,7 @@ export function LinkPanel() {
             <Row name="round trip" value={ms(q?.round_trip_ms)} odd={over(q?.round_trip_ms, 200)} />
             <Row name="lost" value={percent(q?.loss)} odd={over(q?.loss, 0.05)} />
             <Row name="command age" value={ms(q?.command_age_ms)} odd={over(q?.command_age_ms, 150)} />
-            <Row name="what you see" value={`${ms(age)} old`} odd={!(age < 300)} />
+            <Row name="what you see" value={age === Infinity ? '–' : `${ms(age)} old`} odd={!(age < 300)} />
             <Row name="page to station" value={ms(s.pageMs.value)} odd={over(s.pageMs.value, 150)} />
             <Row name="clock offset" value={ms(q?.offset_ms)} />
             <Row name="robot late by" value={ms(q?.late_ms)} odd={over(q?.late_ms, 20)} />

@@ -28,8 +28,7 @@ function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {
       }}
       onPointerMove={drag} onPointerUp={release} onPointerCancel={release} onLostPointerCapture={release}
     >
-      <i style={{ transform: shift }} />
-      <span>{axis === 'x' ? '▲ ▼' : '◀ ▶'}</span>
+      <i style={{ transform: shift }}>{axis === 'x' ? '▲ ▼' : '◀ ▶'}</i>
     </div>
   )
 }

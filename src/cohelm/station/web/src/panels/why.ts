@@ -5,6 +5,9 @@ import type { State } from '../messages'
 /** Nearer than this is close [m]. */
 export const CLOSE_M = 0.25
 
+/** The gate's word where nobody asks for anything. */
+const IDLE = 'idle'
+
 const GUARDED: Partial<Record<State['verdict'], string>> = {
   shaped: 'held back: something is near',
   braking: 'braking: something is near',
@@ -20,6 +23,7 @@ function other({ nominal, applied }: State): boolean {
 /** Why the applied command is not the nominal one: the gate's word, the guard's, or the wheels' inertia. */
 export function why(state: State | null): string {
   if (state === null) return '–'
+  if (state.why === IDLE) return 'idle: it waits for a mode'
   if (state.why !== '') return state.why
   if (!other(state)) return 'as asked'
   return guarded(state) ?? 'as fast as the robot may'
