@@ -16,6 +16,7 @@ from cohelm.drive.reset_here import ResetHere
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
+from cohelm.robot.port import Health
 from cohelm.ros.port import Received
 from cohelm.ros.reset import resets
 from tests.cli.test_bad_input import refused
@@ -200,3 +201,24 @@ def test_a_topic_for_it_is_of_a_ros2_robot_without_stations(cohelm):
         pass
     listens = ("--listen", "127.0.0.1", "--reset-from", "/reset")
     refused(cohelm("robot", "lab-guard", *listens), "a station resets it: leave out --reset-from")
+
+
+def test_while_the_robot_has_a_fault_none_is_let_go_of():
+    drive = Drive()
+
+    def script(loop):
+        yield from range(50)
+        robot = loop.gated._robot
+        sound, sick = robot.read, Health(0.0, 0.5, ("the button is pressed",))
+        robot.read = lambda: sound()._replace(health=sick)
+        yield from range(60)
+        drive.asks()
+        yield from range(10)
+        assert drive.said == ["/reset: not reset: the robot says: the button is pressed"]
+        robot.read = sound
+        yield from range(10)
+        drive.asks()
+        yield from range(10)
+        assert drive.said[1].startswith("/reset: reset")
+
+    drive.run(script)
