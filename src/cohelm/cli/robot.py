@@ -227,7 +227,7 @@ def robot(
         def begun(session: Session) -> AbstractContextManager[None]:
             line.over()
             shown_at(plan.live)
-            return _shown(session, reset, reset_from)
+            return _shown(session, reset, beside.resets)
 
         def listens(at: str) -> None:
             line.over()

@@ -68,11 +68,11 @@ class OnTopics:
 
     def __init__(
         self, localized: Localized | None, goals: Goals | None, camera: Eye | None = None,
-        joy: JoyOperator | None = None, zones: ZonesOnTopics | None = None,
+        joy: JoyOperator | None = None, zones: ZonesOnTopics | None = None, resets: str = "",
     ) -> None:  # fmt: skip
-        """None: what there is not."""
-        self.joy = joy
-        """Who steers by a joystick on a topic."""
+        """None, or empty: what there is not."""
+        self.joy, self.resets = joy, resets
+        """Who steers by a joystick on a topic, and the topic on which a reset is asked for."""
         self._joy_armed = False
         self._localized, self._goals = localized, goals
         self.camera = camera
@@ -261,14 +261,14 @@ def on_topics(
             joy = JoyOperator(transport, resolved(config.joy, space), config.joy_params)
             if unheard := joy.unheard():
                 say(unheard)
-        if config.resets:
-            asks = resolved(config.resets, space)
+        asks = resolved(config.resets, space) if config.resets else ""
+        if asks:
             resets(transport, asks, partial(reset, asks), say)
         zones = None
         if config.masks:
             jobs = InThread("zones")
             zones = ZonesOnTopics(transport, config.masks, config.frame, space, jobs, say)
-        made = OnTopics(localized, goals, camera, joy, zones)
+        made = OnTopics(localized, goals, camera, joy, zones, asks)
         told = say if goals is None else goals.note
         unreached = Unreached(transport, heard_besides(config, space), told)
         try:
