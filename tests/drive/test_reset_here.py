@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import pty
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
-from cohelm.cli.typed import terminal, typed
+from cohelm.cli.terminal import _terminal, typed
 from cohelm.core.errors import CohelmError
 from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.reset_here import ResetHere
@@ -170,7 +171,7 @@ def test_a_topic_that_says_it_all_the_time_is_nobody_who_has_looked():
 
 def test_typed_in_the_terminal_it_counts_and_anything_else_does_not(monkeypatch):
     keys, end = pty.openpty()
-    monkeypatch.setattr("cohelm.cli.typed.foreground", lambda _: True)
+    monkeypatch.setattr("cohelm.cli.terminal.foreground", lambda _: True)
     resets_, said = [], []
     with typed(end, lambda: resets_.append(1), said.append):
         for line in (b"\n", b"R\n", b" reset \n", b"rr\n"):
@@ -182,14 +183,19 @@ def test_typed_in_the_terminal_it_counts_and_anything_else_does_not(monkeypatch)
     assert resets_ == [1, 1]
     assert said == ["type r and Enter to reset; Ctrl-C ends it"]
     with typed(end, lambda: resets_.append(1), said.append):
-        os.close(keys)  # the terminal is gone
+        os.close(keys)  # the terminal is gone, and nobody asks it again and again
+        for _ in looks(10.0, 0.02, 0.2):
+            listens = any(one.name == "typed" for one in threading.enumerate())
+            if not listens:
+                break
+        assert not listens
     os.close(end)
 
 
 def test_where_nobody_can_type_nothing_is_read(monkeypatch):
     with Path(os.devnull).open() as nothing:
         monkeypatch.setattr("sys.stdin", nothing)
-        assert terminal() == -1
+        assert _terminal() == -1
 
 
 def test_a_topic_for_it_is_of_a_ros2_robot_without_stations(cohelm):

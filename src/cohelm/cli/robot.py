@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import threading
-import time
-from collections.abc import Generator
-from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,7 +28,6 @@ from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transport
 from cohelm.cli.tell import (
     Json,
     Pictures,
-    console,
     named,
     plain,
     print_json,
@@ -47,7 +41,6 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from cohelm.drive.factory import RobotFactory
-    from cohelm.drive.reset_here import ResetHere
     from cohelm.drive.session import Session
 
 
@@ -146,6 +139,7 @@ def robot(
 
     With --listen 0.0.0.0 it stands until a paired station takes over (`cohelm station --robot`).
     """
+    from cohelm.cli.terminal import shown
     from cohelm.core.errors import CohelmError
     from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import (
@@ -227,7 +221,7 @@ def robot(
         def begun(session: Session) -> AbstractContextManager[None]:
             line.over()
             shown_at(plan.live)
-            return _shown(session, reset, beside.resets)
+            return shown(session, reset, beside.resets)
 
         def listens(at: str) -> None:
             line.over()
@@ -281,57 +275,6 @@ def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
         say(f"[bold red]failed:[/bold red] {plain(one)}")
     if failed:
         raise typer.Exit(1)
-
-
-_NUMBERS = re.compile(r"[\d.]+")
-"""Of one reason they change all the time."""
-
-
-@contextmanager
-def _shown(session: Session, reset: ResetHere, topic: str) -> Generator[None]:
-    """What the gate does, as it happens, and on a terminal a line that lives as long as the drive;
-    from a thread of its own. On a terminal a person may type. topic: on which a reset is asked for
-    besides; empty: on none."""
-    from cohelm.cli.typed import terminal, typed
-
-    screen = console(stderr=True)
-    over, fd = threading.Event(), terminal()
-
-    def show() -> None:
-        last, told = "", False
-        with screen.status("") if screen.is_terminal else nullcontext() as status:
-            shows = session.live is not None
-            while not over.wait(0.5):
-                if shows and session.loop.log.view_lost:
-                    shows = False
-                    say("the live view is gone: the robot goes on without")
-                now = session.state()
-                if (words := _NUMBERS.sub("", now)) != last:
-                    last = words
-                    say(plain(now))
-                if session.stopped and not told:
-                    say(_cure(fd >= 0, topic))
-                told = session.stopped
-                if status is not None:
-                    status.update(plain(session.line()))
-
-    thread = threading.Thread(target=show, name="live line", daemon=True)
-    thread.start()
-    try:
-        with typed(fd, lambda: reset.ask("the terminal", time.monotonic()), say):
-            yield
-    finally:
-        over.set()
-        thread.join(1.0)
-
-
-def _cure(typing: bool, topic: str) -> str:
-    """What lets go of a latched stop, in a sentence."""
-    ways = ["type r and Enter here"] if typing else []
-    ways += [f"publish std_msgs/msg/Empty once on {plain(topic)}"] if topic else []
-    if ways:
-        return f"it stands so until it is reset: {', or '.join(ways)}"
-    return "it stands so until it is started again; with --listen a station resets it"
 
 
 def failures(summary: dict[str, Any]) -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.drive.factory import RobotFactory
+from cohelm.drive.fits import OutlineFits
 from cohelm.drive.jobs import in_thread
 from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.pictures import Packed, Pictures
@@ -119,6 +120,7 @@ class Session:
         """Who is shown the pictures, with their age [s]."""
         self._frame: Frame | Encoded | None = None
         """The newest of that camera."""
+        self._fits: OutlineFits | None = None
         self._to_dock = False
         """Whether `run` was to dock."""
         self._ends = False
@@ -164,6 +166,7 @@ class Session:
             )  # fmt: skip
             if known is not None:
                 self.loop.log.show(drawn(known))
+                self._fits = OutlineFits(self.loop, known)
             for line in (*self.zone_maps, *way(robot.scenario.reference.spline())):
                 self.loop.log.show(line)
             self._warm_up()
@@ -206,6 +209,8 @@ class Session:
                 if over or late or not refusal:
                     wanted = Mode.HOLD
             self._look()
+            if self._fits is not None:
+                self._fits.turn(loop)
             self._periods += 1
             self._lost += loop.seen is not None and loop.seen.lost
             return until(loop)
