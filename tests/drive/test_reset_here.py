@@ -164,7 +164,8 @@ def test_a_topic_that_says_it_all_the_time_is_nobody_who_has_looked():
     wire, asked, said = Wire(), [], []
     resets(wire, "/reset", asked.append, said.append)
     for t in (10.0, 11.0, 12.0, 13.0, 16.0):  # ros2 topic pub without --once: every second
-        wire.heard(Received(None, t))
+        wire.heard(Received(object(), t))
+    wire.heard(Received(None, 30.0, "bytes that are none"))
     assert asked == [10.0, 16.0]
     assert said == ["/reset comes again and again: publish it once (ros2 topic pub --once)"]
 

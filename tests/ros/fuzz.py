@@ -177,7 +177,7 @@ def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
         while (passed := time.monotonic() - begun) < seconds or (
             driven and not drove and passed < seconds + PATIENT
         ):
-            quiet = passed > seconds or int(passed / 2.0) % 2  # two seconds of each
+            quiet = passed > seconds or int(passed / 4.0) % 2  # four seconds of each
             for _ in range(0 if quiet else rng.randint(0, 12)):
                 topic = rng.choice(topics)
                 kind = TWIST if topic != "/cmd_vel_nav" else rng.choice([TWIST, STAMPED])

@@ -25,7 +25,8 @@ def resets(
         stamp, before = received.stamp, last
         last = stamp
         if stamp - before > APART:
-            ask(stamp)
+            if received.message is not None:  # nor bytes that are none
+                ask(stamp)
         elif stamp - told > 10.0 * APART:
             told = stamp
             say(f"{topic} comes again and again: publish it once (ros2 topic pub --once)")
