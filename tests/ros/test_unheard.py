@@ -555,9 +555,7 @@ def test_a_camera_that_does_not_show_the_floor_it_is_to_watch_is_refused():
 
     notes = found(deep, rendered.tilt(lidar, 0.55)).notes
     assert any("floor from 0.55 to 1.55 m, of which 100 % is seen now" in one for one in notes)
-    with pytest.raises(
-        CohelmError, match=r"floor in all of its picture from 1.05 m on"
-    ):
+    with pytest.raises(CohelmError, match=r"floor in all of its picture from 1.05 m on"):
         found(deep, 0.0)
     later = lidar.floor.model_copy(update={"from_m": 1.05})
     given = (lidar.model_copy(update={"floor": later}),)
