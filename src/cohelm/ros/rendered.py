@@ -98,4 +98,7 @@ def _rays(camera: Intrinsics, down: float) -> tuple[Floats, Floats, Floats]:
         (np.arange(camera.height) - camera.cy) / camera.fy,
     )
     ahead = math.cos(down) - math.sin(down) * y
-    return np.arctan2(-x, ahead), np.hypot(x, ahead), math.sin(down) + math.cos(down) * y
+    fall: Floats = math.sin(down) + math.cos(down) * y
+    bearing: Floats = np.arctan2(-x, ahead)
+    along: Floats = np.hypot(x, ahead)
+    return bearing, along, fall
