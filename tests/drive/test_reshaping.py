@@ -9,9 +9,10 @@ import pytest
 
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.operator_requests import judge_of
+from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Ask, Hello, Mode
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.adapter import RobotAdapter
@@ -287,3 +288,29 @@ def test_a_route_that_it_does_not_fit_any_more_is_told_long_before_it_is_there()
     assert told[text][0][0] < 2.5
     assert told[text][-1][1] is False  # it has another one now
     assert not any("route" in a.text for a in Ride(10.5, seconds=1.0).loop.alarms.worst())
+
+
+def test_a_replay_draws_the_outline_that_the_robot_had_at_each_time(tmp_path):
+    path = tmp_path / "arm.mcap"
+    made = corridor(10.5)
+    with Session(SessionConfig(made, record=path)) as session:
+        arm, file = session.loop.gated._robot, made.model.outline
+        arm_out = longer(file)
+
+        def until(loop) -> bool:
+            arm.outline = arm_out if loop.gated.now() > 1.0 else None
+            return loop.gated.now() > 2.0
+
+        session.run(until, Mode.AUTOMATIC)
+        session.end("over")
+    played = Playback(path)
+
+    def drawn(t: float):
+        told = [one.message for one in played.at(t - played.start)]
+        (hello,) = (one for one in told if isinstance(one, Hello))
+        return hello.outline
+
+    assert drawn(0.5) == pytest.approx(file)
+    assert drawn(1.9) == pytest.approx(arm_out)
+    assert drawn(0.6) == pytest.approx(file)  # and back
+    assert played.at(1.5)[1].message is played.at(1.6)[1].message  # told once

@@ -22,6 +22,7 @@ from cohelm.link import messages as m
 from cohelm.link.recorded_status import StatusWords
 from cohelm.link.scans import WholeScan
 from cohelm.loop.status import AHEAD, AHEAD_STEP, status
+from cohelm.record import markers
 from cohelm.record.read import RecordedPeriods, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, ZONES, understood
@@ -91,7 +92,7 @@ class Playback:
         self._pictures = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as this
         weakref.finalize(self, self._pictures.close)
         # as much as there is of a record that was cut short is worth seeing
-        topics = ("/scan", scan_topic("*"), "/rosout", IMAGE, *SHOWN)
+        topics = ("/scan", scan_topic("*"), "/rosout", "/scene", IMAGE, *SHOWN)
         found = periods(path, topics, self._add)
         self._simulated = found.kind == "run"
         self._rows = _filled(found.rows) if self._simulated else found.rows
@@ -100,6 +101,12 @@ class Playback:
             if topic in self._series:
                 series, usual = self._series[topic], _usual(path, found)
                 series.all = [one._replace(usual=usual) for one in series.all]
+        camera = IMAGE in self._series
+        seen = self._model if camera else self._model.model_copy(update={"camera": None})
+        self._hello = hello(seen, "", _NAN)
+        if "/scene" in self._series:  # of each outline that it had
+            series = self._series["/scene"]
+            series.all = [self._hello._replace(outline=one) for one in series.all]
         self._docks = _docks(path, found)
         self._lidars = [
             ("/scan" if k == 0 else scan_topic(one.name), one.lidar().mount)
@@ -116,16 +123,14 @@ class Playback:
 
     def first(self) -> list[m.FromRobot]:
         """What does not change: the robot, its docks."""
-        camera = IMAGE in self._series
-        model = self._model if camera else self._model.model_copy(update={"camera": None})
-        return [hello(model, "", _NAN), *((self._docks,) if self._docks.all else ())]
+        return [self._hello, *((self._docks,) if self._docks.all else ())]
 
     def at(self, t: float) -> list[News]:
         """All that was newest then; the same things again as long as nothing is new."""
         now = self.start + t + 1e-9
         k = max(bisect.bisect_right(self._times, now) - 1, 0)
         out = [News(self._status(k), self._times[k], 0.0)]
-        for topic in SHOWN:
+        for topic in ("/scene", *SHOWN):
             if topic != "/diagnostics" and (what := self._newest(topic, now)) is not None:
                 out.append(News(what, now, 0.0))
         for k, (topic, mount) in enumerate(self._lidars):
@@ -163,6 +168,9 @@ class Playback:
             at = self._pictures.seek(0, 2)
             self._pictures.write(jpeg)
             series.add(t, _Jpeg(count, t, at, len(jpeg)))
+        elif topic == "/scene":
+            if (outline := markers.outline(message)) is not None:
+                series.add(t, outline.astype(np.float32))
         else:
             series.add(t, understood(topic, message))
 

@@ -93,12 +93,8 @@ def image(ranges: Floats, lidar: LidarModel, height: float, header: Any) -> Any:
 def _rays(camera: Intrinsics, down: float) -> tuple[Floats, Floats, Floats]:
     """(height, width) each, of a camera that looks down by an angle [rad]: where a pixel looks
     [rad], and how far along the floor, and how deep, its point moves with a metre of depth."""
-    x, y = np.meshgrid(
-        (np.arange(camera.width) - camera.cx) / camera.fx,
-        (np.arange(camera.height) - camera.cy) / camera.fy,
-    )
-    ahead = math.cos(down) - math.sin(down) * y
-    fall: Floats = math.sin(down) + math.cos(down) * y
-    bearing: Floats = np.arctan2(-x, ahead)
-    along: Floats = np.hypot(x, ahead)
-    return bearing, along, fall
+    x: Floats = (np.arange(camera.width, dtype=np.float64) - camera.cx) / camera.fx
+    y: Floats = (np.arange(camera.height, dtype=np.float64)[:, None] - camera.cy) / camera.fy
+    ahead: Floats = math.cos(down) - math.sin(down) * y
+    fall: Floats = np.broadcast_to(math.sin(down) + math.cos(down) * y, (len(y), len(x)))
+    return np.arctan2(-x, ahead), np.hypot(x, ahead), fall
