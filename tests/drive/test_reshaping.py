@@ -12,7 +12,8 @@ from cohelm.drive.operator_requests import judge_of
 from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
-from cohelm.link.messages import Ask, Hello, Mode
+from cohelm.link.bulk_messages import Hello
+from cohelm.link.messages import Ask, Mode
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.adapter import RobotAdapter

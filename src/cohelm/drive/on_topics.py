@@ -21,7 +21,8 @@ from cohelm.drive.session import Camera as Eye, Session, driver_of
 from cohelm.drive.shown import drawn, way
 from cohelm.drive.zones_on_topics import ZonesOnTopics
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Arming, Checked, ZoneMap
+from cohelm.link.bulk_messages import Checked, ZoneMap
+from cohelm.link.messages import Arming
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at

@@ -18,7 +18,7 @@ from cohelm.core.types import Pose
 from cohelm.drive.over_link import hello
 from cohelm.drive.shown import told as told_docks
 from cohelm.law import verdict as verdicts
-from cohelm.link import messages as m
+from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.recorded_status import StatusWords
 from cohelm.link.scans import WholeScan
 from cohelm.loop.status import AHEAD, AHEAD_STEP, status
@@ -114,14 +114,14 @@ class Playback:
         ]
         """Topic and mount of each."""
         self._scans: dict[int, WholeScan] = {}
-        self._picture: m.Picture | None = None
+        self._picture: b.Picture | None = None
         self._times: list[float] = self._rows["t"].tolist()
         self.start = self._times[0]
         """The robot's clock at the beginning [s]."""
         self.duration = self._times[-1] - self.start
         """[s]"""
 
-    def first(self) -> list[m.FromRobot]:
+    def first(self) -> list[b.FromRobot]:
         """What does not change: the robot, its docks."""
         return [self._hello, *((self._docks,) if self._docks.all else ())]
 
@@ -188,10 +188,10 @@ class Playback:
         sensor = compose(self._pose(scan.taken), mount)
         return WholeScan(scan.number, which, scan.taken, sensor, scan.first, scan.step, scan.ranges)
 
-    def _seen(self, jpeg: _Jpeg) -> m.Picture:
+    def _seen(self, jpeg: _Jpeg) -> b.Picture:
         self._pictures.seek(jpeg.at)
         data = self._pictures.read(jpeg.size)
-        return m.Picture(jpeg.number, jpeg.taken, self._pose(jpeg.taken), data)
+        return b.Picture(jpeg.number, jpeg.taken, self._pose(jpeg.taken), data)
 
     def _status(self, k: int) -> m.Status:
         row, now = self._rows[k], self._times[k]
@@ -234,14 +234,14 @@ def _usual(path: Path, found: RecordedPeriods) -> float:
         return _NAN
 
 
-def _docks(path: Path, found: RecordedPeriods) -> m.Docks:
+def _docks(path: Path, found: RecordedPeriods) -> b.Docks:
     """Where the robot could dock; none where a record does not say it."""
     try:
         return told_docks(
             [one.dock() for one in load.parse(found.scenario, Scenario, str(path)).docks]
         )
     except CohelmError:
-        return m.Docks(())
+        return b.Docks(())
 
 
 def _robot(path: Path, found: RecordedPeriods) -> RobotModel:

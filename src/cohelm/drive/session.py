@@ -18,7 +18,8 @@ from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Listening, Recording
 from cohelm.drive.shown import drawn, way, zoned
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Mode, ZoneMap
+from cohelm.link.bulk_messages import ZoneMap
+from cohelm.link.messages import Mode
 from cohelm.loop.docking import Ended
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
