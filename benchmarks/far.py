@@ -23,7 +23,8 @@ import numpy as np
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Stick
 from cohelm.link import keys
-from cohelm.link.messages import Arming, Ask, Device, LineKind, Mode, Polyline
+from cohelm.link.bulk_messages import LineKind, Polyline
+from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.scans import WholeScan
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd

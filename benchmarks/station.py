@@ -24,7 +24,7 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 from cohelm.core.types import Pose, Stick, Twist
-from cohelm.link import messages as m
+from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.scans import WholeScan
 from cohelm.station.robot_link import News, Quality
 from cohelm.station.serve import Server
@@ -71,7 +71,7 @@ class Pattern:
         if self._due("picture", t * CAMERA_HZ):
             n = self._counts["picture"]
             self.pictures[n] = time.time()
-            out.append(News(m.Picture(n, t, pose, self._jpegs[n % len(self._jpegs)]), t, 0.0))
+            out.append(News(b.Picture(n, t, pose, self._jpegs[n % len(self._jpegs)]), t, 0.0))
         return out
 
     def _due(self, what: str, count: float) -> bool:
@@ -115,16 +115,16 @@ def _jpeg(rng: np.random.Generator) -> bytes:
     return file.getvalue()
 
 
-def _still() -> list[m.FromRobot]:
+def _still() -> list[b.FromRobot]:
     cells = (np.random.default_rng(0).random((CELLS, CELLS)) > 0.9).astype(np.uint8) * 100
     outline = np.array([(-0.36, -0.29), (0.36, -0.29), (0.36, 0.29), (-0.36, 0.29)], np.float32)
     angle = np.linspace(0.0, 2.0 * math.pi, 400)
     circle = 3.0 * np.column_stack((np.cos(angle), np.sin(angle)))
     return [
-        m.Hello("pattern", "", outline, 0.8, 1.5, 0.3, "stop", (1.05, 0.3, 0.5, 0.1)),
-        m.Map(1, Pose(-25.0, -25.0, 0.0), 0.05, CELLS, CELLS, 0, 0, CELLS, CELLS,
+        b.Hello("pattern", "", outline, 0.8, 1.5, 0.3, "stop", (1.05, 0.3, 0.5, 0.1)),
+        b.Map(1, Pose(-25.0, -25.0, 0.0), 0.05, CELLS, CELLS, 0, 0, CELLS, CELLS,
               zlib.compress(cells.tobytes())),
-        m.Polyline(m.LineKind.REFERENCE, circle.astype(np.float32)),
+        b.Polyline(b.LineKind.REFERENCE, circle.astype(np.float32)),
     ]  # fmt: skip
 
 

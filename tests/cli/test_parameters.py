@@ -25,7 +25,7 @@ def test_a_file_gives_options_and_the_command_line_has_the_last_word(cohelm, tmp
 @pytest.mark.parametrize("topics", ["'rear=/scan'", "[rear=/scan]"])
 def test_the_topics_of_further_lidars_may_be_one_or_a_list(cohelm, tmp_path, topics):
     said = filtered(cohelm, tmp_path, parameters(f"robot: sally-rear, further_scan: {topics}"))
-    assert "two LiDARs of sally-rear can not share a topic: /scan, /scan" in said.err
+    assert "two LiDARs of sally-rear can not share a topic, and both are on /scan" in said.err
 
 
 @pytest.mark.parametrize("simulated", ["true", "false"])

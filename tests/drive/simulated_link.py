@@ -16,9 +16,10 @@ import numpy as np
 from cohelm.core.types import Stick
 from cohelm.drive.over_link import OverLink
 from cohelm.link import robot_bulk
+from cohelm.link.bulk_messages import Waypoints
 from cohelm.link.keys import pair_here
 from cohelm.link.listener import Guest
-from cohelm.link.messages import Ask, Command, Device, Request, Waypoints
+from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.robot_bulk import RobotBulk, _Station
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.wire import Header, encode

@@ -11,7 +11,8 @@ from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
-from cohelm.link.messages import Ask, Checked, Device
+from cohelm.link.bulk_messages import Checked
+from cohelm.link.messages import Ask, Device
 from cohelm.station.robot_link import Quality
 
 LAB = DriveOptions("lab-guard", "lab-guard", "twin", True, None, [])

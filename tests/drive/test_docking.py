@@ -13,7 +13,8 @@ from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.drive.until_ended import dock_of
-from cohelm.link.messages import Ask, DockPhase, Docks, Mode
+from cohelm.link.bulk_messages import Docks
+from cohelm.link.messages import Ask, DockPhase, Mode
 from cohelm.loop.docking import Docking
 from cohelm.plan.docks import Dock
 from cohelm.record.write import Recorder

@@ -24,6 +24,7 @@ from cohelm.law.human import human, limited
 from cohelm.link.keys import joined_by, pair_here
 from cohelm.link.messages import Ask, Mode
 from cohelm.link.station_end import StationEnd
+from cohelm.loop.driver import by_hand
 from cohelm.record.period import STORE
 from cohelm.ros.messages import command
 from tests.cli.test_bad_input import refused
@@ -32,7 +33,7 @@ from tests.patience import looks
 
 pytestmark = pytest.mark.xdist_group("realtime")
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
-FULL = Twist(0.5, 1.0)
+GAINS = by_hand(Gains(u_d=0.5))
 
 
 def said(v: float, omega: float) -> bytes:
@@ -52,19 +53,19 @@ def test_a_twist_is_the_same_in_either_encoding(kind):
 
 @pytest.mark.parametrize(("v", "omega"), [(0.5, 0.0), (-0.2, 0.0), (0.3, 0.8), (0.4, -0.1)])
 def test_what_is_asked_for_is_what_the_law_makes_of_the_stick(v, omega):
-    gains = Gains(k_hx=1.0, k_hpsi=1.0, u_d=FULL.v)
-    asked = human(limited(stick_of(Twist(v, omega), FULL), gains), gains)
+    asked = human(limited(stick_of(Twist(v, omega), GAINS), GAINS), GAINS)
     assert tuple(asked) == pytest.approx((v, omega))
 
 
-def test_too_much_is_as_much_as_there_is_on_the_same_arc_and_turning_alone_only_creeps():
-    x, psi = stick_of(Twist(2.0, 2.0), FULL)
-    assert (x, psi) == pytest.approx((1.0, 0.5))
-    gains = Gains(k_hx=1.0, k_hpsi=1.0, u_d=FULL.v)
-    for v in (0.0, 0.01):  # beside the dead band the law would drive ahead at full speed (45)
-        assert human(limited(stick_of(Twist(v, 0.5), FULL), gains), gains).v < 0.03
-    assert human(limited(stick_of(Twist(-0.001, 0.5), FULL), gains), gains).v > -0.03
-    assert stick_of(Twist(0.0, 0.0), FULL) == Stick(0.0, 0.0)
+@pytest.mark.parametrize("band", [0.0, 0.05, 0.2])
+def test_too_much_is_as_much_as_there_is_and_turning_alone_only_creeps(band):
+    gains = GAINS._replace(dead_band=band)
+    assert stick_of(Twist(2.0, 2.0), gains) == pytest.approx((1.0, 0.5))  # on the same arc
+    creeps = (band + 0.01) * gains.u_d
+    for v in (0.0, 0.001):  # inside the dead band the law would drive ahead at full speed (45)
+        assert 0.0 < human(limited(stick_of(Twist(v, 0.5), gains), gains), gains).v <= creeps
+    assert human(limited(stick_of(Twist(-0.001, 0.5), gains), gains), gains).v >= -creeps
+    assert stick_of(Twist(0.0, 0.0), gains) == Stick(0.0, 0.0)
 
 
 def test_off_loopback_or_without_a_live_view_nobody_may_steer(cohelm):
@@ -217,7 +218,7 @@ def test_only_one_of_those_who_look_on_steers(monkeypatch):
     of_robot, own = joined_by(pair_here()[0], "foxglove")
     assert own.certificate in of_robot.trusted
     monkeypatch.setattr(FoxgloveTeleop, "_run", lambda self: None)
-    teleop = FoxgloveTeleop(Joined(own, "127.0.0.1", 9, FULL))
+    teleop = FoxgloveTeleop(Joined(own, "127.0.0.1", 9, GAINS))
     assert teleop.publish("a", Twist(0.1, 0.0), print) == ""
     assert "somebody else who looks on" in teleop.publish("b", Twist(0.1, 0.0), print)
     teleop._came -= 11.0

@@ -13,17 +13,8 @@ from cohelm.drive.replayed import Replaying
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import drawn, way
 from cohelm.drive.simulated import simulated
-from cohelm.link.messages import (
-    Ask,
-    Discs,
-    LineKind,
-    Map,
-    Mode,
-    Picture,
-    Polyline,
-    Severity,
-    Status,
-)  # fmt: skip
+from cohelm.link.bulk_messages import LineKind, Map, Picture, Polyline
+from cohelm.link.messages import Ask, Discs, Mode, Severity, Status
 from cohelm.link.scans import WholeScan
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry

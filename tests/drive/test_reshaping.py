@@ -9,8 +9,10 @@ import pytest
 
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.operator_requests import judge_of
+from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import Simulated
+from cohelm.drive.simulated import Simulated, simulated
+from cohelm.link.bulk_messages import Hello
 from cohelm.link.messages import Ask, Mode
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
@@ -237,3 +239,79 @@ def test_the_way_of_a_new_driver_is_what_is_reported(drive):
         assert drive.loop._reporter._progress() < before
 
     drive.run(script())
+
+
+@dataclass(frozen=True)
+class Docks(WithArm):
+    """Before a bay that leaves it 11 cm on either side, of which it keeps 7.5."""
+
+
+def test_a_dock_that_it_does_not_fit_any_more_is_told_and_refused_before_it_is_driven_to():
+    made = simulated("dock", real_time=False)
+    made = Docks(made.scenario, made.kind, False, made.seed)
+    said, refused = {}, {}
+    with Session(SessionConfig(made)) as session:
+        loop, arm = session.loop, session.loop.gated._robot
+        begun, file = loop.gated.now(), made.model.outline
+
+        def until(loop) -> bool:
+            t = round(loop.gated.now() - begun, 2)
+            arm.outline = longer(file, 0.0, 0.09) if 1.0 < t < 3.0 else file
+            said[t] = {a.text: a.active for a in loop.alarms.worst()}
+            if t in (0.5, 2.0, 4.0):
+                refused[t] = loop.supervisor.dock(1)
+            if t == 0.52:  # it docks, and may not go on with another outline
+                assert loop.supervisor.docking.on
+            return t >= 4.5
+
+        session.run(until, Mode.HOLD)
+    why = "with the outline that it has now, on its approach, at 4.10, 0.00, the robot has 2 cm to"
+    assert refused[0.5] == "" == refused[4.0]
+    assert refused[2.0].startswith(f"charger: {why}")
+    assert said[2.0][f"no docking at charger: {why} a wall, less than margin_m, 0.075"]
+    assert any(text.startswith("docking at charger: with the outline") for text in said[2.0])
+    assert said[4.4] == dict.fromkeys(said[2.0], False)
+
+
+def test_a_route_that_it_does_not_fit_any_more_is_told_long_before_it_is_there():
+    told = {}
+
+    def at(ride) -> None:
+        at_speed(longer)(ride)
+        if ride.arm.outline is not None and ride.loop.seen.pose.x > 6.0:
+            ride.arm.outline = ride.file
+        for alarm in ride.loop.alarms.worst():
+            told.setdefault(alarm.text, []).append((ride.loop.seen.pose.x, alarm.active))
+
+    Ride(10.5, at, seconds=30.0)
+    (text,) = told
+    assert text.startswith("with the outline that it has now its route has no room at 10.")
+    assert told[text][0][0] < 2.5
+    assert told[text][-1][1] is False  # it has another one now
+    assert not any("route" in a.text for a in Ride(10.5, seconds=1.0).loop.alarms.worst())
+
+
+def test_a_replay_draws_the_outline_that_the_robot_had_at_each_time(tmp_path):
+    path = tmp_path / "arm.mcap"
+    made = corridor(10.5)
+    with Session(SessionConfig(made, record=path)) as session:
+        arm, file = session.loop.gated._robot, made.model.outline
+        arm_out = longer(file)
+
+        def until(loop) -> bool:
+            arm.outline = arm_out if loop.gated.now() > 1.0 else None
+            return loop.gated.now() > 2.0
+
+        session.run(until, Mode.AUTOMATIC)
+        session.end("over")
+    played = Playback(path)
+
+    def drawn(t: float):
+        told = [one.message for one in played.at(t - played.start)]
+        (hello,) = (one for one in told if isinstance(one, Hello))
+        return hello.outline
+
+    assert drawn(0.5) == pytest.approx(file)
+    assert drawn(1.9) == pytest.approx(arm_out)
+    assert drawn(0.6) == pytest.approx(file)  # and back
+    assert played.at(1.5)[1].message is played.at(1.6)[1].message  # told once

@@ -5,7 +5,8 @@ import pytest
 
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
-from cohelm.link.messages import Ask, HealthReport, LineKind, Mode, Polyline
+from cohelm.link.bulk_messages import HealthReport, LineKind, Polyline
+from cohelm.link.messages import Ask, Mode
 from cohelm.loop.operator import Scripted
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive

@@ -14,7 +14,8 @@ from cohelm.drive.operator_requests import judge_of
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.drive.zones_on_topics import ZonesOnTopics
-from cohelm.link.messages import Ask, Mode, Severity, Zone, ZoneMap
+from cohelm.link.bulk_messages import Zone, ZoneMap
+from cohelm.link.messages import Ask, Mode, Severity
 from cohelm.plan.path_planner import Goal
 from cohelm.plan.zones import CELL, Zoned, covering
 from cohelm.ros.masks import KEEP_OUT, PERCENT, FilterMask

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from cohelm.core.types import Pose, Stick, Twist
-from cohelm.link import messages as m
+from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.messages import MOST_BEAMS
 from cohelm.link.wire import Header
 
@@ -77,33 +77,33 @@ scan_parts = st.builds(
 discs = st.builds(m.Discs, long, rows("f4", 6, 40))
 datagrams_down = st.one_of(statuses, scan_parts, discs)
 waypoints = st.builds(
-    m.Waypoints, long, rows("f8", 2, 50, allow_nan=False, allow_infinity=False), st.booleans()
+    b.Waypoints, long, rows("f8", 2, 50, allow_nan=False, allow_infinity=False), st.booleans()
 )
 bulk_up = st.one_of(
     waypoints,
-    st.builds(m.Fetch, texts(128), huge, long),
+    st.builds(b.Fetch, texts(128), huge, long),
 )
 bulk_down = st.one_of(
     st.builds(
-        m.Hello, texts(64), texts(32), rows("f4", 2, 64), single, single, single, texts(32),
+        b.Hello, texts(64), texts(32), rows("f4", 2, 64), single, single, single, texts(32),
         st.tuples(single, single, single, single),
     ),
-    st.builds(m.Polyline, st.sampled_from(m.LineKind), rows("f4", 2, 50)),
+    st.builds(b.Polyline, st.sampled_from(b.LineKind), rows("f4", 2, 50)),
     st.builds(
-        m.Map, long, poses, single, short, short, short, short, short, short,
+        b.Map, long, poses, single, short, short, short, short, short, short,
         st.binary(max_size=99),
     ),
     st.builds(
-        m.ZoneMap, st.sampled_from(m.Zone), poses, single, single, short, short,
+        b.ZoneMap, st.sampled_from(b.Zone), poses, single, single, short, short,
         st.binary(max_size=99),
     ),
-    st.builds(m.Docks, listed(st.builds(m.DockPlace, texts(24), poses, single), 50)),
-    st.builds(m.HealthReport, single, listed(texts(120), 16)),
-    st.builds(m.Picture, long, clock, poses, st.binary(max_size=99)),
-    st.builds(m.Records, listed(st.builds(m.RecordInfo, texts(128), huge, st.floats()), 9)),
-    st.builds(m.Piece, texts(128), huge, st.binary(max_size=99)),
-    st.builds(m.Checked, answers, short),
-    st.builds(m.Digest, texts(128), huge, st.binary(max_size=32), texts(120)),
+    st.builds(b.Docks, listed(st.builds(b.DockPlace, texts(24), poses, single), 50)),
+    st.builds(b.HealthReport, single, listed(texts(120), 16)),
+    st.builds(b.Picture, long, clock, poses, st.binary(max_size=99)),
+    st.builds(b.Records, listed(st.builds(b.RecordInfo, texts(128), huge, st.floats()), 9)),
+    st.builds(b.Piece, texts(128), huge, st.binary(max_size=99)),
+    st.builds(b.Checked, answers, short),
+    st.builds(b.Digest, texts(128), huge, st.binary(max_size=32), texts(120)),
 )  # fmt: skip
 
 

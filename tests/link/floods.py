@@ -24,9 +24,10 @@ import numpy as np
 from OpenSSL import SSL
 
 from cohelm.core.types import Stick
+from cohelm.link.bulk_messages import Fetch, Waypoints
 from cohelm.link.dtls import Channel, HandshakeRefused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Ask, Command, Device, Fetch, Request, Waypoints
+from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode

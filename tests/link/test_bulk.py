@@ -11,10 +11,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import (
-    Answer,
-    Ask,
+from cohelm.link.bulk_messages import (
     Checked,
     Digest,
     Fetch,
@@ -25,7 +22,9 @@ from cohelm.link.messages import (
     Polyline,
     Records,
     Waypoints,
-)  # fmt: skip
+)
+from cohelm.link.keys import Keys, pair_here
+from cohelm.link.messages import Answer, Ask
 from cohelm.link.pace import FASTEST, SLOWEST, TARGET, BulkPace
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.station_bulk import StationBulk

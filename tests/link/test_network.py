@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Stick
+from cohelm.link.bulk_messages import Piece
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Ask, Device, Mode, Piece
+from cohelm.link.messages import Ask, Device, Mode
 from cohelm.link.operator_input import STALE
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
@@ -237,7 +238,7 @@ def test_a_record_fetched_over_a_thin_line_does_not_delay_commands_or_status(
     try:
         drive.start()
         until(lambda: up.connected)
-        from cohelm.link.messages import Fetch
+        from cohelm.link.bulk_messages import Fetch
 
         up.send(Fetch("run.mcap", 0, 3_000_000))
         got, ages, down_ages = 0, [], []

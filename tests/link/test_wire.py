@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from cohelm.core.types import Stick
-from cohelm.link import messages as m
+from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.codec import Malformed
 from cohelm.link.wire import (
     DATAGRAMS,
@@ -86,11 +86,11 @@ def test_too_large_messages_are_refused_before_they_are_read():
     with pytest.raises(Malformed, match="1151 bytes"):
         from_operator(bytes(LARGEST + 1))
     with pytest.raises(Malformed, match="too many"):
-        from_robot(bytes(m.LARGEST_BULK + 1), bulk=True)
+        from_robot(bytes(b.LARGEST_BULK + 1), bulk=True)
 
 
 def test_a_count_larger_than_the_message_costs_no_memory():
-    head = encode(HEADER, m.Polyline(m.LineKind.DETOUR, np.zeros((0, 2), np.float32)))[:-4]
+    head = encode(HEADER, b.Polyline(b.LineKind.DETOUR, np.zeros((0, 2), np.float32)))[:-4]
     with pytest.raises(Malformed, match="rows"):
         from_robot(head + b"\xff\xff\xff\xff", bulk=True)
     with pytest.raises(Malformed, match="ends after"):
@@ -99,7 +99,7 @@ def test_a_count_larger_than_the_message_costs_no_memory():
 
 def test_each_way_takes_only_its_own_messages():
     command = encode(HEADER, COMMAND)
-    health = encode(HEADER, m.HealthReport(0.5, ()))
+    health = encode(HEADER, b.HealthReport(0.5, ()))
     for data, reader, bulk in (
         (command, from_robot, False), (command, from_operator, True),
         (health, from_operator, True), (health, from_robot, False),
@@ -125,15 +125,15 @@ def test_a_deflection_that_is_none_can_be_neither_sent_nor_received(number):
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
 def test_way_points_must_be_numbers(number):
-    points = m.Waypoints(1, np.array([[0.0, number]]), False)
+    points = b.Waypoints(1, np.array([[0.0, number]]), False)
     with pytest.raises(ValueError, match="finite"):
         encode(HEADER, points)
 
 
 def test_long_texts_are_cut_between_letters_show_that_they_are_and_are_cleaned():
-    message = m.HealthReport(1.0, ("ü" * 100, "a\x1b[31mb\n"))
+    message = b.HealthReport(1.0, ("ü" * 100, "a\x1b[31mb\n"))
     got = from_robot(encode(HEADER, message), bulk=True)[1]
-    assert isinstance(got, m.HealthReport)
+    assert isinstance(got, b.HealthReport)
     assert got.faults == ("ü" * 58 + "…", "a [31mb ")
 
 

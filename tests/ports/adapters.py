@@ -19,17 +19,8 @@ from PIL import Image
 
 from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
-from cohelm.link.messages import (
-    Alarm,
-    Discs,
-    LineKind,
-    Map,
-    Mode,
-    Polyline,
-    Severity,
-    Zone,
-    ZoneMap,
-)
+from cohelm.link.bulk_messages import LineKind, Map, Polyline, Zone, ZoneMap
+from cohelm.link.messages import Alarm, Discs, Mode, Severity
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.replay import Replayed

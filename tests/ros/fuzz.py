@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import (
     std_msgs__msg__Bool as Bool,
-    std_msgs__msg__Empty as Empty,
 )
 
 from cohelm.core.errors import CohelmError
@@ -46,7 +45,7 @@ from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic, KinematicTruth
 from cohelm.sim.world import world
 from tests.link.fuzz import mutated, resident
-from tests.ros.stage import HALL, until
+from tests.ros.stage import HALL, resetting, until
 
 EMPTY = "std_msgs/msg/Empty"
 TOPICS = {
@@ -160,7 +159,7 @@ def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
     base = ServedRobot(network, robot, Topics())
     controller = network.publish("/cmd_vel_nav", TWIST, COMMAND)
     lock = network.publish("/emergency_stop", BOOL, LATCHED)
-    reset = network.publish("/cohelm_filter/reset", EMPTY, COMMAND)
+    reset = resetting(network)
     lock.send(Bool(False))
     over = threading.Event()
     thread = threading.Thread(target=lambda: base.run(over.is_set), daemon=True)
@@ -178,7 +177,7 @@ def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
         while (passed := time.monotonic() - begun) < seconds or (
             driven and not drove and passed < seconds + PATIENT
         ):
-            quiet = passed > seconds or int(passed / 2.0) % 2  # two seconds of each
+            quiet = passed > seconds or int(passed / 4.0) % 2  # four seconds of each
             for _ in range(0 if quiet else rng.randint(0, 12)):
                 topic = rng.choice(topics)
                 kind = TWIST if topic != "/cmd_vel_nav" else rng.choice([TWIST, STAMPED])
@@ -198,7 +197,7 @@ def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
             if not (abs(sent.v) <= model.limits.speed_mps + 1e-9 and math.isfinite(sent.omega)):
                 wrong.append(f"sent {sent}")
             if quiet and latched(gated.gate.mode):
-                reset.send(Empty(0))
+                reset()
                 count["resets"] += 1
             drove += abs(robot.truth().twist.v) > 0.05
             memory = memory or (resident() if passed > 0.2 * seconds else 0)

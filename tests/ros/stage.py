@@ -13,6 +13,7 @@ from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.contacts import CliffModel, ContactModel
@@ -28,7 +29,8 @@ from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import TWIST
 from cohelm.ros.pacing import period
-from cohelm.ros.port import COMMAND
+from cohelm.ros.port import COMMAND, Transport
+from cohelm.ros.reset import APART, EMPTY
 from cohelm.ros.robot import adapted
 from cohelm.ros.served import ServedRobot
 from cohelm.ros.topics import Topics
@@ -255,6 +257,20 @@ def until(true: Callable[[], bool], within: float = 20.0) -> bool:
     A bridge that hung is killed after 3 s and begins anew; what it had on DDS is gone after 10 s.
     """
     return any(true() for _ in looks(within, 0.01, 0.5))
+
+
+def resetting(transport: Transport) -> Callable[[], None]:
+    """Asks the filter for a reset when it is called, but no sooner again than one counts."""
+    publisher, last = transport.publish("/cohelm_filter/reset", EMPTY, COMMAND), -math.inf
+
+    def reset() -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last > APART + 0.1:
+            last = now
+            publisher.send(Empty(0))
+
+    return reset
 
 
 class Stage:

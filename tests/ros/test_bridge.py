@@ -11,7 +11,6 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="what the bridge bridges has no wheel here")
 
-from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
 from websockets.sync.server import ServerConnection, serve
 from websockets.typing import Subprotocol
 
@@ -23,12 +22,12 @@ from cohelm.ros.foxglove import FoxgloveTransport
 from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import TWIST
-from cohelm.ros.port import COMMAND, SENSOR, Received
+from cohelm.ros.port import SENSOR, Received
 from cohelm.ros.topics import Topics
 from cohelm.ros.types import packed
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.bridge import Bridge
-from tests.ros.stage import alone, stage, until
+from tests.ros.stage import alone, resetting, stage, until
 
 pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 
@@ -84,7 +83,7 @@ def test_it_drives_and_stands_when_messages_are_wrong_or_the_bridge_is_gone():
     alone()
     bridge = Bridge()
     with stage(way=Connection(FOXGLOVE, bridge.url)) as made:
-        reset = made.theirs.publish("/cohelm_filter/reset", "std_msgs/msg/Empty", COMMAND)
+        reset = resetting(made.theirs)
         assert made.drives(0.4), made.filter.said
         made.base.fault("half")
         assert until(lambda: len(made.filter.rows) > 50)
@@ -95,7 +94,7 @@ def test_it_drives_and_stands_when_messages_are_wrong_or_the_bridge_is_gone():
 
         def again() -> bool:
             if made.filter.latched:
-                reset.send(Empty(0))
+                reset()
             return abs(made.base.truth().twist.v) > 0.05
 
         assert until(again, 15.0) or made.base.truth().pose.x > 3.0

@@ -9,12 +9,10 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
 
-from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
 
 from cohelm.core.types import Twist
-from cohelm.ros.port import COMMAND
 from tests.few import first
-from tests.ros.stage import stage, until
+from tests.ros.stage import resetting, stage, until
 
 pytestmark = pytest.mark.xdist_group("realtime")
 
@@ -22,7 +20,7 @@ pytestmark = pytest.mark.xdist_group("realtime")
 @pytest.fixture(scope="module")
 def hall():
     with stage() as made:
-        made.reset = made.theirs.publish("/cohelm_filter/reset", "std_msgs/msg/Empty", COMMAND)
+        made.reset = resetting(made.theirs)
         yield made
 
 
@@ -43,7 +41,7 @@ def goes_again(hall) -> bool:
 
     def drives() -> bool:
         if hall.filter.latched:
-            hall.reset.send(Empty(0))
+            hall.reset()
         return hall.base.truth().twist.v > 0.05
 
     if not hall.filter.latched:

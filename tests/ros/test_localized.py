@@ -13,7 +13,7 @@ from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMess
 
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
-from cohelm.link.messages import Map
+from cohelm.link.bulk_messages import Map
 from cohelm.perceive.pipeline import Seen
 from cohelm.record.ros2 import header, transform
 from cohelm.robot.port import Odometry

@@ -120,7 +120,7 @@ def test_what_goes_both_ways_at_once_arrives_whole_and_in_its_order(tmp_path, mo
             elif "subscriptions" in (told := json.loads(data)):
                 tasks.append(asyncio.create_task(pour(there, told["subscriptions"][0]["id"])))
 
-    monkeypatch.setattr("cohelm.ros.foxglove._SILENT", 60.0)  # of a busy machine
+    monkeypatch.setattr("cohelm.ros.bridge_connection._SILENT", 60.0)  # of a busy machine
     monkeypatch.setattr(ssl.SSLContext, "sslobject_class", Between)
     monkeypatch.setattr(ssl.SSLContext, "sslsocket_class", OnSocket)
     with bridge(tmp_path, talk) as url:

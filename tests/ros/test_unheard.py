@@ -535,3 +535,30 @@ def test_a_simulator_without_clock_and_one_that_is_too_fast_are_refused():
     assert "/clock does not tell its time: bridge it" in refused(ENDS, simulated())
     fast = clock(*(99.9 + 0.001 * k for k in range(100)))
     assert "2.0 times as fast as the wall" in refused(ENDS, [*fast, *simulated()])
+
+
+def test_a_camera_that_does_not_show_the_floor_it_is_to_watch_is_refused():
+    """Sally's own looks down as far as it takes; level it would leave a ring that nothing sees."""
+    deep = load_robot("sally-depth")
+    lidar = deep.further_lidars[0]
+    seen = scan(Scan(0.0, 0, np.full(lidar.beams, 2.0), 0.0, "deep"), deep, time.time() - 0.02)
+    said = rendered.info(rendered.camera_of(lidar), seen.header)
+    messages = [(("/scan_deep", IMAGE), seen)] * 20 + [(("/camera_info", CAMERA_INFO), said)]
+    ends = [*ENDS, out("/scan_deep", IMAGE, BEST_EFFORT)]
+
+    def found(model, down):
+        frames = mounts(deep)
+        x, y, z, w = rendered.optical(down)
+        frames.transforms[1].transform.rotation = Quaternion(x, y, z, w)
+        heard = [(("/tf_static", TF), frames), *readings(), *messages]
+        return look(Pretended(ends, heard), model, Topics(), Allowed(), 0.06)
+
+    notes = found(deep, rendered.tilt(lidar, 0.55)).notes
+    assert any("floor from 0.55 to 1.55 m, of which 100 % is seen now" in one for one in notes)
+    with pytest.raises(CohelmError, match=r"floor in all of its picture from 1.05 m on"):
+        found(deep, 0.0)
+    later = lidar.floor.model_copy(update={"from_m": 1.05})
+    given = (lidar.model_copy(update={"floor": later}),)
+    found(deep.model_copy(update={"further_lidars": given}), 0.0)
+    with pytest.raises(CohelmError, match=r"at no distance, .* tilt the camera down, narrow field"):
+        found(deep, -0.3)

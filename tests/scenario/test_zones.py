@@ -15,7 +15,7 @@ from cohelm.drive.playback import Playback
 from cohelm.drive.session import SessionConfig
 from cohelm.drive.shown import zoned
 from cohelm.drive.simulated import simulated
-from cohelm.link.messages import Zone, ZoneMap
+from cohelm.link.bulk_messages import Zone, ZoneMap
 from cohelm.plan.zones import CELL, covering
 from cohelm.record.write import Recorder
 from cohelm.scenario import build, load

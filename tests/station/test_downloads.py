@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.link.messages import Fetch, HealthReport, Picture, Piece
+from cohelm.link.bulk_messages import Fetch, HealthReport, Picture, Piece
 from cohelm.link.robot_records import Wanted
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd

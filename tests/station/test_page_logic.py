@@ -221,7 +221,7 @@ def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
     import numpy as np
 
     from cohelm.core.types import Pose
-    from cohelm.link.messages import Picture
+    from cohelm.link.bulk_messages import Picture
     from cohelm.link.scans import WholeScan
     from cohelm.station import binary
 
@@ -251,7 +251,7 @@ def test_zones_come_as_bytes_and_out_of_one_leads_the_shortest_way(asked) -> Non
     import zlib
 
     from cohelm.core.types import Pose
-    from cohelm.link.messages import Zone, ZoneMap
+    from cohelm.link.bulk_messages import Zone, ZoneMap
     from cohelm.station import binary
 
     cells = zlib.compress(bytes([100] * 8 * 20))  # 1 m along its own x, 0.4 m along its y

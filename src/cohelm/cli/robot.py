@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import threading
-from collections.abc import Generator
-from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,7 +28,6 @@ from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transport
 from cohelm.cli.tell import (
     Json,
     Pictures,
-    console,
     named,
     plain,
     print_json,
@@ -95,6 +90,13 @@ def robot(
             "require_enable_button=true; also hold_to_run=false.",
         ),
     ] = None,
+    reset_from: Annotated[
+        str,
+        typer.Option(
+            metavar="TOPIC",
+            help="With --ros2: std_msgs/msg/Empty on this topic lets go of a latched stop.",
+        ),
+    ] = "",
     twin: Twin = False,
     mode: Annotated[
         str, typer.Option(help="hold, automatic, shared or manual; by default as the stick is.")
@@ -137,6 +139,7 @@ def robot(
 
     With --listen 0.0.0.0 it stands until a paired station takes over (`cohelm station --robot`).
     """
+    from cohelm.cli.terminal import shown
     from cohelm.core.errors import CohelmError
     from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import (
@@ -147,9 +150,11 @@ def robot(
         mode_and_stick,
         robot_factory,
     )
+    from cohelm.drive.reset_here import ResetHere
     from cohelm.drive.session import SessionConfig
     from cohelm.drive.until_ended import drive_for_stations, drive_here
     from cohelm.link import keys
+    from cohelm.link.messages import Mode
     from cohelm.loop.loop import LoopParams
     from cohelm.ros.joy import joy_params
     from cohelm.ros.names import resolved
@@ -171,12 +176,14 @@ def robot(
         )
     if listen is not None and joy:
         raise CohelmError("with --listen the sticks of stations steer: leave out --joy")
+    if listen is not None and reset_from:
+        raise CohelmError("with --listen a station resets it: leave out --reset-from")
     if joy_param and not joy:
         raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
     if record is not None and record.exists():  # told now, and not when all is compiled
         raise CohelmError(f"{record} exists already: choose another name")
     parameters = joy_params(joy_param or ())
-    for topic in (*(goals_from or ()), initial_pose_from, joy, *(masks_from or ())):
+    for topic in (*(goals_from or ()), initial_pose_from, joy, reset_from, *(masks_from or ())):
         if topic:
             resolved(topic)  # what is no name is told before a robot is looked for
     if dock and (mode or arrive):
@@ -187,7 +194,7 @@ def robot(
     if print_config:
         topics_heard = {
             "goals": goals_from or (), "initial_pose": (initial_pose_from,), "joy": (joy,),
-            "masks": masks_from or (),
+            "reset": (reset_from,), "masks": masks_from or (),
         }  # fmt: skip
         _printed(made, topics_heard, as_json)
         return
@@ -200,11 +207,12 @@ def robot(
         begins += "; neither --map nor walls to localise by: it trusts its odometry"
     config = TopicsConfig(
         map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters,
-        masks,
+        reset_from, masks,
     )  # fmt: skip
-    topics_too = on_topics(made, config, lambda text: say(plain(text)))
     usual = "shared" if joy and not dock else ""
     chosen = None if listen is not None else mode_and_stick(made, mode or usual)
+    reset = ResetHere(Mode.HOLD if chosen is None else chosen[0], lambda text: say(plain(text)))
+    topics_too = on_topics(made, config, lambda text: say(plain(text)), reset.ask)
     say(begins)
     if listen is not None and not keys.stations() and not foxglove_teleop:
         say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
@@ -213,7 +221,7 @@ def robot(
         def begun(session: Session) -> AbstractContextManager[None]:
             line.over()
             shown_at(plan.live)
-            return _shown(session)
+            return shown(session, reset, beside.resets)
 
         def listens(at: str) -> None:
             line.over()
@@ -225,7 +233,7 @@ def robot(
         else:
             how, hand = chosen
             summary = drive_here(
-                plan, how, beside.joy or hand, stop, seconds, arrive, beside, dock, begun
+                plan, how, beside.joy or hand, stop, seconds, arrive, beside, dock, reset, begun
             )  # fmt: skip
     _told(made.scenario.name, summary, as_json)
 
@@ -267,44 +275,6 @@ def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
         say(f"[bold red]failed:[/bold red] {plain(one)}")
     if failed:
         raise typer.Exit(1)
-
-
-_NUMBERS = re.compile(r"[\d.]+")
-"""Of one reason they change all the time."""
-
-
-@contextmanager
-def _shown(session: Session) -> Generator[None]:
-    """What the gate does, as it happens, and on a terminal a line that lives as long as the drive;
-    from a thread of its own."""
-    screen = console(stderr=True)
-    over = threading.Event()
-
-    def show() -> None:
-        last, told = "", False
-        with screen.status("") if screen.is_terminal else nullcontext() as status:
-            shows = session.live is not None
-            while not over.wait(0.5):
-                if shows and session.loop.log.view_lost:
-                    shows = False
-                    say("the live view is gone: the robot goes on without")
-                now = session.state()
-                if (words := _NUMBERS.sub("", now)) != last:
-                    last = words
-                    say(plain(now))
-                if session.stopped and not told:
-                    say("it stands so until it is started again; with --listen a station resets it")
-                told = session.stopped
-                if status is not None:
-                    status.update(plain(session.line()))
-
-    thread = threading.Thread(target=show, name="live line", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join(1.0)
 
 
 def failures(summary: dict[str, Any]) -> list[str]:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 
 from cohelm.core.types import Stick
-from cohelm.link.messages import Answer, Ask, Checked, Device
+from cohelm.link.bulk_messages import Checked
+from cohelm.link.messages import Answer, Ask, Device
 from cohelm.station.robot_link import News, Quality, RobotLink
 
 _NOT_YET = "the robot is not started yet"

@@ -20,6 +20,7 @@ from cohelm.link.operator_input import STALE
 from cohelm.loop.stick_arming import CENTRED
 
 if TYPE_CHECKING:
+    from cohelm.law.gains import Gains
     from cohelm.link.keys import Keys
     from cohelm.link.station_end import StationEnd
 
@@ -32,8 +33,9 @@ _AGAIN = 1.0
 """What was refused is asked for again, and told again, no sooner [s]."""
 _CONNECTS = 3.0
 """A link that is not there by then is told of [s]."""
-_LEAST = 0.051
-"""Just out of the stick's dead band: without fore-aft, left-right alone would drive ahead (45)."""
+_OUT = 0.001
+"""By so much out of the stick's dead band: without fore-aft, left-right alone would drive ahead
+(45)."""
 
 
 class Joined(NamedTuple):
@@ -42,17 +44,18 @@ class Joined(NamedTuple):
     keys: Keys
     host: str
     port: int
-    full: Twist
-    """What the whole stick asks for [m/s, rad/s]."""
+    gains: Gains
+    """Of the stick in manual mode at the robot's site."""
 
 
-def stick_of(twist: Twist, full: Twist) -> Stick:
+def stick_of(twist: Twist, gains: Gains) -> Stick:
     """The deflection that asks for a twist, or for as much of it as the whole stick does, on the
     same arc. Turning alone creeps ahead: that the stick has not."""
-    over = max(abs(twist.v) / full.v, abs(twist.omega) / full.omega, 1.0)
-    x, psi = twist.v / full.v / over, twist.omega / full.omega / over
-    if abs(psi) >= _LEAST and abs(x) < _LEAST:
-        x = math.copysign(_LEAST, x)
+    x, psi = twist.v / (gains.k_hx * gains.u_d), twist.omega / gains.k_hpsi
+    over = max(abs(x), abs(psi), 1.0)
+    x, psi = x / over, psi / over
+    if abs(psi) > gains.dead_band >= abs(x):
+        x = math.copysign(min(gains.dead_band + _OUT, 1.0), x)
     return Stick(x, psi)
 
 
@@ -107,9 +110,9 @@ class FoxgloveTeleop:
         """While somebody steers; a stick that is gone leaves the link."""
         from cohelm.link.station_end import StationEnd
 
-        keys, host, port, full = self._joined
+        keys, host, port, gains = self._joined
         with StationEnd(keys, host, port) as end:
-            hand, twist = _Hand(end, full, self._tell), None
+            hand, twist = _Hand(end, gains, self._tell), None
             while not self._over.wait(_PERIOD):
                 with self._lock:
                     now = time.monotonic()
@@ -128,8 +131,8 @@ class FoxgloveTeleop:
 class _Hand:
     """On the stick: takes the lease, asks for manual mode, and says why not."""
 
-    def __init__(self, end: StationEnd, full: Twist, say: Callable[[str], None]) -> None:
-        self._end, self._full, self._say = end, full, say
+    def __init__(self, end: StationEnd, gains: Gains, say: Callable[[str], None]) -> None:
+        self._end, self._gains, self._say = end, gains, say
         self._begun = time.monotonic()
         self._pressed = False
         self._asked: dict[Ask, tuple[int, float]] = {}
@@ -139,7 +142,7 @@ class _Hand:
         """Once. twist: None while nothing is pressed."""
         new, self._pressed = twist is not None and not self._pressed, twist is not None
         told = self._end.status()
-        stick = CENTRED if twist is None else stick_of(twist, self._full)
+        stick = CENTRED if twist is None else stick_of(twist, self._gains)
         mode = None if told is None else told.status.mode
         if told is None:
             if now - self._begun > _CONNECTS and not self._end.state().connected:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
@@ -20,7 +21,8 @@ from cohelm.drive.session import Camera as Eye, Session, driver_of
 from cohelm.drive.shown import drawn, way
 from cohelm.drive.zones_on_topics import ZonesOnTopics
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Arming, Checked, ZoneMap
+from cohelm.link.bulk_messages import Checked, ZoneMap
+from cohelm.link.messages import Arming
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
@@ -32,6 +34,7 @@ from cohelm.ros.localized import MAP, NODE, PATH, POSE, Localized
 from cohelm.ros.masks import FilterMask
 from cohelm.ros.names import resolved
 from cohelm.ros.port import SENSOR
+from cohelm.ros.reset import EMPTY, ONCE as RESET, resets
 from cohelm.ros.robot import Ros2Make
 from cohelm.ros.unreached import Unreached, Wanted
 
@@ -55,6 +58,8 @@ class TopicsConfig(NamedTuple):
     """Topic of the joystick that is the operator's stick; empty: none."""
     joy_params: JoyParams = JoyParams()
     """Which of its axes and buttons count."""
+    resets: str = ""
+    """Topic on which a reset is asked for; empty: on none."""
     masks: tuple[FilterMask, ...] = ()
     """Those whose zones the robot begins with; it takes up what becomes of them."""
 
@@ -64,11 +69,11 @@ class OnTopics:
 
     def __init__(
         self, localized: Localized | None, goals: Goals | None, camera: Eye | None = None,
-        joy: JoyOperator | None = None, zones: ZonesOnTopics | None = None,
+        joy: JoyOperator | None = None, zones: ZonesOnTopics | None = None, resets: str = "",
     ) -> None:  # fmt: skip
-        """None: what there is not."""
-        self.joy = joy
-        """Who steers by a joystick on a topic."""
+        """None, or empty: what there is not."""
+        self.joy, self.resets = joy, resets
+        """Who steers by a joystick on a topic, and the topic on which a reset is asked for."""
         self._joy_armed = False
         self._localized, self._goals = localized, goals
         self.camera = camera
@@ -215,19 +220,21 @@ class OnTopics:
 
 @contextmanager
 def on_topics(
-    robot: RobotFactory, config: TopicsConfig, say: Callable[[str], None]
-) -> Generator[OnTopics]:
+    robot: RobotFactory, config: TopicsConfig, say: Callable[[str], None],
+    reset: Callable[[str, float], None] = lambda _name, _stamp: None,
+) -> Generator[OnTopics]:  # fmt: skip
     """Of a robot, as long as it is driven; of one that is none of ROS 2, nothing.
 
-    say: hears a sentence for a person. CohelmError for what only a ROS 2 robot has, or where the
+    say: hears a sentence for a person. reset: hears on which topic one is asked for, and when, by
+    this machine's monotonic clock [s]. CohelmError for what only a ROS 2 robot has, or where the
     network can not be joined.
     """
     make = robot.make if isinstance(robot, OwnRobot) else None
     if not isinstance(make, Ros2Make):
         if config != TopicsConfig():
             raise CohelmError(
-                "--map-frame, --no-tf, --goals-from, --initial-pose-from and --joy are of a ROS 2 "
-                "robot: add --ros2"
+                "--map-frame, --no-tf, --goals-from, --initial-pose-from, --reset-from and --joy "
+                "are of a ROS 2 robot: add --ros2"
             )
         yield OnTopics(None, None)
         return
@@ -255,11 +262,14 @@ def on_topics(
             joy = JoyOperator(transport, resolved(config.joy, space), config.joy_params)
             if unheard := joy.unheard():
                 say(unheard)
+        asks = resolved(config.resets, space) if config.resets else ""
+        if asks:
+            resets(transport, asks, partial(reset, asks), say)
         zones = None
         if config.masks:
             jobs = InThread("zones")
             zones = ZonesOnTopics(transport, config.masks, config.frame, space, jobs, say)
-        made = OnTopics(localized, goals, camera, joy, zones)
+        made = OnTopics(localized, goals, camera, joy, zones, asks)
         told = say if goals is None else goals.note
         unreached = Unreached(transport, heard_besides(config, space), told)
         try:
@@ -281,4 +291,8 @@ def heard_besides(config: TopicsConfig, space: str) -> tuple[Wanted, ...]:
             for one in (config.initial,) if one
         ),
         *(Wanted(resolved(one, space), (JOY,), SENSOR, "--joy") for one in (config.joy,) if one),
+        *(
+            Wanted(resolved(one, space), (EMPTY,), RESET, "--reset-from")
+            for one in (config.resets,) if one
+        ),
     )  # fmt: skip

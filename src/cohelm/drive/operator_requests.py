@@ -23,7 +23,7 @@ from cohelm.drive.rerouting import PathRequests, Rerouting
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.shown import NO_ZONES, detour, drawn, told, way
 from cohelm.law.reference import Reference
-from cohelm.link.messages import HealthReport, Map, Polyline, ZoneMap
+from cohelm.link.bulk_messages import HealthReport, Map, Polyline, ZoneMap
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap

@@ -12,17 +12,8 @@ from cohelm import __version__
 from cohelm.core.types import Floats
 from cohelm.drive.pictures import Packed
 from cohelm.drive.rerouting import PathRequest
-from cohelm.link.messages import (
-    Ask,
-    Checked,
-    Discs,
-    FromRobot,
-    Hello,
-    Picture,
-    Records,
-    ScanPart,
-    Status,
-)  # fmt: skip
+from cohelm.link.bulk_messages import Checked, FromRobot, Hello, Picture, Records
+from cohelm.link.messages import Ask, Discs, ScanPart, Status
 from cohelm.link.operator_input import ClientRequest, OperatorInput
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd

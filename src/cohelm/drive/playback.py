@@ -18,10 +18,11 @@ from cohelm.core.types import Pose
 from cohelm.drive.over_link import hello
 from cohelm.drive.shown import told as told_docks
 from cohelm.law import verdict as verdicts
-from cohelm.link import messages as m
+from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.recorded_status import StatusWords
 from cohelm.link.scans import WholeScan
 from cohelm.loop.status import AHEAD, AHEAD_STEP, status
+from cohelm.record import markers
 from cohelm.record.read import RecordedPeriods, periods
 from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, ZONES, understood
@@ -91,7 +92,7 @@ class Playback:
         self._pictures = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as this
         weakref.finalize(self, self._pictures.close)
         # as much as there is of a record that was cut short is worth seeing
-        topics = ("/scan", scan_topic("*"), "/rosout", IMAGE, *SHOWN)
+        topics = ("/scan", scan_topic("*"), "/rosout", "/scene", IMAGE, *SHOWN)
         found = periods(path, topics, self._add)
         self._simulated = found.kind == "run"
         self._rows = _filled(found.rows) if self._simulated else found.rows
@@ -100,6 +101,12 @@ class Playback:
             if topic in self._series:
                 series, usual = self._series[topic], _usual(path, found)
                 series.all = [one._replace(usual=usual) for one in series.all]
+        camera = IMAGE in self._series
+        seen = self._model if camera else self._model.model_copy(update={"camera": None})
+        self._hello = hello(seen, "", _NAN)
+        if "/scene" in self._series:  # of each outline that it had
+            series = self._series["/scene"]
+            series.all = [self._hello._replace(outline=one) for one in series.all]
         self._docks = _docks(path, found)
         self._lidars = [
             ("/scan" if k == 0 else scan_topic(one.name), one.lidar().mount)
@@ -107,25 +114,23 @@ class Playback:
         ]
         """Topic and mount of each."""
         self._scans: dict[int, WholeScan] = {}
-        self._picture: m.Picture | None = None
+        self._picture: b.Picture | None = None
         self._times: list[float] = self._rows["t"].tolist()
         self.start = self._times[0]
         """The robot's clock at the beginning [s]."""
         self.duration = self._times[-1] - self.start
         """[s]"""
 
-    def first(self) -> list[m.FromRobot]:
+    def first(self) -> list[b.FromRobot]:
         """What does not change: the robot, its docks."""
-        camera = IMAGE in self._series
-        model = self._model if camera else self._model.model_copy(update={"camera": None})
-        return [hello(model, "", _NAN), *((self._docks,) if self._docks.all else ())]
+        return [self._hello, *((self._docks,) if self._docks.all else ())]
 
     def at(self, t: float) -> list[News]:
         """All that was newest then; the same things again as long as nothing is new."""
         now = self.start + t + 1e-9
         k = max(bisect.bisect_right(self._times, now) - 1, 0)
         out = [News(self._status(k), self._times[k], 0.0)]
-        for topic in SHOWN:
+        for topic in ("/scene", *SHOWN):
             if topic != "/diagnostics" and (what := self._newest(topic, now)) is not None:
                 out.append(News(what, now, 0.0))
         for k, (topic, mount) in enumerate(self._lidars):
@@ -163,6 +168,9 @@ class Playback:
             at = self._pictures.seek(0, 2)
             self._pictures.write(jpeg)
             series.add(t, _Jpeg(count, t, at, len(jpeg)))
+        elif topic == "/scene":
+            if (outline := markers.outline(message)) is not None:
+                series.add(t, outline.astype(np.float32))
         else:
             series.add(t, understood(topic, message))
 
@@ -180,10 +188,10 @@ class Playback:
         sensor = compose(self._pose(scan.taken), mount)
         return WholeScan(scan.number, which, scan.taken, sensor, scan.first, scan.step, scan.ranges)
 
-    def _seen(self, jpeg: _Jpeg) -> m.Picture:
+    def _seen(self, jpeg: _Jpeg) -> b.Picture:
         self._pictures.seek(jpeg.at)
         data = self._pictures.read(jpeg.size)
-        return m.Picture(jpeg.number, jpeg.taken, self._pose(jpeg.taken), data)
+        return b.Picture(jpeg.number, jpeg.taken, self._pose(jpeg.taken), data)
 
     def _status(self, k: int) -> m.Status:
         row, now = self._rows[k], self._times[k]
@@ -226,14 +234,14 @@ def _usual(path: Path, found: RecordedPeriods) -> float:
         return _NAN
 
 
-def _docks(path: Path, found: RecordedPeriods) -> m.Docks:
+def _docks(path: Path, found: RecordedPeriods) -> b.Docks:
     """Where the robot could dock; none where a record does not say it."""
     try:
         return told_docks(
             [one.dock() for one in load.parse(found.scenario, Scenario, str(path)).docks]
         )
     except CohelmError:
-        return m.Docks(())
+        return b.Docks(())
 
 
 def _robot(path: Path, found: RecordedPeriods) -> RobotModel:

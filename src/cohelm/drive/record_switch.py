@@ -17,7 +17,7 @@ from cohelm.drive.jobs import Jobs
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
-from cohelm.link.messages import Map, Polyline, ZoneMap
+from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
 from cohelm.loop.loop import Loop
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.model import RobotModel

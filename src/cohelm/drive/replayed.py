@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 
 from cohelm.core.types import Stick
 from cohelm.drive.playback import Playback
-from cohelm.link.messages import Answer, Ask, Checked, Device
+from cohelm.link.bulk_messages import Checked
+from cohelm.link.messages import Answer, Ask, Device
 from cohelm.station.robot_link import News, PlaybackPosition, Quality
 
 _EVERY = 0.03

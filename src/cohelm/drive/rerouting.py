@@ -15,7 +15,8 @@ from cohelm.drive.checking import Checking
 from cohelm.drive.jobs import Jobs
 from cohelm.drive.proposed import NONE, CheckedPath, PathChecker
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Answer, Checked, Mode, Severity
+from cohelm.link.bulk_messages import Checked
+from cohelm.link.messages import Answer, Mode, Severity
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.plan.path_planner import Goal

@@ -11,13 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.drive.factory import RobotFactory
+from cohelm.drive.fits import OutlineFits
 from cohelm.drive.jobs import in_thread
 from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Listening, Recording
 from cohelm.drive.shown import drawn, way, zoned
 from cohelm.law.reference import Reference
-from cohelm.link.messages import Mode, ZoneMap
+from cohelm.link.bulk_messages import ZoneMap
+from cohelm.link.messages import Mode
 from cohelm.loop.docking import Ended
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
@@ -119,6 +121,7 @@ class Session:
         """Who is shown the pictures, with their age [s]."""
         self._frame: Frame | Encoded | None = None
         """The newest of that camera."""
+        self._fits: OutlineFits | None = None
         self._to_dock = False
         """Whether `run` was to dock."""
         self._ends = False
@@ -164,6 +167,7 @@ class Session:
             )  # fmt: skip
             if known is not None:
                 self.loop.log.show(drawn(known))
+                self._fits = OutlineFits(self.loop, known)
             for line in (*self.zone_maps, *way(robot.scenario.reference.spline())):
                 self.loop.log.show(line)
             self._warm_up()
@@ -206,6 +210,8 @@ class Session:
                 if over or late or not refusal:
                     wanted = Mode.HOLD
             self._look()
+            if self._fits is not None:
+                self._fits.turn(loop)
             self._periods += 1
             self._lost += loop.seen is not None and loop.seen.lost
             return until(loop)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.law.reference import Reference, desired
-from cohelm.link.messages import DockPlace, Docks, LineKind, Map, Polyline, Zone, ZoneMap
+from cohelm.link.bulk_messages import DockPlace, Docks, LineKind, Map, Polyline, Zone, ZoneMap
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import Course, poses_along
 from cohelm.plan.docks import Dock

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cohelm.core.types import Twist
 from cohelm.drive.foxglove_teleop import Joined
 from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.over_link import OverLink
@@ -16,7 +15,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.keys import Keys, joined_by
 from cohelm.link.operator_input import STALE
 from cohelm.link.robot_bulk import both_ends
-from cohelm.loop.driver import BY_HAND_YAW_RATE
+from cohelm.loop.driver import by_hand
 from cohelm.loop.loop import Loop
 
 if TYPE_CHECKING:
@@ -61,8 +60,9 @@ def serve(
     if live is not None and own is not None:
         here = "127.0.0.1" if door.host in ("0.0.0.0", "") else door.host
         here = "::1" if here == "::" else here
-        full = Twist(plan.robot.scenario.reference.speed_mps, BY_HAND_YAW_RATE)
-        joined = Joined(own, here, int(operator.address[1]), full)
+        site = plan.robot.scenario
+        gains = by_hand(site.law.gains(site.reference.speed_mps))
+        joined = Joined(own, here, int(operator.address[1]), gains)
         plan = replace(plan, live=replace(live, joined=joined))
     try:
         with Session(plan, operator, None if topics is None else topics.camera) as session:

@@ -18,20 +18,21 @@ from cohelm.loop.loop import Loop
 
 if TYPE_CHECKING:
     from cohelm.drive.on_topics import OnTopics
+    from cohelm.drive.reset_here import ResetHere
     from cohelm.ros.joy import JoyOperator
 
 
 def drive_here(
     plan: SessionConfig, mode: Mode, operator: ScenarioStick | JoyOperator, stop: End,
     seconds: float | None = None, arrive: bool = False, topics: OnTopics | None = None,
-    dock: str = "",
+    dock: str = "", reset: ResetHere | None = None,
     begun: Callable[[Session], AbstractContextManager[object]] = nullcontext,
 ) -> dict[str, Any]:  # fmt: skip
     """Drive, and say what became of it.
 
     seconds: end after so many. arrive: end when the route is done. topics: what a ROS 2 robot says
-    besides. dock: dock there instead, and end when that is over. begun: told the session; it drives
-    within the context that is returned.
+    besides. dock: dock there instead, and end when that is over. reset: who asks for one. begun:
+    told the session; it drives within the context that is returned.
 
     Raises CohelmError where something can not be started.
     """
@@ -49,6 +50,8 @@ def drive_here(
             def until(loop: Loop) -> bool:
                 if topics is not None:
                     topics.turn(loop)
+                if reset is not None:
+                    reset.turn(loop, None if topics is None else topics.joy)
                 over = clock() >= end or (arrive and loop.driver.arrived)
                 over = over or bool(number and loop.supervisor.docking.last.why)
                 return over or stop.reason != ""

@@ -15,7 +15,8 @@ from cohelm.core.errors import CohelmError
 from cohelm.drive.jobs import Jobs
 from cohelm.drive.session import Session
 from cohelm.drive.shown import rezoned
-from cohelm.link.messages import Severity, ZoneMap
+from cohelm.link.bulk_messages import ZoneMap
+from cohelm.link.messages import Severity
 from cohelm.loop.loop import Loop
 from cohelm.plan.zones import Zoned, Zones
 from cohelm.ros.masks import FilterMask, Masks

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cohelm.link.messages import Alarm, Discs, Map, Mode, Polyline, ZoneMap
+from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
+from cohelm.link.messages import Alarm, Discs, Mode
 
 
 class StatusWords(NamedTuple):

@@ -21,12 +21,7 @@ from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
 from cohelm.link import udp
-from cohelm.link.codec import Malformed
-from cohelm.link.dtls import HandshakeRefused, stream_context
-from cohelm.link.io_thread import IoThread
-from cohelm.link.keys import Keys
-from cohelm.link.messages import (
-    Answer,
+from cohelm.link.bulk_messages import (
     Checked,
     Fetch,
     FromRobot,
@@ -37,7 +32,12 @@ from cohelm.link.messages import (
     Records,
     Waypoints,
     ZoneMap,
-)  # fmt: skip
+)
+from cohelm.link.codec import Malformed
+from cohelm.link.dtls import HandshakeRefused, stream_context
+from cohelm.link.io_thread import IoThread
+from cohelm.link.keys import Keys
+from cohelm.link.messages import Answer
 from cohelm.link.operator_input import STALE
 from cohelm.link.pace import BulkPace
 from cohelm.link.robot_end import RobotEnd

@@ -14,7 +14,7 @@ import stat
 from pathlib import Path
 from typing import IO
 
-from cohelm.link.messages import Digest, Piece, RecordInfo
+from cohelm.link.bulk_messages import Digest, Piece, RecordInfo
 
 PIECE = 32_768
 """[byte]"""

@@ -16,11 +16,7 @@ from collections import deque
 from collections.abc import Callable
 
 from cohelm.link import udp
-from cohelm.link.codec import Malformed
-from cohelm.link.dtls import HandshakeRefused, stream_context
-from cohelm.link.io_thread import IoThread
-from cohelm.link.keys import Keys
-from cohelm.link.messages import (
+from cohelm.link.bulk_messages import (
     LARGEST_BULK,
     Checked,
     Digest,
@@ -32,7 +28,11 @@ from cohelm.link.messages import (
     Piece,
     Polyline,
     ZoneMap,
-)  # fmt: skip
+)
+from cohelm.link.codec import Malformed
+from cohelm.link.dtls import HandshakeRefused, stream_context
+from cohelm.link.io_thread import IoThread
+from cohelm.link.keys import Keys
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode, from_robot
 

@@ -21,22 +21,13 @@ from typing import NamedTuple
 
 from cohelm.core.types import Stick
 from cohelm.link import udp
+from cohelm.link.bulk_messages import FromRobot
 from cohelm.link.clock import Path
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
-from cohelm.link.messages import (
-    Answer,
-    Ask,
-    Command,
-    Device,
-    Discs,
-    FromRobot,
-    Request,
-    ScanPart,
-    Status,
-)  # fmt: skip
+from cohelm.link.messages import Answer, Ask, Command, Device, Discs, Request, ScanPart, Status
 from cohelm.link.scans import Scans, WholeScan
 from cohelm.link.wire import Header, encode, from_robot
 

@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
-from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
-from cohelm.link.messages import (
+from cohelm.link.bulk_messages import (
     LARGEST_BULK,
-    Ask,
     Checked,
-    Command,
     Digest,
-    Discs,
     Docks,
     Fetch,
     FromOperator,
@@ -20,19 +16,17 @@ from cohelm.link.messages import (
     HealthReport,
     Hello,
     Huge,
-    Long,
     Map,
     Message,
     Picture,
     Piece,
     Polyline,
     Records,
-    ScanPart,
-    Status,
-    Time,
     Waypoints,
     ZoneMap,
 )
+from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
+from cohelm.link.messages import Ask, Command, Discs, Long, ScanPart, Status, Time
 
 VERSION = 7
 LARGEST = 1150

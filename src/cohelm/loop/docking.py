@@ -67,6 +67,8 @@ class Docking:
             (i, backwards): _pilot(dock, settings, delay, backwards, self._speed(dock, backwards))
             for i, dock in enumerate(self.docks, 1) for backwards in (False, True)
         }  # fmt: skip
+        self.unfit: dict[int, str] = {}
+        """Of docks, from 1: why the robot would not fit there with the outline it has by now."""
         self.last = Ended("")
         """How the last one of the two was over."""
         self.number = 0
@@ -142,6 +144,8 @@ class Docking:
         if number == 0:
             return "the robot is at no dock's approach: drive it there first"
         dock = docks[number - 1]
+        if not backwards and (why := self.unfit.get(number, "")):
+            return f"{dock.name}: {why}"
         if not may_begin(dock, pose):
             away = far(dock, pose)
             if away > BEFORE:
@@ -178,6 +182,8 @@ class Docking:
             return Ended("lost on the map")
         if _pushed(stick):
             return Ended("the stick was deflected")
+        if not self.backwards and (why := self.unfit.get(self.number, "")):
+            return Ended(why)
         if not in_corridor(dock, seen.pose):
             _, y, psi = dock.off(seen.pose)
             return Ended(f"off its approach by {abs(y):.2f} m, {math.degrees(abs(psi)):.0f}°")

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cohelm.core.row import ROW, values
 from cohelm.core.types import Floats
-from cohelm.link.messages import Discs, Map, Mode, Polyline, ZoneMap
+from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
+from cohelm.link.messages import Discs, Mode
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.robot.keep.record_pipe import Event, Outline, RecordLine
 from cohelm.robot.port import Readings, Scan

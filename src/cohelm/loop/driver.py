@@ -10,6 +10,7 @@ import numpy as np
 from cohelm.core.frames import placed
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Stick, Twist
+from cohelm.law.gains import Gains
 from cohelm.law.govern import Profile, reversed_twist, turned
 from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
 from cohelm.law.guard.step import farthest
@@ -41,6 +42,11 @@ _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 8
 """When the wheels do so much else than they were told, for so many periods, they are believed."""
 
 
+def by_hand(gains: Gains) -> Gains:
+    """Those of the stick where it alone drives."""
+    return gains._replace(k_hx=1.0, k_hpsi=BY_HAND_YAW_RATE)
+
+
 class Driver:
     """A pilot with what it needs around it. `pilot` None: there is no route to follow."""
 
@@ -55,8 +61,7 @@ class Driver:
         self.fastest = math.inf
         """What is asked for is slowed down to this [m/s]."""
         self._alone = _alone(settings, delay)
-        fast = settings.gains._replace(k_hx=1.0, k_hpsi=BY_HAND_YAW_RATE)
-        self._by_hand = _alone(settings._replace(gains=fast), delay)
+        self._by_hand = _alone(settings._replace(gains=by_hand(settings.gains)), delay)
         dt = settings.rules.dt
         self._delay = periods(delay, dt)[0]
         self._given: deque[Twist] = deque([Twist(0.0, 0.0)] * (self._delay + 1), self._delay + 1)
@@ -251,8 +256,8 @@ def _alone(settings: Settings, delay: float) -> Pilot:
     steps out of nobody's way."""
     nothing = settings.gains._replace(k_x=0.0, k_psi=0.0)
     nowhere: Reference = through(np.array([[0.0, 0.0], [1.0, 0.0]]), 1.0)
-    by_hand = settings._replace(gains=nothing, evasion=settings.evasion._replace(horizon=0.0))
-    pilot = Pilot(nowhere, by_hand, delay=delay)
+    alone = settings._replace(gains=nothing, evasion=settings.evasion._replace(horizon=0.0))
+    pilot = Pilot(nowhere, alone, delay=delay)
     still = Profile(np.zeros_like(pilot.course.paced.rate), pilot.course.paced.duration)
     pilot.course = pilot.course._replace(paced=still)
     return pilot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cohelm.link.latency_speed_limit import Cap
-from cohelm.link.messages import Arming, Ask, Mode, Severity
+from cohelm.link.messages import Arming, Ask, Mode, Request, Severity
 from cohelm.link.operator_input import ClientRequest, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
 from cohelm.link.recorded_status import StatusWords
@@ -29,6 +29,8 @@ _GATE = {
 PLANNED = (Mode.AUTOMATIC, Mode.SHARED)
 """Modes that follow a route, and so need plans."""
 _MODES = frozenset(int(mode) for mode in Mode)
+_HERE = -1
+"""Who asks where no station drives; clients of the link have numbers from 1."""
 _MOST_REQUESTS = 8
 """Done for one client in one period, as many as one command carries; a stop always."""
 
@@ -84,6 +86,12 @@ class Supervisor:
     def choose(self, mode: Mode) -> str:
         """Who drives from now on; why not, or nothing. Not for what a person asks for: `_mode`."""
         return self._choose(mode, 0)
+
+    def asked_here(self, name: str, what: Ask, value: int = 0, age: float = 0.0) -> str:
+        """Do what somebody asks for where no station drives, by the rules for one who does; why
+        not, or nothing. age: how long ago it was asked [s]."""
+        asked = ClientRequest(_HERE, name, Request(1, what, value, 0.0), age)
+        return self._request(asked, _HERE)[1]
 
     def _choose(self, mode: Mode, who: int) -> str:
         """who: the client that chooses; 0: the robot, or who started it."""
@@ -265,7 +273,7 @@ class Supervisor:
         hold = mode == Mode.HOLD
         refusal = self._refusal(requested, driver, hold) or self._choose(mode, requested.client)
         if not refusal:
-            self._operator_chose = not hold
+            self._operator_chose = not hold and requested.client != _HERE
             if hold:
                 self.rights.stand(requested)
         return refusal

@@ -74,3 +74,11 @@ def scene(outline: Floats, robot: str, walls: Floats, world: str, stamp: int) ->
     )  # fmt: skip
     drawn: list[Any] = [marker for marker in (body, wall) if marker.points]
     return MarkerArray(drawn)
+
+
+def outline(scene: MarkerArray) -> Floats | None:
+    """The robot's, as `scene` draws it, (k, 2) [m]; None: it is not drawn."""
+    for one in scene.markers:
+        if one.ns == "robot" and len(one.points) > 1:
+            return np.array([(at.x, at.y) for at in one.points[:-1]], dtype=np.float64)
+    return None

@@ -31,17 +31,8 @@ from rosbags.typesys.stores.ros2_jazzy import (
 )
 
 from cohelm.core.types import Pose
-from cohelm.link.messages import (
-    Alarm,
-    Discs,
-    LineKind,
-    Map,
-    Mode,
-    Polyline,
-    Severity,
-    Zone,
-    ZoneMap,
-)
+from cohelm.link.bulk_messages import LineKind, Map, Polyline, Zone, ZoneMap
+from cohelm.link.messages import Alarm, Discs, Mode, Severity
 from cohelm.link.recorded_status import StatusWords
 from cohelm.record.markers import OBSTACLE_COLOUR, SAFE_COLOUR, marker
 from cohelm.record.ros2 import header, path, pose

@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 
 from cohelm.core.types import Floats, Pose
-from cohelm.link.messages import Map
+from cohelm.link.bulk_messages import Map
 
 CELL = 0.05
 MARGIN = 1.0

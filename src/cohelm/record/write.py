@@ -15,7 +15,8 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.link.messages import Discs, LineKind, Polyline, ZoneMap
+from cohelm.link.bulk_messages import LineKind, Polyline, ZoneMap
+from cohelm.link.messages import Discs
 from cohelm.link.recorded_status import Displayed
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.walls import drawn

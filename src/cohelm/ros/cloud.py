@@ -6,12 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.floor import Floor
+from cohelm.ros.floor import WatchesFloor
 
 _FORMATS = {7: "f4", 8: "f8"}
 """Of `sensor_msgs/msg/PointField`: FLOAT32, FLOAT64."""
@@ -53,25 +52,14 @@ def points(cloud: Any, topic: str) -> Floats:
         return np.column_stack([found[name].ravel().astype(np.float64) for name in "xyz"])
 
 
-class CloudRanges:
+class CloudRanges(WatchesFloor):
     """Puts the points of clouds onto the beams of a model."""
 
     def __init__(self, model: LidarModel, body: Floats, topic: str) -> None:
         """model: one with a height band. body: (4, 4), from the cloud's frame into the body's."""
-        self._model, self._body, self._topic = model, body, topic
+        super().__init__(model)
+        self._body, self._topic = body, topic
         self._numbers = model.lidar()
-        self._floor = None if model.floor is None else Floor(model, model.floor)
-
-    @property
-    def floor_seen(self) -> float:
-        """Of the cells of floor that ought to be seen, the share that was, in the last cloud; NaN
-        where none is asked about."""
-        return math.nan if self._floor is None else self._floor.seen
-
-    @property
-    def edges(self) -> NDArray[np.bool_] | None:
-        """Which beams ended where floor does, in the last one; None where none is asked about."""
-        return None if self._floor is None else self._floor.edges
 
     def of(self, cloud: Any) -> Floats:
         """(beams,) [m]: of the points within the band, the distance on the floor of the nearest

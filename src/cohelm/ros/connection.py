@@ -51,7 +51,7 @@ def connection(kind: str = AUTO, url: str = "") -> Connection:
     auto: bridge or router where its address is given; zenoh where the robot's middleware is
     rmw_zenoh and eclipse-zenoh is installed; the bridge where what is needed is not; else DDS.
     """
-    from cohelm.ros.foxglove import URL
+    from cohelm.ros.bridge_connection import URL
 
     if kind not in (AUTO, DDS, FOXGLOVE, ZENOH):
         raise CohelmError(f"--transport {kind!r}: there are {AUTO}, {DDS}, {FOXGLOVE} and {ZENOH}")

@@ -6,13 +6,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Ints
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.floor import Floor
+from cohelm.ros.floor import WatchesFloor
 
 _ENCODINGS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 """Of a pixel, and the metres of its one (REP-118)."""
@@ -130,7 +129,7 @@ def described(camera: Intrinsics, body: Floats, given: LidarModel, topic: str) -
     )  # fmt: skip
 
 
-class DepthRanges:
+class DepthRanges(WatchesFloor):
     """Puts the pixels of depth images onto the beams of a model.
 
     All that a pixel's depth has to be for its point to stand in the height band is worked out
@@ -139,7 +138,8 @@ class DepthRanges:
 
     def __init__(self, model: LidarModel, camera: Intrinsics, body: Floats, topic: str) -> None:
         """model: as `described` makes it. body: (4, 4), from the optical frame into the body's."""
-        self._model, self._camera, self._topic = model, camera, topic
+        super().__init__(model)
+        self._camera, self._topic = camera, topic
         lidar, every = model.lidar(), camera.stride
         rays = _rays(
             camera, body, np.arange(0, camera.width, every), np.arange(0, camera.height, every)
@@ -157,7 +157,7 @@ class DepthRanges:
         first = np.where(level, 0.0, np.maximum(np.nan_to_num(ends[0], nan=math.inf), 0.0))
         last = np.minimum(np.where(level, math.inf, ends[1]), beyond)
         used = first <= last
-        floor = self._floor = None if model.floor is None else Floor(model, model.floor)
+        floor = self._floor
         flat: Floats = far
         if model.floor is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -176,17 +176,6 @@ class DepthRanges:
             self._down = np.flatnonzero(rise[chosen] < 0.0)
             self._rise, self._lens = rise[chosen].astype(np.float32), np.float32(body[2, 3])
             floor.expect(self._beams[self._down], flat[chosen][self._down])
-
-    @property
-    def floor_seen(self) -> float:
-        """Of the cells of floor that ought to be seen, the share that was, in the last image; NaN
-        where none is asked about."""
-        return math.nan if self._floor is None else self._floor.seen
-
-    @property
-    def edges(self) -> NDArray[np.bool_] | None:
-        """Which beams ended where floor does, in the last one; None where none is asked about."""
-        return None if self._floor is None else self._floor.edges
 
     def of(self, image: Any) -> Floats:
         """(beams,) [m]: of the points within the band, the distance on the floor of the nearest

@@ -30,8 +30,9 @@ from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.commands import Commands, Nominal
 from cohelm.ros.found import Found
 from cohelm.ros.pacing import Pacing
-from cohelm.ros.port import Qos, Transport
+from cohelm.ros.port import Transport
 from cohelm.ros.report import Report, Row
+from cohelm.ros.reset import resets
 
 WATCHDOG = 0.2
 """Without a sound proposal for so long the gate process brakes the base [s]."""
@@ -46,7 +47,6 @@ SHAPED = 0.01
 """A command that is changed by less is told as passed [m/s]."""
 _STILL = Twist(0.0, 0.0)
 _NOWHERE = Pose(math.nan, math.nan, math.nan)
-_ONCE = Qos(reliable=True, depth=1)
 
 
 class FilterParams(NamedTuple):
@@ -86,9 +86,7 @@ class FilterNode:
         self._report = Report(transport, found, say, clock)
         self._shape = Shape(model.outline, self._reshape)
         self._reset_asked = False
-        transport.subscribe(
-            self._report.topic("reset"), "std_msgs/msg/Empty", _ONCE, self._asked_to_reset
-        )
+        resets(transport, self._report.topic("reset"), self._asked_to_reset, self._report.note)
         self._readings = Readings()
         self._looked = self._begun = -math.inf
         """When the readings were taken in, and when the last period began [s]."""
@@ -180,7 +178,7 @@ class FilterNode:
         elif gate.mode == GateMode.IDLE and nominal.fresh and not wrong and self.may_drive:
             self._gated.drive(GateMode.AUTOMATIC)
 
-    def _asked_to_reset(self, _: object) -> None:
+    def _asked_to_reset(self, _: float) -> None:
         self._reset_asked = True
 
 
@@ -210,7 +208,7 @@ def _reason(
     """Why the base does not get what the controller asked for: in a word, and in a sentence; both
     empty where it does. reset: the topic."""
     if latched(gate.mode):
-        return "gate", f"{gate.reason}: mend it, then publish std_msgs/msg/Empty on {reset}"
+        return "gate", f"{gate.reason}: mend it, then publish std_msgs/msg/Empty once on {reset}"
     if wrong:
         return "readings", f"stopped: {wrong}"
     if nominal.reason:

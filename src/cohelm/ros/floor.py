@@ -47,6 +47,13 @@ class Floor:
         self.seen = 1.0
         """Share of those that were, by the last points."""
 
+    @property
+    def begins(self) -> float:
+        """From so far from the sensor cells are asked in all sectors; inf: in some none is [m]."""
+        asked = self._ought.any(axis=1)
+        first = self._floor.from_m + self._long * self._ought.argmax(axis=1)
+        return float(np.where(asked, first, math.inf).max())
+
     def expect(self, beams: Ints, far: Floats) -> None:
         """On flat floor there would be a point along each of these beams, so far from the sensor
         (n,) [m]: cells that would have too few are not asked."""
@@ -118,3 +125,29 @@ class Floor:
         counts = np.bincount(keys, minlength=self._shape[0] * self._shape[1])
         made: Floats = counts.reshape(self._shape).astype(np.float64)
         return made
+
+
+class WatchesFloor:
+    """What makes ranges of a sensor that may be asked to watch the floor."""
+
+    def __init__(self, model: LidarModel) -> None:
+        """model: one with a height band."""
+        self._model = model
+        self._floor = None if model.floor is None else Floor(model, model.floor)
+
+    @property
+    def floor_seen(self) -> float:
+        """Of the cells of floor that ought to be seen, the share that was, by the last message;
+        NaN where none is asked about."""
+        return math.nan if self._floor is None else self._floor.seen
+
+    @property
+    def floor_begins(self) -> float:
+        """From so far the whole view shows floor; inf: part of it shows none; NaN as above [m]."""
+        return math.nan if self._floor is None else self._floor.begins
+
+    @property
+    def edges(self) -> NDArray[np.bool_] | None:
+        """Which beams ended where floor does, by the last message; None where none is asked
+        about."""
+        return None if self._floor is None else self._floor.edges

@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
-from cohelm.robot.sensors import LidarModel
+from cohelm.robot.sensors import FloorModel, LidarModel
 from cohelm.ros import clock, cloud, cone, depth, laser, mismatch
 from cohelm.ros.clock import Clock, estimated
 from cohelm.ros.found import Allowed, FoundLidar
@@ -95,6 +95,8 @@ def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -
         ranges = cloud.CloudRanges(lidar, matrix, topic)
     ranges.of(rows[-1].message)
     if lidar.floor is not None:
+        if ranges.floor_begins > lidar.floor.from_m + 1e-6:
+            raise _blind(topic, lidar.floor, ranges.floor_begins)
         grain += (
             f"; floor from {lidar.floor.from_m:g} to {lidar.floor.to_m:g} m, of which "
             f"{100.0 * ranges.floor_seen:.0f} % is seen now"
@@ -106,6 +108,18 @@ def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -
     )
     return DescribedLidar(
         _found(topic, heard.frame(topic), lidar, ticks, matrix, camera), lidar, note
+    )
+
+
+def _blind(topic: str, floor: FloorModel, begins: float) -> CohelmError:
+    """A picture that does not show the floor from where it is to be watched."""
+    what, cure = "in part of its picture at no distance", "narrow field_of_view_deg, "
+    if begins < floor.to_m:
+        what = f"in all of its picture from {begins:.2f} m on"
+        cure = f"give from_m: {math.ceil(100.0 * begins) / 100.0:g}, "
+    return CohelmError(
+        f"{topic} shows floor {what}, and floor.from_m is {floor.from_m:g}, so the robot would "
+        f"find none before it and stand: tilt the camera down, {cure}or give larger cells"
     )
 
 

@@ -10,47 +10,33 @@ from __future__ import annotations
 import contextlib
 import json
 import select
-import socket
 import struct
 import threading
 import time
 from functools import partial
-from typing import Any, NamedTuple, cast
-from urllib.parse import urlsplit
+from typing import Any, NamedTuple
 
 from websockets.exceptions import WebSocketException
-from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Subprotocol
+from websockets.sync.client import ClientConnection
 
 from cohelm.core.errors import CohelmError
+from cohelm.ros.bridge_connection import OPENS, URL, listed, opened, understood
 from cohelm.ros.port import End, Endpoint, Heard, Publisher, Qos, Received
-from cohelm.ros.tls import TlsSocket
 from cohelm.ros.types import known, packed, unpacked
 
-URL = "ws://localhost:8765"
-"""Of a bridge on this machine, as it is started by default."""
-_PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
 _NODE = "foxglove_bridge"
 """Of the bridge, unless it is started under another name."""
-_NEEDED = ("clientPublish", "connectionGraph")
 _DATA = 1
 """First byte of a message's data, in both directions."""
 _FROM_BRIDGE, _TO_BRIDGE = struct.Struct("<BIQ"), struct.Struct("<BI")
 """Before the message's bytes: what it is, subscription or channel; from the bridge also a time."""
-_OPEN = 5.0
-"""So long may a connection take to begin [s]."""
 _AGAIN = 0.5
 """After so long a lost connection is tried again [s]."""
-_SILENT = 2.0
-"""A bridge that does not answer a ping for so long is gone [s]."""
 _REFUSED = 0.1
 """After so long what may have been refused is asked for again [s]: a bridge tells of a new channel
 a moment before it takes subscriptions of it."""
 _ERROR = 2
 """Level of a bridge's status message."""
-_LARGEST = 1 << 26
-_NOT_SENT_LOWEST = 25
-"""TCP_NOTSENT_LOWAT of Linux: a socket that still holds what it did not send is not writable."""
 _ANYTHING = Qos(reliable=True, transient_local=True, depth=0)
 """What the bridge hears it hands on, with whatever quality the publisher offers."""
 
@@ -67,15 +53,6 @@ class _Subscriber(NamedTuple):
     heard: Heard
 
 
-class _Address(NamedTuple):
-    host: str
-    port: int
-    sealed: bool
-    """Whether with TLS."""
-    clear: str
-    """The same without."""
-
-
 class FoxgloveTransport:
     """A client of a bridge. See `port.Transport`. A lost bridge is looked for until it is back."""
 
@@ -86,7 +63,7 @@ class FoxgloveTransport:
 
     def __init__(self, url: str = URL) -> None:
         """Raises CohelmError where no bridge answers, or it lacks what is needed."""
-        self.name, self._url, self._at = f"foxglove_bridge, {url}", url, _address(url)
+        self.name, self._url = f"foxglove_bridge, {url}", url
         self._lock = threading.RLock()
         self._ended = threading.Event()
         self._channels: dict[int, _Channel] = {}
@@ -97,9 +74,9 @@ class FoxgloveTransport:
         self._retry: threading.Timer | None = None
         self._writers: list[_Writer] = []
         self._graph: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
-        self._bridge = ""
         self._number = 0
-        self._socket: ClientConnection | None = self._open()
+        self._socket: ClientConnection | None
+        self._socket, self._bridge = opened(url)
         self._thread = threading.Thread(target=self._listen, name="foxglove", daemon=True)
         self._thread.start()
 
@@ -153,7 +130,7 @@ class FoxgloveTransport:
         if there is not None:
             there.close()
         if threading.current_thread() is not self._thread:
-            self._thread.join(_OPEN)
+            self._thread.join(OPENS)
 
     def send(self, data: bytes, must: bool = False) -> None:
         """To the bridge, now or never. must: also where that has to wait."""
@@ -168,46 +145,13 @@ class FoxgloveTransport:
         if self._ended.is_set():
             raise CohelmError("the transport is closed: make a new one")
 
-    def _open(self) -> ClientConnection:
-        """A new connection, on which the bridge has told what it can do."""
-        try:
-            # In clear, over a socket that does TLS where the address says so. legacy: websockets
-            # 17.1 and later warn without it; earlier ones do not look at it, as there is a socket.
-            there = connect(
-                self._at.clear, sock=_reached(self._at), subprotocols=_PROTOCOLS,
-                compression=None, open_timeout=_OPEN, close_timeout=0.5, ping_interval=1.0,
-                ping_timeout=_SILENT, max_size=_LARGEST, proxy=None, legacy=True,
-            )  # fmt: skip
-            with contextlib.suppress(OSError):
-                there.socket.setsockopt(socket.IPPROTO_TCP, _NOT_SENT_LOWEST, 1)
-            info = _read(there.recv(_OPEN))
-        except (OSError, ValueError, WebSocketException) as error:
-            raise CohelmError(
-                f"no foxglove_bridge answers at {self._url} ({error}): start it on the robot (ros2 "
-                "launch foxglove_bridge foxglove_bridge_launch.xml), or name its address with --url"
-            ) from error
-        abilities = _listed(info.get("capabilities"))
-        lacking = [one for one in _NEEDED if one not in abilities]
-        if lacking:
-            there.close()
-            raise CohelmError(
-                f"the bridge at {self._url} offers no {' and no '.join(lacking)}: add that to its "
-                "parameter capabilities, and start it again"
-            )
-        if "cdr" not in _listed(info.get("supportedEncodings")):
-            there.close()
-            raise CohelmError(f"the bridge at {self._url} takes no CDR: it is none of ROS 2")
-        self._bridge = str(info.get("name", ""))
-        there.send(json.dumps({"op": "subscribeConnectionGraph"}))
-        return there
-
     def _listen(self) -> None:
         """All that the bridge sends, until the end; and the way back to a bridge that was lost."""
         while not self._ended.is_set():
             there = self._socket
             try:
                 if there is None:
-                    there = self._open()
+                    there, self._bridge = opened(self._url)
                     self._back(there)
                 self._take(there.recv(), time.monotonic())
             except (WebSocketException, OSError, CohelmError):
@@ -243,7 +187,7 @@ class FoxgloveTransport:
                     for one in to:
                         one.heard(Received(message, stamp, damage))
             return
-        told = _read(data)
+        told = understood(data)
         with contextlib.suppress(KeyError, TypeError, ValueError), self._lock:
             match told.get("op"):
                 case "advertise":
@@ -274,7 +218,7 @@ class FoxgloveTransport:
             (True, "publishedTopics", "publisherIds"), (False, "subscribedTopics", "subscriberIds"),
         ):  # fmt: skip
             there = self._graph[publishes]
-            for one in _listed(told.get(key)):
+            for one in listed(told.get(key)):
                 topic, nodes = str(one["name"]), [str(node) for node in one[ids]]
                 fresh = set(nodes) - set(there.get(topic, ()))
                 there[topic] = nodes
@@ -282,7 +226,7 @@ class FoxgloveTransport:
                     for writer in self._writers:
                         if writer.topic == topic:
                             writer.again()
-            for topic in _listed(told.get("removedTopics")):
+            for topic in listed(told.get("removedTopics")):
                 there.pop(str(topic), None)
 
     def _match(self, channels: list[int], subscribers: list[_Subscriber]) -> None:
@@ -366,40 +310,3 @@ class _Writer:
         """To who has come late."""
         if self._last:
             self._transport.send(self._last, True)
-
-
-def _address(url: str) -> _Address:
-    """What an address says. Raises CohelmError for what is none."""
-    none = CohelmError(f"--url {url!r}: give the bridge's address, such as {URL}")
-    try:
-        parts = urlsplit(url)
-        host, port, sealed = parts.hostname, parts.port, parts.scheme == "wss"
-    except ValueError:  # half an IPv6 address, or a port that there is not
-        raise none from None
-    if not host or parts.scheme not in ("ws", "wss"):
-        raise none
-    clear = parts._replace(scheme="ws").geturl()
-    return _Address(host, port or (443 if sealed else 80), sealed, clear)
-
-
-def _reached(at: _Address) -> socket.socket:
-    """A socket to an address, with TLS where that says so. Raises OSError, or ValueError."""
-    there = socket.create_connection((at.host, at.port), _OPEN)
-    if at.sealed:
-        return TlsSocket(there, at.host)
-    there.settimeout(None)
-    return there
-
-
-def _listed(data: object) -> list[Any]:
-    """A list; an empty one for what is none."""
-    return cast("list[Any]", data) if isinstance(data, list) else []
-
-
-def _read(data: str | bytes) -> dict[str, Any]:
-    """A JSON object; an empty one for what is none."""
-    try:
-        made: Any = json.loads(data)
-    except ValueError:
-        return {}
-    return cast("dict[str, Any]", made) if isinstance(made, dict) else {}

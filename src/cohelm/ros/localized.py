@@ -19,7 +19,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose
-from cohelm.link.messages import Map
+from cohelm.link.bulk_messages import Map
 from cohelm.perceive.pipeline import Seen
 from cohelm.record import ros2
 from cohelm.record.ros2 import header, transform

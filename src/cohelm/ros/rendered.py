@@ -5,6 +5,7 @@ For a simulated robot whose LiDAR is described as a depth camera.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -19,8 +20,12 @@ from cohelm.core.types import Floats
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.depth import Intrinsics
 
-OPTICAL = (-0.5, 0.5, -0.5, 0.5)
+_OPTICAL = (-0.5, 0.5, -0.5, 0.5)
 """x, y, z, w: of a camera that looks along the body's x, level (REP-103)."""
+_STEEPEST = 45
+"""It looks down by no more [deg]."""
+_NEARER = 0.8
+"""It sees the floor from this share of where it is asked to: the first cell takes some pixels."""
 _WIDEST = 120.0
 """A pinhole camera sees no more [deg]."""
 
@@ -32,6 +37,27 @@ def camera_of(lidar: LidarModel) -> Intrinsics:
     height, middle = 3 * width // 4, 0.5 * (width - 1)
     f = middle / math.tan(half)
     return Intrinsics(width, height, f, f, middle, 0.5 * (height - 1))
+
+
+def tilt(lidar: LidarModel, height: float) -> float:
+    """By how much the camera looks down: as far as its corners see the floor from where it is asked
+    to, level where it is not asked [rad]. height: of the lens above the floor [m]."""
+    if lidar.floor is None:
+        return 0.0
+    camera = camera_of(lidar)
+    x, y = camera.cx / camera.fx, camera.cy / camera.fy
+    for degrees in range(_STEEPEST):
+        c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        if height * math.hypot(c - s * y, x) <= _NEARER * lidar.floor.from_m * (s + c * y):
+            return math.radians(degrees)
+    return math.radians(_STEEPEST)
+
+
+def optical(down: float) -> tuple[float, float, float, float]:
+    """x, y, z, w: of a camera that looks along the body's x, and down by an angle [rad]."""
+    x, y, z, w = _OPTICAL
+    c, s = math.cos(0.5 * down), math.sin(0.5 * down)
+    return c * x + s * z, c * y + s * w, c * z - s * x, c * w - s * y
 
 
 def info(camera: Intrinsics, header: Any) -> Any:
@@ -48,17 +74,27 @@ def info(camera: Intrinsics, header: Any) -> Any:
 def image(ranges: Floats, lidar: LidarModel, height: float, header: Any) -> Any:
     """Its `sensor_msgs/msg/Image`, 16UC1: walls of any height, and the floor so far below [m]."""
     camera, numbers = camera_of(lidar), lidar.lidar()
-    x = (np.arange(camera.width) - camera.cx) / camera.fx
-    beam = np.rint((-np.arctan(x) - numbers.first) / numbers.step).astype(np.int64)
+    bearing, along, fall = _rays(camera, tilt(lidar, height))
+    beam = np.rint((bearing - numbers.first) / numbers.step).astype(np.int64)
     seen = np.nan_to_num(ranges[np.clip(beam, 0, len(ranges) - 1)], neginf=0.0, nan=0.0)
-    wall = seen / np.sqrt(1.0 + x * x)
-    down = (np.arange(camera.height) - camera.cy) / camera.fy
+    wall = seen / along
     with np.errstate(divide="ignore"):
-        floor = np.where(down > 0.0, height / down, math.inf)
-    depth = np.minimum(wall[None, :], floor[:, None])
+        floor = np.where(fall > 0.0, height / fall, math.inf)
+    depth = np.minimum(wall, floor)
     depth[~(depth < 65.0)] = 0.0
     data = np.rint(1000.0 * depth).astype("<u2")
     return Image(
         header, camera.height, camera.width, "16UC1", 0, 2 * camera.width,
         data.view(np.uint8).ravel(),
     )  # fmt: skip
+
+
+@functools.lru_cache(4)
+def _rays(camera: Intrinsics, down: float) -> tuple[Floats, Floats, Floats]:
+    """(height, width) each, of a camera that looks down by an angle [rad]: where a pixel looks
+    [rad], and how far along the floor, and how deep, its point moves with a metre of depth."""
+    x: Floats = (np.arange(camera.width, dtype=np.float64) - camera.cx) / camera.fx
+    y: Floats = (np.arange(camera.height, dtype=np.float64)[:, None] - camera.cy) / camera.fy
+    ahead: Floats = math.cos(down) - math.sin(down) * y
+    fall: Floats = np.broadcast_to(math.sin(down) + math.cos(down) * y, (len(y), len(x)))
+    return np.arctan2(-x, ahead), np.hypot(x, ahead), fall

@@ -23,6 +23,7 @@ from cohelm.ros.cone import ConeRanges
 from cohelm.ros.connection import connection
 from cohelm.ros.contact import Contacts, contact_topics
 from cohelm.ros.depth import DepthRanges
+from cohelm.ros.floor import WatchesFloor
 from cohelm.ros.footprint import ToldFootprint
 from cohelm.ros.found import Found, FoundLidar
 from cohelm.ros.inspection import kind_of
@@ -159,7 +160,7 @@ class Ros2Robot(Robot):
         if not lidar.stamped_at_end:
             stamp += duration
         age = _near(self._aged(lidar.clock, stamp))
-        edges = converts.edges if isinstance(converts, CloudRanges | DepthRanges) else None
+        edges = converts.edges if isinstance(converts, WatchesFloor) else None
         return self.scan(ranges, age, duration, name, edges)
 
     def _aged(self, clock: Clock, stamp: float) -> float:

@@ -220,7 +220,9 @@ def mounts(model: RobotModel) -> Any:
     for lidar, frame in _frames(model).values():
         half = 0.5 * math.radians(lidar.mount_yaw_deg)
         c, s = math.cos(half), math.sin(half)
-        x, y, z, w = rendered.OPTICAL if lidar.depth_image else (0.0, 0.0, 0.0, 1.0)
+        x, y, z, w = 0.0, 0.0, 0.0, 1.0
+        if lidar.depth_image:
+            x, y, z, w = rendered.optical(rendered.tilt(lidar, _height(lidar)))
         at = Transform(
             Vector3(lidar.mount_x_m + model.axle_x_m, lidar.mount_y_m, _height(lidar)),
             Quaternion(c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z),

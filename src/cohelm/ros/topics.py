@@ -66,9 +66,10 @@ class Topics(NamedTuple):
             )
         usual = (resolved(f"scan_{name}", self.namespace) for name in names)
         topics = (self.scan, *(given.get(*one) for one in zip(names, usual, strict=True)))
-        if len(set(topics)) < len(topics):
+        if shared := [one for i, one in enumerate(topics) if one in topics[:i]]:
             raise CohelmError(
-                f"two LiDARs of {model.name} can not share a topic: {', '.join(topics)}"
+                f"two LiDARs of {model.name} can not share a topic, and both are on {shared[0]}: "
+                "name one for each"
             )
         return topics
 

@@ -18,7 +18,7 @@ from cohelm.plan.distance_field import swept
 from cohelm.plan.docks import Dock, poses_to
 from cohelm.plan.zones import Cells, Zones, covering
 
-_OFF = math.sqrt(0.5)
+OFF = math.sqrt(0.5)
 """A surface is no farther from the middle of its cell than so many sides of one."""
 
 
@@ -91,19 +91,8 @@ def _wrong(
     ):
         if not _on_map(known, x, y):
             return f"{what}, at {x:.2f}, {y:.2f}, is not where the map knows of free ground"
-    gaps = swept(_occupied(known), outline, poses)
-    if gaps[-1] <= 0.0:
-        return "the docked robot would stand in a wall: correct its pose"
-    tight = int(np.argmin(gaps))
-    short = dock.margin - _OFF * known.resolution
-    if gaps[tight] < short:
-        x, y, _ = poses[tight]
-        there = "docked" if tight == len(poses) - 1 else f"on its approach, at {x:.2f}, {y:.2f},"
-        room = f"{100.0 * gaps[tight]:.0f} cm" if gaps[tight] > 0.0 else "nothing"
-        return (
-            f"{there} the robot has {room} to a wall, less than margin_m, {dock.margin:g}: move "
-            "the pose, or shorten approach_m"
-        )
+    if said := no_room(dock, outline, occupied(known), known.resolution):
+        return f"{said}: correct its pose, or shorten approach_m"
     kept_out = None if zones is None else zones.keep_out
     if kept_out is not None:
         body = covering(outline, kept_out.depth.resolution)
@@ -113,12 +102,33 @@ def _wrong(
     return ""
 
 
+def no_room(dock: Dock, outline: Floats, surfaces: Floats, resolution: float) -> str:
+    """Why a robot with this outline would not fit there, by a map's walls; empty: it does.
+
+    outline: (k, 2), body frame. surfaces: (p, 2), the middles of the map's occupied cells.
+    resolution: their size [m].
+    """
+    poses = poses_to(dock)
+    reach = dock.approach + dock.margin + float(np.hypot(*outline.T).max())
+    near = np.hypot(surfaces[:, 0] - dock.pose.x, surfaces[:, 1] - dock.pose.y) < reach
+    gaps = swept(surfaces[near], outline, poses)
+    if gaps[-1] <= 0.0:
+        return "the docked robot would stand in a wall"
+    tight = int(np.argmin(gaps))
+    if gaps[tight] >= dock.margin - OFF * resolution:
+        return ""
+    x, y, _ = poses[tight]
+    there = "docked" if tight == len(poses) - 1 else f"on its approach, at {x:.2f}, {y:.2f},"
+    room = f"{100.0 * gaps[tight]:.0f} cm" if gaps[tight] > 0.0 else "nothing"
+    return f"{there} the robot has {room} to a wall, less than margin_m, {dock.margin:g}"
+
+
 def _on_map(known: LocalizationMap, x: float, y: float) -> bool:
     free = Cells((~known.unknown).astype(np.float32), known.resolution, known.origin)
     return bool(free.at(np.array([(x, y)]))[0] > 0.0)
 
 
-def _occupied(known: LocalizationMap) -> Floats:
+def occupied(known: LocalizationMap) -> Floats:
     """The middles of all occupied cells, (p, 2) [m]."""
     cells = Cells(known.gap, known.resolution, known.origin)
     return cells.centres(*np.nonzero(known.gap <= 0.0))

@@ -18,7 +18,7 @@ from cohelm.core.schema import Coordinate, Schema, refuse
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.reference import Reference, through
-from cohelm.link.messages import MOST_DOCKS
+from cohelm.link.bulk_messages import MOST_DOCKS
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.docks import DockModel
 from cohelm.scenario.hand import Stick, StickNone, StickOperator

@@ -11,7 +11,7 @@ import struct
 
 import numpy as np
 
-from cohelm.link.messages import Map, Picture, ZoneMap
+from cohelm.link.bulk_messages import Map, Picture, ZoneMap
 from cohelm.link.scans import WholeScan
 
 MAP, SCAN, FRAME, ZONES = 1, 2, 3, 4

@@ -8,8 +8,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from cohelm.core.types import Stick
+from cohelm.link.bulk_messages import Fetch, Waypoints
 from cohelm.link.keys import Keys
-from cohelm.link.messages import Answer, Ask, Device, Fetch, Waypoints
+from cohelm.link.messages import Answer, Ask, Device
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import FRESH, StationEnd
 from cohelm.station.robot_link import News, Quality

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from cohelm.core.types import Stick
-from cohelm.link import messages as robot
+from cohelm.link import bulk_messages as bulk, messages as robot
 from cohelm.link.rate import TokenBucket
 from cohelm.link.scans import WholeScan
 from cohelm.station import binary, messages as page, view
@@ -54,7 +54,7 @@ class PageOperator:
         self._status_at = 0.0
         """Our clock when the newest status was true [s]."""
         self._shown: object = None
-        self._health: robot.HealthReport | None = None
+        self._health: bulk.HealthReport | None = None
         self._steered: tuple[Stick, bool, bool, robot.Device, float] = _NO_STICK
         self._stick_at = self._steered_at = -math.inf
         """When the page's newest stick was made at the earliest: then it had just heard us [s]."""
@@ -90,27 +90,27 @@ class PageOperator:
                     _log.info("%s is client %d of the robot", self.name, self.client)
             case WholeScan():
                 self._outbox.put(f"scan/{message.lidar}", binary.scan(message, age))
-            case robot.Picture():
+            case bulk.Picture():
                 self._outbox.put("frame", binary.frame(message, age))
             case robot.Discs():
                 self._keep("discs", view.discs(message).model_dump_json())
-            case robot.Hello():
+            case bulk.Hello():
                 self._keep("robot", view.hello(message).model_dump_json())
-            case robot.Polyline():
-                slot = (robot.Polyline, message.what)
+            case bulk.Polyline():
+                slot = (bulk.Polyline, message.what)
                 self._keep(slot, view.line(message).model_dump_json())
-            case robot.Map():
-                slot = (robot.Map, message.column, message.row)
+            case bulk.Map():
+                slot = (bulk.Map, message.column, message.row)
                 self._keep(slot, binary.map_part(message))
-            case robot.ZoneMap():
-                self._keep((robot.ZoneMap, message.what), binary.zones(message))
-            case robot.Docks():
+            case bulk.ZoneMap():
+                self._keep((bulk.ZoneMap, message.what), binary.zones(message))
+            case bulk.Docks():
                 self._keep("docks", view.docks(message).model_dump_json())
-            case robot.Records():
+            case bulk.Records():
                 self._keep("records", view.records(message).model_dump_json())
-            case robot.HealthReport():
+            case bulk.HealthReport():
                 self._health = message
-            case robot.Checked():
+            case bulk.Checked():
                 self._checked(message)
             case _:
                 pass
@@ -120,7 +120,7 @@ class PageOperator:
         self._kept[slot] = message
         self._outbox.put(slot, message)
 
-    def _checked(self, message: robot.Checked) -> None:
+    def _checked(self, message: bulk.Checked) -> None:
         number, ok, why = message.answer
         worst = None if message.worst == 65535 else message.worst
         only = self._proposed.pop(number, True)

@@ -23,7 +23,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope, Send
 
-from cohelm.link.messages import Digest, Piece
+from cohelm.link.bulk_messages import Digest, Piece
 from cohelm.station.robot_link import Connect, ReplayLink, RobotLink
 
 WINDOW = 131_072

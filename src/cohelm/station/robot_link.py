@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from cohelm.core.types import Stick
-from cohelm.link.messages import Answer, Ask, Device, FromRobot
+from cohelm.link.bulk_messages import FromRobot
+from cohelm.link.messages import Answer, Ask, Device
 from cohelm.link.scans import WholeScan
 
 

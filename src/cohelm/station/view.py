@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm import __version__
 from cohelm.core.types import Pose
-from cohelm.link import messages as robot
+from cohelm.link import bulk_messages as bulk, messages as robot
 from cohelm.station import messages as page
 from cohelm.station.robot_link import Quality, ReplayLink
 
@@ -44,7 +44,7 @@ def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
     )  # fmt: skip
 
 
-def hello(said: robot.Hello) -> page.Robot:
+def hello(said: bulk.Hello) -> page.Robot:
     """What robot it is."""
     angle, x, z, tilt = said.camera
     camera = None
@@ -135,12 +135,12 @@ def discs(message: robot.Discs) -> page.Discs:
     return page.Discs(rows=[(r[0], r[1], r[2], r[3], r[4], r[5]) for r in rows])
 
 
-def line(message: robot.Polyline) -> page.Line:
+def line(message: bulk.Polyline) -> page.Line:
     """A line on the map."""
     return page.Line(what=_LINES[message.what], points=_points(message.points))
 
 
-def docks(message: robot.Docks) -> page.Docks:
+def docks(message: bulk.Docks) -> page.Docks:
     """Where the robot can dock."""
     known_places = [
         dock for dock in message.all if all(map(math.isfinite, (*dock.pose, dock.approach)))
@@ -157,7 +157,7 @@ def link(
     quality: Quality,
     timing: robot.TimingReport | None,
     age: float,
-    health: robot.HealthReport | None,
+    health: bulk.HealthReport | None,
 ) -> page.Link:
     """How good the link is. age: of the newest status [s]."""
     return page.Link(
@@ -171,7 +171,7 @@ def link(
     )  # fmt: skip
 
 
-def records(message: robot.Records) -> page.Records:
+def records(message: bulk.Records) -> page.Records:
     """The records on the robot."""
     files = [page.RecordFile(name=r.name, bytes=r.size) for r in message.all]
     return page.Records(files=files)

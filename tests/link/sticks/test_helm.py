@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 from cohelm.cli import app
 from cohelm.core.types import Stick, Twist
 from cohelm.link import keys as pairing
+from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Device, Hello, Mode
+from cohelm.link.messages import Device, Mode
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose

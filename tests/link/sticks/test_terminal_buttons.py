@@ -17,7 +17,7 @@ from tests.link.sticks.test_helm import Held
 
 @pytest.fixture
 def terminal(monkeypatch):
-    monkeypatch.setattr(terminal_buttons, "_foreground", lambda _: True)
+    monkeypatch.setattr(terminal_buttons, "foreground", lambda _: True)
     person, here = pty.openpty()
     yield person, here
     os.close(person)

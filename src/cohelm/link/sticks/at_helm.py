@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import Keys
-from cohelm.link.messages import Ask, Hello
+from cohelm.link.messages import Ask
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.helm import Helm, SpeedLimits

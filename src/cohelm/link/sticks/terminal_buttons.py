@@ -30,7 +30,7 @@ class TerminalButtons:
         self._fd, self._before = -1, list[Any]()
         with contextlib.suppress(OSError, ValueError, termios.error):
             found = sys.stdin.fileno() if fd is None else fd
-            if os.isatty(found) and _foreground(found):
+            if os.isatty(found) and foreground(found):
                 self._before = termios.tcgetattr(found)
                 tty.setcbreak(found)  # a key counts at once; Ctrl-C stays what it is
                 self._fd = found
@@ -77,11 +77,11 @@ class TerminalButtons:
         if self._fd < 0:
             return ()
         with contextlib.suppress(OSError):
-            if _foreground(self._fd) and select.select([self._fd], [], [], 0.0)[0]:
+            if foreground(self._fd) and select.select([self._fd], [], [], 0.0)[0]:
                 return tuple(KEYS[key] for key in os.read(self._fd, 64) if key in KEYS)
         return ()
 
 
-def _foreground(fd: int) -> bool:
+def foreground(fd: int) -> bool:
     """Another process of the terminal that reads from it is stopped by it."""
     return os.tcgetpgrp(fd) == os.getpgrp()

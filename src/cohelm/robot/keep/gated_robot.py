@@ -103,6 +103,8 @@ class LocalGatedRobot:
         recorder is, whichever that is."""
         self._robot, self._rules = robot, rules
         self._monitors = monitors(robot.model, rules) if watched_by is None else watched_by
+        self._fault = ""
+        """Of the robot, by its newest readings."""
         self._restriction = UNRESTRICTED
         """Of the newest readings, whatever is proposed."""
         self.let_through = 1.0
@@ -139,8 +141,10 @@ class LocalGatedRobot:
     def read(self) -> Readings:
         """The newest of everything; a robot that has a fault does not drive."""
         readings = _sane(self._robot.read())
-        if readings.health is not None and readings.health.faults:
-            self.fault(f"the robot says: {readings.health.faults[0]}")
+        faults = () if readings.health is None else readings.health.faults
+        self._fault = f"the robot says: {faults[0]}" if faults else ""
+        if self._fault:
+            self.fault(self._fault)
         if self._monitors:
             now, applied = self._robot.now(), self._gate.out
             self._restriction = self._heeded(
@@ -177,7 +181,9 @@ class LocalGatedRobot:
         self._now(gates.fault(self._gate, reason))
 
     def reset(self) -> str:
-        """Let go, into IDLE."""
+        """Let go, into IDLE; not while the robot has a fault, which would latch again at once."""
+        if self._fault and latched(self._gate.mode):
+            return self._fault
         gate, said = gates.reset(self._gate, self._robot.now(), self._rules)
         self._now(gate)
         return said

@@ -1,0 +1,227 @@
+"""What operator and robot tell each other over the reliable stream: see `messages`."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.types import Pose
+from cohelm.link.codec import UpTo, array, blob, checked, reported, text, whole
+from cohelm.link.messages import (
+    Answer,
+    Command,
+    Discs,
+    Long,
+    Name,
+    ScanPart,
+    Short,
+    Status,
+    Time,
+    Words,
+)
+
+LARGEST_BULK = 32_000_000
+"""Bytes of a bulk message."""
+MOST_WAYPOINTS = 500
+MOST_DOCKS = 50
+
+Huge = Annotated[int, whole("Q")]
+FileName = Annotated[str, text(128)]
+
+
+def _finite(points: NDArray[np.float64]) -> str:
+    return "" if np.isfinite(points).all() else "a way-point that is not a finite number"
+
+
+class Hello(NamedTuple):
+    """Bulk, first of all: what robot this is."""
+
+    name: Words
+    version: Annotated[str, text(32)]
+    """Of cohelm, there."""
+    outline: Annotated[NDArray[np.float32], array("f4", 2, 64)]
+    """(k, 2), convex, counter-clockwise, in the body frame [m]."""
+    v_max: float
+    """[m/s]"""
+    omega_max: float
+    """[rad/s]"""
+    watchdog: float
+    """Without commands for so long, the robot does what `on_loss` says [s]."""
+    on_loss: Annotated[str, text(32)]
+    camera: tuple[float, float, float, float]
+    """Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera."""
+
+
+class LineKind(IntEnum):
+    """What a polyline is."""
+
+    REFERENCE = 0
+    DETOUR = 1
+    """The course round what is in the way, while one is driven; else no points."""
+    WAYPOINTS = 2
+
+
+class Polyline(NamedTuple):
+    """Bulk: points in the map, joined; replaces the earlier of its kind."""
+
+    what: LineKind
+    points: Annotated[NDArray[np.float32], array("f4", 2, 100_000)]
+    """(n, 2) [m]"""
+
+
+class Map(NamedTuple):
+    """Bulk: an occupancy grid, or a rectangle of one."""
+
+    number: Long
+    """Counts up with each new map; parts of one map share it."""
+    origin: Pose
+    """Of the lower left corner of the whole."""
+    resolution: float
+    """Side of a cell [m]."""
+    width: Short
+    height: Short
+    """Cells of the whole."""
+    column: Short
+    row: Short
+    """Where this part begins, from the lower left."""
+    columns: Short
+    rows: Short
+    cells: Annotated[bytes, blob(LARGEST_BULK - 1000)]
+    """zlib of rows * columns bytes, row by row from below: 0 free .. 100 occupied, 255 unknown."""
+
+
+class Zone(IntEnum):
+    """What a zone asks."""
+
+    KEEP_OUT = 0
+    SPEED = 1
+
+
+class ZoneMap(NamedTuple):
+    """Bulk: all keep-out zones, or all speed zones; replaces the earlier of its kind. Without cells
+    there are none."""
+
+    what: Zone
+    origin: Pose
+    """Of the lower left corner, in the map."""
+    resolution: float
+    """Side of a cell [m]."""
+    usual: float
+    """The speed of which cells are percents [m/s]; NaN: not known."""
+    columns: Short
+    rows: Short
+    cells: Annotated[bytes, blob(LARGEST_BULK - 1000)]
+    """zlib of rows * columns bytes, row by row from below: 0 none; keep-out 100; else the most
+    speed that is asked for, 1 .. 100 percent of the usual one."""
+
+
+class DockPlace(NamedTuple):
+    """A dock."""
+
+    name: Name
+    pose: Pose
+    """Of the docked robot, in the map."""
+    approach: float
+    """Length of the straight way that ends there [m]."""
+
+
+class Docks(NamedTuple):
+    """Bulk: where the robot can dock; replaces the earlier ones."""
+
+    all: Annotated[tuple[DockPlace, ...], UpTo(MOST_DOCKS)]
+
+
+class HealthReport(NamedTuple):
+    """Bulk: what the robot says of itself; told at every change."""
+
+    battery: float
+    """Share of its charge, in hundredths."""
+    faults: Annotated[tuple[Annotated[str, text(120)], ...], UpTo(16)]
+
+
+class Picture(NamedTuple):
+    """Bulk: one picture of the camera; a newer one replaces one not sent yet."""
+
+    number: Long
+    taken: Time
+    """The robot's clock [s]."""
+    pose: Pose
+    """Of the body in the map, then."""
+    jpeg: Annotated[bytes, blob(4_000_000)]
+
+
+class RecordInfo(NamedTuple):
+    """A record on the robot."""
+
+    name: FileName
+    size: Huge
+    """[byte]"""
+    started: Annotated[float, reported("d")]
+    """Unix time; a label only [s]."""
+
+
+class Records(NamedTuple):
+    """Bulk: the records on the robot, newest first."""
+
+    all: Annotated[tuple[RecordInfo, ...], UpTo(1000)]
+
+
+class Piece(NamedTuple):
+    """Bulk: a piece of a record asked for with `Fetch`; an empty one says that there is no more."""
+
+    name: FileName
+    offset: Huge
+    data: Annotated[bytes, blob(1_000_000)]
+
+
+class Digest(NamedTuple):
+    """Bulk: what all of a record is, asked for with `Fetch`."""
+
+    name: FileName
+    size: Huge
+    """[byte]"""
+    sha256: Annotated[bytes, blob(32)]
+    """Of these bytes; empty where there are none to be had."""
+    why: Annotated[str, text(120)]
+    """Why not; empty: they can be had."""
+
+
+class Checked(NamedTuple):
+    """Bulk: what the robot says to proposed way-points."""
+
+    answer: Answer
+    worst: Short
+    """Which way-point is to blame, from 0; 65535: none."""
+
+
+class Waypoints(NamedTuple):
+    """Bulk, up: way-points to be checked and, if the robot agrees, followed."""
+
+    number: Long
+    """Of the proposal; the answer has it again."""
+    points: Annotated[NDArray[np.float64], checked(array("f8", 2, MOST_WAYPOINTS), _finite)]
+    """(n, 2) in the map [m]"""
+    only_check: bool
+    """Say what you think of them, but do not follow them."""
+
+
+class Fetch(NamedTuple):
+    """Bulk, up: send part of a record, and no more; an empty name asks for the list of them."""
+
+    name: FileName
+    offset: Huge = 0
+    """From which byte on."""
+    size: Long = 0
+    """So many bytes; 0: say how many there are, and their hash."""
+
+
+FromOperator: TypeAlias = Command | Waypoints | Fetch
+FromRobot: TypeAlias = (
+    Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Docks | HealthReport | Picture
+    | Records | Piece | Digest | Checked
+)  # fmt: skip
+Message: TypeAlias = FromOperator | FromRobot
+"""What may go either way."""

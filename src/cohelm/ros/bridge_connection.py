@@ -1,0 +1,109 @@
+"""Reaches a `foxglove_bridge`: its address, with TLS or without, and what it says it can do."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+from typing import Any, NamedTuple, cast
+from urllib.parse import urlsplit
+
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from cohelm.core.errors import CohelmError
+from cohelm.ros.tls import TlsSocket
+
+URL = "ws://localhost:8765"
+"""Of a bridge on this machine, as it is started by default."""
+_PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
+_NEEDED = ("clientPublish", "connectionGraph")
+OPENS = 5.0
+"""So long may a connection take to begin [s]."""
+_SILENT = 2.0
+"""A bridge that does not answer a ping for so long is gone [s]."""
+_LARGEST = 1 << 26
+_NOT_SENT_LOWEST = 25
+"""TCP_NOTSENT_LOWAT of Linux: a socket that still holds what it did not send is not writable."""
+
+
+class _Address(NamedTuple):
+    host: str
+    port: int
+    sealed: bool
+    """Whether with TLS."""
+    clear: str
+    """The same without."""
+
+
+def opened(url: str) -> tuple[ClientConnection, str]:
+    """A new connection, on which the bridge has told what it can do, and the bridge's name. Raises
+    CohelmError where none answers, or it lacks what is needed."""
+    at = _address(url)
+    try:
+        # In clear, over a socket that does TLS where the address says so. legacy: websockets
+        # 17.1 and later warn without it; earlier ones do not look at it, as there is a socket.
+        there = connect(
+            at.clear, sock=_reached(at), subprotocols=_PROTOCOLS,
+            compression=None, open_timeout=OPENS, close_timeout=0.5, ping_interval=1.0,
+            ping_timeout=_SILENT, max_size=_LARGEST, proxy=None, legacy=True,
+        )  # fmt: skip
+        with contextlib.suppress(OSError):
+            there.socket.setsockopt(socket.IPPROTO_TCP, _NOT_SENT_LOWEST, 1)
+        info = understood(there.recv(OPENS))
+    except (OSError, ValueError, WebSocketException) as error:
+        raise CohelmError(
+            f"no foxglove_bridge answers at {url} ({error}): start it on the robot (ros2 "
+            "launch foxglove_bridge foxglove_bridge_launch.xml), or name its address with --url"
+        ) from error
+    abilities = listed(info.get("capabilities"))
+    lacking = [one for one in _NEEDED if one not in abilities]
+    if lacking:
+        there.close()
+        raise CohelmError(
+            f"the bridge at {url} offers no {' and no '.join(lacking)}: add that to its "
+            "parameter capabilities, and start it again"
+        )
+    if "cdr" not in listed(info.get("supportedEncodings")):
+        there.close()
+        raise CohelmError(f"the bridge at {url} takes no CDR: it is none of ROS 2")
+    there.send(json.dumps({"op": "subscribeConnectionGraph"}))
+    return there, str(info.get("name", ""))
+
+
+def _address(url: str) -> _Address:
+    """What an address says. Raises CohelmError for what is none."""
+    none = CohelmError(f"--url {url!r}: give the bridge's address, such as {URL}")
+    try:
+        parts = urlsplit(url)
+        host, port, sealed = parts.hostname, parts.port, parts.scheme == "wss"
+    except ValueError:  # half an IPv6 address, or a port that there is not
+        raise none from None
+    if not host or parts.scheme not in ("ws", "wss"):
+        raise none
+    clear = parts._replace(scheme="ws").geturl()
+    return _Address(host, port or (443 if sealed else 80), sealed, clear)
+
+
+def _reached(at: _Address) -> socket.socket:
+    """A socket to an address, with TLS where that says so. Raises OSError, or ValueError."""
+    there = socket.create_connection((at.host, at.port), OPENS)
+    if at.sealed:
+        return TlsSocket(there, at.host)
+    there.settimeout(None)
+    return there
+
+
+def listed(data: object) -> list[Any]:
+    """A list; an empty one for what is none."""
+    return cast("list[Any]", data) if isinstance(data, list) else []
+
+
+def understood(data: str | bytes) -> dict[str, Any]:
+    """A JSON object; an empty one for what is none."""
+    try:
+        made: Any = json.loads(data)
+    except ValueError:
+        return {}
+    return cast("dict[str, Any]", made) if isinstance(made, dict) else {}

@@ -1,0 +1,231 @@
+"""A latched stop without a station: who is at the robot lets go of it, and only on purpose."""
+
+from __future__ import annotations
+
+import os
+import pty
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from cohelm.cli.terminal import _terminal, typed
+from cohelm.core.errors import CohelmError
+from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
+from cohelm.drive.reset_here import ResetHere
+from cohelm.drive.session import Session, SessionConfig
+from cohelm.drive.simulated import simulated
+from cohelm.link.messages import Mode
+from cohelm.robot.port import Health
+from cohelm.ros.port import Received
+from cohelm.ros.reset import resets
+from tests.cli.test_bad_input import refused
+from tests.drive.faults import CORRIDOR
+from tests.patience import looks
+from tests.ros.test_joy import Topic
+
+
+class Drive:
+    """One in simulated time, that a test stops and resets."""
+
+    def __init__(self, mode: Mode = Mode.AUTOMATIC, joy: Topic | None = None) -> None:
+        self.mode, self.joy = mode, joy
+        self.said: list[str] = []
+        self.speeds: list[float] = []
+        self.reset = ResetHere(mode, self.said.append)
+        self.topics = OnTopics(None, None, joy=None if joy is None else joy.operator)
+
+    def run(self, script) -> None:
+        """script: of a loop, yields once a period."""
+        made = simulated(CORRIDOR, real_time=False, seed=2)
+        operator = None if self.joy is None else self.joy.operator
+        with Session(SessionConfig(made, localise=False), operator) as session:
+            self.topics.begin(session)
+            steps = script(session.loop)
+
+            def until(loop) -> bool:
+                self.speeds.append(loop.gated.truth().twist.v)
+                if self.joy is not None:
+                    self.joy.now = time.monotonic()
+                    self.joy.say(*self.hand)
+                self.topics.turn(loop)
+                self.reset.turn(loop, self.topics.joy)
+                return next(steps, "over") == "over"
+
+            session.run(until, self.mode)
+
+    def asks(self, age: float = 0.0) -> None:
+        self.reset.ask("/reset", time.monotonic() - age)
+
+    def fastest(self, last: int) -> float:
+        return max(self.speeds[-last:])
+
+
+def test_once_it_lets_go_and_stands_and_once_more_it_goes_on():
+    drive = Drive()
+
+    def script(loop):
+        yield from range(150)
+        assert drive.fastest(10) > 0.2
+        loop.gated.stop("somebody did")
+        yield from range(100)
+        drive.asks()
+        yield from range(100)
+        assert drive.said == ["/reset: reset, and it stands; once more goes on in automatic mode"]
+        assert drive.fastest(100) == 0.0
+        drive.asks()
+        yield from range(100)
+        assert drive.said[1:] == ["/reset: goes on in automatic mode"]
+        assert drive.fastest(10) > 0.2
+        drive.asks()
+        yield from range(10)
+        assert drive.said[2:] == ["/reset: there is nothing to reset"]
+
+    drive.run(script)
+
+
+def test_what_was_asked_before_the_stop_or_while_it_brakes_or_is_wrong_still_is_none():
+    drive = Drive()
+
+    def script(loop):
+        yield from range(150)
+        loop.gated.stop("somebody did")
+        yield from range(2)
+        drive.asks(age=60.0)
+        yield from range(3)
+        assert drive.said == [
+            "/reset: not reset: the robot was told to stand after you asked: ask again"
+        ]
+        drive.asks()
+        yield from range(100)
+        assert drive.said[1:] == ["/reset: not reset: the robot is still braking"]
+        loop.supervisor.rights.end(0, loop.gated.now())  # and now it is to hold
+        drive.asks(age=60.0)
+        yield from range(20)
+        assert drive.said[2].startswith("/reset: not reset: the robot was told to stand")
+        assert drive.fastest(20) == 0.0
+
+    drive.run(script)
+
+
+def test_one_that_was_to_hold_is_reset_and_holds():
+    drive = Drive(Mode.HOLD)
+
+    def script(loop):
+        yield from range(20)
+        loop.gated.stop("somebody did")
+        yield from range(20)
+        drive.asks()
+        yield from range(20)
+        drive.asks()
+        yield from range(50)
+        assert drive.said == [
+            "/reset: reset, and it stands", "/reset: there is nothing to reset, and it was to hold",
+        ]  # fmt: skip
+        assert drive.fastest(90) == 0.0
+
+    drive.run(script)
+
+
+def test_a_joystick_that_is_held_out_does_not_set_it_off():
+    drive = Drive(Mode.MANUAL, Topic())
+    drive.hand = (0.0,)
+
+    def script(loop):
+        yield from range(50)
+        drive.hand = (0.8,)
+        yield from range(100)
+        assert drive.fastest(10) > 0.2
+        loop.gated.stop("somebody did")
+        yield from range(100)
+        drive.asks()
+        yield from range(20)
+        drive.asks()
+        yield from range(100)
+        assert drive.said[1] == "/reset: goes on in manual mode"
+        assert drive.fastest(120) == 0.0
+        drive.hand = (0.0,)
+        yield from range(50)
+        drive.hand = (0.8,)
+        yield from range(100)
+        assert drive.fastest(10) > 0.2
+
+    drive.run(script)
+
+
+class Wire:
+    def subscribe(self, topic, kind, qos, heard):
+        self.heard = heard
+        return lambda: None
+
+
+def test_a_topic_that_says_it_all_the_time_is_nobody_who_has_looked():
+    wire, asked, said = Wire(), [], []
+    resets(wire, "/reset", asked.append, said.append)
+    for t in (10.0, 11.0, 12.0, 13.0, 16.0):  # ros2 topic pub without --once: every second
+        wire.heard(Received(object(), t))
+    wire.heard(Received(None, 30.0, "bytes that are none"))
+    assert asked == [10.0, 16.0]
+    assert said == ["/reset comes again and again: publish it once (ros2 topic pub --once)"]
+
+
+def test_typed_in_the_terminal_it_counts_and_anything_else_does_not(monkeypatch):
+    keys, end = pty.openpty()
+    monkeypatch.setattr("cohelm.cli.terminal.foreground", lambda _: True)
+    resets_, said = [], []
+    with typed(end, lambda: resets_.append(1), said.append):
+        for line in (b"\n", b"R\n", b" reset \n", b"rr\n"):
+            os.write(keys, line)
+            time.sleep(0.05)
+        for _ in looks(10.0, 0.02, 0.2):
+            if said:
+                break
+    assert resets_ == [1, 1]
+    assert said == ["type r and Enter to reset; Ctrl-C ends it"]
+    with typed(end, lambda: resets_.append(1), said.append):
+        os.close(keys)  # the terminal is gone, and nobody asks it again and again
+        for _ in looks(10.0, 0.02, 0.2):
+            listens = any(one.name == "typed" for one in threading.enumerate())
+            if not listens:
+                break
+        assert not listens
+    os.close(end)
+
+
+def test_where_nobody_can_type_nothing_is_read(monkeypatch):
+    with Path(os.devnull).open() as nothing:
+        monkeypatch.setattr("sys.stdin", nothing)
+        assert _terminal() == -1
+
+
+def test_a_topic_for_it_is_of_a_ros2_robot_without_stations(cohelm):
+    made = simulated(CORRIDOR, real_time=False)
+    with (
+        pytest.raises(CohelmError, match="--reset-from and --joy are of a ROS 2 robot"),
+        on_topics(made, TopicsConfig(resets="/reset"), print),
+    ):
+        pass
+    listens = ("--listen", "127.0.0.1", "--reset-from", "/reset")
+    refused(cohelm("robot", "lab-guard", *listens), "a station resets it: leave out --reset-from")
+
+
+def test_while_the_robot_has_a_fault_none_is_let_go_of():
+    drive = Drive()
+
+    def script(loop):
+        yield from range(50)
+        robot = loop.gated._robot
+        sound, sick = robot.read, Health(0.0, 0.5, ("the button is pressed",))
+        robot.read = lambda: sound()._replace(health=sick)
+        yield from range(60)
+        drive.asks()
+        yield from range(10)
+        assert drive.said == ["/reset: not reset: the robot says: the button is pressed"]
+        robot.read = sound
+        yield from range(10)
+        drive.asks()
+        yield from range(10)
+        assert drive.said[1].startswith("/reset: reset")
+
+    drive.run(script)
