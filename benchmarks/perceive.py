@@ -21,6 +21,7 @@ from rich.table import Table
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # the drives are the tests' own
 
+from benchmarks import intel  # noqa: E402
 from cohelm.core.frames import between, compose, inverse  # noqa: E402
 from cohelm.core.scalars import wrap  # noqa: E402
 from cohelm.core.types import Floats, Pose, Twist, disc  # noqa: E402
@@ -29,13 +30,10 @@ from cohelm.perceive.map.glimpses import glimpses  # noqa: E402
 from cohelm.perceive.map.mapper import Survey, Surveyed  # noqa: E402
 from cohelm.perceive.map.raster import raster  # noqa: E402
 from cohelm.perceive.pipeline import Perception, Seen, rehearse  # noqa: E402
-from cohelm.perceive.scan.odometry_buffer import pose_at  # noqa: E402
 from cohelm.robot.kinematics import arc  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
-from cohelm.scenario.worlds.carmen import read_log, read_relations  # noqa: E402
 from cohelm.scenario.worlds.tracks import read_tracks  # noqa: E402
 from cohelm.study.map_files import occupancy  # noqa: E402
-from cohelm.study.mapping import mapped  # noqa: E402
 from tests.perceive import killian  # noqa: E402
 from tests.perceive.drives import (  # noqa: E402
     CONES,
@@ -49,7 +47,6 @@ from tests.perceive.drives import (  # noqa: E402
 )
 
 DATA = ROOT.parent / "shared" / "data"
-INTEL = DATA / "lidar" / "intel.gfs.log"
 SALLY = robot("sally").model_copy(update={"lidar": LIDAR})
 QUICK = "--quick" in sys.argv[1:]
 HOME = [(-0.5, -1.75), (-0.6, -0.5), (-0.5, 0.8), (0.0, 2.5)]
@@ -76,7 +73,8 @@ def main() -> None:
          lambda: cold(truth, 6 if QUICK else 60)),
         ("movers", ("scene", "seen of those in view", "false", "place", "velocity", "covered"),
          crowds),
-        ("Intel", ("relations", "mean", "median", "rms", "heading mean", "median"), intel),
+        ("Intel", ("mapped from", "relations", "mean", "median", "99 %", "largest", "heading"),
+         lab_of_intel),
         ("Killian Court", ("trajectory", "ATE rms", "largest", "loop edges", "mean", "median",
          "0.5 m and more", "heading mean", "CPU"), court),
     ):  # fmt: skip
@@ -349,40 +347,21 @@ def beams_on(ranges: Floats, pose: Pose, person: Floats) -> int:
     return int((np.abs(np.hypot(*(ends - person[:2]).T) - person[4]) < 0.12).sum())
 
 
-def intel() -> Iterator[Row]:
-    folder = ROOT / "benchmarks" / "results" / "intel"
-    if not INTEL.exists():
+def lab_of_intel() -> Iterator[Row]:
+    """From the log's own poses, and from the odometry between its scans."""
+    if not intel.LOG.exists():
         return
-    off, heading = intel_errors(folder)
-    yield (
-        f"{len(off)}", cm(np.mean(off)), cm(np.median(off)), cm(rms(off)),
-        deg(np.mean(heading)), deg(np.median(heading)),
-    )  # fmt: skip
-
-
-def intel_errors(folder: Path) -> tuple[Floats, Floats]:
-    """The Intel log mapped into a folder: how far off each relation of its publication is (n,) [m,
-    rad]. Their clock is found by where most of their times are those of scans."""
-    mapped(INTEL, folder, 0.05, lambda doing, share: None)
-    way = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
-    odometry = read_log(INTEL).odometry
-    rows = np.array([[o.stamp, *o.pose, 0.0, 0.0] for o in odometry])
-    rows = rows[np.concatenate(([True], np.diff(rows[:, 0]) > 0))]
-    asked = read_relations(INTEL.with_name("intel.relations"))
-    stamps = np.unique([t for a, b, _ in asked for t in (a, b)])
-    gaps = (stamps[:, None] - way[:, 0]).ravel()
-    bins = np.round(gaps / 0.02).astype(np.int64)
-    values, counts = np.unique(bins, return_counts=True)
-    zero = 0.02 * float(values[counts.argmax()])
-
-    def place(t: float) -> Pose:
-        i = int(np.abs(way[:, 0] - t).argmin())
-        step = between(Pose(*pose_at(rows, way[i, 0])), Pose(*pose_at(rows, t)))
-        return compose(Pose(*way[i, 1:].tolist()), step)
-
-    errors = [between(true, between(place(a - zero), place(b - zero))) for a, b, true in asked]
-    off = np.array([math.hypot(one.x, one.y) for one in errors])
-    return off, np.array([abs(one.psi) for one in errors])
+    for odometry, poses in (
+        ("the log's own poses", intel.surveyed().poses),
+        ("odometry alone", intel.surveyed(raw=True).poses),
+    ):
+        found = intel.errors(poses)
+        for name, among in (("of one line", found.alone), ("all", np.full(len(found.off), True))):
+            off, heading = found.off[among], found.heading[among]
+            yield (
+                odometry, f"{name}, {len(off)}", cm(np.mean(off)), cm(np.median(off)),
+                cm(np.quantile(off, 0.99)), cm(off.max()), deg(np.mean(heading)),
+            )  # fmt: skip
 
 
 def court() -> Iterator[Row]:

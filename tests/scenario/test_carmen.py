@@ -40,6 +40,13 @@ def test_scans_and_odometry_of_a_log(tmp_path):
     assert made.lidar.beams == 180
 
 
+def test_a_scan_is_where_its_own_line_says_and_not_odometry_written_at_the_same_time(tmp_path):
+    """A scan matcher's log says first where odometry led, and then, in the scan, where it is."""
+    before = "ODOM 1.4 2.1 0.5 0 0 0 2.0 host 2.0"
+    made = read_log(written(tmp_path, flaser(1.0), before, flaser(2.0, pose=(1.5, 2.0, 0.6))))
+    assert [o.pose for o in made.odometry] == [(1.0, 2.0, 0.5), (1.5, 2.0, 0.6)]
+
+
 @pytest.mark.parametrize(
     ("n", "step", "last"), [(180, 1.0, 89.0), (181, 1.0, 90.0), (361, 0.5, 90.0)]
 )

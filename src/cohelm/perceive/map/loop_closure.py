@@ -53,6 +53,20 @@ class LoopClosure:
             self.looked = self.graph.ways[k]
             self._close(k)
 
+    def look_again(self) -> None:
+        """When all is known: where the way comes by again, and nothing there was linked."""
+        graph, c = self.graph, self.graph.care
+        linked = {end for link in graph.links if link.loop for end in (link.a, link.b)}
+        xy = np.array(graph.poses)[:, :2]
+        looked = -math.inf
+        for k in range(c.again + 1, len(graph)):
+            if k in linked or graph.ways[k] - looked < c.every:
+                continue
+            gaps = np.hypot(*(xy[: k - c.again] - xy[k]).T)
+            if gaps.min() < c.search + BESIDE:
+                looked = graph.ways[k]
+                self._close(k)
+
     def _close(self, k: int) -> None:
         """Close loops where the newest submap fits old places, and nowhere else among them.
 

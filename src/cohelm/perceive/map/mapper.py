@@ -28,7 +28,7 @@ from cohelm.perceive.map.mapper_params import MapperParams
 from cohelm.perceive.map.place_graph import Place, PlaceGraph
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, library
 from cohelm.perceive.match.odometry_covariance import (
-    UNKNOWN,
+    SCALE,
     Wheels,
     inverted,
     joined,
@@ -67,7 +67,8 @@ class Survey:
         self._scans: list[tuple[int, Pose]] = []  # of each scan: its place, and its pose there
         self._pose = Pose(0.0, 0.0, 0.0)
         self._odometry: Pose | None = None
-        self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), UNKNOWN)
+        wheels = np.diag([SCALE, self.care.bend]) ** 2
+        self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), wheels)
         self._wheels = Wheels()
         self._submap: Surfaces | None = None
 
@@ -98,7 +99,7 @@ class Survey:
             self._joint = joined(np.diag(ROUGH**2), self._joint[3:, 3:])
         step = self._wheels.corrected(between(self._odometry, glimpse.odometry))
         self._odometry = glimpse.odometry
-        foretold, joint = foretell(self._pose, self._joint, step)
+        foretold, joint = foretell(self._pose, self._joint, step, self.care.mount)
         prior = inverted(joint[:3, :3])
         fit = align(self._submap, points, across, foretold, prior, self.matching)
         if len(points) < 20 or fit.share < 0.3:
@@ -121,13 +122,16 @@ class Survey:
         self._odometry = None
 
     def finished(self, tell: Callable[[float], None] = lambda share: None) -> Surveyed:
-        """Link all places that see the same, twice, and place every scan."""
+        """Link all places that see the same, twice, the second time from where the first put them,
+        and place every scan."""
         graph = self._graph
         if not graph.places:
             raise CohelmError("there is no scan with a wall in it: nothing to map")
         if any(link.loop for link in graph.links):
             graph.agree_again()
-        graph.link_all(tell)
+        graph.link_all(lambda share: tell(0.5 * share), torn=True)
+        self._closure.look_again()
+        graph.link_all(lambda share: tell(0.5 + 0.5 * share), torn=False)
         poses = [compose(graph.poses[place], pose) for place, pose in self._scans]
         self._pose = poses[-1]
         places = [place.scan for place in graph.places]

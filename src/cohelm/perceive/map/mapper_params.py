@@ -8,6 +8,11 @@ from typing import NamedTuple
 class MapperParams(NamedTuple):
     """How a drive is put together."""
 
+    bend: float = 0.02
+    """A straight line may be bent by this, one sigma, for robots are mapped with before anybody
+    calibrates them: by wheels 1 % unequal, half a metre apart [rad/m]."""
+    mount: float = 0.05
+    """And the LiDAR's place on the robot be unsure by this: many logs do not say it [m]."""
     apart: float = 0.3
     """A place is this far, or has turned as much, from the last [m, rad]."""
     submap: int = 15

@@ -20,6 +20,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.mapper_params import MapperParams
 from cohelm.perceive.map.pose_graph import (
+    ROUGH,
     Link,
     consistent,
     contradicted,
@@ -33,6 +34,7 @@ from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces, moved, surfaces, thinned
 
 _SAME = 0.5  # a graph moves places by less, in the main [m]
+_CLOSED = 0.25  # and once all that see the same are linked, they are not farther off [m]
 
 
 class Place(NamedTuple):
@@ -142,21 +144,23 @@ class PlaceGraph:
         """Where a link puts its second place."""
         return compose(self.poses[link.a], link.pose)
 
-    def link_all(self, tell: Callable[[float], None]) -> None:
-        """Link all places that see the same, twice: the second time from where the first put
-        them, and without the loops from before."""
-        steps = [link for link in self.links if not link.loop]
-        for turn in range(2):
-            loops = [link for link in self.links if link.loop] if turn == 0 else []
-            others = np.array(self.poses)[:, :2]
-            for i in range(len(self.places)):
-                loops += self._neighbours(i, others)
-                tell(0.5 * (turn + i / len(self.places)))
-            self.links = steps + loops
-            self.solve()
+    def link_all(self, tell: Callable[[float], None], torn: bool) -> None:
+        """Link all places that see the same. torn: two laps may lie beside each other, and the
+        loops from before still count."""
+        links = self.links if torn else [link for link in self.links if not link.loop]
+        others, reach = np.array(self.poses)[:, :2], _SAME if torn else _CLOSED
+        found: list[Link] = []
+        for i in range(len(self.places)):
+            found += self._neighbours(i, others, reach)
+            tell(i / len(self.places))
+        self.links = links + found
+        if torn:  # first, what lies far off is pulled as well
+            self.poses = solved(self.poses, self.links, _SAME / float(ROUGH[0]))
+        self.solve()
 
-    def _neighbours(self, k: int, others: Floats) -> list[Link]:
-        """Links of a place with up to three groups of others that are near, but not in time."""
+    def _neighbours(self, k: int, others: Floats, reach: float) -> list[Link]:
+        """Links of a place with up to three groups of others that are near, but not in time; at
+        first, surfaces are looked for within `reach` [m]."""
         here = self.poses[k]
         gaps = np.hypot(others[:, 0] - here.x, others[:, 1] - here.y)
         gaps[max(0, k - self.care.submap) : k + self.care.submap] = math.inf
@@ -168,18 +172,18 @@ class PlaceGraph:
             numbers = range(max(0, i - 5), min(len(self.poses), i + 6))
             gaps[max(0, i - 20) : i + 20] = math.inf
             around = self.around(numbers, self.poses[i])
-            link = self._linked(i, k, around, between(self.poses[i], here))
+            link = self._linked(i, k, around, between(self.poses[i], here), reach)
             if link is not None:
                 links.append(link)
         return links
 
-    def _linked(self, a: int, b: int, around: Surfaces, guess: Pose) -> Link | None:
+    def _linked(self, a: int, b: int, around: Surfaces, guess: Pose, reach: float) -> Link | None:
         """Place b matched against the surroundings of a, if it fits."""
         points, across = self.places[b].points, self.places[b].across
         if len(points) < 30 or len(around.points) < 30 or self.parted(a, b):
             return None
         loose = np.diag([100.0, 100.0, 400.0])
-        care = self.matching._replace(reach=0.25, rounds=30)
+        care = self.matching._replace(reach=reach, rounds=30)
         fit = align(around, points, across, guess, loose, care)
         if fit.share < self.care.fits or fit.rms > self.care.rms:
             return None

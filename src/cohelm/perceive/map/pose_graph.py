@@ -71,10 +71,11 @@ def library() -> Any:
     return gtsam
 
 
-def solved(poses: list[Pose], links: list[Link]) -> list[Pose]:
-    """The poses that agree best with all links; the first stays where it is."""
+def solved(poses: list[Pose], links: list[Link], wide: float = 1.0) -> list[Pose]:
+    """The poses that agree best with all links; the first stays where it is. What is farther off
+    than so many sigmas (`wide`) hardly pulls."""
     g = library()
-    cauchy = g.noiseModel.mEstimator.Cauchy.Create(1.0)
+    cauchy = g.noiseModel.mEstimator.Cauchy.Create(wide)
     graph, values = _graph(poses, links, lambda noise: g.noiseModel.Robust.Create(cauchy, noise))
     return _poses(g.LevenbergMarquardtOptimizer(graph, values).optimize(), len(poses))
 
@@ -136,7 +137,7 @@ def spread(poses: Sequence[Pose], links: Sequence[Link], k: int) -> Floats:
     n = len(poses)
     own = np.asarray(np.linalg.inv(np.array([link.information for link in links])), np.float64)
     ends = np.array([(link.a, link.b) for link in links], dtype=np.int64)
-    keys, number = np.unique(ends[:, 0] * n + ends[:, 1], return_index=True)
+    keys, number = np.unique(ends.min(axis=1) * n + ends.max(axis=1), return_index=True)
     joined = np.divmod(keys, n)
     weights = scipy.sparse.csr_array((own[number, 2, 2], joined), shape=(n, n))
     which = scipy.sparse.csr_array((number + 1, joined), shape=(n, n))

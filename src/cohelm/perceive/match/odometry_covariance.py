@@ -17,7 +17,7 @@ from cohelm.core.types import Floats, Pose
 SCALE = 0.02  # the wheels may measure this share too much or too little, one sigma
 BEND = 0.003  # and a straight line be bent by this, as by wheels 0.1 % unequal [rad/m]
 _WANDER = np.array([2e-5, 1e-5])  # by which those change from scan to scan
-_MOST = np.array([0.1, 0.03])  # that is believed of an odometry that is not broken
+_MOST = np.array([0.1, 0.1])  # that is believed of an odometry that is not broken
 
 
 class Wheels(NamedTuple):
@@ -42,8 +42,11 @@ UNKNOWN = np.diag([SCALE, BEND]) ** 2
 """(2, 2) covariance of wheels of which nothing has been learnt."""
 
 
-def moved(pose: Pose, joint: Floats, step: Pose) -> tuple[Pose, Floats]:
-    """A pose after an odometry step in its own frame, and the (5, 5) covariance."""
+def moved(pose: Pose, joint: Floats, step: Pose, mount: float = 0.0) -> tuple[Pose, Floats]:
+    """A pose after an odometry step in its own frame, and the (5, 5) covariance.
+
+    mount: the LiDAR's place on the robot is unsure by so much, and swings round in a turn [m].
+    """
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     jacobian = np.eye(5)
     jacobian[0, 2], jacobian[1, 2] = -s * step.x - c * step.y, c * step.x - s * step.y
@@ -51,9 +54,9 @@ def moved(pose: Pose, joint: Floats, step: Pose) -> tuple[Pose, Floats]:
     # the bend turns the way's end by half of what it turns the heading
     jacobian[0, 4], jacobian[1, 4] = -0.5 * s * step.x**2, 0.5 * c * step.x**2
     jacobian[2, 4] = step.x
-    way = math.hypot(step.x, step.y)
+    way, swing = math.hypot(step.x, step.y), mount * step.psi
     own = np.diag([
-        (0.002 + 0.01 * way) ** 2, (0.002 + 0.02 * way) ** 2,
+        (0.002 + 0.01 * way) ** 2 + swing**2, (0.002 + 0.02 * way) ** 2 + swing**2,
         (0.001 + 0.01 * way + 0.03 * abs(step.psi)) ** 2, *_WANDER**2,
     ])  # fmt: skip
     turn = np.eye(5)

@@ -79,19 +79,21 @@ def read_log(path: Path | str) -> Drive:
             f"{path}: the times of its {len(scans)} scans do not go on from one to the next, and "
             "not every scan has its pose beside it: give a log with whole times"
         )
-    odometry: dict[float, Odometry] = {}
+    said_alone: dict[float, Odometry] = {}
+    with_scans: dict[float, Odometry] = {}  # these are where their scans were taken
     found_scans: list[tuple[float, Floats, float, float]] = []  # stamp, ranges, first, step
     mount = Pose(0.0, 0.0, 0.0)
     for one, stamp in zip(said, stamps, strict=True):
         if one.pose is not None and math.isfinite(stamp):
             # what it says of its speeds is not to be trusted: some drivers write 0, others deg/s
             x, y, psi = one.pose[:3].tolist()
-            odometry.setdefault(stamp, Odometry(stamp, Pose(x, y, psi), Twist(0.0, 0.0)))
+            among = said_alone if one.scan is None else with_scans
+            among.setdefault(stamp, Odometry(stamp, Pose(x, y, psi), Twist(0.0, 0.0)))
         if one.scan is not None and math.isfinite(stamp):
             if not found_scans and one.pose is not None and one.laser is not None:
                 mount = _mount(one.laser, one.pose)
             found_scans.append((stamp, *one.scan))
-    return _drive(odometry, found_scans, mount)
+    return _drive({**said_alone, **with_scans}, found_scans, mount)
 
 
 def _read(words: list[str]) -> _Said | None:

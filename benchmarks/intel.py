@@ -1,0 +1,111 @@
+"""How far off the map of the Intel log is, by the relations of its publication.
+
+A relation names two scans of the whole log by their times. The log has one scan in fifteen, but a
+line of odometry for each of them: where that was is reckoned from the scans before and after. Times
+are written with six digits, of late a hundredth of a second, and lines came in bunches: where
+several have the time of a relation, nobody can say which is meant.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cohelm.core.frames import between, compose
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.map.glimpses import glimpses
+from cohelm.perceive.map.mapper import Survey, Surveyed
+from cohelm.scenario.worlds.carmen import read_log, read_relations
+
+LOG = Path(__file__).resolve().parents[2] / "shared" / "data" / "lidar" / "intel.gfs.log"
+_TURN = 0.5  # a turn makes odometry as unsure as so much way does [m/rad]
+
+
+class RelationErrors(NamedTuple):
+    """How far off the pose of each relation is: off [m], heading [rad], (n,). alone: (n,), whether
+    both its times are those of one line alone."""
+
+    off: Floats
+    heading: Floats
+    alone: NDArray[np.bool_]
+
+
+class _Line(NamedTuple):
+    stamp: float
+    pose: Pose
+
+
+def surveyed(raw: bool = False) -> Surveyed:
+    """The log mapped from the poses in its scans, which are a solution by others, or from the raw
+    odometry between its scans alone."""
+    drive = read_log(LOG)
+    seen = glimpses(drive.lidar.lidar(), drive.odometry, drive.scans)
+    survey, odometry = Survey(drive.lidar.lidar()), seen[0].odometry
+    for glimpse, segment in zip(seen, [None, *_segments()], strict=False):
+        if segment is not None:
+            odometry = compose(odometry, between(segment[0].pose, segment[-1].pose))
+        survey.add(glimpse._replace(odometry=odometry) if raw else glimpse)
+    return survey.finished()
+
+
+def errors(poses: list[Pose]) -> RelationErrors:
+    """poses: of the log's scans."""
+    segments = _segments()
+    lines = _placed(segments, poses)
+    asked = read_relations(LOG.with_name("intel.relations"))
+    times = np.unique([t for a, b, _ in asked for t in (a, b)])
+    zero = _clock(times, np.array([segment[0].stamp for segment in segments]))
+    stamps = np.array([line.stamp for line in lines])
+    nearest = {t: stamps[np.abs(stamps - (t - zero)).argmin()] for t in times.tolist()}
+    which = {t: np.flatnonzero(stamps == stamp).tolist() for t, stamp in nearest.items()}
+    off, heading, alone = [], [], []
+    for a, b, true in asked:
+        one = between(true, between(lines[which[a][0]].pose, lines[which[b][0]].pose))
+        off.append(math.hypot(one.x, one.y))
+        heading.append(abs(one.psi))
+        alone.append(len(which[a]) == len(which[b]) == 1)
+    return RelationErrors(np.array(off), np.array(heading), np.array(alone))
+
+
+def _segments() -> list[list[_Line]]:
+    """A scan and the odometry from it to the next, each: after a scan, the log's odometry goes on
+    from where its author's mapping had put that."""
+    found: list[list[_Line]] = []
+    for text in LOG.read_text().splitlines():
+        words = text.split()
+        if words[0] == "FLASER":
+            n = int(words[1])
+            found.append([_Line(float(words[-1]), Pose(*map(float, words[5 + n : 8 + n])))])
+        elif words[0] == "ODOM" and found and float(words[-1]) > 0.0:
+            found[-1].append(_Line(float(words[-1]), Pose(*map(float, words[1:4]))))
+    return found
+
+
+def _placed(segments: list[list[_Line]], poses: list[Pose]) -> list[_Line]:
+    """Where each line was, from where the scans were: reckoned from the scan before and from the
+    one after, to which the last line of a segment belongs, the nearer counting more."""
+    found: list[_Line] = []
+    for segment, (here, there) in zip(segments[:-1], pairwise(poses), strict=True):
+        seen = [between(segment[0].pose, line.pose) for line in segment]
+        steps = [between(a, b) for a, b in pairwise(seen)]
+        way = np.cumsum([0.0, *(math.hypot(s.x, s.y) + _TURN * abs(s.psi) for s in steps)])
+        back = compose(between(here, there), between(seen[-1], Pose(0.0, 0.0, 0.0)))
+        for line, step, share in zip(segment[:-1], seen, way / max(way[-1], 1e-9), strict=False):
+            off = between(step, compose(back, step))
+            part = Pose(share * off.x, share * off.y, share * off.psi)
+            found.append(_Line(line.stamp, compose(here, compose(step, part))))
+    return [*found, _Line(segments[-1][0].stamp, poses[-1])]
+
+
+def _clock(times: Floats, scans: Floats) -> float:
+    """The time of relations at which that of the log is 0: at most of these gaps lies a scan."""
+    gaps = (times[:, None] - scans).ravel()
+    bins = np.round(gaps / 0.02).astype(np.int64)
+    values, counts = np.unique(bins, return_counts=True)
+    rough = 0.02 * float(values[counts.argmax()])
+    return float(np.median(gaps[np.abs(gaps - rough) < 0.02]))
