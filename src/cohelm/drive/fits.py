@@ -58,8 +58,9 @@ class OutlineFits:
         if pilot is None:
             return
         least = loop.driver.settings.rules.hard_margin - OFF * self._resolution
-        poses = poses_along(pilot.course.reference, _SPACING)
-        done = pilot.state.clock.tau / pilot.course.reference.duration
+        route = pilot.planner.route  # not the way round that is driven just now
+        poses = poses_along(route.reference, _SPACING)
+        done = float(route.times[pilot.state.row]) / route.reference.duration
         poses = poses[min(int(done * len(poses)), len(poses) - 1) :]
         reach = float(np.hypot(*outline.T).max()) + 1.0
         worst, at = math.inf, poses[0]
