@@ -99,7 +99,7 @@ _EMPTY = np.array(tuple(nothing for _, nothing in _UNKNOWN), dtype=ROW)
 
 def blank(n: int) -> NDArray[np.void]:
     """Rows of which nothing is known yet, shape (n,)."""
-    return np.full(n, _EMPTY)
+    return np.repeat(_EMPTY, n)  # np.full of a structured type is eight times as slow
 
 
 def values(known: Mapping[str, Any]) -> tuple[Any, ...]:
