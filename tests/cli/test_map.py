@@ -16,6 +16,7 @@ from cohelm.record.file import About, RecordWriter
 from cohelm.scenario import load
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, read_map
 from cohelm.study import mapping
+from cohelm.study.map_files import shades
 from cohelm.study.mapping_session import MappingSession
 from tests.perceive.drives import LIDAR, TOUR, along, drive
 
@@ -267,3 +268,19 @@ def test_a_damaged_mapping_is_told(folder, tmp_path):
         (tmp_path / "survey.npz").write_bytes(damaged)
         with pytest.raises(CohelmError, match="is damaged: map the record again"):
             MappingSession.read(tmp_path)
+
+
+def test_a_wall_of_one_cell_is_black_in_a_small_picture():
+    """Averaged, the walls of a map of 40 m in cells of 2.5 cm are a light grey."""
+    occupied = np.zeros((1700, 1501), np.bool_)
+    occupied[:, 1500] = occupied[40, :] = True
+    free = np.zeros_like(occupied)
+    free[:800] = ~occupied[:800]
+    shown, cells = shades(occupied, free, 700)
+    assert cells == 3
+    assert shown.shape == (567, 501)
+    assert (shown[:, 500] == 0).all()
+    assert (shown[13] == 0).all()
+    assert shown[100, 100] == 255
+    assert shown[400, 100] == 190
+    assert shades(occupied[:50, :60], free[:50, :60], 700)[1] == 1

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
@@ -118,13 +120,31 @@ def _save_loops(
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
+def shades(
+    occupied: NDArray[np.bool_], free: NDArray[np.bool_], most: int
+) -> tuple[NDArray[np.uint8], int]:
+    """Occupied cells black, free ones white, others grey, in at most so many pixels either way; how
+    many cells are a pixel, either way. A wall of one cell is black in a small picture, too."""
+    cells = max(1, math.ceil(max(occupied.shape) / most))
+    rows, columns = (cells * math.ceil(n / cells) for n in occupied.shape)
+
+    def any_of(given: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        padded = np.zeros((rows, columns), np.bool_)
+        padded[: given.shape[0], : given.shape[1]] = given
+        blocks = padded.reshape(rows // cells, cells, columns // cells, cells)
+        return np.asarray(blocks.any(axis=(1, 3)), dtype=np.bool_)
+
+    shown = np.where(any_of(occupied), 0, np.where(any_of(free), 255, 190))
+    return shown.astype(np.uint8), cells
+
+
 def picture(path: Path, drawn: Raster, poses: list[Pose], met: list[list[tuple[int, int]]]) -> None:
     """The map with the way driven, and the loops that were closed, by their numbers."""
     from matplotlib.figure import Figure
 
-    shown = np.where(drawn.occupied(), 0, np.where(drawn.free(), 255, 190)).astype(np.uint8)
+    shown, cells = shades(drawn.occupied(), drawn.free(), 700)
     rows, columns = shown.shape
-    x, y, r = drawn.origin.x, drawn.origin.y, drawn.resolution
+    x, y, r = drawn.origin.x, drawn.origin.y, cells * drawn.resolution
     wide = 7.0
     figure: Any = Figure(figsize=(wide, min(max(wide * rows / columns, 3.0), 12.0)), dpi=90)
     axes = figure.subplots()
