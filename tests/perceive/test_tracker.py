@@ -222,6 +222,23 @@ def test_who_turns_on_the_robot_from_rest_is_told_within_half_a_second():
     assert np.mean(off) < 0.15
 
 
+@pytest.mark.parametrize("radius", [0.25, 0.4])
+def test_who_stops_dead_is_told_so_within_three_scans(radius):
+    """As who runs into the robot: nobody is taken to be capable of that. A filter that believes it
+    of nobody had him go on through the robot, and come back, for a second and more."""
+
+    def around(t):
+        return discs(disc(7.0 - 1.2 * min(t, 2.0), -0.9, radius))
+
+    told, _, _ = watch(around, standing(3.5))
+    after = [found for t, found in told if t > 2.35]
+    assert len(after) > 10
+    for found in after:
+        one = found[np.argmin(np.hypot(found[:, 0] - 4.6, found[:, 1] + 0.9))]
+        assert math.hypot(one[0] - 4.6, one[1] + 0.9) < 0.05
+        assert math.hypot(one[2], one[3]) < 0.2
+
+
 @pytest.mark.parametrize("speed", [1.5, -1.5])
 def test_who_walks_fast_across_is_told_where_he_is_not_where_his_beams_were(speed):
     """A turn takes 75 ms, in which he walks 11 cm: he is put on from when his beams were

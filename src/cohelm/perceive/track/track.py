@@ -29,6 +29,7 @@ on it a while ago [m].
 FADES = 0.8
 """A change of velocity fades so fast [s]: about the time of a step and a half of a walker."""
 
+_ASTRAY = 0.3  # so far off may be who did what nobody is taken to be capable of [m]
 _CHANGES = 0.003  # by which a radius may change in a second, 1 cm in ten: an arm, a coat [m]
 
 
@@ -89,6 +90,15 @@ def corrected(one: Floats, dx: float, dy: float, variance: float, most: float) -
     one[PP] *= 1.0 - share
     one[PV] *= 1.0 - share
     one[PA] *= 1.0 - share
+
+
+@jit
+def astray(one: Floats) -> None:
+    """It is not where it was foretold, and how it moves is as little known as of who is new."""
+    one[PP] = max(one[PP], _ASTRAY * _ASTRAY)
+    one[TVX] = one[TVY] = one[TAX] = one[TAY] = 0.0
+    one[PV] = one[PA] = one[VA] = 0.0
+    one[VV] = 1.0
 
 
 @jit

@@ -10,7 +10,7 @@ from __future__ import annotations
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats
 from cohelm.perceive.scan.clusters import AGE, CX, CY, HIDDEN, SIZE, Look
-from cohelm.perceive.track.rim_fit import rim_distance, rim_fit
+from cohelm.perceive.track.rim_fit import Fit, rim_distance, rim_fit
 from cohelm.perceive.track.track import (
     GONE,
     MISSED,
@@ -23,12 +23,14 @@ from cohelm.perceive.track.track import (
     TVY,
     TX,
     TY,
+    astray,
     corrected,
 )
 from cohelm.robot.sensors import Lidar
 
 UNSURE = 0.15
 """A radius of which nothing is known yet may be off by this, one standard deviation [m]."""
+_SURPRISE = 13.8  # chi squared of two that one of a thousand exceeds
 _KNOWN = 0.05  # known to this, a radius says more than the part of a rim that is in view [m]
 
 
@@ -94,6 +96,26 @@ def _sized(one: Floats, size: float, hidden: bool) -> None:
 
 
 @jit
+def _fit(one: Floats, seen: Floats, x: float, y: float, noise: float) -> Fit:
+    """The disc that a mover's points are the rim of, expected at (x, y) [m]."""
+    fit = rim_fit(seen, x, y, one[RADIUS], one[PP], one[RR], noise)
+    off = rim_distance(seen, fit.x, fit.y, fit.radius)
+    if off * off > noise:  # it is less round than a disc is
+        fit = rim_fit(seen, x, y, one[RADIUS], one[PP], one[RR], off * off)
+    return fit
+
+
+@jit
+def _surprising(one: Floats, dx: float, dy: float, variance: float) -> bool:
+    """Whether a mover of known radius is where he can not be with the acceleration that he is taken
+    to be capable of: who runs into something stops dead. By how far his place would be put right,
+    (dx, dy) [m], to this variance: the normalized innovation squared (Bar-Shalom, Li and
+    Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, 5.4)."""
+    gain = 1.0 - variance / one[PP]
+    return known(one) and dx * dx + dy * dy > _SURPRISE * gain * one[PP]
+
+
+@jit
 def _fitted(
     one: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: Look, most: float
 ) -> bool:
@@ -103,10 +125,11 @@ def _fitted(
     if hidden and not is_rim(one, cluster):
         return False
     noise = lidar.noise * lidar.noise
-    fit = rim_fit(seen, x, y, one[RADIUS], one[PP], one[RR], noise)
-    off = rim_distance(seen, fit.x, fit.y, fit.radius)
-    if off * off > noise:  # it is less round than a disc is
-        fit = rim_fit(seen, x, y, one[RADIUS], one[PP], one[RR], off * off)
+    fit = _fit(one, seen, x, y, noise)
+    if _surprising(one, fit.x - x, fit.y - y, fit.variance):
+        astray(one)
+        x, y = then(one, cluster)
+        fit = _fit(one, seen, x, y, noise)
     ux, uy = fit.x - now.sensor.x, fit.y - now.sensor.y
     mx, my = seen[:, 0].mean() - now.sensor.x, seen[:, 1].mean() - now.sensor.y
     before = mx * mx + my * my < ux * ux + uy * uy
