@@ -29,7 +29,9 @@ on it a while ago [m].
 FADES = 0.8
 """A change of velocity fades so fast [s]: about the time of a step and a half of a walker."""
 
-_ASTRAY = 0.3  # so far off may be who did what nobody is taken to be capable of [m]
+NEW = 1.0
+"""Variance of the velocity of somebody of whom nothing else is known, along an axis [m^2/s^2]."""
+_ANYWHERE = 0.3  # so far off may be who did what nobody is taken to be capable of [m]
 _CHANGES = 0.003  # by which a radius may change in a second, 1 cm in ten: an arm, a coat [m]
 
 
@@ -93,12 +95,12 @@ def corrected(one: Floats, dx: float, dy: float, variance: float, most: float) -
 
 
 @jit
-def astray(one: Floats) -> None:
+def reinitialized(one: Floats) -> None:
     """It is not where it was foretold, and how it moves is as little known as of who is new."""
-    one[PP] = max(one[PP], _ASTRAY * _ASTRAY)
+    one[PP] = max(one[PP], _ANYWHERE * _ANYWHERE)
     one[TVX] = one[TVY] = one[TAX] = one[TAY] = 0.0
     one[PV] = one[PA] = one[VA] = 0.0
-    one[VV] = 1.0
+    one[VV] = NEW
 
 
 @jit

@@ -47,6 +47,7 @@ from cohelm.perceive.track.track import (
     GONE,
     MISSED,
     MOVES,
+    NEW,
     PP,
     PROOF,
     RADIUS,
@@ -282,7 +283,7 @@ def _followed(
     for j in range(k):
         if whose[j] < 0.0 and not _within_mover(out, t, found[j]):
             out[n, TX], out[n, TY], out[n, RADIUS] = found[j, CX], found[j, CY], found[j, SIZE]
-            out[n, PP], out[n, VV] = centre_variance(found[j], care.scatter), 1.0
+            out[n, PP], out[n, VV] = centre_variance(found[j], care.scatter), NEW
             out[n, SEEN] = 1.0
             noted_ends(out[n], _seen(places, found[j]))
             out[n, RR] = UNSURE * UNSURE

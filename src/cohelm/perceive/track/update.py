@@ -23,14 +23,14 @@ from cohelm.perceive.track.track import (
     TVY,
     TX,
     TY,
-    astray,
     corrected,
+    reinitialized,
 )
 from cohelm.robot.sensors import Lidar
 
 UNSURE = 0.15
 """A radius of which nothing is known yet may be off by this, one standard deviation [m]."""
-_SURPRISE = 13.8  # chi squared of two that one of a thousand exceeds
+_INCONSISTENT = 13.8  # chi squared of two that one of a thousand exceeds
 _KNOWN = 0.05  # known to this, a radius says more than the part of a rim that is in view [m]
 
 
@@ -106,13 +106,13 @@ def _fit(one: Floats, seen: Floats, x: float, y: float, noise: float) -> Fit:
 
 
 @jit
-def _surprising(one: Floats, dx: float, dy: float, variance: float) -> bool:
+def _inconsistent(one: Floats, dx: float, dy: float, variance: float) -> bool:
     """Whether a mover of known radius is where he can not be with the acceleration that he is taken
     to be capable of: who runs into something stops dead. By how far his place would be put right,
     (dx, dy) [m], to this variance: the normalized innovation squared (Bar-Shalom, Li and
     Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, 5.4)."""
     gain = 1.0 - variance / one[PP]
-    return known(one) and dx * dx + dy * dy > _SURPRISE * gain * one[PP]
+    return known(one) and dx * dx + dy * dy > _INCONSISTENT * gain * one[PP]
 
 
 @jit
@@ -126,8 +126,8 @@ def _fitted(
         return False
     noise = lidar.noise * lidar.noise
     fit = _fit(one, seen, x, y, noise)
-    if _surprising(one, fit.x - x, fit.y - y, fit.variance):
-        astray(one)
+    if _inconsistent(one, fit.x - x, fit.y - y, fit.variance):
+        reinitialized(one)
         x, y = then(one, cluster)
         fit = _fit(one, seen, x, y, noise)
     ux, uy = fit.x - now.sensor.x, fit.y - now.sensor.y
