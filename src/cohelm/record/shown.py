@@ -155,7 +155,7 @@ def _grid(
     packed: bytes, resolution: float, width: int, height: int, origin: Pose, head: Header
 ) -> OccupancyGrid:
     cells = np.frombuffer(zlib.decompress(packed), dtype=np.uint8)
-    data = np.where(cells == _UNKNOWN, -1, cells).astype(np.int8)
+    data = np.where(cells == _UNKNOWN, np.int8(-1), cells.astype(np.int8))
     about = MapMetaData(Time(0, 0), resolution, width, height, pose(*origin))
     return OccupancyGrid(head, about, data)
 
@@ -183,7 +183,7 @@ def _origin(about: Any) -> Pose:
 
 
 def _cells(message: Any) -> bytes:
-    cells = np.where(message.data < 0, _UNKNOWN, message.data).astype(np.uint8)
+    cells = np.where(message.data < 0, np.uint8(_UNKNOWN), message.data.astype(np.uint8))
     return zlib.compress(cells.tobytes())
 
 
