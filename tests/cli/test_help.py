@@ -1,13 +1,17 @@
 """Help: what there is, at 80 columns, without waiting for numbers to be imported."""
 
+import itertools
 import json
+import shlex
 import subprocess
 import sys
 
 import pytest
+import typer
 import yaml
 
 from cohelm import __version__
+from cohelm.cli import app
 from cohelm.scenario.load import shipped
 
 SHOW_IMPORTS = """
@@ -16,23 +20,40 @@ from cohelm.cli import main
 atexit.register(lambda: print(*sys.modules, file=sys.stderr))
 main()
 """
-COMMANDS = ("run", "reproduce", "replay", "bench", "schema")
+TREE = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
+COMMANDS = [[name] for name in TREE if name != "pair"]
+COMMANDS += [["pair", name] for name in TREE["pair"].commands]
 
 
-@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
+@pytest.mark.parametrize("arguments", [[], ["pair"], *COMMANDS], ids=" ".join)
 def test_help_fits_eighty_columns_and_cuts_nothing_short(cohelm, monkeypatch, arguments):
     monkeypatch.setenv("COLUMNS", "80")
     said = cohelm(*arguments, "--help")
     assert said.code == 0
     assert said.out.startswith("Usage: cohelm")
     assert max(len(line) for line in said.out.splitlines()) <= 80
-    assert "..." not in said.out.replace("[ARGS]...", "")
+    assert "..." not in said.out.replace("[ARGS]...", "").replace("/dev/input/event...", "")
+    assert "range>" not in said.out  # a number says what it counts
+
+
+@pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)
+def test_every_command_shows_how_it_is_typed_and_takes_what_it_shows(cohelm, arguments):
+    shown = cohelm(*arguments, "--help").out.partition("For example:")[2].splitlines()
+    typed = [shlex.split(line) for line in shown if line.strip()]
+    assert typed
+    for line in typed:
+        assert line[: len(arguments) + 1] == ["cohelm", *arguments]
+        command = TREE[line[1]]
+        for name in line[2 : len(arguments) + 1]:
+            command = command.commands[name]
+        words = itertools.takewhile(lambda word: word != ">", line[len(arguments) + 1 :])
+        command.make_context("cohelm", list(words))  # it raises what the command line would say
 
 
 def test_without_a_command_the_help_is_shown(cohelm):
     said = cohelm()
     assert said.code == 2
-    assert all(f"  {name} " in said.out + said.err for name in COMMANDS)
+    assert all(f"  {name} " in said.out + said.err for name in TREE)
 
 
 def test_help_names_every_scenario_that_is_shipped(cohelm):

@@ -21,7 +21,8 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help is there in a third of the time, and reads as well
-    epilog="Start with `cohelm run minimal`, or `cohelm reproduce`.",
+    epilog="Start with `cohelm run minimal`, or `cohelm drive`. `cohelm COMMAND --help` tells "
+    "more of one.",
 )
 
 USER_ERROR = 2
@@ -67,6 +68,11 @@ def main() -> None:
         sys.exit(1)
     finally:
         settled()
+
+
+def examples(*lines: str) -> str:
+    """What stands below a command's help: how it is typed, a line each."""
+    return "\b\n" + "\n".join(("For example:", *(f"  {line}" for line in lines)))
 
 
 def _version(wanted: bool) -> None:

@@ -7,13 +7,18 @@ from typing import Annotated, Any
 
 import typer
 
-from cohelm.cli.app import app
+from cohelm.cli.app import app, examples
 from cohelm.cli.driven import Twin
 from cohelm.cli.ros import Bridge, LockTimeout, TopicNames, Transports, on_ros
 from cohelm.cli.tell import Json, named, plain, print_json, print_table, progress, say, starting
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm calibrate sally",
+        "cohelm calibrate my-robot.yaml --ros2 --floor 3",
+    ),
+)
 def calibrate(
     name: Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or its file.")],
     scenario: Annotated[
@@ -29,7 +34,8 @@ def calibrate(
     url: Bridge = "",
     twin: Twin = False,
     floor: Annotated[
-        float, typer.Option(min=0.5, max=50.0, help="Free floor ahead of it, at most [m].")
+        float,
+        typer.Option(metavar="METRES", min=0.5, max=50.0, help="Free floor ahead of it, at most."),
     ] = 4.0,
     load: Annotated[
         bool, typer.Option("--load", help="It is loaded: merge with the run before, in --out.")

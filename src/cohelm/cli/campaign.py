@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app
+from cohelm.cli.app import app, examples
 from cohelm.cli.tell import Json, Out, named, plain, print_json, print_table, progress, say
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
@@ -18,7 +18,14 @@ if TYPE_CHECKING:
     from cohelm.study.campaign.runner import CampaignConfig
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm campaign lab --n 20",
+        "cohelm campaign random --n 100 --compare guard,paper,none",
+        "cohelm campaign random --n 100 --plant twin --out out/rooms",
+        "cohelm campaign out/rooms --replay 17",
+    ),
+)
 def campaign(
     suite: Annotated[
         str,

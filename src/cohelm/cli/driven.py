@@ -49,8 +49,14 @@ SpeedZones = Annotated[
 Twin = Annotated[
     bool, typer.Option("--twin/--kinematic", help="Physics (MuJoCo), or kinematics only.")
 ]
-Seed = Annotated[int | None, typer.Option(min=0, max=2**32 - 1, help="Of the simulated errors.")]
-Seconds = Annotated[float | None, typer.Option("--for", min=0.1, help="End after so many seconds.")]
+Seed = Annotated[
+    int | None,
+    typer.Option(metavar="N", min=0, max=2**32 - 1, help="Of the simulated sensors' errors."),
+]
+Seconds = Annotated[
+    float | None,
+    typer.Option("--for", metavar="SECONDS", min=0.1, help="End after so many seconds."),
+]
 CarryOn = Annotated[
     bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
 ]

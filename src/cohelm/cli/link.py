@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cohelm.cli.app import app
+from cohelm.cli.app import app, examples
 from cohelm.cli.tell import Json, plain, print_json, print_table, say
 
 pair = typer.Typer(
@@ -17,14 +17,21 @@ pair = typer.Typer(
 app.add_typer(pair, name="pair")
 
 
-@pair.command()
+@pair.command(
+    epilog=examples(
+        "cohelm pair new desk",
+    ),
+)
 def new(
     station: Annotated[
         str, typer.Argument(metavar="NAME", help="What the station is to be called.")
     ],
     robot: Annotated[
         str | None,
-        typer.Option(help="What this robot is to be called, when it is paired for the first time."),
+        typer.Option(
+            metavar="NAME",
+            help="What this robot is to be called, when it is paired for the first time.",
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -46,7 +53,11 @@ def new(
     say(f"the robot shows this certificate: {keys.fingerprint(own.certificate)}")
 
 
-@pair.command()
+@pair.command(
+    epilog=examples(
+        "cohelm pair install desk.pair",
+    ),
+)
 def install(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What `cohelm pair new` wrote.")],
 ) -> None:
@@ -63,7 +74,7 @@ def install(
     say(f"now delete the file: rm {plain(str(file))}")
 
 
-@pair.command(name="list")
+@pair.command(name="list", epilog=examples("cohelm pair list", "cohelm pair list --json"))
 def listed(as_json: Json = False) -> None:
     """Who is paired here.
 
@@ -83,7 +94,11 @@ def listed(as_json: Json = False) -> None:
         say(f"nothing is paired here, in {plain(str(keys.home()))}")
 
 
-@pair.command()
+@pair.command(
+    epilog=examples(
+        "cohelm pair remove desk",
+    ),
+)
 def remove(
     station: Annotated[str, typer.Argument(metavar="NAME", help="The station to shut out.")],
 ) -> None:
@@ -97,7 +112,13 @@ def remove(
     say(f"{plain(station)} is not let in any more, once the robot is started again")
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm stick --list",
+        "cohelm stick --drive",
+        "cohelm stick --robot 192.168.1.20",
+    ),
+)
 def stick(
     robot: Annotated[
         str | None,
@@ -107,7 +128,8 @@ def stick(
         bool, typer.Option("--drive", help="Join the `cohelm drive` that runs on this machine.")
     ] = False,
     name: Annotated[
-        str | None, typer.Option(help="The robot's name, where several are paired here.")
+        str | None,
+        typer.Option(metavar="NAME", help="The robot's name, where several are paired here."),
     ] = None,
     device: Annotated[
         str | None,
@@ -118,7 +140,10 @@ def stick(
         ),
     ] = None,
     k_s: Annotated[
-        float, typer.Option(min=0.0, max=10.0, help="Constant of the spring (35); 10 is stiffest.")
+        float,
+        typer.Option(
+            metavar="N", min=0.0, max=10.0, help="Constant of the spring (35); 10 is stiffest."
+        ),
     ] = 5.0,
     listing: Annotated[bool, typer.Option("--list", help="Only list the devices here.")] = False,
     trial: Annotated[
@@ -126,7 +151,8 @@ def stick(
         typer.Option("--trial", help="Only find out which way a Brunner stick pushes: it moves."),
     ] = False,
     strongest: Annotated[
-        float, typer.Option(min=1.0, max=10000.0, help="--trial pushes no harder than this.")
+        float,
+        typer.Option(metavar="N", min=1.0, max=10000.0, help="--trial pushes no harder than this."),
     ] = 500.0,
 ) -> None:
     """Drive with a stick of this machine, and feel it.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app
+from cohelm.cli.app import app, examples
 from cohelm.cli.tell import Json, Out, named, plain, print_json, print_table, progress, say
 from cohelm.core.errors import CohelmError
 
@@ -16,7 +16,13 @@ if TYPE_CHECKING:
     from cohelm.study.mapping_session import Kind, Mark
 
 
-@app.command(name="map")
+@app.command(
+    name="map",
+    epilog=examples(
+        "cohelm map drive.mcap --out maps/office",
+        "cohelm map out/map --remove-loop 3",
+    ),
+)
 def map_(
     record: Annotated[
         Path,

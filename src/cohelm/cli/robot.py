@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cohelm.cli.app import app
+from cohelm.cli.app import app, examples
 from cohelm.cli.driven import (
     CarryOn,
     Changes,
@@ -44,7 +44,13 @@ if TYPE_CHECKING:
     from cohelm.drive.session import Session
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm robot lab-guard --mode automatic --arrive --record drive.mcap",
+        "cohelm robot my-robot.yaml --driver my_package:MyRobot --listen 0.0.0.0",
+        "cohelm robot my-robot.yaml --ros2 --map map.yaml --goals-from /goal_pose",
+    ),
+)
 def robot(
     name: RobotOrScenario = "lab-guard",
     scenario: Site = "lab-guard",
@@ -99,13 +105,20 @@ def robot(
     ] = "",
     twin: Twin = False,
     mode: Annotated[
-        str, typer.Option(help="hold, automatic, shared or manual; by default as the stick is.")
+        str,
+        typer.Option(
+            metavar="MODE",
+            help="hold, automatic, shared or manual; by default shared with a stick file or "
+            "--joy, else automatic.",
+        ),
     ] = "",
     dock: Annotated[
         str,
         typer.Option(metavar="NAME", help="Dock there, from its approach, and end with that."),
     ] = "",
-    rate: Annotated[float, typer.Option(min=10.0, max=500.0, help="Periods a second.")] = 50.0,
+    rate: Annotated[
+        float, typer.Option(metavar="HZ", min=10.0, max=500.0, help="Control periods a second.")
+    ] = 50.0,
     seconds: Seconds = None,
     arrive: Annotated[bool, typer.Option("--arrive", help="End when the route is done.")] = False,
     record: Annotated[

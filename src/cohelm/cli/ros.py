@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cohelm.cli.app import app
+from cohelm.cli.app import app, examples
 from cohelm.cli.driven import Seconds, Seed, Twin
 from cohelm.cli.found import PrintConfig, print_found
 from cohelm.cli.parameters import heeded
@@ -82,7 +82,13 @@ def on_ros(
     return None
 
 
-@app.command("filter")
+@app.command(
+    "filter",
+    epilog=examples(
+        "cohelm filter --robot my-robot.yaml --print-config",
+        "cohelm filter --robot turtlebot4 --in /cmd_vel_nav --out /cmd_vel",
+    ),
+)
 def filter_(
     robot: Annotated[
         str, typer.Option("--robot", metavar="MODEL", help="A shipped robot, or its YAML file.")
@@ -116,17 +122,21 @@ def filter_(
                      "default as it subscribes."),
     ] = None,
     timeout: Annotated[
-        float, typer.Option(min=0.05, max=5.0, help="A command counts for so long [s].")
+        float, typer.Option(metavar="SECONDS", min=0.05, max=5.0, help="A command counts for so "
+                            "long.")
     ] = 0.5,
     rate: Annotated[
         float | None,
-        typer.Option(min=25.0, max=125.0, help="Periods a second; by default the controller's."),
+        typer.Option(metavar="HZ", min=25.0, max=125.0, help="Periods a second; by default the "
+                     "controller's."),
     ] = None,
     wait: Annotated[
-        float, typer.Option(min=2.0, max=3600.0, help="For what is missing at the start [s].")
+        float, typer.Option(metavar="SECONDS", min=2.0, max=3600.0, help="For topics that are "
+                            "missing at the start.")
     ] = 10.0,
     clock_difference: Annotated[
-        float, typer.Option(min=0.0, help="Allowed between the robot's clock and this one [s].")
+        float, typer.Option(metavar="SECONDS", min=0.0, help="Allowed between the robot's clock "
+                            "and this one.")
     ] = 5.0,
     mount_from_model: Annotated[
         bool, typer.Option("--mount-from-model", help="The LiDAR is where --robot says.")
@@ -204,7 +214,11 @@ def filter_(
             opened.close()
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm base turtlebot4 --controller 0.3,0",
+    ),
+)
 def base(
     name: Annotated[
         str,

@@ -8,11 +8,17 @@ from typing import Annotated, Any
 
 import typer
 
-from cohelm.cli.app import app
+from cohelm.cli.app import app, examples
 from cohelm.cli.tell import Json, Out, console, named, plain, print_json, print_table, progress, say
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm run minimal",
+        "cohelm run lab-guard --set law.guard.hard_margin_m=0.05",
+        "cohelm run my.yaml --stick tried.csv --out out/mine",
+    ),
+)
 def run(
     scenario: Annotated[
         str,
@@ -70,7 +76,12 @@ def run(
         say(f"record, scores and picture: {plain(str(folder))}")
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm reproduce",
+        "cohelm reproduce --out figures",
+    ),
+)
 def reproduce(out: Out = None, as_json: Json = False) -> None:
     """Repeat the paper's three experiments.
 
@@ -89,7 +100,12 @@ def reproduce(out: Out = None, as_json: Json = False) -> None:
         say(f"figures 6–11, records and numbers: {plain(str(folder))}")
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm replay out/minimal-20261126-120000",
+        "cohelm replay drive.mcap --json",
+    ),
+)
 def replay(
     record: Annotated[
         Path,
@@ -130,7 +146,12 @@ def replay(
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm bench",
+        "cohelm bench --json",
+    ),
+)
 def bench(as_json: Json = False) -> None:
     """Time it beside its peers, in a minute.
 
@@ -156,7 +177,11 @@ def _benchmark() -> Any:
     return import_module("benchmarks.bench.compare")
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm schema > scenario.schema.json",
+    ),
+)
 def schema() -> None:
     """Print the JSON Schema of scenarios.
 

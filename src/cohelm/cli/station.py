@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app
+from cohelm.cli.app import app, examples
 from cohelm.cli.driven import (
     CarryOn,
     Changes,
@@ -28,7 +28,10 @@ from cohelm.cli.tell import Pictures, named, plain, say, starting
 if TYPE_CHECKING:
     from cohelm.station.robot_link import Connect
 
-Port = Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 takes a free one.")]
+Port = Annotated[
+    int,
+    typer.Option(metavar="PORT", min=0, max=65535, help="Port of the page; 0 takes a free one."),
+]
 Host = Annotated[
     str,
     typer.Option(
@@ -55,14 +58,21 @@ InClear = Annotated[
 ]
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm station --robot 192.168.1.20",
+        "cohelm station --robot 192.168.1.20 --host 0.0.0.0 --tls",
+        "cohelm station --replay drive.mcap",
+    ),
+)
 def station(
     robot: Annotated[
         str | None,
         typer.Option(metavar="HOST[:PORT]", help="The robot to drive; it must be paired."),
     ] = None,
     name: Annotated[
-        str | None, typer.Option(help="The robot's name, where several are paired here.")
+        str | None,
+        typer.Option(metavar="NAME", help="The robot's name, where several are paired here."),
     ] = None,
     replay: Annotated[
         Path | None,
@@ -93,7 +103,14 @@ def station(
     serve(connect, host, port, files)
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "cohelm drive",
+        "cohelm drive my-robot.yaml --scenario lab-shared",
+        "cohelm drive my-robot.yaml --driver my_package:MyRobot",
+        "cohelm drive my-robot.yaml --ros2 --map map.yaml",
+    ),
+)
 def drive(
     name: RobotOrScenario = "lab-guard",
     scenario: Site = "lab-guard",
