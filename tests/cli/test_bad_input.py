@@ -1,6 +1,7 @@
 """What a tired or hostile user gives: one sentence on stderr with the mend, code 2, no output."""
 
 import gzip
+import io
 import os
 
 import numpy as np
@@ -242,19 +243,6 @@ def test_a_folder_without_a_record_is_not_replayed(cohelm, tmp_path):
     refused(cohelm("replay", tmp_path), "record.mcap", "can not be read")
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [["run"], ["replay"], ["run", "minimal", "more"], ["run", "minimal", "--bogus"], ["nonsense"]],
-)
-def test_a_command_typed_wrong_is_answered_with_how_to_type_it(cohelm, arguments):
-    said = cohelm(*arguments)
-    assert said.code == 2
-    assert said.out == ""
-    assert said.err.startswith("Usage: cohelm")
-    assert "--help" in said.err
-    assert "Error: " in said.err
-
-
 ROBOT = """
 name: cart
 footprint_m: [[0.5, 0.3], [-0.2, 0.3], [-0.2, -0.3], [0.5, -0.3]]
@@ -343,3 +331,49 @@ def test_arguments_of_a_node_are_told_what_they_are_here(cohelm):
     said = cohelm("filter", "--robot", "sally", "--ros-args", "-r", "cmd_vel_nav:=/nav/cmd_vel")
     assert said.code == 2
     assert "--ros-args: cohelm is no node of rclpy: name topics with --in, --out" in said.err
+
+
+@pytest.mark.parametrize(
+    ("words", "mend"),
+    [
+        (["campaign", "random", "--n", "nan"], "invalid value for '--n': must be a valid integer"),
+        (["drive", "--port", "-1"], "'--port': must be greater than or equal to 0"),
+        (["run"], "missing argument 'SCENARIO'"),
+        (["run", "minimal", "more"], "unexpected extra argument(s) (more)"),
+        (["run", "minimal", "--bogus"], "no such option: --bogus"),
+        (["nonsense"], "no such command 'nonsense'"),
+    ],
+)
+def test_a_wrong_command_line_is_one_sentence_that_names_the_help(cohelm, words, mend):
+    said = cohelm(*words)
+    refused(said, mend, "--help`")
+    assert said.err.count("\n") == 1
+
+
+def test_where_a_robot_is_driven_is_not_left_out_of_account_for_a_scenario(cohelm):
+    refused(
+        cohelm("drive", "--scenario", "minimal"), "lab-guard is none: give minimal in its place"
+    )
+
+
+@pytest.mark.parametrize("option", ["--law", "--compare"])
+def test_a_law_without_a_name_is_not_the_guard(cohelm, option):
+    refused(cohelm("campaign", "random", "--n", "1", option, ""), "name each law")
+
+
+def test_what_is_called_mcap_and_is_none_is_not_taken_for_another_log(cohelm, tmp_path):
+    (tmp_path / "empty.mcap").touch()
+    refused(cohelm("map", "empty.mcap"), "is not an MCAP file")
+
+
+def test_a_cluster_without_a_port_is_refused_in_one_sentence(cohelm):
+    said = cohelm("campaign", "random", "--n", "1", "--cluster", "nothing")
+    refused(said, "missing port number")
+    assert said.err.count("\n") == 1
+
+
+def test_without_an_answer_nothing_is_calibrated(cohelm, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    said = cohelm("calibrate", "sally")
+    assert said.code == 2
+    assert "error: nothing was driven" in said.err

@@ -40,8 +40,8 @@ def test_wildcards_and_namespaces_are_meant_as_in_ros(cohelm, tmp_path, node, si
     [
         (parameters("robbot: sally"), "robbot: there is no such parameter; did you mean robot?"),
         (parameters("use_sim_time: 1"), "use_sim_time: there is no such parameter"),
-        (parameters("robot: sally, timeout: abc"), "Invalid value for '--timeout'"),
-        (parameters("robot: sally, timeout: 99.0"), "Invalid value for '--timeout'"),
+        (parameters("robot: sally, timeout: abc"), "invalid value for '--timeout'"),
+        (parameters("robot: sally, timeout: 99.0"), "invalid value for '--timeout'"),
         (parameters("url: [a, b]"), "url: must be one value, got ['a', 'b']"),
         (parameters("allow_bypass: 3"), "allow_bypass: must be true or false, got 3"),
         (parameters("timeout: true"), "timeout: must be no truth value, got True"),

@@ -132,7 +132,7 @@ def test_auto_takes_zenoh_where_it_is_the_middleware_and_is_installed(monkeypatc
 
 def test_what_is_missing_is_said_with_its_cure(monkeypatch):
     monkeypatch.setattr(ours, "_OPEN", 0.1)
-    with pytest.raises(CohelmError, match=r"no zenoh router answers at tcp/127.0.0.1:9 .*zenohd"):
+    with pytest.raises(CohelmError, match=r"no zenoh router answers at tcp/127.0.0.1:9: .*zenohd"):
         ZenohTransport(url="tcp/127.0.0.1:9")
     with pytest.raises(CohelmError, match="give the router's address, such as tcp/"):
         ZenohTransport(url="ws://robot:8765")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import errno
 import io
 import os
+import re
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -26,6 +27,8 @@ app = typer.Typer(
 )
 
 USER_ERROR = 2
+INTERRUPTED = 130
+_UsageError: Any = typer.BadParameter.__base__  # typer names it in no other way
 _NO_NODE = (
     "--ros-args: cohelm is no node of rclpy: name topics with --in, --out, --scan and --odom (of "
     "filter) or --topic (of robot), the namespace with --namespace or --topic namespace=/NAME, and "
@@ -45,10 +48,16 @@ def main() -> None:
         try:
             if "--ros-args" in sys.argv:
                 raise CohelmError(_NO_NODE)
-            app()
+            if code := app(standalone_mode=False):
+                sys.exit(code)
         finally:
             if sys.stdout is not None:  # pyright: ignore[reportUnnecessaryComparison]  # `>&-`
                 sys.stdout.flush()
+    except _UsageError as error:
+        _explain(error)
+        sys.exit(USER_ERROR)
+    except typer.Abort:  # of a question that Ctrl-C answered
+        sys.exit(INTERRUPTED)
     except CohelmError as error:
         lines = str(error).splitlines()
         for line in lines[:_MOST_PROBLEMS]:
@@ -73,6 +82,17 @@ def main() -> None:
 def examples(*lines: str) -> str:
     """What stands below a command's help: how it is typed, a line each."""
     return "\b\n" + "\n".join(("For example:", *(f"  {line}" for line in lines)))
+
+
+def _explain(error: Any) -> None:
+    """What is wrong with the command line, in a sentence; without any command, the help."""
+    text = error.format_message()
+    if not error.ctx or text == error.ctx.get_help():
+        error.show()
+        return
+    text = re.sub(r"Input should be (.*?)(, unable to parse .*)?$", r"must be \1", text)
+    hint = f"{text.rstrip('.')}; see `{error.ctx.command_path} --help`"
+    say(f"[bold red]error:[/bold red] {plain(hint[0].lower() + hint[1:])}")
 
 
 def _version(wanted: bool) -> None:

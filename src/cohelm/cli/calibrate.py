@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -92,8 +93,8 @@ def calibrate(
         f"{plan.turn:.2f} rad/s for about {plan.seconds:.0f} s, "
         "with walls in sight that stay where they are"
     )
-    if not yes and not typer.confirm("is the floor free, and the stop at hand?", err=True):
-        raise typer.Exit(1)
+    if not yes and not _agreed("is the floor free, and the stop at hand?"):
+        raise CohelmError("nothing was driven: answer y when the floor is free, or give --yes")
     check_folder(out)
     with starting(model.name) as line, ended() as stop:
         gated = RemoteGatedRobot(made, rules(made.model, PERIOD))
@@ -151,3 +152,14 @@ def calibrate(
         say(f"written: {plain(str(written))}; look at the pictures beside it")
     if driven.ended or unplaced:
         raise typer.Exit(1)
+
+
+def _agreed(question: str) -> bool:
+    """What a person says to it; where nobody is there to answer, no."""
+    try:
+        return typer.confirm(question, err=True)
+    except typer.Abort:
+        if sys.stdin.isatty():
+            raise
+        print(file=sys.stderr)
+        return False

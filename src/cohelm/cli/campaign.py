@@ -150,7 +150,8 @@ def _asked(
         return folder, runner.planned(kept)
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
-    laws = tuple(part.strip() for part in (compare or law or "guard").split(","))
+    asked = compare if compare is not None else "guard" if law is None else law
+    laws = tuple(part.strip() for part in asked.split(","))
     return out, runner.CampaignConfig(suite, laws, seed, n, data, plant)  # pyright: ignore[reportArgumentType]
 
 

@@ -10,12 +10,13 @@ import typer
 RobotOrScenario = Annotated[
     str,
     typer.Argument(
-        metavar="ROBOT.yaml|SCENARIO",
-        help="A scenario, by file or name, or a robot's YAML file, driven in --scenario.",
+        metavar="ROBOT|SCENARIO",
+        help="A robot, by its YAML file or a shipped one's name, driven in --scenario; or a "
+        "scenario, with its robot.",
     ),
 ]
 Site = Annotated[
-    str, typer.Option("--scenario", metavar="SCENARIO", help="Where a robot's YAML file is driven.")
+    str, typer.Option("--scenario", metavar="SCENARIO", help="Where a robot is driven.")
 ]
 OwnDriver = Annotated[
     str | None,

@@ -70,8 +70,10 @@ def on_ros(
     has."""
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import Ros2Config
+    from cohelm.ros.connection import connection
 
     if ros2:
+        connection(transport, url)  # one that there is not is told at once
         silence = math.inf if lock_timeout is None else lock_timeout
         return Ros2Config(tuple(topics or ()), transport, url, tuple(masks or ()), frame, silence)
     if topics or url or transport != "auto" or masks or lock_timeout is not None:
@@ -251,18 +253,15 @@ def base(
     """
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
-    from cohelm.robot.model import SHIPPED
     from cohelm.ros.dds import DdsTransport
     from cohelm.ros.served import ServedRobot, asked_for, wanting
     from cohelm.ros.topics import Topics
 
-    changes = [f"robot={name}"] if name in SHIPPED else []
-    named = scenario if name in SHIPPED else name
     kind = "twin" if twin else "kinematic"
     wish = None if controller is None else asked_for(controller)
     topics = Topics.named(namespace)
     with starting("base") as line, ended() as stop:
-        made = robot_factory(DriveOptions(named, scenario, kind, True, seed, changes))
+        made = robot_factory(DriveOptions(name, scenario, kind, True, seed, []))
         robot = made()
         transport = DdsTransport("cohelm_base", topics.namespace)
         try:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from cohelm.ros.masks import FilterMask
 
 
+SITE = "lab-guard"
+"""The scenario that a robot is driven in where none is named."""
 _MASKS = 10.0
 """So long a mask on a topic is waited for [s]."""
 
@@ -74,19 +76,24 @@ class DriveOptions(NamedTuple):
 def robot_factory(options: DriveOptions) -> RobotFactory:
     """The robot of these options: of a scenario, or a robot's file in another scenario."""
     name, changes = options.name, list(options.changes)
+    described = _is_robot(Path(name)) or name in SHIPPED
+    if not described and options.scenario not in (SITE, name):
+        raise CohelmError(
+            f"--scenario is where a robot is driven, and {name} is none: give {options.scenario} "
+            "in its place, or name a robot"
+        )
     if options.driver is not None or options.ros2 is not None:
         if not options.real_time or options.kind == "twin" or options.seed is not None:
             option = "--ros2" if options.driver is None else "--driver"
             raise CohelmError(
                 f"with {option} nothing is simulated: leave out --twin, --fast and --seed"
             )
-        described = _is_robot(Path(name)) or name in SHIPPED
         site, model = (options.scenario, name) if described else (name, None)
         if options.driver is not None:
             return own_robot(options.driver, site, model, changes)
         return _on_ros2(options.ros2 or Ros2Config(), site, model, changes)
-    if _is_robot(Path(name)):
-        changes.append(f"robot={Path(name).absolute()}")
+    if described:
+        changes.append(f"robot={name if name in SHIPPED else Path(name).absolute()}")
         name = options.scenario
     return simulated(
         name, options.kind, real_time=options.real_time, seed=options.seed, changes=changes

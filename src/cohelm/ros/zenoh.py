@@ -62,7 +62,7 @@ class ZenohTransport:
         try:
             self._session = self._zenoh.open(config)
         except self._zenoh.ZError as error:
-            raise self._unreached(str(error)) from error
+            raise self._unreached() from error
         try:
             self._reach()
             self._owner = tokens.Owner(
@@ -240,12 +240,12 @@ class ZenohTransport:
         end = time.monotonic() + _OPEN
         while not self._session.info.routers_zid():
             if time.monotonic() > end:
-                raise self._unreached("nothing")
+                raise self._unreached()
             time.sleep(0.02)
 
-    def _unreached(self, said: str) -> CohelmError:
+    def _unreached(self) -> CohelmError:
         return CohelmError(
-            f"no zenoh router answers at {self._url} ({said:.80}): start it on the robot (ros2 run "
+            f"no zenoh router answers at {self._url}: start it on the robot (ros2 run "
             "rmw_zenoh_cpp rmw_zenohd), or name its address with --url tcp/ROBOT:7447"
         )
 

@@ -62,6 +62,8 @@ def drive(path: Path, robot: RobotModel | None = None) -> RecordedDrive:
             mcap = file.read(len(_MAGIC)) == _MAGIC
     except OSError as error:
         raise CohelmError(f"{path} can not be read ({error.strerror}): check the name") from error
+    if not mcap and path.suffix == ".mcap":
+        raise CohelmError(f"{path} is not an MCAP file: give a record, or a CARMEN log")
     if not mcap:
         return RecordedDrive(*read_log(path))
     replayed = Replayed(path, robot)

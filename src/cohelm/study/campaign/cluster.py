@@ -15,6 +15,7 @@ from typing import Any
 
 import distributed
 from distributed import Client, WorkerPlugin
+from distributed.comm.addressing import parse_address, parse_host_port
 
 from cohelm.core.errors import CohelmError
 from cohelm.study.campaign.episode import Law
@@ -37,6 +38,9 @@ def driven_on(
     or a chunk has ended several workers.
     """
     try:
+        parse_host_port(
+            parse_address(address)[1]
+        )  # of a wrong one the client leaves half of itself
         client: Any = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise CohelmError(
