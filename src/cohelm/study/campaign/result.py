@@ -57,7 +57,7 @@ class EpisodeResult(NamedTuple):
     tracking_rms: float
     """Of E_P (51), to the reference as it is at that moment [m, rad]."""
     human_share: float
-    """Mean authority of the hand, in [0, 1]."""
+    """Mean authority of the operator, in [0, 1]."""
     disagreement_mps: float
     """Mean distance of what the wheels did from what the hand asked for, while it asked:
     sqrt(dv^2 + (0.5 m domega)^2)."""
