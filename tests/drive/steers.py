@@ -3,11 +3,10 @@
 import sys
 import time
 
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link import keys
 from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.station_end import StationEnd
-from cohelm.link.sticks.port import CENTRED
 
 
 def main() -> None:

@@ -143,7 +143,7 @@ def test_nothing_old_is_driven_the_robot_stops_in_the_dark_and_goes_on_without_r
     assert len(ages) > 100
     assert max(ages) <= STALE + 0.05  # by a clock both share; the robot can not know better
     latched = next(r.at for r in all_ if r.at > dark and r.mode == GateMode.STOPPED)
-    noticed = ArmingParams().stale + ON_THE_WAY + PERIOD + 0.1
+    noticed = ArmingParams().silence + ON_THE_WAY + PERIOD + 0.1
     # it brakes at once, and latches when nobody has come back within a second
     standing = next(r.at for r in all_ if r.at > dark and abs(r.v) < 0.02)
     assert standing - dark < noticed + BRAKING + PERIOD + 0.1

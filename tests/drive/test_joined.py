@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.local_credentials import credentials_of_drive
 from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.station_end import StationEnd
 from cohelm.link.sticks.at_helm import drive as at_helm
-from cohelm.link.sticks.port import CENTRED, Feel, Reading
+from cohelm.link.sticks.port import Feel, Reading
 from cohelm.record.messages import messages
 from cohelm.station.app import pages
 from tests.drive.faults import CORRIDOR

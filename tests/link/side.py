@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Ask, Mode, Request
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.latency_limit import silent
-from cohelm.loop.stick_arming import CENTRED, ArmingParams, StickState, updated
+from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 
 DT = 0.02
 
@@ -46,7 +46,7 @@ class Side:
     def step(self, heard: OperatorInput) -> Used:
         self._seen = self._seen or heard.command is not None
         self.stick_state = updated(self.stick_state, heard, self.params, DT)
-        lost = self.stick_state.lost or (silent(heard, self.params.stale) if self._seen else "")
+        lost = self.stick_state.lost or (silent(heard, self.params.silence) if self._seen else "")
         if lost and not self.stopped:
             self.stopped = lost
         brake = bool(self.stopped)

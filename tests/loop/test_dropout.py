@@ -58,7 +58,7 @@ def lived(script: list[tuple[str, int]]) -> list[Period]:
             quiet = quiet + DT if what in ("silent", "released") else 0.0
             heard = said(what, quiet + (SILENCE if quiet else 0.0))
             stick_state = updated(stick_state, heard, ArmingParams(), DT)
-            lost = stick_state.lost or silent(heard, ArmingParams().stale)
+            lost = stick_state.lost or silent(heard, ArmingParams().silence)
             dropout, then = followed(dropout, lost, heard, stick_state, t)
             periods.append(Period(t, what, then))
             if then is Then.STOP:

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.operator import NOBODY
-from cohelm.loop.stick_arming import CENTRED, ArmingParams, StickState, updated
+from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 
 M = ArmingParams()
 

@@ -65,6 +65,9 @@ class Stick(NamedTuple):
     psi: float
 
 
+CENTRED = Stick(0.0, 0.0)
+
+
 class Desired(NamedTuple):
     """Desired pose, surge speed and yaw rate at one instant (7)(10) [m, m, rad, m/s, rad/s]."""
 

@@ -14,10 +14,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from cohelm.core.types import Stick, Twist
+from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link.messages import Arming, Ask, Device, Mode
 from cohelm.link.operator_input import STALE
-from cohelm.loop.stick_arming import CENTRED
 
 if TYPE_CHECKING:
     from cohelm.law.gains import Gains

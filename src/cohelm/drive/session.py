@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.drive.factory import RobotFactory
-from cohelm.drive.fits import OutlineFits
 from cohelm.drive.jobs import in_thread
 from cohelm.drive.live import Live, LiveConfig
+from cohelm.drive.outline_check import OutlineCheck
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import Listening, Recording
 from cohelm.drive.shown import drawn, way, zoned
@@ -121,7 +121,7 @@ class Session:
         """Who is shown the pictures, with their age [s]."""
         self._frame: Frame | Encoded | None = None
         """The newest of that camera."""
-        self._fits: OutlineFits | None = None
+        self._outline_check: OutlineCheck | None = None
         self._to_dock = False
         """Whether `run` was to dock."""
         self._ends = False
@@ -167,7 +167,7 @@ class Session:
             )  # fmt: skip
             if known is not None:
                 self.loop.log.show(drawn(known))
-                self._fits = OutlineFits(self.loop, known)
+                self._outline_check = OutlineCheck(self.loop, known)
             for line in (*self.zone_maps, *way(robot.scenario.reference.spline())):
                 self.loop.log.show(line)
             self._warm_up()
@@ -210,8 +210,8 @@ class Session:
                 if over or late or not refusal:
                     wanted = Mode.HOLD
             self._look()
-            if self._fits is not None:
-                self._fits.turn(loop)
+            if self._outline_check is not None:
+                self._outline_check.turn(loop)
             self._periods += 1
             self._lost += loop.seen is not None and loop.seen.lost
             return until(loop)
@@ -362,7 +362,7 @@ def _line(listener: Listening | None, real_time: bool) -> RecordLine:
 
 def _loop_params(plan: SessionConfig) -> LoopParams:
     arming = plan.loop.arming
-    patient = arming._replace(stale=arming.stale + plan.patience)
+    patient = arming._replace(silence=arming.silence + plan.patience)
     return plan.loop._replace(period=plan.period, arming=patient, patience=plan.patience)
 
 

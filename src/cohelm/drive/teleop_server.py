@@ -54,7 +54,7 @@ def serve(
         let_in, own = joined_by(door.keys, "foxglove")
     end, bulk = both_ends(let_in, door.host, door.port, door.records, STALE + plan.patience)
     operator = OverLink(
-        end, bulk, plan.robot.model, door.records, on_loss, plan.loop.arming.stale,
+        end, bulk, plan.robot.model, door.records, on_loss, plan.loop.arming.silence,
         plan.robot.kind != "kinematic" and not (topics is not None and topics.blind),
     )  # fmt: skip
     if live is not None and own is not None:

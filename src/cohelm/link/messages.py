@@ -63,6 +63,15 @@ class Device(IntEnum):
     SCRIPT = 5
 
 
+CENTRE = 0.1
+"""Deflections up to this are centred, for every end of the link: a stick is armed by them."""
+
+
+def is_centred(stick: Stick) -> bool:
+    """Whether a stick that waits is armed by this."""
+    return max(abs(stick.x), abs(stick.psi)) <= CENTRE
+
+
 class Arming(IntEnum):
     """How far a stick is believed."""
 

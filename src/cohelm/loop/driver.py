@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.frames import placed
 from cohelm.core.scalars import wrap
-from cohelm.core.types import Floats, Pose, Stick, Twist
+from cohelm.core.types import CENTRED, Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Profile, reversed_twist, turned
 from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
@@ -19,7 +19,6 @@ from cohelm.law.reference import Reference, through
 from cohelm.link.latency_speed_limit import Cap
 from cohelm.loop.latency_limit import FREE
 from cohelm.loop.planning import Planning
-from cohelm.loop.stick_arming import CENTRED
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.obstacles_from_perception import obstacles_from_perception

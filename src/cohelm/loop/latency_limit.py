@@ -18,11 +18,11 @@ _FREES = 0.05  # nor is it slowed below this: it can leave what it stands agains
 _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
 
 
-def silent(received: OperatorInput, stale: float) -> str:
+def silent(received: OperatorInput, patience: float) -> str:
     """Why the driver counts as lost; empty: not. With any stick, and with none."""
     if received.driver == 0:
         return "nobody drives any more"
-    if received.command is None and not received.age <= stale:
+    if received.command is None and not received.age <= patience:
         told = f"for {1000.0 * received.age:.0f} ms" if math.isfinite(received.age) else "yet"
         return f"no command {told}"
     return ""

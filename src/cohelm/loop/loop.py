@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from cohelm.core.types import Floats, Twist
+from cohelm.core.types import CENTRED, Floats, Twist
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
 from cohelm.link.latency_speed_limit import FREE as NOTICED
@@ -20,7 +20,7 @@ from cohelm.loop.latency_limit import FREE, cap, crawl
 from cohelm.loop.operator import Operator
 from cohelm.loop.reporter import Reporter
 from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
-from cohelm.loop.stick_arming import CENTRED, ArmingParams
+from cohelm.loop.stick_arming import ArmingParams
 from cohelm.loop.supervisor import PLANNED, Supervisor
 from cohelm.loop.timing import Timing
 from cohelm.perceive.pipeline import Perception, Seen

@@ -10,11 +10,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.types import Stick
-from cohelm.link.messages import Arming, Command
+from cohelm.core.types import CENTRED, Stick
+from cohelm.link.messages import Arming, Command, is_centred
 from cohelm.link.operator_input import OperatorInput
-
-CENTRED = Stick(0.0, 0.0)
 
 
 class ArmingParams(NamedTuple):
@@ -22,10 +20,8 @@ class ArmingParams(NamedTuple):
 
     hand_rate: float = 8.0
     """The deflection in use changes no faster than this [1/s]."""
-    centre: float = 0.1
-    """Deflections up to this are centred, when a stick is armed."""
-    stale: float = 0.3
-    """An older command is not used [s]."""
+    silence: float = 0.3
+    """A driver who was not heard of for so long is lost, also without a stick [s]."""
 
 
 class StickState(NamedTuple):
@@ -63,8 +59,7 @@ def updated(
     same = received.driver == stick_state.driver  # another hand must be seen centred itself
     arming = stick_state.arming if same and not stopped else Arming.WAITING
     if arming != Arming.ARMED:
-        centred = max(abs(stick.x), abs(stick.psi)) <= params.centre
-        arming = Arming.ARMED if centred else Arming.WAITING
+        arming = Arming.ARMED if is_centred(stick) else Arming.WAITING
     goal = stick if arming == Arming.ARMED else CENTRED
     return StickState(
         arming,
@@ -84,7 +79,7 @@ def _believed(received: OperatorInput, params: ArmingParams) -> tuple[Command | 
             f"no command for {1000.0 * received.age:.0f} ms" if silent else "nobody drives any more"
         )
         return None, received.why or said
-    if not received.age <= params.stale:
+    if not received.age <= params.silence:  # whoever handed it on; `STALE` ones are not
         return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
     if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
         return None, received.why or "the stick vanished"

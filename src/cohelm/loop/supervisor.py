@@ -182,7 +182,7 @@ class Supervisor:
         if not driving(self.gated.gate.mode):
             self._forget_dropout()
         stick = self.stick_state.lost if self.gated.gate.mode == GateMode.SHARED else ""
-        quiet = silent(received, self._arming.stale) if self._operator_chose else ""
+        quiet = silent(received, self._arming.silence) if self._operator_chose else ""
         if self.stick_state.arming == Arming.ARMED:
             self.alarms.off("stick")
         if not quiet:

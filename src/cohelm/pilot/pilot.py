@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats, Pose, Stick, Twist
+from cohelm.core.types import CENTRED, Floats, Pose, Stick, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.reference import Reference
 from cohelm.pilot.behavior import FOLLOWING, LED
@@ -21,7 +21,6 @@ from cohelm.plan.evasion.movers import nobody_watched
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.recovery import kind
 
-_CENTRED = Stick(0.0, 0.0)
 NOTHING_NEAR = surroundings()
 """For a robot that sees nothing, and knows of nothing."""
 
@@ -97,7 +96,7 @@ class Pilot:
             self.state,
             pose,
             twist,
-            stick or _CENTRED,
+            stick or CENTRED,
             seen,
             self.course,
             dt,

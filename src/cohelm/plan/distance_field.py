@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
+from cohelm.robot.clearance import point_gap
 
 
 class Chart(NamedTuple):
@@ -114,21 +115,6 @@ def swept(points: Floats, outline: Floats, poses: Floats) -> Floats:
             dx, dy = points[p, 0] - poses[i, 0], points[p, 1] - poses[i, 1]
             far = clearances[i] + reach
             if dx * dx + dy * dy < far * far:
-                clearance = _outside(outline, c * dx + s * dy, -s * dx + c * dy)
-                clearances[i] = min(clearances[i], clearance)
+                clearance = point_gap(outline, c * dx + s * dy, -s * dx + c * dy)
+                clearances[i] = min(clearances[i], max(clearance, 0.0))
     return clearances
-
-
-@jit
-def _outside(outline: Floats, px: float, py: float) -> float:
-    """Distance of a body-frame point from the outline, 0 inside [m]."""
-    k = outline.shape[0]
-    nearest = math.inf
-    for i in range(k):
-        j = i + 1 if i + 1 < k else 0
-        ex, ey = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
-        wx, wy = px - outline[i, 0], py - outline[i, 1]
-        if wx * ey - wy * ex > 0.0:
-            t = min(max((wx * ex + wy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
-            nearest = min(nearest, (wx - t * ex) ** 2 + (wy - t * ey) ** 2)
-    return math.sqrt(nearest) if nearest < math.inf else 0.0

@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from cohelm.core.errors import CohelmError, did_you_mean
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Command, Device
 from cohelm.link.operator_input import STALE, OperatorInput
 from cohelm.loop.operator import NullOperator
-from cohelm.loop.stick_arming import CENTRED
 from cohelm.ros import mismatch
 from cohelm.ros.port import SENSOR, Received, Transport
 

@@ -138,6 +138,8 @@ class Welcome(Schema):
     """The robot's clock at the record's beginning."""
     stale_s: float
     """A page that hears nothing for so long says so, and its stick counts as gone."""
+    centre: float
+    """Deflections up to this are centred: a gamepad that waits is armed by them."""
 
 
 class Robot(Schema):

@@ -10,6 +10,7 @@ import numpy as np
 from cohelm import __version__
 from cohelm.core.types import Pose
 from cohelm.link import bulk_messages as bulk, messages as robot
+from cohelm.link.messages import CENTRE
 from cohelm.station import messages as page
 from cohelm.station.robot_link import Quality, ReplayLink
 
@@ -38,7 +39,7 @@ def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
     """The first message to a page."""
     recorded = link if isinstance(link, ReplayLink) else None
     return page.Welcome(
-        you=name, key=key, version=__version__, stale_s=stale,
+        you=name, key=key, version=__version__, stale_s=stale, centre=CENTRE,
         replay_s=recorded.duration if recorded else None,
         replay_from_s=recorded.start if recorded else 0.0,
     )  # fmt: skip

@@ -15,13 +15,13 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.sticks import trial
 from cohelm.link.sticks.brunner_stick import BrunnerStick, parameters
 from cohelm.link.sticks.cls2sim import Cls2SimLine, Forces, positions, request, unit
 from cohelm.link.sticks.feel import returning
 from cohelm.link.sticks.force import NO_FORCE, ForceRules, Swings, changed, wanted
-from cohelm.link.sticks.port import CENTRED, Feel
+from cohelm.link.sticks.port import Feel
 from tests.link.ends import until
 from tests.link.sticks.cls2sim import (
     Axis,
@@ -404,7 +404,8 @@ PUSHING = """
 import sys, time
 from cohelm.core.errors import CohelmError
 from cohelm.link.sticks.brunner_stick import BrunnerStick, parameters
-from cohelm.link.sticks.port import CENTRED, Feel
+from cohelm.core.types import CENTRED
+from cohelm.link.sticks.port import Feel
 device = None
 while device is None:  # who answers is a thread of the test, and may be late on a busy machine
     try:

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cohelm.cli import app
-from cohelm.core.types import Stick, Twist
+from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link import keys as pairing
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import pair_here
@@ -20,7 +20,7 @@ from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
 from cohelm.link.sticks.at_helm import drive
 from cohelm.link.sticks.played import PlayedStick
-from cohelm.link.sticks.port import CENTRED, Button, Feel, Reading
+from cohelm.link.sticks.port import Button, Feel, Reading
 from tests.link.ends import NAN, STATUS, until
 from tests.link.side import Side, Used
 

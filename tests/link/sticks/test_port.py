@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
 from cohelm.link.sticks.played import PlayedStick
-from cohelm.link.sticks.port import CENTRED, Button, Feel, StickDevice
+from cohelm.link.sticks.port import Button, Feel, StickDevice
 from tests.link.ends import until
 from tests.link.sticks.cls2sim import CLS2SimServer
 from tests.link.sticks.virtual import VirtualEvdev, VirtualSdl

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from cohelm.core.types import CENTRED
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Ask
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.helm import Helm, SpeedLimits
-from cohelm.link.sticks.port import CENTRED, Reading, StickDevice
+from cohelm.link.sticks.port import Reading, StickDevice
 
 PERIOD = 0.01
 """[s]; the hand feels more than 50 Hz, and the link sends the newest."""

@@ -16,12 +16,12 @@ from typing import NamedTuple, Protocol
 from urllib.parse import parse_qsl, urlsplit
 
 from cohelm.core.errors import CohelmError, did_you_mean
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Device
 from cohelm.link.sticks.cls2sim import PORT, Cls2SimLine, Forces, StickPositions, unit
 from cohelm.link.sticks.force import NO_FORCE, ForceRules, Swings, changed, wanted
 from cohelm.link.sticks.force_watchdog import ForceWatchdog
-from cohelm.link.sticks.port import CENTRED, NOTHING, Feel, Reading
+from cohelm.link.sticks.port import NOTHING, Feel, Reading
 from cohelm.link.udp import resolved
 
 SCHEME = "brunner://"

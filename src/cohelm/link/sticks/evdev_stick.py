@@ -16,10 +16,10 @@ import evdev
 from evdev import ecodes, ff
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Device
 from cohelm.link.sticks.feel import shake
-from cohelm.link.sticks.port import CENTRED, NOTHING, Button, Feel, Reading
+from cohelm.link.sticks.port import NOTHING, Button, Feel, Reading
 
 _FULL = 0x7FFF
 _FOR_EVER = 0  # [ms]

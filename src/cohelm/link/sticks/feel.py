@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.types import Stick, Twist
-from cohelm.link.sticks.port import CENTRED, Feel
+from cohelm.core.types import CENTRED, Stick, Twist
+from cohelm.link.sticks.port import Feel
 
 STIFFEST = 10.0
 """The spring constant k_s for which the device gives all the stiffness it has (Table II: 5)."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.types import Stick
-from cohelm.link.sticks.port import CENTRED, Feel
+from cohelm.core.types import CENTRED, Stick
+from cohelm.link.sticks.port import Feel
 
 
 class ForceRules(NamedTuple):

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Ask, Mode, is_centred
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, returning, spring, wanted
 from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
-
-_CENTRED = 0.05
 
 
 class SpeedLimits(NamedTuple):
@@ -44,8 +42,7 @@ class Helm:
         for button in reading.pressed:
             self._pressed(button, told)
         # Armed by being seen centred, as the robot does it too: two ends, one rule.
-        centred = max(map(abs, reading.stick)) <= _CENTRED
-        self._armed = reading.valid and (self._armed or centred)
+        self._armed = reading.valid and (self._armed or is_centred(reading.stick))
         self._end.steer(reading.stick, reading.valid, self._armed, self._device.kind)
         self._device.feel(self._felt(told, reading, now))
         return reading

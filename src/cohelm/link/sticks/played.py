@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Device
 from cohelm.link.stick import StickRecording
-from cohelm.link.sticks.port import CENTRED, Feel, Reading
+from cohelm.link.sticks.port import Feel, Reading
 
 
 class PlayedStick:

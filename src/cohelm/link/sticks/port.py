@@ -5,10 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple, Protocol
 
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Device
-
-CENTRED = Stick(0.0, 0.0)
 
 
 class Button(IntEnum):

@@ -7,10 +7,10 @@ import os
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Device
 from cohelm.link.sticks.feel import shake
-from cohelm.link.sticks.port import CENTRED, NOTHING, Button, Feel, Reading
+from cohelm.link.sticks.port import NOTHING, Button, Feel, Reading
 
 _SHAKE = 200  # [ms]; renewed before it ends, and ends by itself when this program does
 _STEP = 0.02

@@ -18,9 +18,8 @@ from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Image as Image
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.core.types import Floats, Pose, Stick
+from cohelm.core.types import CENTRED, Floats, Pose, Stick
 from cohelm.link.messages import Arming, Mode
-from cohelm.loop.stick_arming import CENTRED
 from cohelm.record.ros2 import header
 from cohelm.robot.clearance import segment_clearance
 from cohelm.robot.model import RobotModel

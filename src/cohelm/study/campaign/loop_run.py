@@ -17,13 +17,12 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
-from cohelm.core.types import Floats, Stick
+from cohelm.core.types import CENTRED, Floats, Stick
 from cohelm.link.messages import Arming, Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
 from cohelm.loop.operator import Scripted
 from cohelm.loop.planning import InProcessPlanner
-from cohelm.loop.stick_arming import CENTRED
 from cohelm.perceive.pipeline import Perception
 from cohelm.robot.gate.gate import Passed, Proposal
 from cohelm.robot.gate.modes import driving, latched

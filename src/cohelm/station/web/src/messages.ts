@@ -108,6 +108,8 @@ export interface Welcome {
   replay_from_s: number
   /** A page that hears nothing for so long says so, and its stick counts as gone. */
   stale_s: number
+  /** Deflections up to this are centred: a gamepad that waits is armed by them. */
+  centre: number
 }
 
 /** What robot this is. */

@@ -113,7 +113,7 @@ function turn(now: number): void {
   if (drives && !drove) arming = 'absent'
   drove = drives
   const present = reading.present && away === ''
-  arming = arm(arming, present, reading.x, reading.psi)
+  arming = arm(arming, present, reading.x, reading.psi, centre())
   const why = device === 'none' ? 'no stick in use' : away || reason(reading)
   hand.value = { ...reading, present, device, arming, why }
   send({
@@ -132,7 +132,7 @@ function goOnFromPad(drives: boolean, now: number): void {
   const { mode, stopped } = state ?? { mode: 'hold', stopped: '' }
   if (!drives) lastMode = ''
   else if (stopped === '' && mode !== 'hold') lastMode = mode
-  const held = hand.value.device === 'gamepad' && hand.value.arming === 'armed' && centred(hand.value.x, hand.value.psi)
+  const held = hand.value.device === 'gamepad' && hand.value.arming === 'armed' && centred(hand.value.x, hand.value.psi, centre())
   const what = held && state !== null ? next(drives, stopped !== '', mode, lastMode) : ''
   const down = padGoesOn()
   const wanted = due(press, what, down, now)
@@ -144,6 +144,11 @@ function goOnFromPad(drives: boolean, now: number): void {
 function reason(reading: Reading): string {
   if (!reading.present) return reading.why || (device === 'gamepad' ? 'the gamepad is gone' : 'gone')
   return arming === 'waiting' ? 'let it go to the centre first' : ''
+}
+
+/** Up to where a stick is centred, as the robot has it; without a station none steers. */
+function centre(): number {
+  return s.welcome.value?.centre ?? 0
 }
 
 /** Why no stick counts just now, or empty. */

@@ -26,7 +26,7 @@ DOCKS, ROUTE = "docks", "route"
 """What the alarms are called."""
 
 
-class OutlineFits:
+class OutlineCheck:
     """Of one drive on a map; `turn` is called between two periods and takes little time."""
 
     def __init__(self, loop: Loop, known: LocalizationMap) -> None:
