@@ -60,13 +60,11 @@ def test_a_type_checker_sees_what_is_there_at_run_time():
         assert any(name in line.replace(",", " ").split() for line in lines), name
 
 
-EXAMPLES = [
-    "SafetyFilter", "Obstacles", "Pose", "Twist", "Limits", "Robot", "RobotModel", "Verdict",
-    "load_robot", "load_scenario", "run",
-]  # fmt: skip
+UNTRIED = {"Record", "drive", "read_record"}
+"""Their examples need a record or a robot."""
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("name", sorted(set(cohelm.__all__) - UNTRIED))
 def test_no_example_in_a_docstring_is_wrong(name):
     finder, runner = doctest.DocTestFinder(recurse=True), doctest.DocTestRunner(verbose=False)
     found = [t for t in finder.find(getattr(cohelm, name), name, globs={}) if t.examples]

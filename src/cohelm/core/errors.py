@@ -6,7 +6,13 @@ from collections.abc import Iterable
 
 
 class CohelmError(Exception):
-    """Something the user gave can not be used; the message says what, where and how to mend it."""
+    """Something the user gave can not be used; the message says what, where and how to mend it.
+
+    >>> import cohelm
+    >>> cohelm.SafetyFilter(cohelm.load_robot("sally"), period=0.0)
+    Traceback (most recent call last):
+    cohelm.core.errors.CohelmError: period must be from 0.001 to 1, got 0
+    """
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -55,7 +55,14 @@ class LimitingObstacle(NamedTuple):
 
 
 class FilterResult(NamedTuple):
-    """What the safety filter lets through, and why."""
+    """What the safety filter lets through, and why.
+
+    >>> import cohelm
+    >>> safe = cohelm.SafetyFilter(cohelm.load_robot("sally"), period=0.02)
+    >>> out = safe(cohelm.Pose(0, 0, 0), cohelm.Twist(0, 0), cohelm.Twist(0.02, 0))
+    >>> (out.verdict.name, out.twist.v, out.limiting)
+    ('UNTOUCHED', 0.02, None)
+    """
 
     twist: Twist
     """To be sent now [m/s, rad/s]; always finite."""

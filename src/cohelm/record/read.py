@@ -94,6 +94,10 @@ class RecordedPeriods:
 def read_record(path: str | Path) -> Record:
     """What stands in a record. One that was cut short is read up to there.
 
+        >>> import cohelm
+        >>> record = cohelm.read_record("drive.mcap")  # doctest: +SKIP
+        >>> record.kind, record.table["t"][-1], record.events  # doctest: +SKIP
+
     Raises CohelmError for a file that is no record of cohelm.
     """
     scans: list[tuple[float, Floats]] = []

@@ -16,7 +16,15 @@ from cohelm.robot.model import RobotModel
 
 
 class Odometry(NamedTuple):
-    """Where the wheels and the gyro say the robot is; it drifts."""
+    """Where the wheels and the gyro say the robot is [m, rad, m/s, rad/s]; it drifts.
+
+        >>> import cohelm
+        >>> ahead = cohelm.Odometry(0.1, cohelm.Pose(0.05, 0.0, 0.0), cohelm.Twist(0.5, 0.0))
+        >>> ahead.twist.v
+        0.5
+
+    `Robot.odometry` makes it, with its stamp.
+    """
 
     stamp: float
     """When it was so [s]."""
@@ -27,7 +35,15 @@ class Odometry(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """One turn of a planar LiDAR, as `robot.sensors.LidarModel` describes it."""
+    """One turn of a planar LiDAR, as `robot.sensors.LidarModel` describes it.
+
+        >>> import cohelm, numpy
+        >>> scan = cohelm.Scan(0.1, 0, numpy.array([2.0, math.inf, 2.1]), duration=0.05)
+        >>> int(numpy.isfinite(scan.ranges).sum())  # returns
+        2
+
+    `Robot.scan` makes it, with stamp and number.
+    """
 
     stamp: float
     """When the first beam was measured [s]."""
@@ -88,7 +104,15 @@ class Health(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """The newest of everything; None for what has not come yet, or is not there."""
+    """The newest of everything; None for what has not come yet, or is not there.
+
+        >>> import cohelm
+        >>> still = cohelm.Odometry(0.1, cohelm.Pose(0.0, 0.0, 0.0), cohelm.Twist(0.0, 0.0))
+        >>> cohelm.Readings(odometry=still).scan is None
+        True
+
+    What `Robot.read` returns.
+    """
 
     odometry: Odometry | None = None
     """Where the wheels say it is."""

@@ -167,7 +167,15 @@ def _named_or_described(robot: object) -> str:
 
 
 class Scenario(Schema):
-    """One run: a robot, what it follows, what is in its way, and whose hand is on the stick."""
+    """One run: a robot, what it follows, what is in its way, and whose hand is on the stick.
+
+        >>> import cohelm
+        >>> ahead = {"speed_mps": 0.5, "waypoints_m": [[0, 0], [2, 0]]}
+        >>> cohelm.Scenario(name="ahead", robot="sally", reference=ahead).simulation.step_s
+        0.01
+
+    Keys are those of the YAML, in metres, seconds and radians; see docs/scenarios.md.
+    """
 
     name: Name
     """What to call it."""

@@ -37,7 +37,12 @@ _MAX_ACCELERATION = 1.0  # of what moves, as the guard takes it by default [m/s^
 
 
 class Observation(NamedTuple):
-    """What a law is told in one control step; world frame, SI units, radians."""
+    """What a law is told in one control step; world frame, SI units, radians.
+
+    >>> import cohelm
+    >>> def law(now: cohelm.Observation) -> cohelm.Twist:
+    ...     return cohelm.Twist(0.3 if now.pose.x < now.goal[0] else 0.0, 0.0)
+    """
 
     t: float
     """Since the start [s]."""
@@ -66,7 +71,13 @@ ControllerFactory = Callable[[RobotModel, float], Controller]
 
 @dataclass(frozen=True)
 class RunResult:
-    """One run, judged: by `metrics`, as `cohelm run` scores it, and by the campaigns' judge."""
+    """One run, judged: by `metrics`, as `cohelm run` scores it, and by the campaigns' judge.
+
+    >>> import cohelm
+    >>> result = cohelm.run("minimal")
+    >>> (result.contacts, result.arrived)
+    (0, True)
+    """
 
     setup: Setup
     trace: Trace
