@@ -1,6 +1,6 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run reproduce test test-quick test-all warm rewritten wheel package docs lint bench coverage clean
+.PHONY: help run reproduce test test-quick test-all test-python warm rewritten wheel package docs lint bench coverage clean
 
 # The tests start hundreds of processes: none shall compile Python that another has compiled.
 unexport PYTHONDONTWRITEBYTECODE
@@ -35,6 +35,11 @@ test-quick: $(READY) ## the tests of law, gate, scenarios and API, in less than 
 test-all: test   ## all tests, also those that take more than a minute each
 	$(BIN)/pytest -m slow
 
+test-python: $(WEB) $(GL) $(BROWSER) ## the tests on another Python that is here: PYTHON=3.13
+	UV_PROJECT_ENVIRONMENT=.venv-$(PYTHON) $(BIN)/uv sync --frozen --quiet --python $(PYTHON) --all-extras --no-extra peers
+	.venv-$(PYTHON)/bin/python -m tests.warm
+	.venv-$(PYTHON)/bin/pytest -n auto --dist loadgroup
+
 rewritten: $(READY) # once what every worker would do to the tests' assertions, where lint has ended
 	@$(BIN)/pytest --collect-only -qq > /dev/null || true
 
@@ -63,7 +68,7 @@ coverage: $(READY) ## test the law uncompiled, and show the lines no test reache
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest tests/law --cov=cohelm.law
 
 clean:           ## remove what make made: environment, figures, caches
-	rm -rf .venv .uv out/reproduce out/docs out/site dist .coverage .hypothesis .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf .venv .venv-* .uv out/reproduce out/docs out/site dist .coverage .hypothesis .pytest_cache .ruff_cache .import_linter_cache
 	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
 $(READY): pyproject.toml uv.lock tools/setup.sh
