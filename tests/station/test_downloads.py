@@ -17,7 +17,7 @@ import pytest
 
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import Fetch, HealthReport, Picture, Piece
-from cohelm.link.robot_records import Wanted
+from cohelm.link.robot_records import RecordTransfer
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 from cohelm.station import records
@@ -266,14 +266,14 @@ def test_a_piece_that_never_left_the_robot_is_missed(
 ) -> None:
     """Lost, twice, or in another order: what comes is whole all the same, or has failed."""
     content = written(tmp_path, 2_000_000)
-    whole, count = Wanted.piece, [0]
+    whole, count = RecordTransfer.piece, [0]
 
-    def skipping(self: Wanted) -> Piece:
+    def skipping(self: RecordTransfer) -> Piece:
         count[0] += 1
         piece = whole(self)
         return whole(self) if count[0] == 20 and self.outstanding else piece
 
-    monkeypatch.setattr(Wanted, "piece", skipping)
+    monkeypatch.setattr(RecordTransfer, "piece", skipping)
     monkeypatch.setattr(records, "AGAIN_AFTER", 0.5)
     link, answer = begun(server, "/records/run.mcap")
     assert answer.read() == content
@@ -285,14 +285,14 @@ def test_a_robot_that_sends_other_bytes_than_it_has_fails_the_download(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written(tmp_path, 1_000_000)
-    whole = Wanted.piece
+    whole = RecordTransfer.piece
 
-    def flipped(self: Wanted) -> Piece:
+    def flipped(self: RecordTransfer) -> Piece:
         piece = whole(self)
         wrong = bytes([piece.data[0] ^ 1]) + piece.data[1:] if piece.offset else piece.data
         return piece._replace(data=wrong)
 
-    monkeypatch.setattr(Wanted, "piece", flipped)
+    monkeypatch.setattr(RecordTransfer, "piece", flipped)
     link, answer = begun(server, "/records/run.mcap")
     assert len(failed(answer)) < 1_000_000
     link.close()

@@ -41,7 +41,7 @@ from cohelm.link.messages import Answer
 from cohelm.link.operator_input import STALE
 from cohelm.link.pace import BulkPace
 from cohelm.link.robot_end import RobotEnd
-from cohelm.link.robot_records import Digests, Wanted, listed, opened
+from cohelm.link.robot_records import Digests, RecordTransfer, listed, opened
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode, from_operator
 
@@ -72,7 +72,7 @@ class _Station:
         self.pace = BulkPace(now)
         self.replies: deque[FromRobot] = deque(maxlen=64)
         self.slots: dict[object, FromRobot] = {}
-        self.wanted: Wanted | None = None
+        self.wanted: RecordTransfer | None = None
         self.digest_of = ""
         """The record whose hash it waits for."""
 
@@ -273,10 +273,10 @@ class RobotBulk(IoThread):
                 station.replies.append(Piece(asked.name, asked.offset, b""))
             else:
                 end = asked.offset + asked.size
-                station.wanted = Wanted(asked.name, file, asked.offset, end)
+                station.wanted = RecordTransfer(asked.name, file, asked.offset, end)
 
     @staticmethod
-    def _continues(wanted: Wanted | None, asked: Fetch) -> bool:
+    def _continues(wanted: RecordTransfer | None, asked: Fetch) -> bool:
         return (
             wanted is not None
             and wanted.name == asked.name

@@ -50,7 +50,7 @@ def opened(folder: Path | None, name: str) -> IO[bytes] | None:
     return os.fdopen(descriptor, "rb")
 
 
-class Wanted:
+class RecordTransfer:
     """What one station has asked for of a record and not been sent yet."""
 
     def __init__(self, name: str, file: IO[bytes], at: int, end: int) -> None:

@@ -14,7 +14,7 @@ from cohelm.core.types import Floats
 from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
 from cohelm.link.messages import Discs, Mode
 from cohelm.link.recorded_status import Displayed, StatusWords
-from cohelm.robot.keep.record_pipe import Event, Outline, RecordLine
+from cohelm.robot.keep.record_pipe import Event, OutlineChange, RecordLine
 from cohelm.robot.port import Readings, Scan
 
 _NO_VIEW = "the live view is gone: the robot goes on without"
@@ -39,7 +39,7 @@ class DriveLog:
         self._odometry, self._scan = -math.inf, -1
         self._further: dict[str, int] = {}
         self._words: StatusWords | None = None
-        self._outline: Outline | None = None
+        self._outline: OutlineChange | None = None
 
     def __call__(self, message: object) -> None:
         """Anything."""
@@ -110,7 +110,7 @@ class DriveLog:
 
     def outline(self, corners: Floats) -> None:
         """The robot's is another from now on, (k, 2) [m]."""
-        self._outline = Outline(self._clock(), corners)
+        self._outline = OutlineChange(self._clock(), corners)
         self(self._outline)
 
     def readings(self, readings: Readings) -> tuple[Scan, ...]:

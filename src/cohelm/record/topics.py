@@ -28,7 +28,7 @@ from cohelm.core.types import Floats, Pose, Twist
 from cohelm.link.recorded_status import Displayed
 from cohelm.record import markers, period, ros2, shown
 from cohelm.record.period import NO_DISCS, NO_H, STORE
-from cohelm.robot.keep.record_pipe import Event, Outline
+from cohelm.robot.keep.record_pipe import Event, OutlineChange
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
@@ -148,8 +148,8 @@ class RecordTopics:
             self._say(0.0, "/scene", markers.scene(corners, BASE, walls, MAP, start))
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, a Photo, an Event, an Outline, what was Displayed, or a
-        row of ROW as bytes."""
+        """One message: an Odometry, a Scan, a Photo, an Event, an OutlineChange, what was Displayed,
+        or a row of ROW as bytes."""
         if isinstance(message, bytes):
             self.period(np.frombuffer(message, dtype=ROW).reshape(()))
         elif isinstance(message, Odometry):
@@ -165,7 +165,7 @@ class RecordTopics:
             self._say(message.stamp, IMAGE, seen, message.number)
         elif isinstance(message, Event):
             self._event(message)
-        elif isinstance(message, Outline):
+        elif isinstance(message, OutlineChange):
             at = self._stamp(message.stamp)
             drawn = markers.scene(message.corners, BASE, NO_WALLS, MAP, at)
             self._say(message.stamp, "/scene", drawn)

@@ -23,7 +23,7 @@ from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, free_at
 from cohelm.perceive.localize.past_views import NEAR, LastMetres, SinceLost
 from cohelm.perceive.localize.scan_judge import ScanJudge
-from cohelm.perceive.localize.verdict import Belief, Circumstances, Verdict
+from cohelm.perceive.localize.verdict import Belief, Circumstances, PlaceVerdict
 from cohelm.perceive.match.odometry_covariance import UNKNOWN, inverted, joined, moved, updated
 from cohelm.perceive.match.scan_matching import align, independent
 from cohelm.perceive.match.surfaces import moved as shifted
@@ -293,7 +293,7 @@ class Hypotheses:
             return False
         return own - self._left_out >= c.margin
 
-    def verdict(self, kept: list[Hypothesis]) -> Verdict:
+    def verdict(self, kept: list[Hypothesis]) -> PlaceVerdict:
         """Whether the best of those that are ranked can be believed."""
         c, since = self.caution, self._since
         driven = since.way >= c.travelled or since.turned >= 2.0 * c.travelled

@@ -15,7 +15,7 @@ NEAR = 0.15
 _HERE = Pose(0.0, 0.0, 0.0)
 
 
-class View(NamedTuple):
+class PastView(NamedTuple):
     """A scan from where the robot was, `back` from where it is now: points in the body frame then,
     the whole scan's ranges, and its time [s]."""
 
@@ -31,8 +31,8 @@ class LastMetres:
 
     apart: float
     most: int
-    views: list[View] = field(default_factory=list[View])
-    used: list[View] = field(default_factory=list[View])
+    views: list[PastView] = field(default_factory=list[PastView])
+    used: list[PastView] = field(default_factory=list[PastView])
     """Those by which a search goes, beside the view that it began with."""
 
     def led_on(self, step: Pose) -> None:
@@ -44,10 +44,10 @@ class LastMetres:
         """The newest view, if none is near."""
         last = self.views[-1].back if self.views else None
         if not (last and math.hypot(last.x, last.y) < self.apart and abs(last.psi) < self.apart):
-            self.views.append(View(_HERE, points, ranges, stamp))
+            self.views.append(PastView(_HERE, points, ranges, stamp))
         self.views = self.views[-self.most :]
 
-    def use(self) -> list[View]:
+    def use(self) -> list[PastView]:
         """A search begins: it goes by those that say something of their own."""
         self.used = [
             view for view in self.views

@@ -9,7 +9,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.caution import Caution
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, judge
 from cohelm.perceive.localize.map_errors import Charges, charged
-from cohelm.perceive.match.scan_matching import Fit, MatchParams
+from cohelm.perceive.match.scan_matching import MatchParams, ScanFit
 from cohelm.robot.sensors import Lidar
 
 _SCATTER = 0.06
@@ -87,7 +87,7 @@ class ScanJudge:
             self.usual += 0.01 * (judged.log - self.usual)
         return odd
 
-    def learn_surfaces(self, fit: Fit, way: float) -> None:
+    def learn_surfaces(self, fit: ScanFit, way: float) -> None:
         """Learn how the map was drawn: a wall's surface is the middle of the cells that hits fell
         into, or the edge of cells that were filled. Walls on either side show it, for what moves
         the robot from one moves it to the other. way: since the scan before [m]."""

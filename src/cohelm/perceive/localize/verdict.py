@@ -38,7 +38,7 @@ class Circumstances(NamedTuple):
         return self.left.odds if self.left else 0.0
 
 
-class Verdict(NamedTuple):
+class PlaceVerdict(NamedTuple):
     """best: the likeliest place, None where none fits. lead: by which it is likelier than the
     next. proven: nothing else on the map comes near it. why: it is not believed; empty if it is."""
 
@@ -64,14 +64,16 @@ class Belief:
         """Nothing leads."""
         self._led = 0
 
-    def verdict(self, kept: list[Hypothesis], about: Circumstances) -> Verdict:
+    def verdict(self, kept: list[Hypothesis], about: Circumstances) -> PlaceVerdict:
         """Whether the best of those that are ranked can be believed."""
         c, fair = self.caution, self.judge.fair
         kept = rivals(kept, about.left)
         best = kept[0] if kept else None
         unsure = about.cold or not about.whole
         if best is None or not fair(best.judged, c.fair if unsure else c.poor):
-            return Verdict(None, 0.0, False, "no place on the map looks like what the LiDAR sees")
+            return PlaceVerdict(
+                None, 0.0, False, "no place on the map looks like what the LiDAR sees"
+            )
         lead = _lead(best, kept[1:] if about.cold else kept[1:2])
         back = _nearest(kept, about.before) if about.before else None
         if back is not None and best.total - back.total < c.margin:
@@ -102,7 +104,7 @@ class Belief:
             why = "too much of what the LiDAR sees is not on the map"
         elif best is not back and sigma(best) > c.sure:
             why = "too few features are in view to say where along them"
-        return Verdict(best, led, only or stayed, why)
+        return PlaceVerdict(best, led, only or stayed, why)
 
     def _explains(
         self, best: Hypothesis, lead: float, far: bool, stayed: bool, poor: bool,

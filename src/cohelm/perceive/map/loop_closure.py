@@ -20,7 +20,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.place_graph import PlaceGraph, agree
 from cohelm.perceive.map.pose_graph import ROUGH, Link, loop_link, off, spread
 from cohelm.perceive.match.odometry_covariance import inverted
-from cohelm.perceive.match.scan_matching import Fit, MatchParams, align
+from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
 from cohelm.perceive.match.surfaces import Surfaces
 
 _SIDE, _STEP = 0.3, math.radians(3.0)  # the fine raster of places and headings
@@ -113,7 +113,7 @@ def _found_again(
     old = np.flatnonzero(among & (gaps < reach[near].max() + c.behind))
     known = graph.around(old.tolist(), None)
     turn = 0.1 + 3.0 * math.sqrt(float(unsure[near, 2, 2].max()))
-    found: list[tuple[float, Fit, int]] = []
+    found: list[tuple[float, ScanFit, int]] = []
     for fit in revisits(known, newest.points, newest.normals, trail[near], reach[near], here, turn):
         a = int(old[np.hypot(trail[old, 0] - fit.pose.x, trail[old, 1] - fit.pose.y).argmin()])
         if graph.parted(a, k):
@@ -138,7 +138,7 @@ def _found_again(
 def revisits(
     known: Surfaces, points: Floats, across: Floats, trail: Floats, reach: Floats, here: Pose,
     turn: float,
-) -> list[Fit]:  # fmt: skip
+) -> list[ScanFit]:  # fmt: skip
     """Fits of points (n, 2) with normals, in the frame of the robot, best first, each some way
     from all better ones.
 

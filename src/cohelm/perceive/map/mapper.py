@@ -35,7 +35,7 @@ from cohelm.perceive.match.odometry_covariance import (
     moved as foretell,
     updated,
 )
-from cohelm.perceive.match.scan_matching import Fit, MatchParams, align
+from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
 from cohelm.perceive.match.surfaces import Surfaces, normals, thinned
 from cohelm.robot.sensors import Lidar
 
@@ -103,7 +103,7 @@ class Survey:
         prior = inverted(joint[:3, :3])
         fit = align(self._submap, points, across, foretold, prior, self.matching)
         if len(points) < 20 or fit.share < 0.3:
-            fit = Fit(foretold, np.zeros((3, 3)), 0.0, math.inf, False)
+            fit = ScanFit(foretold, np.zeros((3, 3)), 0.0, math.inf, False)
         shift = np.array([
             fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi)
         ])  # fmt: skip

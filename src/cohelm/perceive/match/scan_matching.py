@@ -37,7 +37,7 @@ class MatchParams(NamedTuple):
     """So far before their surface, to where it is seen from, points lie in truth [m]."""
 
 
-class Fit(NamedTuple):
+class ScanFit(NamedTuple):
     """pose: where the sweep fits best. information: (3, 3) of the match alone, without the
     prior, in x, y, psi. share: of the points that lie within `least` of a surface of the same
     direction. rms: of their distances [m]. converged: whether the last round changed nothing.
@@ -54,7 +54,7 @@ class Fit(NamedTuple):
 @jit
 def align(
     known: Surfaces, points: Floats, across: Floats, start: Pose, prior: Floats, care: MatchParams
-) -> Fit:
+) -> ScanFit:
     """Match points (n, 2) with normals (n, 2), in the body frame, from a first guess.
 
     Where the surfaces' normals say from where they are seen, those of the points must as well.
@@ -97,7 +97,7 @@ def align(
     share, rms, before = _gather(
         known, points, across, pose, care.least, care, information, slope, weights, care.sigma
     )
-    return Fit(pose, information, share, rms, converged, before)
+    return ScanFit(pose, information, share, rms, converged, before)
 
 
 @jit

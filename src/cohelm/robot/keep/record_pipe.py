@@ -31,7 +31,7 @@ class Event(NamedTuple):
     """Whether somebody should look at it."""
 
 
-class Outline(NamedTuple):
+class OutlineChange(NamedTuple):
     """The robot's is another from now on."""
 
     stamp: float

@@ -24,7 +24,7 @@ _CORNERS = np.array(np.meshgrid((-0.5, 0.5), (-0.5, 0.5), (-0.5, 0.5))).reshape(
 
 
 @dataclass(frozen=True)
-class Obstacles:
+class GazeboObstacles:
     """What of a Gazebo world a planar robot can hit, world frame."""
 
     discs: Floats
@@ -39,7 +39,9 @@ class Obstacles:
     """How each disc moves, (n,); None: it rests."""
 
 
-def read_gazebo(path: Path | str, reach: float, low: float = 0.02, high: float = 2.0) -> Obstacles:
+def read_gazebo(
+    path: Path | str, reach: float, low: float = 0.02, high: float = 2.0
+) -> GazeboObstacles:
     """The collision shapes of an SDF world or model, plain or gzip.
 
     reach: distance kept between the robot's centre and a surface, for the paper's r_i (19) [m].
@@ -72,7 +74,7 @@ def read_gazebo(path: Path | str, reach: float, low: float = 0.02, high: float =
             reader.member(child, np.eye(4), "", 0)
     if not worlds and root.find("model") is None:
         raise CohelmError(f"{path}: holds neither a <world> nor a <model>; is it cut short?")
-    return Obstacles(
+    return GazeboObstacles(
         np.array(reader.discs, dtype=np.float64).reshape(-1, 6),
         tuple(reader.names),
         np.concatenate([np.empty((0, 4)), *reader.walls]),
