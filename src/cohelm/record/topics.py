@@ -148,8 +148,8 @@ class RecordTopics:
             self._say(0.0, "/scene", markers.scene(corners, BASE, walls, MAP, start))
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, a Photo, an Event, an OutlineChange, what was Displayed,
-        or a row of ROW as bytes."""
+        """One message: an Odometry, a Scan, a Photo, an Event, an OutlineChange, what was
+        Displayed, or a row of ROW as bytes."""
         if isinstance(message, bytes):
             self.period(np.frombuffer(message, dtype=ROW).reshape(()))
         elif isinstance(message, Odometry):

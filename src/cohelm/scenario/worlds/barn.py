@@ -45,7 +45,7 @@ class Barn:
     time_limit: float
     """[s]"""
     left_out: tuple[str, ...] = ()
-    """As in `gazebo.Obstacles`."""
+    """As in `GazeboObstacles`."""
 
     @property
     def route(self) -> Floats:
