@@ -10,7 +10,7 @@ import numpy as np
 
 from cohelm.calibrate.excitation import Excitation, Segment, on_the_floor
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats, Twist
+from cohelm.core.types import Floats, Progress, Twist
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, standing
@@ -63,18 +63,20 @@ class Ride:
 
 def ride(
     gated: GatedRobot, plan: Excitation, over: Callable[[], str] = lambda: "",
-    told: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = lambda _, __: None,
 ) -> Ride:  # fmt: skip
     """Drive all motions, or as many as can be. The robot stands at the end, whatever happens.
 
-    over: why to end now, or nothing. told: what is done, and how much of all.
+    over: why to end now, or nothing. progress: what is done, and how much of all.
     Raises CohelmError where nothing could be measured; else `Ride.ended` says why it is not whole.
     """
     rider = _Rider(gated, over)
     try:
         rider.begin(plan)
         for number, segment in enumerate(plan.segments):
-            told("driving straight" if segment.twist.v else "turning", number / len(plan.segments))
+            progress(
+                "driving straight" if segment.twist.v else "turning", number / len(plan.segments)
+            )
             rider.rest()
             rider.drive(segment)
         rider.rest()

@@ -102,8 +102,8 @@ def calibrate(
             stop.heed()
             line.over()
             urgent()
-            with progress("driving") as told:
-                driven = ride(gated, plan, lambda: stop.reason, told)
+            with progress("driving") as bar:
+                driven = ride(gated, plan, lambda: stop.reason, bar)
         finally:
             ordinary()
             gated.close()

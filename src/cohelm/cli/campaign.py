@@ -104,7 +104,7 @@ def campaign(
         raise CohelmError(
             "--cluster '': there is no Dask scheduler without an address, like tcp://host:8786"
         )
-    with progress("starting") as told:
+    with progress("starting") as bar:
         from cohelm.study import single
         from cohelm.study.campaign import report, runner
 
@@ -113,9 +113,9 @@ def campaign(
         runner.check(plan, jobs)  # what is wrong is told before a folder is made
         folder = folder or single.fresh(f"campaign-{plan.suite}")
         try:
-            made, rows = runner.run(plan, folder, jobs, cluster, told)
+            made, rows = runner.run(plan, folder, jobs, cluster, bar)
             found = report.outcome(made, plan.laws, rows)
-            page = report.write(found, folder, told)
+            page = report.write(found, folder, bar)
         except KeyboardInterrupt:
             say(
                 "[yellow]interrupted[/yellow]; what was driven is kept, go on with: "

@@ -102,20 +102,20 @@ def map_(
     if earlier and (live or resume or robot is not None):
         raise CohelmError(f"{record} is a folder: --live, --resume and --robot are for a record")
     folder = out or (record if earlier else Path("out/map"))
-    with progress("starting") as told:
+    with progress("starting") as bar:
         from cohelm.scenario import load
         from cohelm.study import mapping
 
         try:
             if earlier:
                 result = mapping.marked(
-                    record, folder, resolution, told, remove_loops=remove_loop or [], marks=marks,
+                    record, folder, resolution, bar, remove_loops=remove_loop or [], marks=marks,
                     undo=undo,
                 )  # fmt: skip
             else:
                 model = load.robot(robot) if robot is not None else None
                 result = mapping.mapped(
-                    record, folder, resolution, told, live=live, robot=model, resume=resume
+                    record, folder, resolution, bar, live=live, robot=model, resume=resume
                 )
         except mapping.Interrupted:
             again = f"{record}" if earlier else f"{record} --resume"

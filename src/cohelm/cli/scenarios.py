@@ -53,7 +53,7 @@ def run(
     run.png and run.svg. The folder is out/NAME-DATE-TIME unless --out names one; that one may
     exist and hold other files, but nothing in it is ever overwritten.
     """
-    with progress("starting") as told:
+    with progress("starting") as bar:
         from cohelm.scenario import build, load
         from cohelm.study import single
 
@@ -63,7 +63,7 @@ def run(
             say(f"[yellow]warning:[/yellow] {plain(warning)}")
         folder = single.fresh(loaded.name) if out is None else out
         try:
-            metrics = single.recorded(setup, folder, told)
+            metrics = single.recorded(setup, folder, bar)
         except KeyboardInterrupt:
             if (folder / single.RECORD).exists():
                 left = f"; see what was run: cohelm replay {folder / single.RECORD}"
@@ -88,11 +88,11 @@ def reproduce(out: Out = None, as_json: Json = False) -> None:
     Figures 6-11, records and a table ours | paper. Everything goes into out/reproduce unless
     --out names another folder; files of an earlier reproduction there are replaced.
     """
-    with progress("starting") as told:
+    with progress("starting") as bar:
         from cohelm.study.reproduce import reproduce as repeat
 
         folder = out or Path("out/reproduce")
-        result = repeat(folder, told)
+        result = repeat(folder, bar)
     if as_json:
         print_json(result.as_dict())
     else:
@@ -120,7 +120,7 @@ def replay(
     The numbers equal those of the run. From a record that was cut short, as far as it goes, and
     with exit status 1.
     """
-    with progress("reading") as told:
+    with progress("reading") as bar:
         import warnings
 
         from cohelm.record.read import read
@@ -129,7 +129,7 @@ def replay(
 
         if record.is_dir():
             record = record / RECORD
-        told(f"reading {record}", 0.0)
+        bar(f"reading {record}", 0.0)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             metrics = measure(read(record))
@@ -158,8 +158,8 @@ def bench(as_json: Json = False) -> None:
     One step of the law, a run, and episodes of the campaigns. Peers (cbfpy, ir-sim) are timed
     where the extra `peers` is installed.
     """
-    with progress("starting") as told:
-        result = _benchmark().bench(told)
+    with progress("starting") as bar:
+        result = _benchmark().bench(bar)
     if as_json:
         print_json(result.as_json())
     else:

@@ -7,6 +7,7 @@ Body frame: x forward, y left. All angles in radians, all times in seconds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+Progress = Callable[[str, float], None]
+"""Is called with what is being done, and which share of the whole is behind [0, 1]."""
 
 X, Y, VX, VY, RADIUS, SAFE = range(6)
 """Columns of a disc array, shape (n, 6): centre [m], velocity [m/s] in the world frame,

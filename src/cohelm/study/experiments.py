@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cohelm.core.types import Progress
 from cohelm.robot.limits import Limits
 from cohelm.scenario import build, load
 from cohelm.sim.run import run
@@ -19,9 +19,6 @@ SETTLED = 0.02
 
 SWEEP = (0.25, 0.4, 0.5, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.5, 1.75, 2.0)
 """Values of k_CBF tried [rad/s]; the paper gives none (E3)."""
-
-Progress = Callable[[str, float], None]
-"""Told what is being done, and which share of the whole is behind [0, 1]."""
 
 _HEADING_ERROR = (
     "start={x_m: 0, y_m: 0, heading_rad: 1.5707963267948966}",

@@ -7,13 +7,13 @@ Figures are made object by object, without pyplot: no global state, no window, a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cohelm.core.types import Progress
 from cohelm.study import draw, panels
 from cohelm.study.draw import CONE, DANGER, INK, MOVER, PALE, PERSON, REFERENCE, ROBOT, SHARED
 from cohelm.study.experiments import SETTLED, Experiments, Run
@@ -26,7 +26,7 @@ _CLOSE_UPS = (("cone_2", "cone_1"), ("cone_3",), ("mover",))
 """What is looked at from near, in the order it is met."""
 
 
-def draw_figures(ex: Experiments, folder: Path, told: Callable[[str, float], None]) -> list[Path]:
+def draw_figures(ex: Experiments, folder: Path, progress: Progress) -> list[Path]:
     """Write every figure as PNG and SVG into a folder that exists; the files written."""
     makers = {
         "fig06_track_path": figure_6,
@@ -41,7 +41,7 @@ def draw_figures(ex: Experiments, folder: Path, told: Callable[[str, float], Non
     written: list[Path] = []
     with draw.styled():
         for k, (name, maker) in enumerate(makers.items()):
-            told(f"figure {name}", k / len(makers))
+            progress(f"figure {name}", k / len(makers))
             written += draw.save(maker(ex), folder, name)
     return written
 

@@ -6,7 +6,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats, Pose, Progress
 from cohelm.perceive.map.glimpses import Glimpse, glimpses
 from cohelm.perceive.map.mapper import Survey, Surveyed, encounters
 from cohelm.perceive.map.raster import Raster, cropped, raster
@@ -36,8 +36,6 @@ _LOOK_AGAIN = 1.0  # a growing record is read so often [s]
 _ENDED = 10.0  # and has ended if nothing came for this long [s]
 _SAVED = 30.0  # what is done is kept so often, for the power to fail [s]
 _SAME = 1e-6  # scans that end at times no farther apart are one [s]
-
-Told = Callable[[str, float], None]
 
 
 class RecordedDrive(NamedTuple):
@@ -107,7 +105,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def mapped(
-    path: Path, folder: Path, resolution: float | None, told: Told, *, live: bool = False,
+    path: Path, folder: Path, resolution: float | None, progress: Progress, *, live: bool = False,
     robot: RobotModel | None = None, resume: bool = False,
 ) -> MapResult:  # fmt: skip
     """Map a record into a folder: map.yaml, map.pgm, map.png, trajectory.csv, loops.csv,
@@ -134,7 +132,7 @@ def mapped(
                     session.add(glimpse)
                     if k % 20 == 0:
                         at = f"scan {len(session.stamps)}, {session.survey.places} places"
-                        told(at, 0.0 if live else 0.6 * k / len(new))
+                        progress(at, 0.0 if live else 0.6 * k / len(new))
                     if time.monotonic() - saved > _SAVED:
                         session.save(folder)
                         saved = time.monotonic()
@@ -162,12 +160,12 @@ def mapped(
             "nothing to map: check the LiDAR, or --robot for its range"
         )
     session.save(folder)  # closing loops takes a while, too
-    return _finished(session, folder, told, begun)
+    return _finished(session, folder, progress, begun)
 
 
 def marked(
-    folder: Path, out: Path, resolution: float | None, told: Told, *, remove_loops: Sequence[int],
-    marks: Sequence[Mark], undo: bool,
+    folder: Path, out: Path, resolution: float | None, progress: Progress, *,
+    remove_loops: Sequence[int], marks: Sequence[Mark], undo: bool,
 ) -> MapResult:  # fmt: skip
     """Draw an earlier mapping's folder again, by what a person says is wrong in it.
 
@@ -182,7 +180,7 @@ def marked(
             raise CohelmError(f"{folder}: nothing is marked in this mapping, so nothing to undo")
         session.marks.pop()
     if remove_loops:
-        told("finding the loops", 0.1)
+        progress("finding the loops", 0.1)
         found = encounters(_marked(session)[0].finished())
         for number in remove_loops:
             if not 1 <= number <= len(found):
@@ -192,7 +190,7 @@ def marked(
             pairs = [[float(a), float(b)] for a, b in found[number - 1]]
             session.marks.append(Mark("remove-loop", pairs))
     session.marks += marks
-    return _finished(session, out, told, begun)
+    return _finished(session, out, progress, begun)
 
 
 def _go_on(session: MappingSession, given: RecordedDrive, path: Path) -> None:
@@ -221,11 +219,11 @@ def _marked(session: MappingSession) -> tuple[Survey, NDArray[np.bool_]]:
     return survey, out
 
 
-def _finished(session: MappingSession, folder: Path, told: Told, begun: float) -> MapResult:
+def _finished(session: MappingSession, folder: Path, progress: Progress, begun: float) -> MapResult:
     survey, out = _marked(session)
     try:
-        made = survey.finished(lambda share: told("closing loops", 0.6 + 0.3 * share))
-        told("drawing", 0.9)
+        made = survey.finished(lambda share: progress("closing loops", 0.6 + 0.3 * share))
+        progress("drawing", 0.9)
         drawn = _drawn(session, made, out)
         result = outcome(session, made, drawn, time.perf_counter() - begun)
         session.save(folder)

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.types import Progress
 from cohelm.record.write import Recorder
-from cohelm.study.experiments import SETTLED, Experiments, Progress, Run, perform
+from cohelm.study.experiments import SETTLED, Experiments, Run, perform
 from cohelm.study.metrics import Metrics, plain, wheel_acceleration
 from cohelm.study.single import scene
 
@@ -56,9 +57,9 @@ def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Re
 
 
 def _write(ex: Experiments, out: Path, progress: Progress) -> list[Path]:
-    told = out / "reproduce.json"
-    told.write_text(json.dumps(numbers(ex), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    written = [told]
+    result = out / "reproduce.json"
+    result.write_text(json.dumps(numbers(ex), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    written = [result]
     runs = ex.recorded()
     for name, run in runs.items():
         done = (len(written) - 1) / len(runs)

@@ -11,11 +11,12 @@ from pathlib import Path
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import make_folder, unmade
 from cohelm.core.trace import Trace
+from cohelm.core.types import Progress
 from cohelm.drive.shown import way, zoned
 from cohelm.record.write import Recorder, RunScene
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
-from cohelm.study.experiments import Progress, Run
+from cohelm.study.experiments import Run
 from cohelm.study.metrics import Metrics
 
 RECORD = "record.mcap"
@@ -34,7 +35,7 @@ _NAMED = 8
 _UNSAFE = re.compile(r"[^\w-]")
 
 
-def recorded(setup: Setup, folder: Path, told: Progress) -> Metrics:
+def recorded(setup: Setup, folder: Path, progress: Progress) -> Metrics:
     """Run a setup into a folder, which is made if need be.
 
     Interrupted (Ctrl-C) or on a full disk, what was written before stays readable. Raises
@@ -43,18 +44,18 @@ def recorded(setup: Setup, folder: Path, told: Progress) -> Metrics:
     """
     make_folder(folder)
     _check_free(folder)
-    told("running (the first time, compiling)", 0.0)
+    progress("running (the first time, compiling)", 0.0)
     steps, done = 0, list[Trace]()
     with Recorder(folder / RECORD, scene(setup)) as recorder:
         for piece in pieces(setup):
             recorder.write(piece)
             done.append(piece)
             steps += len(piece)
-            told("running and recording", _SIMULATED * steps / setup.steps)
+            progress("running and recording", _SIMULATED * steps / setup.steps)
     run = Run(setup, done[0].joined(*done[1:]))
     _write(folder / SCENARIO, setup.scenario)
     _write(folder / METRICS, json.dumps(run.metrics.as_dict(), indent=2, allow_nan=False) + "\n")
-    told("drawing", _SIMULATED)
+    progress("drawing", _SIMULATED)
     _draw(run, folder)
     return run.metrics
 

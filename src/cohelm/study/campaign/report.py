@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.types import Progress
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.replay_episode import drive
@@ -161,8 +162,8 @@ def _least(spreads: dict[str, Spread], kind: str) -> str:
 
 
 def _recovery(s: Summary) -> str:
-    told = _spread(s.spreads["recovery_s"], 1)
-    return f"{told}, {s.unrecovered} never" if s.unrecovered else told
+    spread = _spread(s.spreads["recovery_s"], 1)
+    return f"{spread}, {s.unrecovered} never" if s.unrecovered else spread
 
 
 def _number(value: float, digits: int) -> str:
@@ -172,7 +173,7 @@ def _number(value: float, digits: int) -> str:
 # ------------------------------------------------------------------------------ page
 
 
-def write(found: Outcome, folder: Path, told: Callable[[str, float], None]) -> Path:
+def write(found: Outcome, folder: Path, progress: Progress) -> Path:
     """Leave summary.json and report.html, with pictures of the worst episodes, in a folder."""
     shown = [
         (law, row)
@@ -182,7 +183,7 @@ def write(found: Outcome, folder: Path, told: Callable[[str, float], None]) -> P
     ]
     figures: list[str] = []
     for k, (law, row) in enumerate(shown):
-        told(f"drawing the worst episodes: {law}/{row.episode}", k / len(shown))
+        progress(f"drawing the worst episodes: {law}/{row.episode}", k / len(shown))
         figures.append(_figure(found.suite, row))
     page = PAGE.format(
         title=escape(f"cohelm campaign: {made_on(found)}, seed {found.suite.seed}"),

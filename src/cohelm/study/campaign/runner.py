@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -16,6 +16,7 @@ from typing import Any
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 from cohelm.core.plugins import plugins
+from cohelm.core.types import Progress
 from cohelm.robot.keep.processes import bound
 from cohelm.scenario.explain import nearest
 from cohelm.study.campaign.episode import Law, Plant
@@ -25,7 +26,6 @@ from cohelm.study.campaign.store import Key, Store
 from cohelm.study.campaign.suites import Suite, suite
 from cohelm.study.campaign.worker import chunk, code
 
-Progress = Callable[[str, float], None]
 Work = tuple[Law, tuple[int, ...]]
 """A law, and the numbers of the episodes to drive under it."""
 
@@ -111,7 +111,7 @@ def planned(kept: dict[str, Any]) -> CampaignConfig:
 
 
 def run(
-    plan: CampaignConfig, folder: Path, jobs: int, cluster: str | None, told: Progress
+    plan: CampaignConfig, folder: Path, jobs: int, cluster: str | None, progress: Progress
 ) -> tuple[Suite, list[EpisodeResult]]:
     """Drive what is not yet driven, and return all rows, by law and number.
 
@@ -125,7 +125,7 @@ def run(
         work = remaining(plan.laws, episodes, made.chunk, set(store.rows))
         if work:
             with workers(made, work, jobs, cluster) as done:
-                _gather(done, store, len(plan.laws) * episodes, told)
+                _gather(done, store, len(plan.laws) * episodes, progress)
         rows = [store.rows[law, k] for law in plan.laws for k in range(episodes)]
     return made, rows
 
@@ -171,12 +171,14 @@ def workers(
             yield rows
 
 
-def _gather(done: Iterator[list[EpisodeResult]], store: Store, total: int, told: Progress) -> None:
+def _gather(
+    done: Iterator[list[EpisodeResult]], store: Store, total: int, progress: Progress
+) -> None:
     """Keep rows as they come, at most _FLUSH late, whatever ends it."""
     fresh: list[EpisodeResult] = []
     before, begin, flushed = len(store.rows), time.monotonic(), time.monotonic()
     contacts = sum(row.contacts_moving > 0 for row in store.rows.values())
-    told("driving (the first time, compiling)", before / total)
+    progress("driving (the first time, compiling)", before / total)
     try:
         for rows in done:
             fresh += rows
@@ -187,7 +189,7 @@ def _gather(done: Iterator[list[EpisodeResult]], store: Store, total: int, told:
                 fresh, flushed = [], now
             there = len(store.rows) + len(fresh)
             left = (now - begin) * (total - there) / max(there - before, 1)
-            told(
+            progress(
                 f"{there} of {total}, {contacts} with a moving contact, {_about(left)} left",
                 there / total,
             )
