@@ -13,6 +13,7 @@ def json_schema() -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **Scenario.model_json_schema(),
+        "description": (Scenario.__doc__ or "").partition("\n")[0],  # without the Python example
     }
 
 
