@@ -1,8 +1,8 @@
-"""A robot of one's own with loop, gate and record: three methods around whatever moves it. The
+"""A robot of one's own with loop, gate and station: three methods around whatever moves it. The
 hardware here is some arithmetic; put your driver in its place.
 
     python examples/own_robot.py
-    cohelm robot sally --driver own_robot:Cart [--listen 0.0.0.0]    # the same, in this folder
+    cohelm drive sally --driver own_robot:Cart    # in this folder: the same, from a browser
 """
 
 import math
@@ -57,4 +57,4 @@ class Cart(cohelm.Robot):
 
 
 if __name__ == "__main__":
-    print(cohelm.drive(Cart, "lab-guard", model="sally", seconds=20.0, record="out/own.mcap"))
+    print(cohelm.drive(Cart, "lab-guard", model="sally", seconds=20.0))
