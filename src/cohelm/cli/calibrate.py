@@ -120,8 +120,10 @@ def calibrate(
     written, unwritten = out / f"{model.name}.yaml", ""
     result: dict[str, Any] = {
         "robot": model.name, "file": str(written), "with_load": load, "whole": not driven.ended,
-        "ended": driven.ended or None, "findings": as_dict(found), "lag_s": answered.lag.value,
-        "lag_off_s": answered.lag.off, "odometry": noise, "not_measured": unplaced or None,
+        "ended": driven.ended or None, "findings": as_dict(found), "odometry": noise,
+        "lag_s": answered.straight.lag.value, "lag_off_s": answered.straight.lag.off,
+        "turn_lag_s": answered.turn.lag.value, "turn_lag_off_s": answered.turn.lag.off,
+        "not_measured": unplaced or None,
     }  # fmt: skip
     try:
         out.mkdir(parents=True, exist_ok=True)
