@@ -1,5 +1,6 @@
 """Calibration, on robots whose numbers it does not know. Seeds 1 and 2 were looked at while it was
-written; 1700 to 1709 showed four faults, which were mended; from 1710 on they are for counting only.
+written; 1700 to 1709 showed four faults, which were mended; from 1710 on they are for counting
+only.
 """
 
 import math

@@ -20,8 +20,8 @@ NONE = np.empty(0)
 
 def channel(total, rise, brake, speed, gain=1.0, off=0.01):
     return AxisResponse(
-        Measured(0.0, 0.001), Measured(total, 0.001), Measured(rise, off), Measured(brake, off), Measured(gain, 0.001), speed, speed,
-        0.001, NONE, NONE, NONE,
+        Measured(0.0, 0.001), Measured(total, 0.001), Measured(rise, off), Measured(brake, off),
+        Measured(gain, 0.001), speed, speed, 0.001, NONE, NONE, NONE,
     )  # fmt: skip
 
 
