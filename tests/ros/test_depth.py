@@ -229,3 +229,17 @@ def test_a_simulated_camera_shows_what_its_scan_does():
     inside = np.abs(bearings(found)) < math.radians(38.0)
     expected = np.interp(bearings(found), bearings(model), ranges)
     assert made[inside] == pytest.approx(expected[inside], abs=0.02)
+
+
+def test_a_simulated_camera_in_a_wide_hall_sees_ceiling_and_floor_and_is_not_blind():
+    model = GIVEN.model_copy(
+        update={"field_of_view_deg": 70.0, "beams": 160, "mount_z_m": 0.5, "range_max_m": 4.0,
+                "height_band_m": (0.08, 1.0)}
+    )  # fmt: skip
+    cam, body = rendered.camera_of(model), mounted(z=0.5)
+    found = described(cam, body, model, "/depth")
+    made = DepthRanges(found, cam, body, "/depth").of(
+        rendered.image(np.full(160, math.inf), model, 0.5, header(time.time_ns(), "cam"))
+    )
+    assert np.isnan(made).mean() < 0.1
+    assert not np.isfinite(made).any()
