@@ -212,6 +212,13 @@ def test_a_camera_is_taken_by_its_projection_for_rectified_images():
     assert camera(told(p=np.zeros(12), k=k), "/info") == Intrinsics(64, 48, 50.0, 51.0, 30.0, 20.0)
 
 
+@pytest.mark.parametrize("nothing", [0.0, math.nan])
+def test_a_picture_in_which_nothing_at_all_was_measured_is_of_something_too_near(nothing):
+    """Else a robot whose camera stands at a wall could not even back away from it."""
+    _, ranges = seen(mounted(), np.full((48, 64), nothing))
+    assert (ranges == -math.inf).all()
+
+
 @pytest.mark.parametrize("mount", [{"down": 75.0}, {"down": -80.0}, {"roll": 90.0}])
 def test_a_camera_that_does_not_look_along_the_floor_is_refused(mount):
     with pytest.raises(CohelmError, match=r"/depth: the camera looks .*REP-103"):
