@@ -29,12 +29,15 @@ def calibrate(
     url: Bridge = "",
     twin: Twin = False,
     floor: Annotated[
-        float, typer.Option(min=0.5, max=50.0, help="Free floor ahead of it, at most [m].")
+        float, typer.Option(min=0.5, max=50.0, help="So much floor ahead of it is free [m].")
     ] = 4.0,
     load: Annotated[
-        bool, typer.Option("--load", help="It is loaded: merge with the run before, in --out.")
+        bool,
+        typer.Option("--load", help="It carries a load now: merge with the run without, in --out."),
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="The floor is free: drive.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="The floor is free: drive, and do not ask.")
+    ] = False,
     out: Annotated[
         Path,
         typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder to write into."),

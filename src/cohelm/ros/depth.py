@@ -181,7 +181,8 @@ class DepthRanges(WatchesFloor):
         """(beams,) [m]: of the points within the band, the distance on the floor of the nearest
         along each beam, or where floor ends that it ought to see; inf where there is none, -inf
         where it is nearer than the least range, NaN where most of the beam's pixels measured
-        nothing; where all pixels did, something is too near. CohelmError for what is no such image."""
+        nothing; where all pixels did, something is too near. CohelmError for what is no such
+        image."""
         seen, metres = depths(image, self._camera, self._topic)
         made: Floats = np.full(self._model.beams, math.nan)
         if not len(self._seen):
