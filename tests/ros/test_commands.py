@@ -109,8 +109,10 @@ def test_all_of_cohelm_sets_off_in_the_lab_on_physics_behind_ros_topics_and_kill
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("time", ["wall", "simulated"])
-def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
+@pytest.mark.parametrize(
+    ("robot", "time"), [("sally", "wall"), ("sally", "simulated"), ("sally-depth", "wall")]
+)
+def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(robot, time):
     """Loop, plan and gate on one side of DDS, the simulated robot on the other."""
     alone()
     own = ["--sim-time"] if time == "simulated" else []
@@ -124,10 +126,11 @@ def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
             known[stamp] = Pose(at.translation.x, at.translation.y, yaw_of(at.rotation))
 
     rviz.subscribe("/tf", TF, SENSOR, hear)
-    with cohelm("base", "lab-guard", "--json", *own) as base:
+    there = (robot, "--scenario", "lab-guard", "--json")
+    with cohelm("base", *there, *own) as base:
         try:
-            asked = "lab-guard --ros2 --mode automatic --arrive --for 90 --json"
-            with cohelm("robot", *asked.split()) as process:
+            asked = "--ros2 --mode automatic --arrive --for 90"
+            with cohelm("robot", *there, *asked.split()) as process:
                 told = json.loads(process.communicate(timeout=400.0)[0])
         finally:
             base.send_signal(signal.SIGINT)
