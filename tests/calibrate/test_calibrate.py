@@ -3,6 +3,7 @@ written; 1700 to 1709 showed four faults, which were mended; from 1710 on they a
 only.
 """
 
+import gc
 import math
 from pathlib import Path
 
@@ -118,6 +119,18 @@ def test_an_interrupt_stops_the_robot_and_keeps_what_was_measured():
     assert made.ended == "Ctrl-C"
     assert made.segments
     assert standing(robot.inside.truth().twist)
+
+
+def test_while_it_drives_nobody_looks_for_garbage():
+    """That holds a process up for a tenth of a second, which the gate takes for a dead loop."""
+    model, true, scale, _ = drawn(1, "kinematic")
+    gated = LocalGatedRobot(Hidden(model, true, 1, "kinematic", scale), rules(model, PERIOD))
+    swept = []
+    ride(gated, excitation(model), lambda: swept.append(gc.isenabled()) or
+         ("over" if gated.now() > 4.0 else ""))  # fmt: skip
+    assert swept
+    assert not any(swept)
+    assert gc.isenabled()
 
 
 def test_too_little_gets_a_sentence_and_no_numbers():
