@@ -11,6 +11,7 @@ PEERS := .venv/.peers
 WEB := src/cohelm/station/static/index.html
 GL := .venv/.gl
 BROWSER := .venv/.browser
+FASTDDS := .venv/.fastdds
 
 help:            ## show these lines
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 20
@@ -22,7 +23,7 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 	$(BIN)/cohelm reproduce --out out/reproduce
 	@echo "The figures are in out/reproduce (PNG and SVG)."
 
-test: $(WEB) $(GL) $(BROWSER) ## lint, then the tests
+test: $(WEB) $(GL) $(BROWSER) $(FASTDDS) ## lint, then the tests
 	@$(MAKE) --no-print-directory -j2 --output-sync=target lint warm rewritten
 	$(BIN)/pytest -n auto --dist loadgroup
 
@@ -89,4 +90,8 @@ $(GL): $(READY) tools/system.sh # what the twin's camera draws with; without it,
 
 $(BROWSER): $(READY) tools/system.sh # what the tests of the station and of the link need
 	tools/system.sh chromium iproute2
+	@touch $@
+
+$(FASTDDS): $(READY) tools/system.sh tools/peer.sh tests/ros/peer.cpp # what the tests of ROS 2 need
+	tools/peer.sh
 	@touch $@

@@ -42,6 +42,18 @@ class Hidden:
     def __getattr__(self, name):
         return getattr(self.inside, name)
 
+    def turning(self):
+        """How many times as long the wheels lag in a turn as in a straight: by what they move."""
+        if not isinstance(self.inside, Twin):
+            return 1.0
+        bodies, name = self.inside.mujoco, self.inside.mujoco.body
+        robot, wheels = name("robot").id, [name("left").id, name("right").id]
+        half, radius = 0.5 * self.inside.model.track_m, self.inside.model.wheel_radius_m
+        rim = bodies.body_inertia[wheels[0]].max() / radius**2  # a wheel that spins
+        mass = bodies.body_mass[[robot, *wheels]].sum()
+        yaw = bodies.body_inertia[robot, 2] + half**2 * bodies.body_mass[wheels].sum()
+        return (0.5 * yaw / half**2 + rim) / (0.5 * mass + rim)
+
     def send(self, twist):
         done = self.inside.send(Twist(self.scale * twist.v, self.turns * twist.omega))
         return Twist(done.v / self.scale, done.omega / self.turns)
@@ -92,8 +104,11 @@ class Gyro(Hidden):
 
 
 def made(seed, kind, of=Hidden):
+    """A robot, and the model that it is believed to be, the true one, the odometry's scale and the
+    lag of what answers later."""
     model, true, scale, lag = drawn(seed, kind)
-    return of(model, true, seed, kind, scale, max(lag, 0.005)), (model, true, scale, lag)
+    robot = of(model, true, seed, kind, scale, max(lag, 0.005))
+    return robot, (model, true, scale, lag * max(robot.turning(), 1.0))
 
 
 def ridden(seed, kind, of=Hidden, plan=lambda plan: plan):

@@ -1,7 +1,9 @@
 """Calibration, on robots whose numbers it does not know. Seeds 1 and 2 were looked at while it was
-written; 1700 to 1709 showed two faults, which were mended; from 1710 on they are for counting only.
+written; 1700 to 1709 showed four faults, which were mended; from 1710 on they are for counting
+only.
 """
 
+import gc
 import math
 from pathlib import Path
 
@@ -50,23 +52,20 @@ NEAR = {"total_ms": 5.0, "brake": 0.05, "x_mm": 10.0, "y_mm": 10.0, "yaw_deg": 0
         "track": 0.01}  # fmt: skip
 
 
-def held(found, later_ms=0.0):
-    far = {key: off for key, (off, _) in found.items()
-           if abs(off) > NEAR[key] + (later_ms if key == "total_ms" else 0.0)}  # fmt: skip
-    assert not far
+def held(found):
+    assert not {key: off for key, (off, _) in found.items() if abs(off) > NEAR[key]}
 
 
-def test_a_hidden_robot_is_measured():
-    held(errors(1, "kinematic", Gyro, shorter))
+@pytest.mark.parametrize(("seed", "kind", "of"), [(1, "kinematic", Gyro), (1706, "twin", Hidden)])
+def test_a_hidden_robot_is_measured(seed, kind, of):
+    held(errors(seed, kind, of, shorter))  # the second lags in turns a quarter more
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1710, 1717))
 @pytest.mark.parametrize("kind", ["kinematic", "twin"])
 def test_many_hidden_robots_are_measured(kind, seed):
-    # on the physics twin the 5 ms are missed now and then: see docs/calibrate.md
-    of = Hidden if seed < 1714 else Gyro
-    held(errors(seed, kind, of), 5.0 if kind == "twin" else 0.0)
+    held(errors(seed, kind, Hidden if seed < 1714 else Gyro))
 
 
 class Silent(Hidden):
@@ -120,6 +119,18 @@ def test_an_interrupt_stops_the_robot_and_keeps_what_was_measured():
     assert made.ended == "Ctrl-C"
     assert made.segments
     assert standing(robot.inside.truth().twist)
+
+
+def test_while_it_drives_nobody_looks_for_garbage():
+    """That holds a process up for a tenth of a second, which the gate takes for a dead loop."""
+    model, true, scale, _ = drawn(1, "kinematic")
+    gated = LocalGatedRobot(Hidden(model, true, 1, "kinematic", scale), rules(model, PERIOD))
+    swept = []
+    ride(gated, excitation(model), lambda: swept.append(gc.isenabled()) or
+         ("over" if gated.now() > 4.0 else ""))  # fmt: skip
+    assert swept
+    assert not any(swept)
+    assert gc.isenabled()
 
 
 def test_too_little_gets_a_sentence_and_no_numbers():

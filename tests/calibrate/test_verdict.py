@@ -18,17 +18,17 @@ SALLY = load_robot("sally")  # 0.05 s, 1 m/s, 2 rad/s, 2 m/s^2 at the rim, track
 NONE = np.empty(0)
 
 
-def channel(rise, brake, speed, gain=1.0, off=0.01):
+def channel(total, rise, brake, speed, gain=1.0, off=0.01):
     return AxisResponse(
-        Measured(rise, off), Measured(brake, off), Measured(gain, 0.001), speed, speed,
-        0.001, NONE, NONE, NONE,
+        Measured(0.0, 0.001), Measured(total, 0.001), Measured(rise, off), Measured(brake, off),
+        Measured(gain, 0.001), speed, speed, 0.001, NONE, NONE, NONE,
     )  # fmt: skip
 
 
-def answered(total=0.05, rise=2.0, brake=2.0, speed=1.0, turn_gain=1.0, off=0.01):
+def answered(total=0.05, rise=2.0, brake=2.0, speed=1.0, turn_gain=1.0, off=0.01, turns=0.0):
     return Response(
-        Measured(total, 0.001), Measured(0.0, 0.001), Measured(total, 0.001),
-        channel(rise, brake, speed, off=off), channel(8.0, 8.0, 2.0, turn_gain, off),
+        Measured(total, 0.001), channel(total, rise, brake, speed, off=off),
+        channel(turns or total, 8.0, 8.0, 2.0, turn_gain, off),
     )  # fmt: skip
 
 
@@ -55,6 +55,11 @@ def test_a_robot_as_its_file_says_is_safe_and_stays_as_it_is():
 def test_a_late_robot_is_unsafe_and_an_early_one_wasteful():
     assert said("delay_s", answered(total=0.08), placed()) == ("unsafe", 0.08)
     assert said("delay_s", answered(total=0.02), placed()) == ("wasteful", 0.02)
+
+
+def test_a_robot_that_answers_later_in_turns_is_as_late_as_those():
+    assert said("delay_s", answered(turns=0.09), placed()) == ("unsafe", 0.09)
+    assert said("delay_s", answered(turns=0.02), placed()) == ("safe", 0.05)
 
 
 def test_a_lag_that_the_loop_adds_by_itself_is_not_written_twice():

@@ -41,7 +41,7 @@ def test_what_does_not_fit_names_options_that_the_command_has():
     others = [Endpoint(topic, kind, qos, out, f"/{kind}") for topic, kind, out in seen]
     said = [
         *(mismatch.unheard("/a", mismatch.SCAN, qos, option, others)
-          for option in ("--odom", "--scan", "--further-scan")),
+          for option in ("--odom", "--scan", "--further-scan rear=TOPIC")),
         mismatch.base_type("/b", None, qos, others)[1],
         mismatch.base_type("/cmd_vel", None, qos, others)[1],
         mismatch.bypass("/cmd_vel", others),
@@ -55,4 +55,4 @@ def test_what_does_not_fit_names_options_that_the_command_has():
     assert {option for one in told for option in re.findall(r"--[a-z-]+", one)} == {"--topic"}
     assert "name another topic with --topic odom=TOPIC" in told[0]
     assert "--topic scan=TOPIC" in told[1]
-    assert "--topic scan_NAME=TOPIC" in told[2]
+    assert "--topic scan_rear=TOPIC" in told[2]

@@ -26,7 +26,7 @@ from cohelm.ros.clock import seconds
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.goals import GOAL
 from cohelm.ros.messages import STRING
-from cohelm.ros.mismatch import TF
+from cohelm.ros.mismatch import ODOMETRY, TF
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR
 from cohelm.ros.transforms import yaw_of
 from tests.ros.stage import NOBODYS, Base, Controller, alone, until
@@ -82,9 +82,37 @@ def test_it_drives_a_base_and_when_it_is_killed_the_base_stands(driven):
     assert driven.truth().least_moving > 0.05
 
 
+def test_all_of_cohelm_sets_off_in_the_lab_on_physics_behind_ros_topics_and_killed_it_stands():
+    """Loop, plan and gate on one side of DDS, MuJoCo on the other."""
+    alone()
+    listener, moved = DdsTransport("listener"), list[Twist]()
+
+    def hear(received):
+        twist = received.message.twist.twist
+        moved.append(Twist(twist.linear.x, twist.angular.z))
+
+    listener.subscribe("/odom", ODOMETRY, SENSOR, hear)
+    with cohelm("base", "lab-guard", "--twin", "--json") as base:
+        try:
+            asked = "lab-guard --ros2 --mode automatic --for 60 --json"
+            with cohelm("robot", *asked.split()) as process:
+                under_way = until(lambda: sum(t.v for t in moved) > 0.5 * 50.0, 120.0)  # 0.5 m
+                process.send_signal(signal.SIGKILL)
+                said = process.communicate()[1]
+            assert under_way, said
+            assert until(lambda: abs(moved[-1].v) + abs(moved[-1].omega) < 0.01, 3.0), moved[-1]
+        finally:
+            base.send_signal(signal.SIGINT)
+            truth = json.loads(base.communicate(timeout=60.0)[0])
+            listener.close()
+    assert truth["least_clearance_moving_m"] > 0.05
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("time", ["wall", "simulated"])
-def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
+@pytest.mark.parametrize(
+    ("robot", "time"), [("sally", "wall"), ("sally", "simulated"), ("sally-depth", "wall")]
+)
+def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(robot, time):
     """Loop, plan and gate on one side of DDS, the simulated robot on the other."""
     alone()
     own = ["--sim-time"] if time == "simulated" else []
@@ -98,10 +126,11 @@ def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(time):
             known[stamp] = Pose(at.translation.x, at.translation.y, yaw_of(at.rotation))
 
     rviz.subscribe("/tf", TF, SENSOR, hear)
-    with cohelm("base", "lab-guard", "--json", *own) as base:
+    there = (robot, "--scenario", "lab-guard", "--json")
+    with cohelm("base", *there, *own) as base:
         try:
-            asked = "lab-guard --ros2 --mode automatic --arrive --for 90 --json"
-            with cohelm("robot", *asked.split()) as process:
+            asked = "--ros2 --mode automatic --arrive --for 90"
+            with cohelm("robot", *there, *asked.split()) as process:
                 told = json.loads(process.communicate(timeout=400.0)[0])
         finally:
             base.send_signal(signal.SIGINT)

@@ -212,6 +212,13 @@ def test_a_camera_is_taken_by_its_projection_for_rectified_images():
     assert camera(told(p=np.zeros(12), k=k), "/info") == Intrinsics(64, 48, 50.0, 51.0, 30.0, 20.0)
 
 
+@pytest.mark.parametrize("nothing", [0.0, math.nan])
+def test_a_picture_in_which_nothing_at_all_was_measured_is_of_something_too_near(nothing):
+    """Else a robot whose camera stands at a wall could not even back away from it."""
+    _, ranges = seen(mounted(), np.full((48, 64), nothing))
+    assert (ranges == -math.inf).all()
+
+
 @pytest.mark.parametrize("mount", [{"down": 75.0}, {"down": -80.0}, {"roll": 90.0}])
 def test_a_camera_that_does_not_look_along_the_floor_is_refused(mount):
     with pytest.raises(CohelmError, match=r"/depth: the camera looks .*REP-103"):
@@ -229,3 +236,17 @@ def test_a_simulated_camera_shows_what_its_scan_does():
     inside = np.abs(bearings(found)) < math.radians(38.0)
     expected = np.interp(bearings(found), bearings(model), ranges)
     assert made[inside] == pytest.approx(expected[inside], abs=0.02)
+
+
+def test_a_simulated_camera_in_a_wide_hall_sees_ceiling_and_floor_and_is_not_blind():
+    model = GIVEN.model_copy(
+        update={"field_of_view_deg": 70.0, "beams": 160, "mount_z_m": 0.5, "range_max_m": 4.0,
+                "height_band_m": (0.08, 1.0)}
+    )  # fmt: skip
+    cam, body = rendered.camera_of(model), mounted(z=0.5)
+    found = described(cam, body, model, "/depth")
+    made = DepthRanges(found, cam, body, "/depth").of(
+        rendered.image(np.full(160, math.inf), model, 0.5, header(time.time_ns(), "cam"))
+    )
+    assert np.isnan(made).mean() < 0.1
+    assert not np.isfinite(made).any()

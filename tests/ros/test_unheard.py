@@ -167,7 +167,7 @@ def test_every_lidar_is_found_on_its_own_topic_and_where_it_is():
 
 
 def test_a_lidar_that_is_not_heard_or_not_described_is_named():
-    with pytest.raises(CohelmError, match=r"/scan_rear.*--further-scan"):
+    with pytest.raises(CohelmError, match=r"/scan_rear.*--further-scan rear=TOPIC"):
         seen_rear(ENDS, REAR_FRAMES + readings())
     with pytest.raises(CohelmError, match="no further LiDAR 'left': describe it"):
         Topics.named(further=["left=/left"]).of_lidars(REAR)

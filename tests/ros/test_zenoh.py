@@ -180,7 +180,6 @@ def test_a_router_that_is_gone_is_said_and_found_again_when_it_is_back():
         each.close()
 
 
-@pytest.mark.slow
 def test_it_drives_over_zenoh_on_without_a_router_and_stands_without_a_robot():
     alone()
     made_for_it = Router()
@@ -188,11 +187,11 @@ def test_it_drives_over_zenoh_on_without_a_router_and_stands_without_a_robot():
     with stage(way=way, theirs=way) as made:
         assert made.drives(0.4), made.filter.said
         made.base.fault("half")
-        assert until(lambda: len(made.filter.rows) > 50)
+        count = len(made.filter.rows)
+        assert until(lambda: len(made.filter.rows) > count + 25)
         made.base.fault("")
-        assert made.turned_round()
         made_for_it.close()  # those on one machine speak to each other themselves
-        assert made.drives(0.4), made.filter.said
+        assert made.drives(-0.3), made.filter.said
         assert made.base.truth().least_moving > 0.01
         made.base.fault("no odometry")
         assert made.stands(3.0)

@@ -10,7 +10,7 @@ from cohelm.core.types import Pose
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
-from cohelm.scenario.docks import DockModel, checked
+from cohelm.scenario.docks import DockModel, checked, no_room
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.zones import ZonesModel
 
@@ -117,3 +117,11 @@ def test_a_dock_comes_back_from_what_a_record_keeps():
     again = load.parse(load.dump(made), Scenario, "again")
     assert again.docks == made.docks
     assert [one.name for one in made.docks] == ["charger"]
+
+
+@pytest.mark.parametrize("resolution", [0.02, 0.1, 0.2])
+def test_a_wall_within_the_outline_is_no_room_however_coarse_the_map(outline, resolution):
+    in_the_way = np.array([(1.9, 0.0)])
+    said = no_room(dock().dock(), outline, in_the_way, resolution)
+    assert said.startswith("on its approach, at 1.54, 0.00, the robot has nothing to a wall")
+    assert no_room(dock().dock(), outline, np.array([(1.9, 0.5)]), resolution) == ""

@@ -1,9 +1,13 @@
 """Delay, lag, acceleration and braking, from how the odometry answers the commands.
 
 The model: a command arrives after a delay, the drives follow it no faster than they accelerate or
-brake, and the wheels follow those with a first-order lag. All are fitted at once, by least squares
-on the way between two odometry readings: a way is right whatever a robot calls its speed, and when.
-Straights and turns share delay and lag, for the drives are the same.
+brake, and the wheels follow those with a first-order lag. While a speed is held, drives add up what
+is missing of it (the integral part of their controllers), and overshoot after a ramp; at rest they
+forget it. All is fitted at once, by least squares on the way between two odometry readings: a way
+is right whatever a robot calls its speed, and when.
+
+Straights and turns share the delay, for the commands take the same way. Not the lag: a drive whose
+wheels push a mass in a straight turns a moment of inertia in a turn, which may weigh more or less.
 """
 
 from __future__ import annotations
@@ -28,8 +32,8 @@ _TAIL = 0.4  # after standing, so long is still looked at [s]
 _MOST_DELAY, _MOST_LAG = 0.8, 0.5  # [s]
 _LEAST_LAG = 0.001  # less is none, and tells nothing [s]
 _REACHED = 0.97  # of a command's speed
-_WHEELS = 0.1  # a wheel or track is known to this share
 _HELD = 0.99  # of its fastest, a speed is held
+_END = 0.25  # before a motion ends its speed is held for so long [s]
 _USUAL = (2.0, 4.0)  # where a model has no limit the fit begins here [m/s^2, rad/s^2]
 
 
@@ -43,6 +47,10 @@ class Measured(NamedTuple):
 class AxisResponse(NamedTuple):
     """Straights, or turns: in m or rad."""
 
+    lag: Measured
+    """Time constant of the wheels [s]."""
+    total: Measured
+    """Delay and lag together, which are known better than each [s]."""
     rise: Measured
     """Acceleration, as far as it was asked for: the commands' own ramp bounds it."""
     brake: Measured
@@ -66,12 +74,13 @@ class Response(NamedTuple):
 
     delay: Measured
     """From a command to the first movement [s]."""
-    lag: Measured
-    """Time constant of the wheels [s]."""
-    total: Measured
-    """Both together, which are known better than each: what a guard has to foresee [s]."""
     straight: AxisResponse
     turn: AxisResponse
+
+    @property
+    def total(self) -> Measured:
+        """Delay and lag of what answers later: what a guard has to foresee [s]."""
+        return max(self.straight.total, self.turn.total)
 
 
 class _Data(NamedTuple):
@@ -100,16 +109,15 @@ def response(model: RobotModel, ride: Ride) -> Response:
             f"{why}too little was driven to tell delay and lag ({len(ride.segments)} motions; the "
             "straights come after 16 turns): nothing is written, drive again"
         )
-    reached = [_reached(ride, straight) for straight in (True, False)]
-    most = [_most(ride, straight, *reached[c]) for c, straight in enumerate((True, False))]
     limits = model.bounds()
     given = ramps(limits)
     assumed = [a if a < math.inf else b for a, b in zip(given, _USUAL, strict=True)]
-    scale = np.array([0.05, 0.05, assumed[0], assumed[0], 1.0, assumed[1], assumed[1], 1.0])
+    # delay; of each axis lag, acceleration, braking and gain; what the drives add up
+    scale = np.array([0.05, *(number for a in assumed for number in (0.05, a, a, 1.0)), 5.0])
 
     def ways(p: Floats, channel: int) -> Floats:
-        own = p[2 + 3 * channel : 5 + 3 * channel]
-        return _ways(data[channel], p[0], p[1], own[0], own[1], own[2], most[channel])
+        lag, rise, brake, gain = p[1 + 4 * channel : 5 + 4 * channel]
+        return _ways(data[channel], p[0], lag, rise, brake, gain, p[9], most[channel])
 
     sigma = [1.0, 1.0]
 
@@ -117,52 +125,56 @@ def response(model: RobotModel, ride: Ride) -> Response:
         p = (q - shift) * scale
         return np.concatenate([(ways(p, c) - data[c].way) / sigma[c] for c in range(2)])
 
+    most = [math.inf, math.inf]
     # a derivative is taken over a share of a number: none may be near 0
-    shift = np.array([1.0, 1.0, *([0.0] * 6)])
+    shift = np.array([1.0, *([1.0, 0.0, 0.0, 0.0] * 2), 1.0])
     sigma = [float(np.std(d.way)) or 1.0 for d in data]
-    low = np.array([0.0, _LEAST_LAG / 0.05, *([0.05, 0.05, 0.7] * 2)]) + shift
-    high = np.array([_MOST_DELAY / 0.05, _MOST_LAG / 0.05, *([8.0, 8.0, 1.4] * 2)]) + shift
+    low = np.array([0.0, *([_LEAST_LAG / 0.05, 0.05, 0.05, 0.7] * 2), 0.0]) + shift
+    high = np.array([_MOST_DELAY / 0.05, *([_MOST_LAG / 0.05, 8.0, 8.0, 1.4] * 2), 4.0]) + shift
     starts = [
-        np.array([d / 0.05, 0.4, rise, rise, 1.0, rise, rise, 1.0]) + shift
+        np.array([d / 0.05, *([0.4, rise, rise, 1.0] * 2), 0.0]) + shift
         for d in np.arange(0.0, 0.5, 0.02) for rise in (0.7, 1.0)
     ]  # fmt: skip
     start = min(starts, key=lambda q: float(np.sum(residual(q) ** 2)))
 
     def fit(begin: Floats, most: int | None = None) -> Any:
         """From there on, with at most so many looks."""
-        bounds, steps = (low, high), np.full(8, 1e-3)
+        bounds, steps = (low, high), np.full(10, 1e-3)
         return least_squares(residual, begin, bounds=bounds, diff_step=steps, max_nfev=most)
 
-    best, p = start, start
+    best, p, reached = start, start, [(0.0, 0.0)] * 2
     for _ in range(3):
         best = np.asarray(fit(np.clip(best, low + 1e-6, high - 1e-6)).x, dtype=np.float64)
         p = (best - shift) * scale
         sigma = [max(float(np.sqrt(np.mean((ways(p, c) - data[c].way) ** 2))), 1e-9)
                  for c in range(2)]  # fmt: skip
+        for c, straight in enumerate((True, False)):
+            held, span = _Held(ride, straight, data[c], float(p[0])), data[c].last - data[c].first
+            reached[c], most[c] = held.reached(data[c].way / span), math.inf
+            most[c] = held.most(data[c].way / span, ways(p, c) / span)
     jacobian = fit(best, 1).jac
-    sums = np.vstack((np.diag(scale), [scale[0], scale[1], *([0.0] * 6)]))
+    each = np.diag(scale)
+    sums = np.vstack((each, each[0] + each[1], each[0] + each[5]))
     motions = np.concatenate([d.motion for d in data])
     half = half_widths(np.asarray(jacobian, dtype=np.float64), residual(best), motions, sums)
-    times = [0, 1, 8]  # the model knows them by its steps
+    times = [0, 1, 5, 10, 11]  # the model knows them by its steps
     half[times] = np.hypot(half[times], 0.5 * _STEP)
 
     def channel(c: int) -> AxisResponse:
-        rise, brake, gain = (Measured(float(p[i]), float(half[i]))
-                             for i in range(2 + 3 * c, 5 + 3 * c))  # fmt: skip
+        lag, rise, brake, gain = (Measured(float(p[i]), float(half[i]))
+                                  for i in range(1 + 4 * c, 5 + 4 * c))  # fmt: skip
+        total = Measured(float(p[0]) + lag.value, float(half[10 + c]))
         if rise.value >= given[c]:  # more was not asked for, and is not known
             rise = Measured(given[c], 0.0)
         span, fitted = data[c].last - data[c].first, ways(p, c)
         held = np.abs(fitted / span) > _HELD * np.max(np.abs(fitted / span))
         noise = float(np.std((data[c].way - fitted)[held]))
         return AxisResponse(
-            rise, brake, gain, *reached[c], noise, data[c].last, data[c].way / span, fitted / span
-        )
+            lag, total, rise, brake, gain, *reached[c], noise, data[c].last, data[c].way / span,
+            fitted / span,
+        )  # fmt: skip
 
-    return Response(
-        Measured(float(p[0]), float(half[0])), Measured(float(p[1]), float(half[1])),
-        Measured(float(p[0] + p[1]), float(half[8])),
-        channel(0), channel(1),
-    )  # fmt: skip
+    return Response(Measured(float(p[0]), float(half[0])), channel(0), channel(1))
 
 
 def steps(trail: Floats) -> Floats:
@@ -190,63 +202,83 @@ def _data(ride: Ride, straight: bool) -> _Data:
                  motion[used])  # fmt: skip
 
 
-def _most(ride: Ride, straight: bool, value: float, asked: float) -> float:
-    """The fastest command that is followed, where the robot does not do more; else inf.
+class _Held:
+    """How fast straights, or turns, are at the end of their command, with a delay that is known."""
 
-    A robot that does a little less at every speed, as a gyro sees one with a wide track, is not at
-    its end: its slowest motions tell.
-    """
-    low, slowest = _reached(ride, straight, min)
-    gain = low / slowest if abs(low / slowest - 1.0) < _WHEELS else 1.0
-    return value / gain if value < _REACHED * gain * asked else math.inf
+    def __init__(self, ride: Ride, straight: bool, data: _Data, delay: float) -> None:
+        self._ends: list[tuple[float, Any]] = []
+        """What was asked for, and which ways are at its end."""
+        for begun, ended, segment in ride.segments:
+            asked = abs(segment.twist.v if straight else segment.twist.omega)
+            whole = (data.at >= begun) & (data.at < ended) & (abs(data.rate) > _HELD * asked)
+            if asked and whole.any():
+                until = data.at[min(np.flatnonzero(whole)[-1] + 1, len(data.at) - 1)] + delay
+                self._ends.append((asked, (data.first > until - _END) & (data.last < until)))
+        self._ends = [one for one in self._ends if one[1].sum() >= 3]
 
+    def reached(
+        self, speeds: Floats, which: Callable[[list[float]], float] = max
+    ) -> tuple[float, float]:
+        """The speed of the fastest motions (or slowest), and what was asked for.
 
-def _reached(
-    ride: Ride, straight: bool, which: Callable[[list[float]], float] = max
-) -> tuple[float, float]:
-    """The speed of the fastest motions (or slowest) at their end, and what was asked for."""
-    wanted = [s for s in ride.segments if (s[2].twist.v != 0.0) == straight]
-    speeds = [abs(s[2].twist.v + s[2].twist.omega) for s in wanted]
-    fastest = which(speeds) if wanted else math.nan
-    trail = ride.trail()
-    rates = np.abs(steps(trail)[:, 0 if straight else 1]) / np.diff(trail[:, 0])
-    found: list[float] = []
-    for begun, ended, segment in wanted:
-        if abs(abs(segment.twist.v + segment.twist.omega) / fastest - 1.0) < 0.01:
-            inside = (trail[:-1, 0] > begun) & (trail[1:, 0] < ended)
-            if inside.sum() >= 5:
-                best = np.sort(rates[inside])[-max(int(0.2 * inside.sum()), 3) :]
-                found.append(float(np.median(best)))
-    return (float(np.median(found)) if found else 0.0), fastest
+        speeds: of each way of the data.
+        """
+        if not self._ends:
+            return 0.0, math.nan
+        asked = which([one for one, _ in self._ends])
+        alike = [end for one, end in self._ends if abs(one / asked - 1.0) < 0.01]
+        return float(np.median([np.median(abs(speeds[end])) for end in alike])), asked
+
+    def most(self, seen: Floats, fitted: Floats) -> float:
+        """The fastest command that is followed, where the robot does not do more; else inf.
+
+        fitted: as if it did more. It may do a little less at every speed, as a gyro sees a robot
+        with a wide track, and as drives that regulate do more at first: its slowest motions tell.
+        """
+        if not self._ends:
+            return math.inf
+        fast, slow = (
+            self.reached(seen, which)[0] / max(self.reached(fitted, which)[0], 1e-9)
+            for which in (max, min)
+        )
+        return self.reached(seen)[1] * fast / slow if fast < _REACHED * slow else math.inf
 
 
 def _ways(
-    data: _Data, delay: float, lag: float, rise: float, brake: float, gain: float, most: float
-) -> Floats:
+    data: _Data, delay: float, lag: float, rise: float, brake: float, gain: float, integral: float,
+    most: float,
+) -> Floats:  # fmt: skip
     """What the model goes between the readings."""
     edges = np.append(data.grid, data.grid[-1] + _STEP)
     end = np.append(data.asked, data.asked[-1] + data.rate[-1])
     total = np.interp(edges, np.append(data.at, data.at[-1] + 1.0), end)
     wanted = np.clip(np.diff(total) / _STEP, -most, most)
-    gone = _answer(wanted, _STEP, lag, rise, brake)
+    gone = _answer(wanted, _STEP, lag, rise, brake, integral)
     # the answer is shifted, not the command: a ramp forgets by what part of a step it began late
     times = data.grid + (_STEP + delay)
     return gain * (np.interp(data.last, times, gone) - np.interp(data.first, times, gone))
 
 
 @jit
-def _answer(wanted: Floats, step: float, lag: float, rise: float, brake: float) -> Floats:
+def _answer(
+    wanted: Floats, step: float, lag: float, rise: float, brake: float, integral: float
+) -> Floats:
     """Way of the wheels at the end of each step."""
     gone = np.empty(len(wanted))
-    driven, speed, way = 0.0, 0.0, 0.0
+    driven, held, speed, way = 0.0, 0.0, 0.0, 0.0
     share = 1.0 - math.exp(-step / max(lag, 1e-6))
     for i in range(len(wanted)):
         change = wanted[i] - driven
         slower = abs(driven) > 1e-6 and change * driven < 0.0  # not by rounding
         most = (brake if slower else rise) * step
-        driven += min(max(change, -most), most)
+        moved = min(max(change, -most), most)
+        driven += moved
+        if abs(driven) < 1e-6:
+            held = 0.0
+        elif abs(moved) < 1e-6:
+            held += integral * step * (driven - speed)
         before = speed
-        speed += share * (driven - speed)
+        speed += share * (driven + held - speed)
         way += 0.5 * (before + speed) * step
         gone[i] = way
     return gone

@@ -13,6 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Progress, Twist
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import GateMode, latched
+from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.gated_robot import GatedRobot, standing
 from cohelm.robot.port import Odometry
 
@@ -70,7 +71,7 @@ def ride(
     over: why to end now, or nothing. progress: what is done, and how much of all.
     Raises CohelmError where nothing could be measured; else `Ride.ended` says why it is not whole.
     """
-    rider = _Rider(gated, over)
+    rider, garbage = _Rider(gated, over), Sweeper()
     try:
         rider.begin(plan)
         for number, segment in enumerate(plan.segments):
@@ -78,12 +79,14 @@ def ride(
                 "driving straight" if segment.twist.v else "turning", number / len(plan.segments)
             )
             rider.rest()
+            garbage.sweep(gated.now())  # it stands: nothing is late by that
             rider.drive(segment)
         rider.rest()
     except _EndedError as ended:
         rider.made.ended = str(ended)
     finally:
         rider.stand()
+        garbage.end()
     if not rider.made.segments:
         raise CohelmError(rider.made.ended)
     return rider.made

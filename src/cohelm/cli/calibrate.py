@@ -36,12 +36,17 @@ def calibrate(
     twin: Twin = False,
     floor: Annotated[
         float,
-        typer.Option(metavar="METRES", min=0.5, max=50.0, help="Free floor ahead of it, at most."),
+        typer.Option(
+            metavar="METRES", min=0.5, max=50.0, help="So much floor ahead of it is free."
+        ),
     ] = 4.0,
     load: Annotated[
-        bool, typer.Option("--load", help="It is loaded: merge with the run before, in --out.")
+        bool,
+        typer.Option("--load", help="It carries a load now: merge with the run without, in --out."),
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="The floor is free: drive.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="The floor is free: drive, and do not ask.")
+    ] = False,
     out: Annotated[
         Path,
         typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder to write into."),
@@ -127,8 +132,10 @@ def calibrate(
     written, unwritten = out / f"{model.name}.yaml", ""
     result: dict[str, Any] = {
         "robot": model.name, "file": str(written), "with_load": load, "whole": not driven.ended,
-        "ended": driven.ended or None, "findings": as_dict(found), "lag_s": answered.lag.value,
-        "lag_off_s": answered.lag.off, "odometry": noise, "not_measured": unplaced or None,
+        "ended": driven.ended or None, "findings": as_dict(found), "odometry": noise,
+        "lag_s": answered.straight.lag.value, "lag_off_s": answered.straight.lag.off,
+        "turn_lag_s": answered.turn.lag.value, "turn_lag_off_s": answered.turn.lag.off,
+        "not_measured": unplaced or None,
     }  # fmt: skip
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -30,14 +30,15 @@ TopicNames = Annotated[
     ),
 ]
 Transports = Annotated[
-    str, typer.Option("--transport", metavar="auto|dds|foxglove|zenoh", help="To the robot.")
+    str,
+    typer.Option("--transport", metavar="auto|dds|foxglove|zenoh", help="Which way to the robot."),
 ]
 Bridge = Annotated[
     str,
     typer.Option(
         "--url",
         metavar="ws://ROBOT:8765|tcp/ROBOT:7447",
-        help="Of the robot's foxglove_bridge, or of its zenoh router.",
+        help="Where the robot's foxglove_bridge, or its zenoh router, is.",
     ),
 ]
 
@@ -48,7 +49,8 @@ LockTimeout = Annotated[
         "--lock-timeout",
         min=0.1,
         metavar="SECONDS",
-        help="Of a ROS 2 robot: its emergency stop counts when it is silent for so long, too.",
+        help="Of a ROS 2 robot: its emergency stop also stops it when nothing of it is heard for "
+        "so long; by default what it said last counts.",
     ),
 ]
 MasksFrom = Annotated[
@@ -73,7 +75,7 @@ def on_ros(
     from cohelm.ros.connection import connection
 
     if ros2:
-        connection(transport, url)  # one that there is not is told at once
+        connection(transport, url)  # one that there is not is said at once
         silence = math.inf if lock_timeout is None else lock_timeout
         return Ros2Config(tuple(topics or ()), transport, url, tuple(masks or ()), frame, silence)
     if topics or url or transport != "auto" or masks or lock_timeout is not None:
@@ -104,19 +106,22 @@ def filter_(
     scan: Annotated[str, typer.Option(metavar="TOPIC", help="The LiDAR's scans.")] = "/scan",
     further_scan: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=TOPIC", help="Those of a further LiDAR, if not on /scan_NAME."),
+        typer.Option(metavar="NAME=TOPIC", help="Those of a further LiDAR of --robot, if not on "
+                     "/scan_NAME. Once for each."),
     ] = None,
     contact: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=TOPIC", help="That of a bumper or cliff sensor, if not on "
-                     "/bumper_NAME, /cliff_NAME or /hazard_detection."),
+        typer.Option(metavar="NAME=TOPIC", help="A bumper or cliff sensor of --robot, if not on "
+                     "/bumper_NAME, /cliff_NAME or /hazard_detection. Once for each."),
     ] = None,
     footprint: Annotated[
-        str, typer.Option(metavar="TOPIC", help="The base's outline, where that changes.")
+        str, typer.Option(metavar="TOPIC",
+                          help="The base's outline (PolygonStamped), where that changes.")
     ] = "",
     odom: Annotated[str, typer.Option(metavar="TOPIC", help="The base's odometry.")] = "/odom",
     namespace: Annotated[
-        str, typer.Option(metavar="/NAME", help="Of the robot's topics.")
+        str, typer.Option(metavar="/NAME",
+                          help="Names without a slash before them, and the defaults, are in there.")
     ] = "/",
     stamped: Annotated[
         bool | None,
@@ -124,8 +129,8 @@ def filter_(
                      "default as it subscribes."),
     ] = None,
     timeout: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0.05, max=5.0, help="A command counts for so "
-                            "long.")
+        float, typer.Option(metavar="SECONDS", min=0.05, max=5.0,
+                            help="A command counts for so long; then it brakes.")
     ] = 0.5,
     rate: Annotated[
         float | None,
@@ -133,21 +138,24 @@ def filter_(
                      "controller's."),
     ] = None,
     wait: Annotated[
-        float, typer.Option(metavar="SECONDS", min=2.0, max=3600.0, help="For topics that are "
-                            "missing at the start.")
+        float, typer.Option(metavar="SECONDS", min=2.0, max=3600.0,
+                            help="Wait for what is missing at the start.")
     ] = 10.0,
     clock_difference: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0.0, help="Allowed between the robot's clock "
-                            "and this one.")
+        float, typer.Option(metavar="SECONDS", min=0.0,
+                            help="Up to this the robot's clock may differ.")
     ] = 5.0,
     mount_from_model: Annotated[
-        bool, typer.Option("--mount-from-model", help="The LiDAR is where --robot says.")
+        bool, typer.Option("--mount-from-model",
+                           help="The LiDAR is where --robot says, not where /tf_static does.")
     ] = False,
     allow_bypass: Annotated[
-        bool, typer.Option("--allow-bypass", help="Others may command the base beside the filter.")
+        bool, typer.Option("--allow-bypass",
+                           help="Others may command the base too: no promise then.")
     ] = False,
     lock: Annotated[
-        str, typer.Option(metavar="TOPIC", help="While true nothing moves; '' for none.")
+        str, typer.Option(metavar="TOPIC",
+                          help="Emergency stop (Bool): while true nothing moves; '' for none.")
     ] = "/emergency_stop",
     lock_timeout: LockTimeout = None,
     transport: Transports = "auto",
@@ -164,7 +172,8 @@ def filter_(
     """Pass only what is safe from a ROS 2 controller to its base.
 
     Needs no ROS here, only the network of the robot: commands, scans and odometry in; safe
-    commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first.
+    commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first. What does not
+    fit is said with its cure, and nothing moves: begin with --print-config.
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import ended
@@ -247,9 +256,9 @@ def base(
 ) -> None:
     """Be a simulated robot behind ROS 2 topics.
 
-    For trying `cohelm filter` without a robot. Publishes /odom, /scan and /tf_static, obeys
-    /cmd_vel, and says at its end how near it came to anything. --controller 0.5,0 wants it to drive
-    ahead, whatever is there.
+    For trying `cohelm filter` and `cohelm robot --ros2` without a robot. Publishes /odom, /scan,
+    /tf and /tf_static, obeys /cmd_vel, and says at its end how near it came to anything.
+    --controller 0.5,0 wants it to drive ahead, whatever is there.
     """
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads

@@ -72,7 +72,7 @@ class OutlineCheck:
             if float(gaps.min()) < worst:
                 worst, at = float(gaps.min()), piece[int(gaps.argmin())]
         text = ""
-        if worst < least:
+        if worst < least or worst == 0.0:
             room = f"{100.0 * worst:.0f} cm of room" if worst > 0.0 else "no room"
             text = (
                 f"with the outline that it has now its route has {room} at {at[0]:.1f}, "

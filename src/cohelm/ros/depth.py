@@ -181,7 +181,8 @@ class DepthRanges(WatchesFloor):
         """(beams,) [m]: of the points within the band, the distance on the floor of the nearest
         along each beam, or where floor ends that it ought to see; inf where there is none, -inf
         where it is nearer than the least range, NaN where most of the beam's pixels measured
-        nothing. CohelmError for what is no such image."""
+        nothing; where all pixels did, something is too near. CohelmError for what is no such
+        image."""
         seen, metres = depths(image, self._camera, self._topic)
         made: Floats = np.full(self._model.beams, math.nan)
         if not len(self._seen):
@@ -198,6 +199,8 @@ class DepthRanges(WatchesFloor):
         nearest = np.minimum.reduceat(ranges, self._starts).astype(np.float64)
         blind = np.add.reduceat(none, self._starts, dtype=np.int64) > _MEASURED * self._counts
         made[self._seen] = np.where(blind & (nearest == math.inf), math.nan, nearest)
+        if self._floor is None and none.all():  # too near for all of it, or before the lens
+            made[self._seen] = -math.inf
         if self._floor is not None:
             down, depth[~(depth > 0.0)] = self._down, math.nan
             low = depth[down]

@@ -23,6 +23,7 @@ from cohelm.pilot.reshaping import Shape
 from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode, driving, latched
+from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.gated_robot import GatedRobot, rules, standing
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
@@ -104,17 +105,22 @@ class FilterNode:
 
     def run(self, over: Callable[[], bool]) -> None:
         """Until somebody says that it is over; the gate process is left to be closed."""
-        self.may_drive = True
+        self.may_drive, garbage = True, Sweeper()
         pacing = Pacing(self._params.period, time.monotonic(), self._every)
-        while not over():
-            while (left := pacing.earliest() - time.monotonic()) > 0.0:
-                time.sleep(left)
-            came = self._commands.wait(pacing.expected() - LEAD - time.monotonic())
-            if not came:
-                self._look()
-                came = self._commands.wait(pacing.latest() - time.monotonic())
-            pacing.begin(time.monotonic(), came)
-            self.step()
+        try:
+            while not over():
+                while (left := pacing.earliest() - time.monotonic()) > 0.0:
+                    time.sleep(left)
+                came = self._commands.wait(pacing.expected() - LEAD - time.monotonic())
+                if not came:
+                    self._look()
+                    came = self._commands.wait(pacing.latest() - time.monotonic())
+                pacing.begin(time.monotonic(), came)
+                self.step()
+                if pacing.expected() - time.monotonic() > 0.5 * self._params.period:
+                    garbage.sweep(time.monotonic())
+        finally:
+            garbage.end()
 
     def step(self) -> Row:
         """One control period: the newest command, through filter and gate, to the base."""

@@ -66,7 +66,10 @@ def found(
         raise CohelmError(mismatch.nobody(transport.name, transport.unseen))
     way = way or Connection()
     why = f", because {way.why}" if way.why else ""
-    notes, wrong = [f"transport: {transport.name}{why}"], _unheard(heard, seen)
+    notes, wrong = (
+        [f"transport: {transport.name}{why}"],
+        _unheard(heard, [one.name for one in model.lidars], seen),
+    )
     notes += [f"{one.model.said}: {one.topic}, {one.kind}" for one in heard.contacts]
     out_type = TWIST
     if drives:
@@ -96,14 +99,14 @@ def _shared(heard: Inspection, seen: list[Endpoint]) -> tuple[list[str], list[st
     return [told for told, _ in found if told], [amiss for _, amiss in found if amiss]
 
 
-def _unheard(heard: Inspection, seen: list[Endpoint]) -> list[str]:
-    """What did not come, a sentence each."""
+def _unheard(heard: Inspection, names: list[str], seen: list[Endpoint]) -> list[str]:
+    """What did not come, a sentence each. names: of the LiDARs."""
     wrong: list[str] = []
     for topic, kind, came, option in (
         (heard.topics.odom, ODOMETRY, heard.odometry, "--odom"),
         *(
-            (topic, heard.kinds[topic], rows, "--further-scan" if i else "--scan")
-            for i, (topic, rows) in enumerate(heard.scans.items())
+            (topic, heard.kinds[topic], rows, f"--further-scan {name}=TOPIC" if i else "--scan")
+            for i, (name, (topic, rows)) in enumerate(zip(names, heard.scans.items(), strict=True))
         ),
     ):
         if len(came) < 3:
@@ -111,12 +114,13 @@ def _unheard(heard: Inspection, seen: list[Endpoint]) -> list[str]:
             wrong.append(mismatch.unheard(topic, kind, SENSOR, option, seen, damage))
     wrong += [
         mismatch.no_camera_info(topic, depth.info_topic(topic), seen)
-        for topic, rows in heard.infos.items() if not rows
+        for topic, rows in heard.infos.items()
+        if not rows and any(one.publishes and one.topic == topic for one in seen)
     ]  # fmt: skip
-    silent = {(o.topic, o.kind) for o in heard.contacts if o.topic not in heard.touched}
-    for topic, kind in sorted(silent):
-        damage = heard.damage.get(topic, "")
-        wrong.append(mismatch.unheard(topic, kind, SENSOR, "--contact", seen, damage))
+    silent = {o.topic: o for o in heard.contacts if o.topic not in heard.touched}
+    for topic, one in sorted(silent.items()):
+        damage, option = heard.damage.get(topic, ""), f"--contact {one.model.name}=TOPIC"
+        wrong.append(mismatch.unheard(topic, one.kind, SENSOR, option, seen, damage))
     return wrong
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 _OF_THE_FILTER = {
-    "--further-scan": "--topic scan_NAME=TOPIC",
+    "--further-scan ": "--topic scan_",
     "--scan": "--topic scan=TOPIC",
-    "--contact": "--topic contact_NAME=TOPIC",
+    "--contact ": "--topic contact_",
     "--odom": "--topic odom=TOPIC",
     "--out": "--topic out=TOPIC",
     "with --footprint": "with --topic footprint=TOPIC",

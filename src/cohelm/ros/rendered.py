@@ -1,4 +1,4 @@
-"""Depth images of what a planar scan has shown: walls where it returned, and the floor before them.
+"""Depth images of what a planar scan has shown: walls where it returned, floor and ceiling before.
 
 For a simulated robot whose LiDAR is described as a depth camera.
 """
@@ -26,6 +26,8 @@ _STEEPEST = 45
 """It looks down by no more [deg]."""
 _NEARER = 0.8
 """It sees the floor from this share of where it is asked to: the first cell takes some pixels."""
+_CEILING = 2.6
+"""Of all rooms, above the floor [m]: without it what looks up measures nothing at all."""
 _WIDEST = 120.0
 """A pinhole camera sees no more [deg]."""
 
@@ -72,15 +74,15 @@ def info(camera: Intrinsics, header: Any) -> Any:
 
 
 def image(ranges: Floats, lidar: LidarModel, height: float, header: Any) -> Any:
-    """Its `sensor_msgs/msg/Image`, 16UC1: walls of any height, and the floor so far below [m]."""
+    """Its `sensor_msgs/msg/Image`, 16UC1: walls up to the ceiling. height: of the lens [m]."""
     camera, numbers = camera_of(lidar), lidar.lidar()
     bearing, along, fall = _rays(camera, tilt(lidar, height))
     beam = np.rint((bearing - numbers.first) / numbers.step).astype(np.int64)
     seen = np.nan_to_num(ranges[np.clip(beam, 0, len(ranges) - 1)], neginf=0.0, nan=0.0)
     wall = seen / along
     with np.errstate(divide="ignore"):
-        floor = np.where(fall > 0.0, height / fall, math.inf)
-    depth = np.minimum(wall, floor)
+        flat = np.maximum(height / fall, (height - _CEILING) / fall)
+    depth = np.minimum(wall, flat)
     depth[~(depth < 65.0)] = 0.0
     data = np.rint(1000.0 * depth).astype("<u2")
     return Image(

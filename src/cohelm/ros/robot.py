@@ -247,7 +247,7 @@ def _by_environment() -> Topics:
 def topics_of(pairs: Sequence[str]) -> Topics:
     """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR, `contact_NAME=` of a
     bumper or cliff sensor. CohelmError for what is none of them."""
-    names = ("command", "out", "scan", "odom", "lock", "namespace", "camera", "footprint")
+    names = ("out", "scan", "odom", "lock", "namespace", "camera", "footprint")
     given: dict[str, str] = {}
     several: dict[str, list[str]] = {"scan_": [], "contact_": []}
     for pair in pairs:

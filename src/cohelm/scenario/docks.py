@@ -115,7 +115,7 @@ def no_room(dock: Dock, outline: Floats, surfaces: Floats, resolution: float) ->
     if gaps[-1] <= 0.0:
         return "the docked robot would stand in a wall"
     tight = int(np.argmin(gaps))
-    if gaps[tight] >= dock.margin - OFF * resolution:
+    if gaps[tight] > 0.0 and gaps[tight] >= dock.margin - OFF * resolution:
         return ""
     x, y, _ = poses[tight]
     there = "docked" if tight == len(poses) - 1 else f"on its approach, at {x:.2f}, {y:.2f},"
