@@ -41,6 +41,10 @@ HX, HY, HVX, HVY, REACH, UNSEEN = range(6)
 from that place he may be, with his own radius, whatever he has done since of what he is capable of
 [m], time since he was in view [s]."""
 
+BX, BY, B_HALF, B_EDGE, B_STOOD = range(5)
+"""Columns of bodies of loose points: middle and half the extent [m], how far its nearest point is
+from the edge of the view [m], whether all of it has stood (1) or not (0)."""
+
 _DEVIATIONS = 2.0  # a foretold place may be off by so many standard deviations
 _EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
 _SAME = 0.3  # what is loose is the same as a scan before if it is as near to it [m]
@@ -68,11 +72,12 @@ def _departed(
     before: Floats, lost: Floats, came: Floats, loose: Floats, lidar: Lidar, stamps: Floats,
     sensors: Floats, dt: float, max_acceleration: float, wary: Wary,
 ) -> Floats:  # fmt: skip
-    out = np.zeros((len(before) + len(lost) + len(loose), COLUMNS))
     sensor = Pose(sensors[-1, 0], sensors[-1, 1], sensors[-1, 2])
+    bodies = _bodies(loose, lidar, sensor)
+    out = np.zeros((len(before) + len(lost) + len(bodies), COLUMNS))
     n = 0
     for i in range(len(before)):
-        if before[i, MISSED] + dt < KEPT and not _again(before[i], loose):
+        if before[i, MISSED] + dt < KEPT and not _again(before[i], bodies):
             out[n] = before[i]
             predicted(out[n], dt, max_acceleration)
             out[n, MISSED] += dt
@@ -84,26 +89,60 @@ def _departed(
             n += 1
     stays = np.ones(len(out), np.bool_)
     for j in range(len(came)):
+        for i in range(n):
+            stays[i] = stays[i] and not _his(out[i], came[j], dt)
         who = _emerged(out[:n], stays, came[j], lidar, stamps, sensors, dt)
         if who >= 0:
             stays[who] = False
-    for k in range(len(loose)):
-        x, y = loose[k, LX], loose[k, LY]
-        if within_view(lidar, sensor, x, y) < _EDGE:
-            speed = wary.creeping if loose[k, STOOD] > 0.0 else wary.fastest
-            out[n, TX], out[n, TY], out[n, MOVES] = x, y, 1.0
+    for k in range(len(bodies)):
+        if bodies[k, B_EDGE] < _EDGE:
+            speed = wary.creeping if bodies[k, B_STOOD] > 0.0 else wary.fastest
+            out[n, TX], out[n, TY], out[n, MOVES] = bodies[k, BX], bodies[k, BY], 1.0
+            out[n, PP] = (bodies[k, B_HALF] / _DEVIATIONS) ** 2
             out[n, VV] = (speed / _DEVIATIONS) ** 2
             n += 1
     return out[:n][stays[:n]]
 
 
+@jit
+def _bodies(loose: Floats, lidar: Lidar, sensor: Pose) -> Floats:
+    """The loose points of a sweep by bodies, (b, 5) as `BX` and so on: those side by side that are
+    no farther apart than `_SAME`."""
+    out, n = np.empty((len(loose), 5)), 0
+    low, high = np.zeros(2), np.zeros(2)
+    for k in range(len(loose)):
+        x, y, stood = loose[k, LX], loose[k, LY], loose[k, STOOD]
+        edge = within_view(lidar, sensor, x, y)
+        if k > 0 and math.hypot(x - loose[k - 1, LX], y - loose[k - 1, LY]) < _SAME:
+            edge, stood = min(edge, out[n - 1, B_EDGE]), min(stood, out[n - 1, B_STOOD])
+        else:
+            low[0] = high[0] = x
+            low[1] = high[1] = y
+            n += 1
+        low[0], low[1] = min(low[0], x), min(low[1], y)
+        high[0], high[1] = max(high[0], x), max(high[1], y)
+        out[n - 1, BX], out[n - 1, BY] = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
+        out[n - 1, B_HALF] = 0.5 * math.hypot(high[0] - low[0], high[1] - low[1])
+        out[n - 1, B_EDGE], out[n - 1, B_STOOD] = edge, stood
+    return out[:n]
+
+
 @jit_inline
-def _again(one: Floats, loose: Floats) -> bool:
+def _his(one: Floats, came: Floats, dt: float) -> bool:
+    """Whether it was the loose points of who is found to move: he was in view when they were."""
+    far = math.hypot(one[TX] - came[TX], one[TY] - came[TY])
+    near = far < _reach(one) + came[RADIUS]
+    return near and one[RADIUS] == 0.0 and one[MISSED] < came[SEEN] * dt
+
+
+@jit_inline
+def _again(one: Floats, bodies: Floats) -> bool:
     """Whether it is something loose that is seen again."""
     if one[RADIUS] > 0.0:
         return False
-    for k in range(len(loose)):
-        if math.hypot(loose[k, LX] - one[TX], loose[k, LY] - one[TY]) < _SAME:
+    for k in range(len(bodies)):
+        far = math.hypot(bodies[k, BX] - one[TX], bodies[k, BY] - one[TY])
+        if far < bodies[k, B_HALF] + _SAME:
             return True
     return False
 
@@ -114,13 +153,17 @@ def _emerged(
     sensors: Floats, dt: float,
 ) -> int:  # fmt: skip
     """Which of those out of view the one may be that is found to move: the nearest that it may be,
-    if it was first seen at the edge of the view; -1 for nobody."""
+    if it was first seen at the edge of the view, or came into it as the robot turned; -1 for
+    nobody."""
     ago = came[SEEN] * dt
     x, y = came[TX] - ago * came[TVX], came[TY] - ago * came[TVY]
     who, best = -1, 1.0
     k = int(np.argmin(np.abs(stamps - (stamps[-1] - ago))))
-    then = Pose(sensors[k, 0], sensors[k, 1], sensors[k, 2])
-    if within_view(lidar, then, x, y) > came[RADIUS] + 2.0 * _EDGE:
+    edge = math.inf
+    for j in range(max(k - 1, 0), k + 1):
+        then = Pose(sensors[j, 0], sensors[j, 1], sensors[j, 2])
+        edge = min(edge, within_view(lidar, then, x, y))
+    if edge > came[RADIUS] + 2.0 * _EDGE:
         return who
     for i in range(len(gone)):
         far = math.hypot(gone[i, TX] - x, gone[i, TY] - y) / (_reach(gone[i]) + came[RADIUS])

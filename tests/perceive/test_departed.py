@@ -1,0 +1,111 @@
+"""Who has left the view is remembered once, and no longer than until he is seen again."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.scan.clusters import Look
+from cohelm.perceive.track.departed import departed, out_of_view
+from cohelm.perceive.track.potentially_dynamic import Wary
+from cohelm.perceive.track.track import (
+    COLUMNS,
+    MISSED,
+    MOVES,
+    PP,
+    RADIUS,
+    RR,
+    SEEN,
+    TVX,
+    TVY,
+    TX,
+    TY,
+    VV,
+    no_tracks,
+)
+from cohelm.scenario.load import robot
+
+LIDAR = robot("sally").lidar.lidar()
+EDGE = LIDAR.first + (len(LIDAR.beams) - 1) * LIDAR.step
+DT, AGILE, WARY = 0.1, 1.0, Wary()
+NOBODY, NOTHING = no_tracks(), np.empty((0, 3))
+
+
+def at(far: float, bearing: float) -> tuple[float, float]:
+    return far * math.cos(bearing), far * math.sin(bearing)
+
+
+def looks(*headings: float) -> tuple[Look, ...]:
+    """Sweeps by a LiDAR at the origin, `DT` apart."""
+    return tuple(
+        Look(np.full(len(LIDAR.beams), np.inf), Pose(0.0, 0.0, psi), DT * k)
+        for k, psi in enumerate(headings)
+    )
+
+
+def track(
+    place: tuple[float, float], velocity: tuple[float, float] = (0.0, 0.0), *, seen: int = 3,
+    missed: float = 0.0,
+) -> Floats:  # fmt: skip
+    one = np.zeros((1, COLUMNS))
+    one[0, [TX, TY, TVX, TVY]] = *place, *velocity
+    one[0, [RADIUS, RR, PP, VV]] = 0.3, 1e-4, 0.01, 0.01
+    one[0, [SEEN, MISSED, MOVES]] = seen, missed, 1.0
+    return one
+
+
+def rim(place: tuple[float, float], stood: float = 0.0) -> Floats:
+    """The near half of a disc of 30 cm as loose points, as a LiDAR at the origin sees it."""
+    toward = math.atan2(-place[1], -place[0])
+    turned = toward + np.linspace(-1.5, 1.5, 16)
+    x, y = place[0] + 0.3 * np.cos(turned), place[1] + 0.3 * np.sin(turned)
+    return np.column_stack((x, y, np.full(16, stood)))
+
+
+def after(before: Floats, came: Floats, loose: Floats, sweeps: tuple[Look, ...]) -> Floats:
+    return departed(before, NOBODY, came, loose, LIDAR, sweeps, DT, AGILE, WARY)
+
+
+def test_the_loose_points_of_one_body_are_one_who_may_be_out_of_view():
+    gone = after(NOBODY, NOBODY, rim(at(1.2, EDGE - 0.1)), looks(0.0))
+    assert len(gone) == 1
+    where = out_of_view(NOBODY, gone, AGILE)[0]
+    far = np.hypot(*(rim(at(1.2, EDGE - 0.1))[:, :2] - where[:2]).T)
+    assert far.max() < where[4] + 0.05  # he may be wherever his points are
+
+
+def test_two_bodies_are_two():
+    both = np.vstack((rim(at(1.2, -EDGE + 0.1)), rim(at(1.2, EDGE - 0.1))))
+    assert len(after(NOBODY, NOBODY, both, looks(0.0))) == 2
+
+
+def test_what_is_loose_in_the_middle_of_the_view_has_not_left_it():
+    assert not len(after(NOBODY, NOBODY, rim(at(1.2, 0.0)), looks(0.0)))
+
+
+def test_loose_points_go_with_whom_they_belong_to_once_he_is_found_to_move():
+    """He has been in view all along: his points were loose, until it was proved that he moves."""
+    place = at(1.2, EDGE - 0.1)
+    gone = after(NOBODY, NOBODY, rim(place), looks(0.0))
+    assert not len(after(gone, track(place, seen=10), NOTHING, looks(0.0, 0.0)))
+
+
+def test_loose_points_of_somebody_else_stay():
+    gone = after(NOBODY, NOBODY, rim(at(1.2, EDGE - 0.1)), looks(0.0))
+    assert len(after(gone, track(at(1.2, 0.0), seen=10), NOTHING, looks(0.0, 0.0))) == 1
+
+
+@pytest.mark.parametrize("turn", [0.1, 0.16, 0.2])
+@pytest.mark.parametrize("far", [1.0, 5.0])
+def test_who_comes_into_view_as_the_robot_turns_is_no_longer_out_of_view(turn: float, far: float):
+    """As far within the view as it turns in one sweep. He is found to move two sweeps later."""
+    place = at(far, EDGE + 0.05 * turn)
+    gone = track(place, missed=1.5)
+    sweeps = looks(0.0, 0.0, turn, 2.0 * turn, 3.0 * turn)
+    assert not len(after(gone, track(place, seen=2), NOTHING, sweeps))
+
+
+def test_who_was_in_view_all_along_is_not_the_one_who_left_it():
+    gone = track(at(3.0, EDGE + 0.2), missed=1.5)
+    assert len(after(gone, track(at(3.0, EDGE - 0.5), seen=2), NOTHING, looks(*[0.0] * 5))) == 1
