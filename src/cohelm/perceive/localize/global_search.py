@@ -49,11 +49,13 @@ class Search(NamedTuple):
         return self.done == len(self.middles) and self.refined == len(self.best)
 
 
-def search(points: Floats, places: Floats) -> Search:
-    """Begin. points: (m, 2) of a sweep in the body frame; places: (k, 2) to look at."""
-    squares = np.floor(points / _EACH).astype(np.int64)
-    _, alone = np.unique(squares @ np.array([1 << 20, 1]), return_index=True)
-    points = points[np.sort(alone)]
+def search(points: Floats, places: Floats, by_length: bool) -> Search:
+    """Begin. points: (m, 2) of a sweep in the body frame; places: (k, 2) to look at.
+    by_length: each piece of wall counts alike, however many beams fall on it."""
+    if by_length:
+        squares = np.floor(points / _EACH).astype(np.int64)
+        _, alone = np.unique(squares @ np.array([1 << 20, 1]), return_index=True)
+        points = points[np.sort(alone)]
     chosen = points[np.linspace(0, len(points) - 1, min(_POINTS, len(points))).astype(int)]
     turned = np.stack([
         moved(Pose(0.0, 0.0, 2.0 * math.pi * t / _TURNS), chosen, False) for t in range(_TURNS)
