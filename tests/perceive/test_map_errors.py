@@ -53,7 +53,8 @@ def standing(*, more=False, less=False, post=False, box=False, nearer=False):
 
 
 def charge(ranges, pose, charges=None, model=LIDAR, every=1, stamp=0.0, made=None):
-    """What the map has wrong, what may walk, and how closely the rest fits, by one view."""
+    """What the map has wrong, what may walk, how closely the rest fits, and what is narrow and
+    wrong, by one view."""
     made = made or known(*room(CELL), CELL, Pose(0.0, 0.0, 0.0))
     own = charges or Charges()
     care = 0.5 * CELL, 0.05, own.cells, own.off, stamp
@@ -63,8 +64,8 @@ def charge(ranges, pose, charges=None, model=LIDAR, every=1, stamp=0.0, made=Non
 
 
 def test_where_the_map_is_right_nothing_is_charged():
-    log, doubt, closer = charge(seen(standing(), AT), AT)
-    assert log == doubt == 0.0
+    log, doubt, closer, narrow = charge(seen(standing(), AT), AT)
+    assert log == doubt == narrow == 0.0
     assert closer > 0.0
 
 
@@ -92,6 +93,18 @@ def test_what_may_be_an_edge_that_is_seen_past_is_charged_to_nobody():
     ranges = seen(standing(post=True), AT)
     assert (ranges < 1.2).sum() >= 10
     assert charge(ranges, AT)[:2] == (0.0, 0.0)
+
+
+def test_what_is_narrow_and_wrong_in_every_view_counts_once_and_an_edge_seen_past_fades():
+    """A post on no map, seen from ten places; and one that is there in the first view alone."""
+    always, once = Charges(), Charges()
+    for k in range(10):
+        there = Pose(AT.x - 0.15 * k, AT.y, AT.psi)
+        charge(seen(standing(post=True), there, number=k), there, always)
+        charge(seen(standing(post=k == 0), there, number=k), there, once)
+    assert always.log - once.log == pytest.approx(-1.5, abs=0.5)
+    assert always.errors == once.errors == 0.0
+    assert once.edges > -0.5
 
 
 def test_a_wall_on_no_map_is_as_rare_as_one_that_is_gone_and_a_box_is_not():
@@ -148,8 +161,8 @@ def test_a_wall_where_nobody_has_looked_is_no_error_as_a_wall_that_is_gone_is():
     blank[45:75, -3] = False
     ranges = seen(drawn, AT)
     made = known(blank, free & ~drawn, CELL, Pose(0.0, 0.0, 0.0))
-    log, _, closer = charge(ranges, AT, made=made)
-    gone, _, nearer = charge(seen(standing(less=True), AT), AT)
+    log, _, closer, _ = charge(ranges, AT, made=made)
+    gone, _, nearer, _ = charge(seen(standing(less=True), AT), AT)
     assert gone + 2.0 < log < 0.0
     assert closer > nearer + 0.1  # nor is it taken to lie worse than what is drawn
     assert closer == pytest.approx(charge(ranges, AT)[2], rel=0.1)

@@ -14,6 +14,7 @@ from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.surfaces import moved
 
 _POINTS = 64
+_EACH = 0.2  # of which each square has one: a wall tells by its length, not by its beams [m]
 _TURNS = 120
 _BEST = 4  # headings kept of each block
 _TOLERANCE = 0.2  # of a point from its wall, at the raster of places and headings [m]
@@ -48,8 +49,13 @@ class Search(NamedTuple):
         return self.done == len(self.middles) and self.refined == len(self.best)
 
 
-def search(points: Floats, places: Floats) -> Search:
-    """Begin. points: (m, 2) of a sweep in the body frame; places: (k, 2) to look at."""
+def search(points: Floats, places: Floats, by_length: bool) -> Search:
+    """Begin. points: (m, 2) of a sweep in the body frame; places: (k, 2) to look at.
+    by_length: each piece of wall counts alike, however many beams fall on it."""
+    if by_length:
+        squares = np.floor(points / _EACH).astype(np.int64)
+        _, alone = np.unique(squares @ np.array([1 << 20, 1]), return_index=True)
+        points = points[np.sort(alone)]
     chosen = points[np.linspace(0, len(points) - 1, min(_POINTS, len(points))).astype(int)]
     turned = np.stack([
         moved(Pose(0.0, 0.0, 2.0 * math.pi * t / _TURNS), chosen, False) for t in range(_TURNS)

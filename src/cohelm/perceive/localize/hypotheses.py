@@ -152,7 +152,7 @@ class Hypotheses:
             near = np.hypot(places[:, 0] - own.x, places[:, 1] - own.y) < self.caution.near
             places = places[near]
         all_ = [sweep.points, *(shifted(v.back, v.points, True) for v in self._last.use())]
-        self._search = search(np.vstack(all_), places)
+        self._search = search(np.vstack(all_), places, self.cold)
         # where it is taken to be competes with all others
         known = [] if self.cold else [here]
         known += [self.left.pose] if self.left else []

@@ -3,8 +3,9 @@
 A map errs by things that stand or that do not stand, and each errs for as long as it is looked at,
 by however many beams. So a place is charged for a contradiction where it is first seen, by its
 length and not by its beams, and never again for the same stretch of the map. What is narrower
-than two things may lie apart and be one is an edge that a pose a little beside sees past. What
-may be a person is charged while he is in view, and for good once it has stood.
+than two things may lie apart and be one may be an edge that a pose a little beside sees past, from
+some views: it counts in the mean over those of the last metre. What may be a person is charged
+while he is in view, and for good once it has stood.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.localize.localization_map import (
     AGREE,
+    BEHIND,
     BEYOND,
     IN_FRONT,
     NEAR,
@@ -44,6 +46,7 @@ _WIDE = -1.0  # and of each metre, for maps err alike along so much (`MatchParam
 _RIGHT = -2.0  # of a map that is wrong here at all, for most of what is in view is right;
 _AGAIN = 0.7  # where it is wrong once, it is likelier wrong again
 _AROUND = ((0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1))
+_VIEWS = 7  # of a metre, along which maps err alike: views are 15 cm apart (`past_views.NEAR`)
 _STOOD = 2.3  # who walks, at 0.5 m/s, has left a cell and those beside it, 0.4 m wide himself [s]
 _WALL, _PERHAPS = 5, 6  # beside the kinds of `read`: what is in front and is a wall, or may walk
 
@@ -72,23 +75,28 @@ class Charges:
     """of what is in the newest view and may walk away,"""
     closer: float = 0.0
     """and by how much ends of beams lie closer to what is drawn than is usual, over all of it."""
+    edges: float = 0.0
+    """Log likelihood of what is narrow and wrong, in the mean over the views of the last metre."""
+    views: int = 0
 
-    def take(self, told: tuple[float, float, float]) -> None:
+    def take(self, told: tuple[float, float, float, float]) -> None:
         """What one more view tells (`charged`)."""
         self.errors += told[0]
         self.doubt = told[1]
         self.closer += told[2]
+        self.views += 1
+        self.edges += (told[3] - self.edges) / min(self.views, _VIEWS)
 
     @property
     def log(self) -> float:
         """Log likelihood of all of it. How a wall is drawn tells once, however long one looks at
         it: two rooms alike are not told apart by it."""
-        return _wrong(self.errors + self.doubt) + self.closer
+        return _wrong(self.errors + self.doubt) + self.closer + self.edges
 
     @property
     def most(self) -> float:
         """And what it may come to, where all that may walk walks away."""
-        return _wrong(self.errors) + self.closer
+        return _wrong(self.errors) + self.closer + self.edges
 
 
 def _wrong(errors: float) -> float:
@@ -100,11 +108,12 @@ def _wrong(errors: float) -> float:
 def charged(
     known: LocalizationMap, lidar: Lidar, pose: Pose, ranges: Floats, every: int, offset: float,
     spread: float, seen: Ints, lies: Floats, stamp: float,
-) -> tuple[float, float, float]:  # fmt: skip
+) -> tuple[float, float, float, float]:  # fmt: skip
     """Log likelihoods of what every `every`-th beam of a scan from a body pose shows for the first
     time to be wrong on the map, and of what does so but may walk; and by how much it changes that
-    of how closely the others end at what is drawn. Each metre of wall counts once, with the mean of
-    all that ended there; one that nobody has drawn counts as those that are do.
+    of how closely the others end at what is drawn; and log likelihood of all that is too narrow to
+    be charged. Each metre of wall counts once, with the mean of all that ended there; one that
+    nobody has drawn counts as those that are do.
 
     seen, lies: of the place (`Charges.cells`, `off`), to which it is added. stamp: of the scan [s].
     """
@@ -136,7 +145,7 @@ def charged(
                 near += wide * (USUAL - off)
                 lain += wide
         n += 1
-    log, doubt, begin = 0.0, 0.0, 0
+    log, doubt, narrow, begin = 0.0, 0.0, 0.0, 0
     while begin < n:
         end = begin + 1
         while end < n and kinds[end] == kinds[begin]:
@@ -145,6 +154,8 @@ def charged(
         beams = (end - begin) * every
         nearest = fars[begin:end].min()
         thing = beams >= RUN and beams * lidar.step * nearest >= NEAR + _TURNED * nearest
+        if beams >= RUN and not thing and kind in (IN_FRONT, BEHIND):
+            narrow += _SHORT if kind == IN_FRONT else _THROUGH
         if thing and kind not in (AGREE, SILENT):
             wall = kind == IN_FRONT and _straight(ends[begin:end]) > _BROAD
             stood = kind != IN_FRONT or wall
@@ -158,7 +169,7 @@ def charged(
                 new, again = _first(seen, lies, cells[begin:end], _WALL, stamp, True)
                 log += _THROUGH - _SHORT if new > 0 and not again else 0.0
         begin = end
-    return log, doubt, closer
+    return log, doubt, closer, narrow
 
 
 @jit

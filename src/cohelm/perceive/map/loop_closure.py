@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.frames import between, compose
+from cohelm.core.frames import between, compose, inverse
 from cohelm.core.jit import jit
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.place_graph import PlaceGraph, agree
-from cohelm.perceive.map.pose_graph import ROUGH, Link, loop_link, off, spread
+from cohelm.perceive.map.pose_graph import CONTRADICTS, ROUGH, Link, loop_link, off, spread
 from cohelm.perceive.match.odometry_covariance import inverted
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
 from cohelm.perceive.match.surfaces import Surfaces
@@ -30,6 +30,7 @@ _BROAD = 0.55  # [m]
 _PEAKS = 24  # of the coarse raster, that are looked at finely
 BESIDE = 1.2  # a robot comes back within this of where it drove before [m]
 _POINTS = 150
+_STRETCH = 150  # old places that are searched at once for another likeness
 _BEST = 8  # that are matched
 _APART, _TURNED = 1.0, 0.3  # what is nearer to each other than both is one [m, rad]
 _PRECISE = np.diag(1.0 / ROUGH)
@@ -90,7 +91,9 @@ class LoopClosure:
             agrees = agree(graph.there(link), graph.poses[k])
             if agrees:
                 new.append(link)
-            elif share >= c.whole:
+            elif share >= c.whole and (
+                _drifted(graph, link, unsure) or landmark(graph, link, newest, share)
+            ):
                 graph.doubt(link)
             if agrees and share >= c.whole:
                 self.met = graph.ways[k]
@@ -119,9 +122,7 @@ def _found_again(
         if graph.parted(a, k):
             continue
         # what drift makes unlikely has to fit better
-        there, seen = poses[a], compose(here, between(fit.pose, poses[a]))
-        d = np.array([seen.x - there.x, seen.y - there.y, wrap(seen.psi - there.psi)])
-        odd = float(d @ inverted(unsure[a] + np.diag(ROUGH**2)) @ d)
+        odd = _odd(poses[a], compose(here, between(fit.pose, poses[a])), unsure[a])
         found.append((fit.share - c.alone * min(odd / 9.0, 1.0), fit, a))
     found.sort(key=lambda one: -one[0])
     if not found or (len(found) > 1 and found[1][0] > found[0][0] - c.alone):
@@ -133,6 +134,35 @@ def _found_again(
         return None, 0.0
     link = loop_link(a, k, between(poses[a], fit.pose), fit.information, fit.pose.psi)
     return link, fit.share
+
+
+def _drifted(graph: PlaceGraph, link: Link, unsure: Floats) -> bool:
+    """Whether drift can have led so far from where a loop puts its second place."""
+    there, here = graph.poses[link.a], graph.poses[link.b]
+    return _odd(there, compose(here, inverse(link.pose)), unsure[link.a]) < CONTRADICTS
+
+
+def _odd(there: Pose, seen: Pose, unsure: Floats) -> float:
+    """How far an old place, seen from the newest one, is from where it is, as squared sigmas."""
+    d = np.array([seen.x - there.x, seen.y - there.y, wrap(seen.psi - there.psi)])
+    return float(d @ inverted(unsure + np.diag(ROUGH**2)) @ d)
+
+
+def landmark(graph: PlaceGraph, link: Link, newest: Surfaces, share: float) -> bool:
+    """Whether the newest submap, of which a loop explains so much, fits no other old place: what
+    has a likeness is no landmark, where drift can hardly have led there."""
+    c, here, there = graph.care, graph.poses[link.b], graph.there(link)
+    trail = np.array(graph.poses[: link.b - c.again])[:, :2]
+    for first in range(0, len(trail), _STRETCH):
+        last = min(first + _STRETCH, len(trail))
+        known = graph.around(range(max(0, first - c.submap), min(last + c.submap, link.b)), None)
+        reach = np.full(last - first, math.inf)
+        fits = revisits(
+            known, newest.points, newest.normals, trail[first:last], reach, here, math.pi
+        )  # fmt: skip
+        if any(fit.share > share - c.alone and not _same(fit.pose, there) for fit in fits):
+            return False
+    return True
 
 
 def revisits(

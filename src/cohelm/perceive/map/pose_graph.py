@@ -16,7 +16,8 @@ from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.match.odometry_covariance import inverted
 
 _CHANCE = 0.999  # of right loops, so many are taken for right where they stand alone
-_CONTRADICTS = 16.3  # squared sigmas that one right loop in a thousand exceeds (chi square, 3)
+CONTRADICTS = 16.3
+"""Squared sigmas that one right loop in a thousand exceeds (chi square, 3)."""
 ROUGH: Floats = np.array([0.01, 0.01, 0.004])
 """A match of two submaps is no better [m, rad]."""
 
@@ -126,7 +127,7 @@ def off(poses: Sequence[Pose], link: Link) -> Floats:
 def contradicted(poses: Sequence[Pose], link: Link) -> bool:
     """Whether a loop can hardly be right where the places are."""
     e = off(poses, link)
-    return float(e @ link.information @ e) > _CONTRADICTS
+    return float(e @ link.information @ e) > CONTRADICTS
 
 
 def spread(poses: Sequence[Pose], links: Sequence[Link], k: int) -> Floats:

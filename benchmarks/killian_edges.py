@@ -1,0 +1,72 @@
+"""What the loop edges of the Killian Court log can say of a map: they err, too.
+
+An edge is somebody's match of two scans. Two edges from one scan to two others a few steps apart
+tell the way between these, and so do the sequential edges: by so much they contradict each other.
+And a scan, put where an edge says or where a map says it is, lies on what was seen around the other
+one, or does not.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from cohelm.core.frames import between
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.match.scan_matching import MatchParams, align
+from cohelm.perceive.match.surfaces import Surfaces, moved, normals, surfaces, thinned
+from tests.perceive.killian import Log
+
+_NEAR = 3  # steps between two scans that one edge each leads to
+_AROUND = 10  # scans before and after one that belong to its surroundings
+_FAR = 15.0  # points farther away are left out, as in mapping [m]
+_FIRM = 5e3  # information of a match that is known in every direction [1/m^2]
+_HELD = np.diag([1e8, 1e8, 1e8])
+
+
+def contradictions(log: Log) -> Floats:
+    """(n, 2): how far off the second of two edges from one scan is by the first one and the
+    sequential edges, along the heading and across [m]. Of either edge it is 1/sqrt(2) of that."""
+    off: list[tuple[float, float]] = []
+    for a in sorted({a for a, _, _ in log.loops}):
+        own = sorted((b, pose) for first, b, pose in log.loops if first == a)
+        for (b, one), (c, other) in pairwise(own):
+            if c - b <= _NEAR:
+                e = between(between(log.odometry[b], log.odometry[c]), between(one, other))
+                off.append((e.x, e.y))
+    return np.array(off)
+
+
+def fits(log: Log, poses: list[Pose]) -> tuple[Floats, Floats]:
+    """Of each loop edge, how far its second scan's points lie off what was seen around the first,
+    rms, where the edge puts them and where `poses` do: (n, 2). And how far these two are off the
+    best match of both, where that is one and known in every direction: (m, 2) [m]."""
+    seen: list[tuple[Floats, Floats]] = []
+    for glimpse in log.seen:
+        near = np.hypot(*glimpse.points.T) < _FAR
+        seen.append(normals(glimpse.points[near], glimpse.beams[near], log.lidar.step))
+    care = MatchParams(rounds=30)
+    rms: list[tuple[float, float]] = []
+    off: list[tuple[float, float]] = []
+    for a, b, edge in log.loops:
+        around, guesses = _around(log, seen, a), (edge, between(poses[a], poses[b]))
+        held = [align(around, *seen[b], guess, _HELD, care).rms for guess in guesses]
+        rms.append((held[0], held[1]))
+        loose = np.diag([25.0, 25.0, 100.0])
+        best = [align(around, *seen[b], guess, loose, care) for guess in guesses]
+        apart = between(best[0].pose, best[1].pose)
+        firm = min(np.linalg.eigvalsh(fit.information[:2, :2])[0] for fit in best) > _FIRM
+        if firm and np.hypot(apart.x, apart.y) < 0.03:
+            ways = [between(fit.pose, guess) for fit, guess in zip(best, guesses, strict=True)]
+            off.append((float(np.hypot(*ways[0][:2])), float(np.hypot(*ways[1][:2]))))
+    return np.array(rms), np.array(off)
+
+
+def _around(log: Log, seen: list[tuple[Floats, Floats]], a: int) -> Surfaces:
+    """What the scans around scan a saw, in its frame, by the sequential edges."""
+    near = range(max(0, a - _AROUND), min(len(seen), a + _AROUND + 1))
+    ways = [between(log.odometry[a], log.odometry[i]) for i in near]
+    points = [moved(way, seen[i][0], True) for way, i in zip(ways, near, strict=True)]
+    across = [moved(way, seen[i][1], False) for way, i in zip(ways, near, strict=True)]
+    return surfaces(*thinned(np.vstack(points), np.vstack(across), 0.04), 0.05, 0.65)
