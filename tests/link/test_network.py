@@ -183,7 +183,7 @@ def test_after_a_black_out_nothing_old_is_used_and_driving_goes_on_without_recon
     network.be(delay=0.05, jitter=0.01)
     dark = drive.since(began)
     first_brake = next(step.now for step in dark if step.brake)
-    assert first_brake - began < drive.side.params.stale + 0.06 + 2 * DT  # 60 ms were under way
+    assert first_brake - began < STALE + 0.06 + 2 * DT  # 60 ms were under way
     assert dark[-1].stopped.startswith("no command for")
     until(lambda: drive.used[-1].age < STALE, within=1.0)
     assert drive.used[-1].brake  # it stays, until the driver says otherwise

@@ -43,6 +43,8 @@ from tests.patience import looks
 DOMAIN = 100 + os.getpid() % 100
 NOBODYS = 200 + os.getpid() % 30
 """A domain for who must see nobody: in the tests' own, a bridge stays until their process ends."""
+KILLED = 10 + os.getpid() % 80
+"""A domain for who is killed: others see him there until his lease has ended."""
 HALL = np.array([[-60, -3, 4, -3], [4, -3, 4, 3], [4, 3, -60, 3], [-60, 3, -60, -3]], np.float64)
 """The robot starts at 0, 0 and looks at the wall at x = 4; behind it is room for everything."""
 

@@ -29,7 +29,7 @@ from cohelm.ros.messages import STRING
 from cohelm.ros.mismatch import ODOMETRY, TF
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR
 from cohelm.ros.transforms import yaw_of
-from tests.ros.stage import NOBODYS, Base, Controller, alone, until
+from tests.ros.stage import KILLED, NOBODYS, Base, Controller, alone, until
 from tests.ros.test_masks import Filter, grid, info
 
 
@@ -82,9 +82,12 @@ def test_it_drives_a_base_and_when_it_is_killed_the_base_stands(driven):
     assert driven.truth().least_moving > 0.05
 
 
-def test_all_of_cohelm_sets_off_in_the_lab_on_physics_behind_ros_topics_and_killed_it_stands():
-    """Loop, plan and gate on one side of DDS, MuJoCo on the other."""
+def test_all_of_cohelm_sets_off_in_the_lab_on_physics_behind_ros_topics_and_killed_it_stands(
+    monkeypatch,
+):
+    """Loop, plan and gate on one side of DDS, MuJoCo on the other; the gate's process ends too."""
     alone()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(KILLED))
     listener, moved = DdsTransport("listener"), list[Twist]()
 
     def hear(received):
@@ -98,7 +101,7 @@ def test_all_of_cohelm_sets_off_in_the_lab_on_physics_behind_ros_topics_and_kill
             with cohelm("robot", *asked.split()) as process:
                 under_way = until(lambda: sum(t.v for t in moved) > 0.5 * 50.0, 120.0)  # 0.5 m
                 process.send_signal(signal.SIGKILL)
-                said = process.communicate()[1]
+                said = process.communicate(timeout=60.0)[1]
             assert under_way, said
             assert until(lambda: abs(moved[-1].v) + abs(moved[-1].omega) < 0.01, 3.0), moved[-1]
         finally:

@@ -26,7 +26,7 @@ from cohelm.ros.report import NODE
 from cohelm.ros.topics import Topics
 from cohelm.ros.types import packed
 from cohelm.scenario.load import robot as load_robot
-from tests.ros.stage import DOMAIN, Filter, alone, resetting, until
+from tests.ros.stage import KILLED, Filter, alone, resetting, until
 from tests.ros.test_masks import CELLS, grid, info
 
 pytestmark = pytest.mark.xdist_group("realtime")
@@ -59,7 +59,7 @@ class Peer:
         (folder / "rubbish").write_bytes(b"\x00\x01\x00\x00" + b"\xff" * 21)
         alone()
         self.process = subprocess.Popen(
-            [PROGRAM, str(DOMAIN), folder], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            [PROGRAM, str(KILLED), folder], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         assert self.process.stdout.readline() == "ready\n"
 
@@ -84,13 +84,15 @@ class Peer:
 
 @pytest.fixture(scope="module")
 def peer(tmp_path_factory):
-    made = Peer(tmp_path_factory.mktemp("peer"))
-    yield made
-    made.close()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(KILLED))
+        made = Peer(tmp_path_factory.mktemp("peer"))
+        yield made
+        made.close()
 
 
 @pytest.fixture
-def transport():
+def transport(peer):
     made = DdsTransport(NODE)
     yield made
     made.close()

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import threading
 import time
@@ -276,6 +277,7 @@ def _qos(given: Any) -> Qos:
 
 
 @cache
+@cache
 def _cyclonedds() -> Any:
     """All that is used of it, under one name. CohelmError where it is not installed."""
     found: dict[str, Any] = {}
@@ -284,6 +286,9 @@ def _cyclonedds() -> Any:
             found |= vars(import_module(f"cyclonedds.{name}"))
     except ImportError as error:
         raise _not_installed() from error
+    # Once Python ends it would delete whatever is left of DDS, in any order, and has been seen to
+    # wait for that for ever: a gate whose loop had been killed did not end.
+    atexit.register(found["Entity"]._entities.clear)
     return SimpleNamespace(**found)
 
 
