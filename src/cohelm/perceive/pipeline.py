@@ -315,7 +315,8 @@ def rehearse(model: RobotModel, mapped: bool) -> None:
             nowhere.take(t + 0.05, Readings(odometry, scan, None, None, further, none))
         if k == 9:
             nowhere.place(here)
-    nowhere._first.doubt(np.zeros((1, 2)))  # nobody has left the view of it
+    alone = ObservationSource(nowhere.lidar, "", ScanMemoryParams(), TrackerParams())
+    alone.doubt(np.zeros((1, 2)))  # nobody has left the view above
 
 
 def _in_a_room(lidar: Lidar, k: int) -> Floats:
