@@ -277,7 +277,6 @@ def _qos(given: Any) -> Qos:
 
 
 @cache
-@cache
 def _cyclonedds() -> Any:
     """All that is used of it, under one name. CohelmError where it is not installed."""
     found: dict[str, Any] = {}

@@ -38,9 +38,8 @@ def driven_on(
     or a chunk has ended several workers.
     """
     try:
-        parse_host_port(
-            parse_address(address)[1]
-        )  # of a wrong one the client leaves half of itself
+        # checked first: of a wrong one the client would leave half of itself
+        parse_host_port(parse_address(address)[1])
         client: Any = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise CohelmError(
