@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.contact_memory import KEPT, ContactMemory
 from cohelm.perceive.pipeline import Perception
+from cohelm.perceive.source.contact_memory import KEPT, ContactMemory
 from cohelm.robot.contacts import ContactModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan
 from cohelm.scenario.load import robot

@@ -7,8 +7,8 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.pipeline import Perception
-from cohelm.perceive.range_source import RangeSource
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended
+from cohelm.perceive.source.range_source import RangeSource
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import robot

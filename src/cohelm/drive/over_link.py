@@ -12,8 +12,8 @@ from cohelm import __version__
 from cohelm.core.types import Floats
 from cohelm.drive.pictures import Packed
 from cohelm.drive.rerouting import PathRequest
-from cohelm.link.bulk_messages import Checked, FromRobot, Hello, Picture, Records
-from cohelm.link.messages import Ask, Discs, ScanPart, Status
+from cohelm.link.bulk_messages import Hello, Picture, Records
+from cohelm.link.messages import Ask
 from cohelm.link.operator_input import ClientRequest, OperatorInput
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
@@ -33,6 +33,8 @@ class OverLink:
         """
         self._end, self._bulk = end, bulk
         self.address = end.address
+        self.answer, self.tell, self.show = end.answer, end.tell, end.show
+        self.publish, self.reply = bulk.publish, bulk.reply
         self._records = records
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"
         """Starts or ends a record; why not, or nothing."""
@@ -60,23 +62,7 @@ class OverLink:
             self.answer(asked.client, number, not said, said)
         return received._replace(requests=tuple(rest))
 
-    def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
-        """What became of a request."""
-        self._end.answer(client, number, granted, reason)
-
-    def tell(self, status: Status) -> None:
-        """What the robot does now."""
-        self._end.tell(status)
-
-    def show(self, *parts: ScanPart | Discs) -> None:
-        """What it sees."""
-        self._end.show(*parts)
-
     # ---- besides ------------------------------------------------------------------------
-
-    def publish(self, message: FromRobot) -> None:
-        """To all stations, now and later."""
-        self._bulk.publish(message)
 
     def reshape(self, outline: Floats) -> None:
         """The robot has another outline, (k, 2) [m]: stations draw that from now on."""
@@ -89,10 +75,6 @@ class OverLink:
     def path_requests(self) -> tuple[PathRequest, ...]:
         """Way-points proposed since the last call."""
         return tuple(PathRequest(one.client, *one.what) for one in self._bulk.proposed())
-
-    def reply(self, client: int, said: Checked) -> None:
-        """What is thought of them."""
-        self._bulk.reply(client, said)
 
     @property
     def driver(self) -> int:

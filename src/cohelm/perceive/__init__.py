@@ -1,6 +1,6 @@
 """From scans and odometry to what the robot knows: its place, obstacles, who moves, maps.
 
-`pipeline` is the door. `scan` puts one scan right; `match` lays scans on surfaces; `localize` finds
-the robot on a map; `track` follows who moves; `space` remembers ground that was seen, or was not;
-`map` makes maps from drives.
+`pipeline` is the entry point. `scan` deskews, filters and clusters one scan; `match` matches scans
+to surfaces; `source` is the memory of one sensor; `localize` finds the robot on a map; `track`
+follows what moves; `space` remembers free and unobserved ground; `map` makes maps from drives.
 """

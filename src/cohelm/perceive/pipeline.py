@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose, inverse
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.perceive.contact_memory import ContactMemory
 from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
 from cohelm.perceive.localize.localizer import Located, Locator
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.perceive.observation_source import NOTHING, ObservationSource
-from cohelm.perceive.range_source import RangeSource
 from cohelm.perceive.scan.deskew import DeskewedScan, all_round
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
+from cohelm.perceive.source.contact_memory import ContactMemory
+from cohelm.perceive.source.observation_source import NOTHING, ObservationSource
+from cohelm.perceive.source.range_source import RangeSource
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
 from cohelm.perceive.track.tracker import TrackerParams, bodies, hidden, strays

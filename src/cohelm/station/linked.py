@@ -7,10 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Fetch, Waypoints
 from cohelm.link.keys import Keys
-from cohelm.link.messages import Answer, Ask, Device
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import FRESH, StationEnd
 from cohelm.station.robot_link import News, Quality
@@ -27,6 +25,7 @@ class Linked:
         fresh: as in `StationEnd`."""
         self._over = over
         self._end = StationEnd(keys, host, port, fresh=fresh)
+        self.steer, self.ask, self.answer = self._end.steer, self._end.ask, self._end.answer
         self._bulk = StationBulk(keys, host, port, self._end.session)
         self._name = f"{host}:{port}"
         self._proposals = 0
@@ -53,20 +52,6 @@ class Linked:
         if picture is not None:
             out.append(News(picture, picture.taken, now - picture.taken))
         return out + [News(message, now, 0.0) for message in self._bulk.news()]
-
-    def steer(
-        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
-    ) -> None:
-        """What the person wants now."""
-        self._end.steer(stick, valid, armed, device, speed_scale)
-
-    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
-        """Ask for something once."""
-        return self._end.ask(what, value, made)
-
-    def answer(self, number: int) -> Answer | None:
-        """What became of it."""
-        return self._end.answer(number)
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
         """Way-points."""
