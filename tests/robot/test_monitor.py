@@ -6,11 +6,14 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.types import Pose, Twist
+from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.base import Robot
 from cohelm.robot.gate.bounds import Bounds
 from cohelm.robot.gate.gate import GateRules, Proposal
 from cohelm.robot.gate.modes import GateMode
-from cohelm.robot.keep.gated_robot import LocalGatedRobot
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.monitor import UNRESTRICTED, Restriction, strictest
+from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.port import Odometry, Readings
 from cohelm.scenario import load
 from cohelm.sim.kinematic import Kinematic
@@ -25,7 +28,7 @@ class Says:
         self.at_reading, self.of_twist = at_reading, of_twist
         self.seen = []
 
-    def observe(self, now, readings, applied):
+    def observe(self, now, readings, applied, stopped=False):
         self.seen.append((readings, applied))
         return self.at_reading
 
@@ -97,3 +100,49 @@ def test_odometry_that_no_wheels_can_have_measured_is_no_number_to_anybody(pose,
     for readings in (it.read(), watch.seen[-1][0]):
         assert all(math.isnan(x) for x in (*readings.odometry.pose, *readings.odometry.twist))
         assert readings.odometry.stamp == it.now()
+
+
+BLIND = load.load_robot("sally").model_copy(update={"lidar": None})
+
+
+class StopsDead(Robot):
+    """Wheels that do at once what they are sent, and block when they are stopped."""
+
+    real_time = False
+
+    def __init__(self):
+        super().__init__(BLIND)
+        self.t, self.x, self.twist = 0.0, 0.0, Twist(0.0, 0.0)
+
+    def now(self):
+        return self.t
+
+    def wait(self, until):
+        self.x += self.twist.v * (until - self.t)
+        self.t = until
+
+    def read(self):
+        return Readings(self.odometry(Pose(self.x, 0.0, 0.0), self.twist))
+
+    def send(self, twist):
+        self.twist = twist
+
+    def stop(self):
+        self.twist = Twist(0.0, 0.0)
+
+
+@pytest.mark.parametrize("speed", [0.6, -0.6, 1.0])
+def test_a_robot_that_stops_harder_than_the_gate_brakes_is_stopped_and_not_at_fault(speed):
+    it = LocalGatedRobot(
+        RobotAdapter(StopsDead()), rules(BLIND, 0.02), watched_by=(PlausibilityMonitor(BLIND),)
+    )
+    for k in range(120):
+        it.wait(0.02 * k)
+        it.read()
+        it.propose(Proposal(k, it.now(), Twist(speed, 0.0)))
+        if k == 1:
+            assert it.drive(GateMode.AUTOMATIC) == ""
+        if k == 60:
+            assert it.gate.out.v == pytest.approx(speed)
+            it.stop("the drive is over")
+    assert (it.gate.mode, it.gate.reason) == (GateMode.STOPPED, "the drive is over")

@@ -35,7 +35,9 @@ class ContactMonitor:
         self._sides = [_side(one, model.track_m) for one in model.contacts]
         self._newest: dict[str, Contact] = {}
 
-    def observe(self, now: float, readings: Readings, applied: Twist) -> Restriction:
+    def observe(
+        self, now: float, readings: Readings, applied: Twist, stopped: bool = False
+    ) -> Restriction:
         """Take in what they say; a fault where the robot is driven against one that is newly on."""
         newly: list[_Side] = []
         known = {one.sensor: one for one in readings.contacts}

@@ -29,8 +29,11 @@ UNRESTRICTED = Restriction()
 class Monitor(Protocol):
     """One watch. All calls come from one thread, take no time and raise nothing."""
 
-    def observe(self, now: float, readings: Readings, applied: Twist) -> Restriction:
+    def observe(
+        self, now: float, readings: Readings, applied: Twist, stopped: bool = False
+    ) -> Restriction:
         """At every reading. now: the robot's clock [s]. applied: what the wheels were sent last.
+        stopped: they were sent a stop instead, and may brake harder than `applied` falls.
 
         What is restricted here holds for every twist until the next reading.
         """

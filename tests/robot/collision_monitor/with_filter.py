@@ -79,9 +79,9 @@ class Counted:
     def __init__(self, watched) -> None:
         self._watched, self.acted, self.periods, self.said = watched, 0, 0, set()
 
-    def observe(self, now, readings, applied):
+    def observe(self, now, readings, applied, stopped=False):
         """As the monitor."""
-        return self._watched.observe(now, readings, applied)
+        return self._watched.observe(now, readings, applied, stopped)
 
     def restrict(self, now, twist):
         """As the monitor; counted."""

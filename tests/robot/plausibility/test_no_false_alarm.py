@@ -15,7 +15,15 @@ from cohelm.robot.port import Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
-from tests.robot.plausibility.watched import NOTHING, ROOM, SALLY, person, watched, without_noise
+from tests.robot.plausibility.watched import (
+    NOTHING,
+    PERIOD,
+    ROOM,
+    SALLY,
+    person,
+    watched,
+    without_noise,
+)
 
 
 def ahead(t: float) -> Twist:
@@ -38,6 +46,45 @@ def spinning(t: float) -> Twist:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_alarm_in_a_room_however_it_is_driven(drive, seed):
     assert watched(drive, 12.0, seed=seed) == []
+
+
+def held_up(at: float, longest: float = 0.1):
+    """The process is held up between measuring a pose and stamping it."""
+    kept = []
+
+    def told(t, readings, _):
+        if not at <= t < at + longest + 0.5 * PERIOD:
+            kept[1:] = []
+            kept[:1] = [readings.odometry]
+            return None
+        kept.append(readings.odometry)
+        late = kept[1]._replace(stamp=t) if t > at + longest - 0.5 * PERIOD else kept[0]
+        return readings._replace(odometry=late)
+
+    return told
+
+
+@pytest.mark.parametrize("drive", [ahead, spinning])
+def test_no_alarm_when_a_pose_is_stamped_late_as_its_process_was_held_up(drive):
+    blind = SALLY.model_copy(update={"lidar": None})
+    assert watched(drive, 3.0, told=held_up(2.0), model=blind) == []
+
+
+def test_a_jump_right_after_a_pose_that_was_stamped_late_is_still_one():
+    late = held_up(2.0)
+
+    def told(t, readings, simulated):
+        o = readings.odometry
+        if t > 2.11:
+            jumped = o.pose._replace(x=o.pose.x + 0.06)
+            readings = readings._replace(odometry=o._replace(pose=jumped))
+        return late(t, readings, simulated) or readings
+
+    blind = SALLY.model_copy(update={"lidar": None})
+    found = watched(ahead, 3.0, told=told, model=blind)
+    assert found[0][1].fault
+    assert "the odometry jumped by 0.12 m against its speed" in found[0][1].reason
+    assert found[0][0] < 2.13
 
 
 @pytest.mark.parametrize("drive", [standing, winding])

@@ -118,7 +118,9 @@ class CollisionMonitor:
         """Of each kind of restriction: how it was told, and when last."""
         self._rehearse()
 
-    def observe(self, now: float, readings: Readings, applied: Twist) -> Restriction:
+    def observe(
+        self, now: float, readings: Readings, applied: Twist, stopped: bool = False
+    ) -> Restriction:
         """Take in odometry and scan; a fault where the robot moves and nobody wants it to."""
         self._heed(readings.outline, applied)
         self._reckon(now, applied)

@@ -147,8 +147,9 @@ class LocalGatedRobot:
             self.fault(self._fault)
         if self._monitors:
             now, applied = self._robot.now(), self._gate.out
+            stopped = latched(self._gate.mode)
             self._restriction = self._heeded(
-                [monitor.observe(now, readings, applied) for monitor in self._monitors]
+                [monitor.observe(now, readings, applied, stopped) for monitor in self._monitors]
             )
         self._stands(readings)
         return readings

@@ -48,7 +48,9 @@ class PlausibilityMonitor:
         self._hold = ""
         self._slow: dict[tuple[str, str], tuple[float, Finding]] = {}
 
-    def observe(self, now: float, readings: Readings, applied: Twist) -> Restriction:
+    def observe(
+        self, now: float, readings: Readings, applied: Twist, stopped: bool = False
+    ) -> Restriction:
         """All checks that these readings have something new for."""
         if not math.isfinite(now):
             return UNRESTRICTED  # the gate faults by itself
@@ -56,7 +58,7 @@ class PlausibilityMonitor:
             self._forget()
         self._clock = now
         self._commands.add(now, applied.v, applied.omega)
-        found = self._wheels(now, readings.odometry)
+        found = self._wheels(now, readings.odometry, stopped)
         for source in self._sources:
             found += source.take(now, readings, self._trail)
         return self._decided(now, found)
@@ -76,7 +78,7 @@ class PlausibilityMonitor:
         self._odd_at = self._odd_since = -math.inf
         self._last = None
 
-    def _wheels(self, now: float, odometry: Odometry | None) -> list[Finding]:
+    def _wheels(self, now: float, odometry: Odometry | None, stopped: bool) -> list[Finding]:
         if odometry is None or odometry is self._last:
             return []
         self._last = odometry
@@ -88,8 +90,9 @@ class PlausibilityMonitor:
             source.moved(way)
         extended(self._trail, odometry)
         found = (
-            consistent(self._trail), self._following.watch(now, odometry.twist, self._commands)
-        )  # fmt: skip
+            consistent(self._trail),
+            self._following.watch(now, odometry.twist, self._commands, stopped),
+        )
         return [one for one in found if one is not None]
 
     def _decided(self, now: float, found: list[Finding]) -> Restriction:

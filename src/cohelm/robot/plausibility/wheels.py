@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from cohelm.core.jit import jit
@@ -45,13 +46,14 @@ def consistent(trail: Trail, t: WheelTolerance = TOLERANCE) -> Finding | None:
     if len(rows) < 2:
         return None
     last, before = rows[-1], rows[-2]
-    dt = float(last[0] - before[0])
-    steps = (math.hypot(last[1] - before[1], last[2] - before[2]), abs(last[3] - before[3]))
-    told = (abs(last[4]) * dt, abs(last[5]) * dt)
-    told_before = (abs(before[4]) * dt, abs(before[5]) * dt)
-    for step, a, b, unit in zip(steps, told, told_before, ("m", "rad"), strict=True):
-        if step > (1.0 + t.share) * max(a, b) + t.step:
-            return fault(f"the odometry jumped by {step:.2f} {unit} against its speed")
+    step, told = _over(before, last)
+    owed = (0.0, 0.0)
+    if len(rows) > 2:  # stamped late, its way was short, and the next one's is longer by as much
+        was, least = _over(rows[-3], before, min)
+        owed = (max(least[0] - was[0], 0.0), max(least[1] - was[1], 0.0))
+    for went, most, more, unit in zip(step, told, owed, ("m", "rad"), strict=True):
+        if went > (1.0 + t.share) * most + t.step + more:
+            return fault(f"the odometry jumped by {went:.2f} {unit} against its speed")
     for window in t.windows:
         gone, turned, *sums = added_up(rows, trail.newest - window)
         for what, went, (one, other) in (
@@ -63,6 +65,17 @@ def consistent(trail: Trail, t: WheelTolerance = TOLERANCE) -> Finding | None:
                 said = f"{went:.2f} against {0.5 * (low + high):.2f} in {window} s"
                 return fault(f"the odometry's pose and {what} disagree: {said}")
     return None
+
+
+def _over(
+    before: Floats, after: Floats, which: Callable[[float, float], float] = max
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """From one row to the next: the way and the turn between the poses, and what the larger (or
+    smaller) of both speeds makes of the time [m, rad]."""
+    dt = float(after[0] - before[0])
+    went = math.hypot(after[1] - before[1], after[2] - before[2]), abs(float(after[3] - before[3]))
+    speed, rate = (which(abs(float(before[i])), abs(float(after[i]))) for i in (4, 5))
+    return went, (speed * dt, rate * dt)
 
 
 @jit
@@ -93,9 +106,17 @@ class Following:
         self._t, self._late = tolerance, model.delay_s + tolerance.lag
         self._apart = math.nan
 
-    def watch(self, now: float, twist: Twist, commands: Trail) -> Finding | None:
-        """A finding when they have been apart for long enough."""
+    def watch(
+        self, now: float, twist: Twist, commands: Trail, stopped: bool = False
+    ) -> Finding | None:
+        """A finding when they have been apart for long enough. stopped: the robot was sent a stop,
+        and brakes as hard as it can: any speed between standing and the commands is in order."""
         told = commanded(commands.rows, now - self._late)
+        if stopped:
+            told = told._replace(
+                low_v=min(told.low_v, 0.0), high_v=max(told.high_v, 0.0),
+                low_omega=min(told.low_omega, 0.0), high_omega=max(told.high_omega, 0.0),
+            )  # fmt: skip
         if not told.rows or now - commands.rows[0, 0] < self._late:
             self._apart = math.nan
             return None
