@@ -37,7 +37,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.timing import Punctuality, Timing
-from cohelm.robot.keep.priority import urgent
+from cohelm.robot.keep.priority import raise_priority
 from cohelm.robot.keep.processes import children
 from cohelm.robot.port import Frame, Readings
 from cohelm.scenario import load
@@ -58,7 +58,7 @@ def burn() -> None:
 
 def wake(rate: float, said: Connection) -> None:
     """Nothing but waking up so often, before the loop in rank; tells how that went when asked."""
-    urgent()
+    raise_priority()
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(11))
     timing, due = Timing(), time.monotonic()

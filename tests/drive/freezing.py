@@ -37,7 +37,7 @@ from cohelm.link.messages import Mode
 from cohelm.loop.planning import ANSWER
 from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.processes import children
-from cohelm.robot.keep.record_pipe import MUTE
+from cohelm.robot.keep.record_pipe import HUNG_AFTER
 from cohelm.robot.port import Readings
 
 PROCESSES = ("loop", "gate", "planner", "recorder")
@@ -237,7 +237,7 @@ def helped(drive: Drive, who: str, chance: random.Random) -> dict[str, Any]:
     """One round for planner or recorder."""
     within, says = {
         "planner": (ANSWER, "planner does not answer"),
-        "recorder": (MUTE, "recorder does not answer"),
+        "recorder": (HUNG_AFTER, "recorder does not answer"),
     }[who]
     found: dict[str, Any] = {"who": who, "wrong": ""}
     if drive.wait(lambda s, t: s.mode == "AUTOMATIC" and t.v > 0.1, 20.0) is None:

@@ -99,7 +99,7 @@ def drive(tmp_path_factory):
         os.kill(session.recording.pid, signal.SIGSTOP)
         seen.spoken = [f"{who} {k}" for k in range(3) for who in ("gate", "loop")]
         for what in seen.spoken:
-            (session.gated.say if "gate" in what else session.loop.log.event)(what)
+            (session.gated.log if "gate" in what else session.loop.log.event)(what)
         os.kill(session.recording.pid, signal.SIGCONT)
         session.end("the drive is over")
         seen.summary = session.summary()
@@ -172,13 +172,13 @@ def test_recording_begins_and_ends_while_it_is_shown():
     """As somebody at the link asks for: whatever is recorded, all of it is shown."""
     (loop, hears), shown = line(), []
     log = DriveLog(RecordLine(None), lambda: 1.0, RecordLine(loop))
-    gated = LocalGatedRobot(Kinematic(SALLY, seed=1), rules(SALLY, 0.02), shown=shown.append)
+    gated = LocalGatedRobot(Kinematic(SALLY, seed=1), rules(SALLY, 0.02), viewer=shown.append)
     for turn in range(3):
         (of_loop, hears_loop), (of_gate, hears_gate) = line(), line()
         log.into(RecordLine(of_loop if turn == 1 else None))
         gated.record_into(of_gate if turn == 1 else None)
         log.event(f"event {turn}")
-        gated.say(f"gate {turn}")
+        gated.log(f"gate {turn}")
         for one in (of_loop, hears_loop, of_gate, hears_gate):
             one.close()
     assert [pickle.loads(hears.recv(1000)).text for _ in range(3)] == [
@@ -203,7 +203,7 @@ def test_pictures_are_asked_for_only_while_somebody_looks(live):
 
     def asked() -> object:
         end = time.monotonic() + 30.0
-        while (said := loop.heard()) is None:
+        while (said := loop.received()) is None:
             assert time.monotonic() < end
             time.sleep(0.05)
         return said

@@ -28,7 +28,7 @@ def working(line: RecordLine) -> None:
     end = time.monotonic() + 60.0
     while line._alive > time.monotonic():
         assert time.monotonic() < end
-        line.heard()
+        line.received()
         time.sleep(0.05)
 
 
@@ -54,7 +54,7 @@ def test_a_recorder_that_hangs_holds_nobody_up_and_does_not_outstay_the_drive(re
     begun = time.monotonic()
     for k in range(20_000):
         line(Event(k / 50.0, "loop", f"event {k}"))
-        assert line.heard() is None
+        assert line.received() is None
     assert time.monotonic() - begun < 5.0
     assert line.dropped > 0
     assert not line.broken

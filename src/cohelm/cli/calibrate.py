@@ -78,7 +78,7 @@ def calibrate(
     from cohelm.core.files import check_folder
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.keep.gated_robot import rules
-    from cohelm.robot.keep.priority import ordinary, urgent
+    from cohelm.robot.keep.priority import raise_priority, restore_priority
     from cohelm.robot.keep.process import RemoteGatedRobot
     from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
     from cohelm.scenario.load import load_robot, parse
@@ -106,11 +106,11 @@ def calibrate(
         try:
             stop.heed()
             line.over()
-            urgent()
+            raise_priority()
             with progress("driving") as bar:
                 driven = ride(gated, plan, lambda: stop.reason, bar)
         finally:
-            ordinary()
+            restore_priority()
             gated.close()
     answered = response(made.model, driven)
     placed, unplaced = None, ""

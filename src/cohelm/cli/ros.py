@@ -261,7 +261,7 @@ def base(
     --controller 0.5,0 wants it to drive ahead, whatever is there.
     """
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
-    from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
+    from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, restore_priority
     from cohelm.ros.dds import DdsTransport
     from cohelm.ros.served import ServedRobot, asked_for, wanting
     from cohelm.ros.topics import Topics
@@ -279,13 +279,13 @@ def base(
             stop.heed(seconds)
             line.over()
             say(f"{plain(made.model.name)} listens on {plain(topics.out)}; Ctrl-C ends it")
-            urgent()  # a real one has its own computer
-            with_its_threads()
+            raise_priority()  # a real one has its own computer
+            raise_thread_priorities()
             served.run(lambda: stop.over() != "")
             over.set()
             truth = getattr(robot, "truth", lambda: None)()
         finally:
-            ordinary()
+            restore_priority()
             transport.close()
             robot.close()
     if truth is not None:
@@ -308,7 +308,7 @@ def _served(
     """Filter until Ctrl-C, or the time is over."""
     from functools import partial
 
-    from cohelm.robot.keep.priority import ordinary, urgent
+    from cohelm.robot.keep.priority import raise_priority, restore_priority
     from cohelm.robot.keep.process import RemoteGatedRobot
     from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
     from cohelm.ros.pacing import SPARE, period
@@ -328,9 +328,9 @@ def _served(
             f"filtering {plain(topics.command)} -> {plain(topics.out)}, {1.0 / length:.0f} Hz at "
             "least; Ctrl-C ends it"
         )
-        urgent()
+        raise_priority()
         node.run(lambda: stop.over() != "")
         say(plain(stop.over()))
     finally:
-        ordinary()
+        restore_priority()
         gated.close()

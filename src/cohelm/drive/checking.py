@@ -100,7 +100,7 @@ class CheckingElsewhere:
             self._replace(child)
             return False
         if not self._up:
-            self._up = child.heard() is not None  # its first word says that it is up
+            self._up = child.received() is not None  # its first word says that it is up
             if child.gone:
                 self._replace(child)
         return self._up
@@ -109,14 +109,14 @@ class CheckingElsewhere:
         """Send it over."""
         if self._child is not None:
             self._busy, self._since = True, now
-            self._child.say((points, pose))
+            self._child.send((points, pose))
 
     def result(self, now: float) -> CheckedPath | None:
         """What came back; or that nothing did in time."""
         child = self._child
         if not self._busy or child is None:
             return None
-        made: CheckedPath | None = child.heard()
+        made: CheckedPath | None = child.received()
         if made is None and child.gone:
             made = CheckedPath(None, "it could not be checked: send it again", NONE)
         elif made is None and now - self._since > WITHIN:

@@ -20,7 +20,7 @@ from typing import IO, Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.record.file import About, RecordWriter
-from cohelm.robot.keep.processes import left_alone, started
+from cohelm.robot.keep.processes import detach, start_process
 from cohelm.robot.keep.record_pipe import ALIVE, LARGEST, Event, line
 from cohelm.robot.model import RobotModel
 
@@ -38,7 +38,7 @@ class Listening:
         """target: is given the other ends of both lines behind the arguments."""
         self.loop, loops = line()
         self.gated, gates = line()
-        self._process = started(name, target, *args, loops, gates, outlives=outlives)
+        self._process = start_process(name, target, *args, loops, gates, outlives=outlives)
         loops.close()
         gates.close()
 
@@ -85,7 +85,7 @@ class Recording(Listening):
         self.hang_up()
         self._process.join(within)
         if self._process.is_alive():
-            left_alone(self._process)
+            detach(self._process)
         return self._process.exitcode == 0
 
 

@@ -14,7 +14,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.drive.live import LiveConfig
 from cohelm.drive.operate import DriveOptions
 from cohelm.drive.teleop_server import TeleopConfig
-from cohelm.robot.keep.processes import bound, started
+from cohelm.robot.keep.processes import end_with_parent, start_process
 
 _log = logging.getLogger("cohelm.drive")
 _START = 900.0
@@ -41,7 +41,7 @@ class RobotProcess:
         Raises CohelmError where the robot can not be started.
         """
         self._line, theirs = multiprocessing.Pipe()
-        self._process = started(
+        self._process = start_process(
             "cohelm robot", _drive, theirs, options, door, carry_on, patience, pictures, live
         )
         theirs.close()
@@ -159,7 +159,7 @@ def _drive(
     pictures: float, live: LiveConfig | None,
 ) -> None:  # fmt: skip
     """The robot's process."""
-    let_go = bound()
+    release = end_with_parent()
     from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import ended, map_and_zones, masks_on_topics, robot_factory
     from cohelm.drive.session import SessionConfig
@@ -177,7 +177,7 @@ def _drive(
         def ready(address: tuple[Any, ...]) -> None:
             end.heed()
             line.send(address)
-            let_go()
+            release()
 
         try:
             made = robot_factory(options)

@@ -36,7 +36,7 @@ from cohelm.plan.zones import Zones
 from cohelm.record.topics import Photo
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, LocalGatedRobot, rules, standing
-from cohelm.robot.keep.priority import ordinary, urgent, with_its_threads
+from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, restore_priority
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.limits import checked_braking
@@ -103,7 +103,7 @@ class Session:
         do. Raises CohelmError where something can not be started; nothing is left running then."""
         self.plan, self._camera = plan, camera
         self.scheduling = SIMULATED_TIME
-        self._urgent, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
+        self._priority_raised, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
         robot, real_time = plan.robot, plan.robot.real_time
         model = robot.model
         if robot.kind == "own":  # a simulated one brakes as it is described, at once too
@@ -151,7 +151,7 @@ class Session:
                 ends = [None if one is None else one.gated for one in listeners]
                 self.gated = RemoteGatedRobot(robot, gate, *ends)
             else:  # one process, one line: who listens hears loop and gate in the order they spoke
-                self.gated = LocalGatedRobot(robot(), gate, record, shown=live)
+                self.gated = LocalGatedRobot(robot(), gate, record, viewer=live)
             epoch = time.time_ns() - round(self.gated.now() * 1e9)
             for one in listeners:
                 if one is not None:
@@ -172,7 +172,7 @@ class Session:
                 self.loop.log.show(line)
             self._warm_up()
             if real_time:
-                self._urgent, self.scheduling = True, urgent()
+                self._priority_raised, self.scheduling = True, raise_priority()
         except BaseException:
             self.close()
             raise
@@ -217,7 +217,7 @@ class Session:
             return until(loop)
 
         if self.plan.robot.real_time:
-            with_its_threads()
+            raise_thread_priorities()
         self.loop.run(chosen, self.plan.robot.real_time)
 
     def _look(self) -> None:
@@ -336,8 +336,8 @@ class Session:
             self._whole = self.recording.close() and self._whole
         if self.live is not None:
             self.live.close()
-        if self._urgent:
-            ordinary(self._niceness)
+        if self._priority_raised:
+            restore_priority(self._niceness)
 
     def _warm_up(self) -> None:
         """Compile what a period needs, before the first one is due: a few, standing."""

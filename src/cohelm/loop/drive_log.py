@@ -18,7 +18,7 @@ from cohelm.robot.keep.record_pipe import Event, OutlineChange, RecordLine
 from cohelm.robot.port import Readings, Scan
 
 _NO_VIEW = "the live view is gone: the robot goes on without"
-_MUTE_VIEW = "the live view does not answer: what it has no room for is not shown"
+_VIEW_HANGS = "the live view does not answer: what it has no room for is not shown"
 
 
 class DriveLog:
@@ -74,26 +74,26 @@ class DriveLog:
         return "" if words is None or words.mode != mode else words.why
 
     @property
-    def mute(self) -> bool:
+    def hung(self) -> bool:
         """Whether the recorder hangs."""
-        return self._line.mute
+        return self._line.hung
 
     def failed(self) -> bool:
         """Whether the recorder has just shown that it writes no more; `fault` says why."""
-        said = str(self._line.heard() or self._line.broken)
+        said = str(self._line.received() or self._line.broken)
         new = bool(said) and said != self.fault
         self.fault = said or self.fault
         return new
 
     def view_trouble(self) -> str:
         """What is wrong with the live view; empty: nothing, or there is none."""
-        said = self._live.heard()
+        said = self._live.received()
         if isinstance(said, bool):
             self._looks = said
         if self._live.broken:
             self._looks = False
             return _NO_VIEW
-        return _MUTE_VIEW if self._live.mute else ""
+        return _VIEW_HANGS if self._live.hung else ""
 
     @property
     def view_lost(self) -> bool:

@@ -39,7 +39,7 @@ _LATE_PLANNER = "the path planner does not answer: the robot keeps to its course
 _RESHAPED = "the robot has another outline: both count until it can stop clear with both"
 _RESHAPING = "the outline changes, and both count until it fits"
 _IN_ZONE = "in a keep-out zone: it can drive out, but no deeper"
-_MUTE_RECORDER = "the recorder does not answer: what it has no room for is lost"
+_RECORDER_HANGS = "the recorder does not answer: what it has no room for is lost"
 
 
 class LoopParams(NamedTuple):
@@ -266,7 +266,7 @@ class Loop:
             alarms.off("recorder")
             alarms.on("recorder", self.log.fault)
         elif not self.log.fault:
-            self._alarm_while("recorder", _MUTE_RECORDER if self.log.mute else "")
+            self._alarm_while("recorder", _RECORDER_HANGS if self.log.hung else "")
         self._alarm_while("live view", self.log.view_trouble())
         late = _LATE_PLANNER if self.driver.planless and self.supervisor.mode in PLANNED else ""
         self._alarm_while("planner", _NO_PLANNER if self.driver.stuck else late)

@@ -100,14 +100,14 @@ class RemotePlanner:
             return False
         self.busy = True
         self._offered, self._asked, self._waited = now, now, 0.0
-        self._child.say(task)
+        self._child.send(task)
         return not self.broken
 
     def plan(self, now: float) -> Plan | None:
         """The plan, if all of it has come back."""
         if not self.busy or self.broken:
             return None
-        made: Plan | None = self._child.heard()
+        made: Plan | None = self._child.received()
         gap = max(now - self._asked, 0.0)
         # After a long gap another drive has begun, that has not waited yet.
         self._waited = 0.0 if gap > ANSWER else self._waited + min(gap, _ASKED)

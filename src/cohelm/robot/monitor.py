@@ -1,7 +1,7 @@
-"""What watches the robot beside the gate, in the gate process, and may slow or stop it.
+"""Monitors: they watch the robot in the gate process, and may slow or stop it.
 
-A monitor sees what the robot itself reads, not what the loop made of it. It never adds motion: it
-allows a share of what is proposed, or faults the gate, and says why.
+A monitor sees the raw readings, not what the loop made of them. It never adds motion: it passes a
+share of the proposed twist, or faults the gate, with a reason.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from cohelm.robot.port import Readings
 
 
 class Restriction(NamedTuple):
-    """What a monitor has against a motion."""
+    """How a monitor restricts a motion."""
 
     share: float = 1.0
-    """Of the proposed twist, so much may pass, in [0, 1]: the arc stays, the speed falls."""
+    """Share of the proposed twist that may pass, in [0, 1]: same arc, lower speed."""
     reason: str = ""
-    """Why less than all may; empty where nothing is restricted."""
+    """Why it is restricted; empty where it is not."""
     fault: bool = False
     """Whether the gate latches a fault."""
 
@@ -27,23 +27,23 @@ UNRESTRICTED = Restriction()
 
 
 class Monitor(Protocol):
-    """One watch. All calls come from one thread, take no time and raise nothing."""
+    """One monitor. All calls come from one thread, take no time and raise nothing."""
 
     def observe(
         self, now: float, readings: Readings, applied: Twist, stopped: bool = False
     ) -> Restriction:
-        """At every reading. now: the robot's clock [s]. applied: what the wheels were sent last.
-        stopped: they were sent a stop instead, and may brake harder than `applied` falls.
+        """Called at every reading; the restriction holds for every twist until the next one.
 
-        What is restricted here holds for every twist until the next reading.
+        now: the robot's clock [s]. applied: the twist sent to the wheels last. stopped: they were
+        sent a stop instead, and may brake harder than `applied` falls.
         """
         ...
 
     def restrict(self, now: float, twist: Twist) -> Restriction:
-        """Of a twist that is about to be sent."""
+        """The restriction of a twist that is about to be sent."""
         ...
 
 
 def strictest(restrictions: list[Restriction]) -> Restriction:
-    """Of several: a fault before all, else the least share."""
+    """The strictest of several: a fault before all, else the least share."""
     return min(restrictions, key=lambda r: (not r.fault, r.share), default=UNRESTRICTED)

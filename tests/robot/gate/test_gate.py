@@ -6,7 +6,7 @@ import pytest
 
 from cohelm.core.types import Twist
 from cohelm.robot.gate import gate as g
-from cohelm.robot.gate.bounds import Bounds, needed, slowed, towards
+from cohelm.robot.gate.bounds import Bounds, change_time, towards, within_speeds
 from cohelm.robot.gate.gate import STANDING, Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode, driving, latched
 
@@ -79,7 +79,7 @@ def test_standing_idle_says_so():
     ],
 )
 def test_what_is_too_fast_is_slowed_on_its_own_curve(asked, allowed):
-    assert slowed(asked, BOUNDS) == pytest.approx(allowed, rel=1e-12)
+    assert within_speeds(asked, BOUNDS) == pytest.approx(allowed, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -94,15 +94,15 @@ def test_what_is_too_fast_is_slowed_on_its_own_curve(asked, allowed):
     ],
 )
 def test_how_long_a_change_takes_by_its_slowest_wheel(change, takes):
-    assert needed(change, BOUNDS) == pytest.approx(takes, rel=1e-12)
+    assert change_time(change, BOUNDS) == pytest.approx(takes, rel=1e-12)
 
 
 def test_the_body_has_its_own_accelerations():
     heavy = BOUNDS._replace(acceleration=1.0, yaw_acceleration=0.5)
-    assert needed(Twist(0.2, 0.0), heavy) == pytest.approx(0.2)
-    assert needed(Twist(-0.2, 0.0), heavy) == pytest.approx(0.2)
-    assert needed(Twist(0.0, 0.2), heavy) == pytest.approx(0.4)
-    assert needed(Twist(0.0, -0.2), heavy) == pytest.approx(0.4)
+    assert change_time(Twist(0.2, 0.0), heavy) == pytest.approx(0.2)
+    assert change_time(Twist(-0.2, 0.0), heavy) == pytest.approx(0.2)
+    assert change_time(Twist(0.0, 0.2), heavy) == pytest.approx(0.4)
+    assert change_time(Twist(0.0, -0.2), heavy) == pytest.approx(0.4)
 
 
 def test_towards_goes_straight_and_says_what_it_used():
@@ -118,7 +118,7 @@ def test_towards_goes_straight_and_says_what_it_used():
 def test_just_enough_time_reaches_the_goal_to_the_last_bit():
     before, goal = Twist(0.5, 0.0), Twist(0.1, 0.0)
     assert before.v + (goal.v - before.v) != goal.v  # what rounding would make of it
-    takes = needed(Twist(goal.v - before.v, 0.0), BOUNDS)
+    takes = change_time(Twist(goal.v - before.v, 0.0), BOUNDS)
     assert towards(before, goal, BOUNDS, takes) == (goal, takes)
 
 
@@ -150,7 +150,7 @@ def test_many_proposals_at_once_gain_no_speed():
 
 
 def test_what_acceleration_allows_is_saved_up_for_one_period_only():
-    gate = ready()._replace(paid=0.0)
+    gate = ready()._replace(change_until=0.0)
     assert ask(gate, 0.5)[1].out.v == pytest.approx(2.0 * 0.03)
 
 
@@ -168,7 +168,12 @@ def test_the_first_proposal_of_all_gains_no_more():
 def test_out_of_order_is_refused_and_the_wheels_keep_what_they_have(n):
     gate, passed = ask(ready(out=Twist(0.3, 0.1)), 0.2, n=n)
     assert passed == Passed(Twist(0.3, 0.1), "out of order")
-    assert (gate.refused, gate.heard, gate.sequence, gate.mode) == (1, 9.98, 7, GateMode.AUTOMATIC)
+    assert (gate.refused, gate.last_proposal, gate.sequence, gate.mode) == (
+        1,
+        9.98,
+        7,
+        GateMode.AUTOMATIC,
+    )
 
 
 def test_a_gap_in_the_numbers_is_no_disorder():
@@ -178,7 +183,7 @@ def test_a_gap_in_the_numbers_is_no_disorder():
 def test_old_readings_are_refused():
     gate, passed = ask(ready(out=Twist(0.3, 0.0)), 0.2, stamp=10.0 - 0.1001)
     assert passed == Passed(Twist(0.3, 0.0), "its readings are too old")
-    assert (gate.refused, gate.heard, gate.sequence) == (1, 9.98, 7)
+    assert (gate.refused, gate.last_proposal, gate.sequence) == (1, 9.98, 7)
     assert ask(ready(), 0.02, stamp=10.0 - 0.0999)[1].reason == ""
 
 
@@ -208,7 +213,7 @@ def test_what_is_broken_is_a_fault_at_once(proposal, said):
     assert gate.mode == GateMode.FAULTED
     assert gate.reason == passed.reason == said
     assert passed.out == pytest.approx((0.24, 0.0))  # braking has begun
-    assert (gate.refused, gate.heard) == (1, 9.98)
+    assert (gate.refused, gate.last_proposal) == (1, 9.98)
 
 
 def test_a_little_ahead_is_the_clocks_jitter():
@@ -270,7 +275,7 @@ def test_after_the_clock_went_back_the_loop_must_show_that_it_lives():
 def test_every_limit_in_time_is_still_allowed():
     """With numbers that binary fractions hold exactly."""
     rules = RULES._replace(age=0.125, ahead=0.0625, watchdog=2.0)
-    gate = ready()._replace(heard=8.0)
+    gate = ready()._replace(last_proposal=8.0)
     assert g.tick(gate, 10.0, rules)[0].mode == GateMode.AUTOMATIC
     late, _ = g.tick(gate, 10.25, rules)
     assert late.reason == "no sound command for more than 2000 ms"

@@ -116,5 +116,5 @@ def test_every_latch_has_a_reason(events):
 def test_after_silence_it_never_drives(events, silence):
     *_, (_, gate, _, _) = [*played(events), (None, Gate(), 0.0, "")][: len(events) or 1]
     if driving(gate.mode):
-        after, _ = g.tick(gate, gate.heard + silence, RULES)
+        after, _ = g.tick(gate, gate.last_proposal + silence, RULES)
         assert after.mode == GateMode.FAULTED

@@ -1,19 +1,19 @@
-"""A process that has another one started, which would sleep for long: on its own, or bound."""
+"""A process that starts another one, which would sleep for long: on its own, or bound."""
 
 import sys
 import time
 
-from cohelm.robot.keep.processes import bound, started
+from cohelm.robot.keep.processes import end_with_parent, start_process
 
 
 def sleep(how: str) -> None:
-    let_go = bound()
+    release = end_with_parent()
     if how == "free":
-        let_go()
+        release()
     print("ready", flush=True)
     time.sleep(60.0)
 
 
 if __name__ == "__main__":
-    print(started("cohelm sleeper", sleep, sys.argv[1]).pid, flush=True)
+    print(start_process("cohelm sleeper", sleep, sys.argv[1]).pid, flush=True)
     time.sleep(60.0)

@@ -13,7 +13,7 @@ from cohelm.core.types import Twist
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import rules
-from cohelm.robot.keep.priority import urgent
+from cohelm.robot.keep.priority import raise_priority
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.keep.wire import readings_of
 from cohelm.robot.port import Readings
@@ -31,7 +31,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
     no more`, and goes on asking.
     """
     gated = RemoteGatedRobot(make, rules(make.model, PERIOD), record)
-    urgent()
+    raise_priority()
     said.send(gated.pid)
     ask, wanted = gated._ask, False
 
@@ -69,8 +69,8 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
         while wanted and wrong == "only reads":
             gated.read()
         while wanted and wrong == "listens no more":
-            gated._line.say((number, "read", (-1, {}, -1)))
-            gated._line.say((number, "truth", None))
+            gated._line.send((number, "read", (-1, {}, -1)))
+            gated._line.send((number, "truth", None))
             time.sleep(0.001)
         due += PERIOD
         gated.wait(due)

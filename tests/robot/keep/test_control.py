@@ -29,25 +29,25 @@ def ends():
 def test_a_line_that_nobody_reads_fills_up_and_nobody_waits(ends):
     ours, theirs = ends
     begun = time.monotonic()
-    said = [ours.say((number, "x" * 1000)) for number in range(3000)]
+    said = [ours.send((number, "x" * 1000)) for number in range(3000)]
     assert time.monotonic() - begun < PATIENT
     assert said[0]
     assert not said[-1]
     heard = 0
     while theirs.wait(0.0):
-        (number, text), _ = theirs.hear()
+        (number, text), _ = theirs.receive()
         assert number == heard  # whole, in order, none of those there was no room for
         assert len(text) == 1000
         heard += 1
     assert heard == said.count(True)
-    assert ours.say("there is room again")
+    assert ours.send("there is room again")
 
 
 def test_no_message_is_longer_than_the_line_carries(ends):
     with pytest.raises(ValueError, match="too long for the control line"):
-        ends[0].say(bytes(LARGEST))
-    assert ends[0].say(bytes(LARGEST - 100))
-    assert ends[1].hear() == (bytes(LARGEST - 100), None)
+        ends[0].send(bytes(LARGEST))
+    assert ends[0].send(bytes(LARGEST - 100))
+    assert ends[1].receive() == (bytes(LARGEST - 100), None)
 
 
 def test_no_half_of_a_message_is_waited_for(ends):
@@ -57,15 +57,15 @@ def test_no_half_of_a_message_is_waited_for(ends):
     if pid == 0:  # a child that sends as fast as it can
         number = 0
         while True:
-            number += ours.say((number, bytes(5000)))
+            number += ours.send((number, bytes(5000)))
     try:
         for k in range(200):
             if theirs.wait(0.01):
-                theirs.hear()
+                theirs.receive()
             os.kill(pid, signal.SIGSTOP if k % 2 == 0 else signal.SIGCONT)
             begun = time.monotonic()
             while theirs.wait(0.0) and k % 2 == 0:
-                message, _ = theirs.hear()
+                message, _ = theirs.receive()
                 assert len(message[1]) == 5000
             assert time.monotonic() - begun < PATIENT
     finally:
@@ -78,15 +78,15 @@ def test_the_other_end_s_death_is_told_and_is_no_message(ends):
     ours.close()
     assert theirs.wait(PATIENT)
     with pytest.raises((EOFError, OSError)):
-        theirs.hear()
+        theirs.receive()
     with pytest.raises(OSError, match="Broken pipe"):
-        theirs.say("anybody?")
+        theirs.send("anybody?")
 
 
 def test_an_open_file_travels_with_a_message(ends, tmp_path):
     with (tmp_path / "file").open("w") as file:
-        assert ends[0].say("write here", file.fileno())
-    message, handle = ends[1].hear()
+        assert ends[0].send("write here", file.fileno())
+    message, handle = ends[1].receive()
     assert message == "write here"
     os.write(handle, b"yes")
     os.close(handle)

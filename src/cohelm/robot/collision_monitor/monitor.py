@@ -36,7 +36,7 @@ from cohelm.robot.collision_monitor.sweep import (
     fastest,
     outline,
 )  # fmt: skip
-from cohelm.robot.gate.bounds import Bounds, needed
+from cohelm.robot.gate.bounds import Bounds, change_time
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import Odometry, Readings
 
@@ -92,7 +92,7 @@ class CollisionMonitor:
         bounds = described.bounds
         top = Twist(min(bounds.speed, bounds.wheel_speed), 0.0)
         spin = Twist(0.0, min(bounds.yaw_rate, 2.0 * bounds.wheel_speed / bounds.track))
-        known = [needed(twist, bounds) for twist in (top, spin) if math.isfinite(sum(twist))]
+        known = [change_time(twist, bounds) for twist in (top, spin) if math.isfinite(sum(twist))]
         stopping = max(known, default=0.0)
         self._runaway = Runaway(described.delay + stopping)
         self._stopping = stopping + described.delay
@@ -303,7 +303,7 @@ class CollisionMonitor:
 
     def _brakes(self, twist: Twist, brakes: float) -> float:
         """How long a motion takes to stand, with a share of the deceleration [s]."""
-        return needed(twist, self._robot.bounds) / brakes
+        return change_time(twist, self._robot.bounds) / brakes
 
     def _met(self, things: MonitorSurroundings, twist: Twist) -> Met:
         if twist == _NONE:

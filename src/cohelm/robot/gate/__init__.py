@@ -1,5 +1,5 @@
-"""The last word before the wheels: it refuses what must not reach them, and says why.
+"""The gate: the last check before the wheels. It refuses or limits commands, and says why.
 
-It shares no code with the law and works when the law is wrong. `modes` whom the robot listens to;
-`bounds` what the wheels may be asked for; `gate` both together, with the watchdog.
+It shares no code with the law and works when the law is wrong. `modes` defines the gate's modes;
+`bounds` limits speeds and accelerations; `gate` applies both, with the watchdog.
 """

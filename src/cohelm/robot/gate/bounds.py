@@ -1,4 +1,4 @@
-"""What the wheels may be asked for: speed and acceleration, of the body and of each wheel."""
+"""Limits of speed and acceleration, of the body and of each wheel."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Bounds(NamedTuple):
     track: float
 
 
-def _share(asked: float, most: float) -> float:
-    """The share of what is asked that is allowed."""
-    return most / abs(asked) if abs(asked) > most else 1.0
+def _share(value: float, limit: float) -> float:
+    """The share of a value that is within its limit."""
+    return limit / abs(value) if abs(value) > limit else 1.0
 
 
-def slowed(twist: Twist, bounds: Bounds) -> Twist:
-    """The twist, or as large a part of it as the speeds allow: its curvature stays."""
+def within_speeds(twist: Twist, bounds: Bounds) -> Twist:
+    """The twist, scaled down to the speed limits if it exceeds them; its curvature stays."""
     left, right = _rims(twist, bounds)
     share = min(
         _share(twist.v, bounds.speed),
@@ -40,8 +40,8 @@ def slowed(twist: Twist, bounds: Bounds) -> Twist:
     return Twist(share * twist.v, share * twist.omega)
 
 
-def needed(change: Twist, bounds: Bounds) -> float:
-    """How long a change of the twist takes at least [s]."""
+def change_time(change: Twist, bounds: Bounds) -> float:
+    """The least time that a change of the twist takes [s]."""
     left, right = _rims(change, bounds)
     return max(
         abs(change.v) / bounds.acceleration,
@@ -54,10 +54,10 @@ def needed(change: Twist, bounds: Bounds) -> float:
 def towards(before: Twist, goal: Twist, bounds: Bounds, time: float) -> tuple[Twist, float]:
     """As far from `before` towards `goal` as the accelerations allow in `time` [s].
 
-    Returns where it gets, and how much of the time it needs for that.
+    Returns the twist reached, and the time used for it [s].
     """
     change = Twist(goal.v - before.v, goal.omega - before.omega)
-    takes = needed(change, bounds)
+    takes = change_time(change, bounds)
     if takes <= time:
         return goal, takes
     share = max(time, 0.0) / takes

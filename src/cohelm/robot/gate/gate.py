@@ -1,8 +1,8 @@
-"""The gate: every proposal for the wheels passes it, or is refused with a reason.
+"""The gate: every proposed twist passes it, is limited, or is refused with a reason.
 
-A state and what happens to it, as pure functions of numbers: `propose` a twist, `tick` when none
-came, `stop`, `reset`, `drive`. A refused proposal counts as silence, and silence trips the
-watchdog: whatever is wrong with the loop, the robot stands soon after.
+A state and pure functions of it: `propose` a twist, `tick` when none came, `stop`, `reset`,
+`drive`. A refused proposal does not feed the watchdog: whatever is wrong with the loop, the robot
+stands soon after.
 """
 
 from __future__ import annotations
@@ -11,35 +11,35 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.types import Twist
-from cohelm.robot.gate.bounds import Bounds, slowed, towards
+from cohelm.robot.gate.bounds import Bounds, towards, within_speeds
 from cohelm.robot.gate.modes import GateMode, driving, latched
 
 STANDING = Twist(0.0, 0.0)
 
 
 class GateRules(NamedTuple):
-    """How strict the gate is. All times in seconds, of the robot's clock."""
+    """Parameters of the gate. All times in seconds, of the robot's clock."""
 
     bounds: Bounds
     age: float = 0.1
-    """The readings behind a proposal may be this old."""
+    """Maximum age of the readings behind a proposal."""
     ahead: float = 0.01
-    """They may be stamped this far ahead of now; more, and a clock has jumped."""
+    """Maximum stamp ahead of now; beyond it, a clock has jumped."""
     watchdog: float = 0.1
-    """Without a sound proposal for so long, the robot stops."""
+    """Without a valid proposal for this long, the robot stops."""
     period: float = 0.02
-    """The loop's: what the accelerations allow can be saved up for so long, and no longer."""
+    """The loop's period: unused acceleration accumulates for this long at most."""
     jitter: float = 0.01
-    """A proposal may come this much early and still change the speed by a whole period's worth."""
+    """A proposal may come this early and still change the speed by a whole period's worth."""
 
 
 class Proposal(NamedTuple):
-    """What the loop wants of the wheels."""
+    """A twist that the loop proposes for the wheels."""
 
     sequence: int
     """Higher than that of any proposal before."""
     stamp: float
-    """When the oldest reading that it relies on was true."""
+    """Stamp of the oldest reading that it relies on [s]."""
     twist: Twist
 
 
@@ -50,46 +50,46 @@ class Gate(NamedTuple):
     reason: str = ""
     """Why it is stopped or faulted: the first reason, until the reset."""
     out: Twist = STANDING
-    """What the wheels were told last."""
-    paid: float = -math.inf
-    """Up to when the accelerations allowed have been used."""
-    heard: float = -math.inf
-    """When the last sound proposal came."""
+    """The twist sent to the wheels last."""
+    change_until: float = -math.inf
+    """The time up to which the allowed acceleration has been used [s]."""
+    last_proposal: float = -math.inf
+    """When the last valid proposal came [s]."""
     sequence: int = -1
     """Of that proposal."""
     clock: float = -math.inf
-    """The latest time there was."""
+    """The latest time seen [s]."""
     refused: int = 0
     """Proposals refused so far."""
 
 
 class Passed(NamedTuple):
-    """What became of a proposal."""
+    """The result of a proposal."""
 
     out: Twist
     """For the wheels, now."""
     reason: str
-    """Why it is not what was proposed; empty where it is."""
+    """Why it differs from the proposal; empty where it does not."""
 
 
 def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tuple[Gate, Passed]:
-    """What the wheels get instead of, or as, the proposed twist."""
-    gate = _watched(gate, now, rules)
-    wrong = _broken(proposal, now, rules)
+    """Check a proposal; returns the new state and what the wheels get."""
+    gate = _check_watchdog(gate, now, rules)
+    wrong = _fault_in(proposal, now, rules)
     if wrong:
         gate = fault(gate._replace(refused=gate.refused + 1), wrong)
-        return _resting(gate, now, rules)
-    refusal = _unfit(gate, proposal, now, rules)
+        return _brake(gate, now, rules)
+    refusal = _refusal_of(gate, proposal, now, rules)
     if refusal:
         gate = gate._replace(refused=gate.refused + 1)
         if driving(gate.mode):  # the wheels keep what they have, and the watchdog counts on
             return gate, Passed(gate.out, refusal)
-        return _resting(gate, now, rules)
-    gate = gate._replace(heard=now, sequence=proposal.sequence)
+        return _brake(gate, now, rules)
+    gate = gate._replace(last_proposal=now, sequence=proposal.sequence)
     if not driving(gate.mode):
-        return _resting(gate, now, rules)
-    goal = slowed(proposal.twist, rules.bounds)
-    gate = _moved(gate, goal, now, rules)
+        return _brake(gate, now, rules)
+    goal = within_speeds(proposal.twist, rules.bounds)
+    gate = _approach(gate, goal, now, rules)
     reason = ""
     if goal != proposal.twist:
         reason = "faster than the robot may be"
@@ -99,16 +99,16 @@ def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tup
 
 
 def tick(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, Passed]:
-    """Time passes without a proposal: the watchdog looks, and what rests brakes."""
-    gate = _watched(gate, now, rules)
+    """Time passes without a proposal: check the watchdog; brake where nothing may drive."""
+    gate = _check_watchdog(gate, now, rules)
     if driving(gate.mode):
         return gate, Passed(gate.out, "")
-    return _resting(gate, now, rules)
+    return _brake(gate, now, rules)
 
 
 def due(gate: Gate, rules: GateRules) -> float:
-    """When the watchdog will bark if nothing comes [s]; infinite while nothing drives."""
-    return gate.heard + rules.watchdog if driving(gate.mode) else math.inf
+    """When the watchdog trips if nothing comes [s]; infinite while nothing drives."""
+    return gate.last_proposal + rules.watchdog if driving(gate.mode) else math.inf
 
 
 def stop(gate: Gate, reason: str) -> Gate:
@@ -128,46 +128,46 @@ def fault(gate: Gate, reason: str) -> Gate:
 
 
 def reset(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, str]:
-    """Let go of a stop or fault, into IDLE: nothing moves by that. Else why not.
+    """Clear a stop or fault, into IDLE; nothing moves by that. Returns why not, or "".
 
-    Not while the wheels still turn, and not before sound proposals come again.
+    Refused while the wheels still turn, and until valid proposals come again.
     """
     if not latched(gate.mode):
         return gate, "there is nothing to reset"
     if gate.out != STANDING:
         return gate, "the robot is still braking"
-    if not _lively(gate, now, rules):
+    if not _loop_alive(gate, now, rules):
         return gate, "the loop sends nothing sound"
     return gate._replace(mode=GateMode.IDLE, reason=""), ""
 
 
 def drive(gate: Gate, mode: GateMode, now: float, rules: GateRules) -> tuple[Gate, str]:
-    """Choose who drives (AUTOMATIC, SHARED) or nobody (IDLE). Else why not."""
+    """Set the mode: AUTOMATIC, SHARED or IDLE. Returns why not, or ""."""
     if latched(gate.mode):
         return gate, f"reset first: {gate.reason}"
     if latched(mode):
         return gate, "stop and fault are not chosen"
-    if driving(mode) and not _lively(gate, now, rules):
+    if driving(mode) and not _loop_alive(gate, now, rules):
         return gate, "the loop sends nothing sound"
     return gate._replace(mode=mode), ""
 
 
-def _watched(gate: Gate, now: float, rules: GateRules) -> Gate:
-    """The watchdog, and the clock it trusts."""
+def _check_watchdog(gate: Gate, now: float, rules: GateRules) -> Gate:
+    """Check the robot's clock and the watchdog."""
     if not math.isfinite(now):
         return fault(gate, "the robot's clock is no number")
     if now < gate.clock:  # from here on the new time counts
-        back = gate._replace(clock=now, paid=-math.inf, heard=-math.inf)
+        back = gate._replace(clock=now, change_until=-math.inf, last_proposal=-math.inf)
         return fault(back, "the robot's clock went back")
     gate = gate._replace(clock=now)
-    if driving(gate.mode) and now - gate.heard > rules.watchdog:
+    if driving(gate.mode) and now - gate.last_proposal > rules.watchdog:
         late = f"no sound command for more than {1000.0 * rules.watchdog:.0f} ms"
         return fault(gate, late)
     return gate
 
 
-def _broken(proposal: Proposal, now: float, rules: GateRules) -> str:
-    """What shows that something is broken; empty where nothing does."""
+def _fault_in(proposal: Proposal, now: float, rules: GateRules) -> str:
+    """What in a proposal shows a fault of the loop; empty where nothing does."""
     if not (math.isfinite(proposal.twist.v) and math.isfinite(proposal.twist.omega)):
         return "the loop asked for a speed that is no number"
     if not math.isfinite(proposal.stamp):
@@ -177,8 +177,8 @@ def _broken(proposal: Proposal, now: float, rules: GateRules) -> str:
     return ""
 
 
-def _unfit(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> str:
-    """Why this proposal is not to be used; empty where it is."""
+def _refusal_of(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> str:
+    """Why this proposal is refused; empty where it is not."""
     if proposal.sequence <= gate.sequence:
         return "out of order"
     if now - proposal.stamp > rules.age:
@@ -186,20 +186,20 @@ def _unfit(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> str:
     return ""
 
 
-def _lively(gate: Gate, now: float, rules: GateRules) -> bool:
-    return now - gate.heard <= rules.watchdog
+def _loop_alive(gate: Gate, now: float, rules: GateRules) -> bool:
+    return now - gate.last_proposal <= rules.watchdog
 
 
-def _moved(gate: Gate, goal: Twist, now: float, rules: GateRules) -> Gate:
-    """On towards a goal, as far as the accelerations allow by now."""
-    paid = max(gate.paid, now - rules.period)
-    out, used = towards(gate.out, goal, rules.bounds, now + rules.jitter - paid)
-    return gate._replace(out=out, paid=paid + used)
+def _approach(gate: Gate, goal: Twist, now: float, rules: GateRules) -> Gate:
+    """Change the output towards a goal, as far as the accelerations allow by now."""
+    change_until = max(gate.change_until, now - rules.period)
+    out, used = towards(gate.out, goal, rules.bounds, now + rules.jitter - change_until)
+    return gate._replace(out=out, change_until=change_until + used)
 
 
-def _resting(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, Passed]:
-    """Brake, or stand."""
+def _brake(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, Passed]:
+    """Brake to standing, or stand."""
     if not math.isfinite(now):
         return gate._replace(out=STANDING), Passed(STANDING, gate.reason)
-    gate = _moved(gate, STANDING, now, rules)
+    gate = _approach(gate, STANDING, now, rules)
     return gate, Passed(gate.out, gate.reason or "idle")

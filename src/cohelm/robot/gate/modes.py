@@ -1,4 +1,4 @@
-"""Whom the robot listens to, and what may change that. docs/gate.md has the drawing."""
+"""The gate's modes. docs/gate.md has the state diagram."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ class GateMode(IntEnum):
     """Only AUTOMATIC and SHARED let the wheels turn."""
 
     IDLE = 0
-    """Stands, and waits for somebody to choose."""
+    """Stands, until a driving mode is chosen."""
     AUTOMATIC = 1
     """The controller drives."""
     SHARED = 2
     """A person drives, alone or with the controller."""
     STOPPED = 3
-    """Somebody, or a rule, said stop. Latched."""
+    """Stopped, by a person or a rule. Latched."""
     FAULTED = 4
     """Something is broken or late. Latched."""
 

@@ -1,7 +1,7 @@
-"""A process that answers one question after the other, and never holds up who asks.
+"""A worker process that answers one request after the other and never blocks the caller.
 
-It is below all others, and may be stopped by them in the middle of a message: so nothing here waits
-for the rest of one, in either direction.
+It has the lowest priority and may be preempted in the middle of a message, so neither side waits
+for the rest of one.
 """
 
 from __future__ import annotations
@@ -14,47 +14,47 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from cohelm.robot.keep.processes import bound, started
+from cohelm.robot.keep.processes import end_with_parent, start_process
 
 _SIZE = struct.Struct("!Q")
 _PART = 1 << 18
 
 
 class Child:
-    """The process, and the line to it. All calls come from one thread and return at once."""
+    """The process and the socket to it. All calls come from one thread and return at once."""
 
     def __init__(
         self, name: str, answer: Callable[[Any], Any], begin: Callable[[], Any] | None = None
     ) -> None:
-        """answer: what is run there, for each question. begin: before the first one; what it
-        returns is the first thing heard, if it is given. Both are pickled."""
+        """answer: run there for each request. begin: run there first; what it returns is received
+        first. Both are pickled."""
         self._line, theirs = socket.socketpair()
-        self._process = started(name, _serve, theirs, answer, begin, daemon=True)
+        self._process = start_process(name, _serve, theirs, answer, begin, daemon=True)
         theirs.close()
         self._line.setblocking(False)
-        self._going, self._coming = b"", bytearray()
+        self._outgoing, self._incoming = b"", bytearray()
         self.gone = False
-        """Whether there will be no more answers."""
+        """Whether the process has ended: there will be no more answers."""
 
-    def say(self, what: object) -> None:
-        """Send as much as can be sent at once; `heard` goes on with it."""
-        self._going += _framed(what)
+    def send(self, what: object) -> None:
+        """Send as much as can be sent at once; `received` continues."""
+        self._outgoing += _framed(what)
         self._exchange()
 
-    def heard(self) -> Any:
-        """What it says, when all of it is here; else None."""
+    def received(self) -> Any:
+        """The next answer when all of it has come; else None."""
         self._exchange()
-        if len(self._coming) < _SIZE.size:
+        if len(self._incoming) < _SIZE.size:
             return None
-        (size,) = _SIZE.unpack_from(self._coming)
-        if len(self._coming) < _SIZE.size + size:
+        (size,) = _SIZE.unpack_from(self._incoming)
+        if len(self._incoming) < _SIZE.size + size:
             return None
-        said = pickle.loads(self._coming[_SIZE.size :])
-        self._coming.clear()
-        return said
+        answer = pickle.loads(self._incoming[_SIZE.size :])
+        self._incoming.clear()
+        return answer
 
     def end(self, within: float = 0.0) -> None:
-        """Whatever it does, when it has had so long to end by itself [s]."""
+        """Kill it, after it has had `within` [s] to end by itself."""
         self._line.close()
         if within > 0.0:
             self._process.join(within)
@@ -62,12 +62,12 @@ class Child:
         self._process.join()
 
     def _exchange(self) -> None:
-        """Send and receive what can be at once."""
+        """Send and receive what is possible without waiting."""
         try:
-            while self._going:
-                self._going = self._going[self._line.send(self._going) :]
+            while self._outgoing:
+                self._outgoing = self._outgoing[self._line.send(self._outgoing) :]
             while part := self._line.recv(_PART):
-                self._coming += part
+                self._incoming += part
             self.gone = True
         except BlockingIOError:
             pass
@@ -83,8 +83,8 @@ def _framed(what: object) -> bytes:
 def _serve(
     line: socket.socket, answer: Callable[[Any], Any], begin: Callable[[], Any] | None
 ) -> None:
-    """The other process: below the loop, the gate process and the recorder."""
-    bound()
+    """The worker: lower priority than the loop, the gate process and the recorder."""
+    end_with_parent()
     os.nice(5)
     with line, line.makefile("rb") as questions, contextlib.suppress(OSError):
         if begin is not None:
@@ -92,6 +92,6 @@ def _serve(
         while head := questions.read(_SIZE.size):
             (size,) = _SIZE.unpack(head)
             question = questions.read(size)
-            if len(question) < size:  # who asks ended while it said it
+            if len(question) < size:  # the caller ended in the middle of it
                 return
             line.sendall(_framed(answer(pickle.loads(question))))

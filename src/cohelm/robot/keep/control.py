@@ -1,8 +1,7 @@
-"""The control line between loop and gate process: small whole messages, and neither end ever waits
-for the other to take one.
+"""The control line between loop and gate process: small whole messages, never blocking.
 
-A message arrives whole or not at all, so a process that is stopped in the middle of anything leaves
-no half of one behind for the other to wait for. What is large goes by `shared_memory`.
+A message arrives whole or not at all, so a process that is stopped at any point leaves no partial
+message behind. Large data goes by `shared_memory`.
 """
 
 from __future__ import annotations
@@ -29,13 +28,13 @@ class Control:
         self._room = memoryview(bytearray(LARGEST))
 
     def __reduce__(self) -> tuple[type[Control], tuple[socket.socket]]:
-        """Into another process, while that is started."""
+        """Pickled into a process that is being started."""
         return Control, (self._end,)
 
-    def say(self, message: Any, handle: int | None = None) -> bool:
-        """Whether there was room for it: a message that does not fit is not said.
+    def send(self, message: Any, handle: int | None = None) -> bool:
+        """Send a message if there is room for it; returns whether there was.
 
-        handle: an open file's, which the other end gets one of its own for.
+        handle: a file descriptor, which is duplicated for the other end.
         Raises ValueError for one longer than `LARGEST` bytes.
         """
         data = pickle.dumps(message, protocol=5)
@@ -51,11 +50,11 @@ class Control:
         return True
 
     def wait(self, within: float) -> bool:
-        """Whether there is a message, or the end of them, after so many seconds at most."""
+        """Wait up to `within` [s]; whether there is a message or the end of file."""
         return bool(self._poll.poll(1000.0 * max(within, 0.0)))
 
-    def hear(self) -> tuple[Any, int | None]:
-        """The next message, which is there, and the open file that came with it."""
+    def receive(self) -> tuple[Any, int | None]:
+        """The next message, which must be there, and the file descriptor that came with it."""
         size, came, _, _ = self._end.recvmsg_into([self._room], _HANDLE)
         if not size:
             raise EOFError("the other end of the control line is gone")
@@ -65,7 +64,7 @@ class Control:
         return pickle.loads(self._room[:size]), files[0] if files else None
 
     def close(self) -> None:
-        """Nothing more is said or heard."""
+        """Close this end."""
         self._end.close()
 
 

@@ -1,8 +1,8 @@
-"""Python's garbage collector where nobody may be late: only in spare time, and never over all.
+"""Runs Python's garbage collector in spare time only, for processes with deadlines.
 
-Left to itself it looks through everything a process has imported, every ten seconds or so, and
-takes a tenth of a second for it. What is there at the start stays; so it need not be looked
-through. What a period makes and drops goes without the collector, but for what refers to itself.
+Left to itself it scans everything a process has imported, every ten seconds or so, for a tenth of
+a second. Objects that exist at the start are frozen, so that they are not scanned. Reference
+counting frees what a period makes; the collector is for reference cycles only.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _ALL = 12  # one sweep in so many goes through all that was made since the start
 
 
 class Sweeper:
-    """From when it is made, garbage is swept when `sweep` is called, and else never."""
+    """While it exists, garbage is collected in `sweep` only."""
 
     def __init__(self) -> None:
         gc.collect()
@@ -25,7 +25,7 @@ class Sweeper:
         self._sweeps = 0
 
     def sweep(self, now: float) -> bool:
-        """In spare time: whether it did. now: of any one clock [s]."""
+        """Collect if it is due; whether it did. now: of any one clock [s]."""
         if now - self._swept < EVERY:
             return False
         self._swept = now
@@ -34,6 +34,6 @@ class Sweeper:
         return True
 
     def end(self) -> None:
-        """As Python would have it again."""
+        """Restore Python's own schedule."""
         gc.enable()
         gc.unfreeze()

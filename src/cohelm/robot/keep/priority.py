@@ -1,4 +1,4 @@
-"""Before others, where the machine allows it: the processes that must not be late."""
+"""Scheduling priorities of processes and threads."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pathlib import Path
 _SLACK, _NAME = 29, 15  # PR_SET_TIMERSLACK, PR_SET_NAME
 
 
-def named(name: str) -> None:
-    """Call this process so in lists of processes; at most 15 characters."""
+def set_process_name(name: str) -> None:
+    """Set the name that process lists show; at most 15 characters."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_NAME, name.encode(), 0, 0, 0)
 
 
-def urgent() -> str:
-    """Put this process before ordinary ones; says what was granted.
+def raise_priority() -> str:
+    """Ask for real-time scheduling (SCHED_FIFO) of this process; returns what was granted.
 
-    Real-time scheduling needs a right that root has; without it a lower niceness is tried. What
-    this process starts later is ordinary again.
+    It needs CAP_SYS_NICE; without it a lower niceness is tried. Processes started later have
+    ordinary scheduling.
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_SLACK, 1, 0, 0, 0)  # wake up on time, not 50 us later
@@ -38,11 +38,9 @@ def urgent() -> str:
     return "raised priority"
 
 
-def ordinary(niceness: int = 0) -> None:
-    """Put this process and all its threads back among ordinary ones, when nothing is due any more.
-
-    What it does next, such as drawing what was driven, may take long, and must keep no other
-    process off the processor.
+def restore_priority(niceness: int = 0) -> None:
+    """Restore ordinary scheduling of this process and all its threads, when nothing is due any
+    more: what follows, such as drawing figures, must not starve others.
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_SLACK, 0, 0, 0, 0)
@@ -52,12 +50,11 @@ def ordinary(niceness: int = 0) -> None:
                 os.setpriority(os.PRIO_PROCESS, int(task.name), niceness)
 
 
-def with_its_threads() -> None:
-    """Put this process's other threads right behind the urgent one that calls this.
+def raise_thread_priorities() -> None:
+    """Give this process's other threads the priority just below the calling thread's.
 
-    They share its interpreter: one that is kept off the processor by an ordinary process while it
-    holds the interpreter's lock would keep the urgent one waiting. Where real-time scheduling is
-    not granted nothing changes.
+    Otherwise one that is preempted by an ordinary process while it holds the interpreter's lock
+    (GIL) would block the caller: priority inversion. Without real-time scheduling nothing changes.
     """
     own = threading.get_native_id()
     with contextlib.suppress(OSError, AttributeError):
@@ -69,5 +66,5 @@ def with_its_threads() -> None:
 
 
 def _real_time(task: int, priority: int) -> None:
-    """Real-time scheduling for a thread, 0 for the one that asks; what it starts is ordinary."""
+    """Real-time scheduling for a thread, 0: the calling one; its children are ordinary."""
     os.sched_setscheduler(task, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))

@@ -1,7 +1,7 @@
-"""The robot and its gate in a process of their own: the loop's side of it.
+"""The loop's side of the gate process, which holds robot and gate.
 
-Loop and gate process speak over a `control` line that nobody waits at; scans and frames go by
-`shared_memory`. What the other process does is in `serve`.
+Both exchange small messages over a non-blocking `control` line; scans and frames go by
+`shared_memory`. The other side is in `serve`.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.control import control
-from cohelm.robot.keep.processes import left_alone, started
+from cohelm.robot.keep.processes import detach, start_process
 from cohelm.robot.keep.serve import BRAKING, Begun, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.keep.wire import gate_of, packed_proposal, passed_of, readings_of
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, RobotPort, Scan
 
-_START = 600.0  # a robot may take this long to be made, compiling included [s]
-_ANSWER = 2.0  # the gate process answers within this, or is gone [s]
-_WATCHDOGS = 10.0  # ... or within so many times the patience of the watchdog, if that is longer
+_START = 600.0  # time for making the robot, compiling included [s]
+_ANSWER = 2.0  # time for an answer; then the gate process counts as gone [s]
+_WATCHDOGS = 10.0  # ... or this many times the watchdog's time, if that is longer
 
 Make = Callable[[], RobotPort]
 
@@ -37,12 +37,12 @@ class RemoteGatedRobot:
         self, make: Make, rules: GateRules, record: socket.socket | None = None,
         live: socket.socket | None = None,
     ) -> None:  # fmt: skip
-        """make: makes the robot, over there; must be picklable. record, live: where events go.
+        """make: makes the robot in the other process; must be picklable. record, live: event sinks.
 
         Raises CohelmError if the robot can not be made.
         """
         self._line, theirs = control()
-        self._process = started("cohelm gate", serve, theirs, make, rules, record, live)
+        self._process = start_process("cohelm gate", serve, theirs, make, rules, record, live)
         theirs.close()
         self._scan: Scan | None = None
         self._further: dict[str, Scan] = {}
@@ -76,7 +76,7 @@ class RemoteGatedRobot:
         return self._gate
 
     def now(self) -> float:
-        """The robot's clock, as of its last answer, moved on with this machine's."""
+        """The robot's clock, extrapolated from the last answer with this machine's."""
         return time.monotonic() + self._offset
 
     def wait(self, until: float) -> None:
@@ -87,7 +87,7 @@ class RemoteGatedRobot:
             left = until - self.now()
 
     def read(self) -> Readings:
-        """The newest of everything; scans and frames travel once."""
+        """The newest of everything; each scan and frame is transferred once."""
         have = (
             self._scan.number if self._scan else -1,
             {name: scan.number for name, scan in self._further.items()},
@@ -113,45 +113,45 @@ class RemoteGatedRobot:
         self._ask("fault", reason)
 
     def reset(self) -> str:
-        """Let go, into IDLE."""
+        """Clear a stop or fault, into IDLE."""
         return self._ask("reset", None)
 
     def drive(self, mode: GateMode) -> str:
-        """Choose who drives."""
+        """Set the gate's mode."""
         return self._ask("drive", mode)
 
     def truth(self) -> Any:
-        """What only a simulated robot knows."""
+        """Ground truth of a simulated robot; None for any other."""
         return self._ask("truth", None)
 
     def record_into(self, end: socket.socket | None) -> None:
-        """The recorder's end goes over to the gate process, and is closed here."""
+        """The recorder's end is passed to the gate process, and closed here."""
         self._ask("record", None, None if end is None else end.fileno())
         if end is not None:
             end.close()
 
     def close(self) -> None:
-        """The robot is stopped there, and let go when it stands."""
+        """Stop the robot; the gate process closes it once it stands."""
         with contextlib.suppress(OSError, CohelmError):
             self._ask("close", None)
         with contextlib.suppress(OSError):
             self._line.close()
         self._process.join(BRAKING + 2.0)
         if self._process.is_alive():  # it brings the robot to stand as soon as it can
-            left_alone(self._process)
+            detach(self._process)
 
     def _ask(self, what: str, with_: Any, handle: int | None = None) -> Any:
         self._number += 1
         try:
-            said = self._line.say((self._number, what, with_), handle)
+            taken = self._line.send((self._number, what, with_), handle)
         except OSError as error:
             raise _gone() from error
-        if not said:
+        if not taken:
             raise _silent()
         return self._answer(self._within)
 
     def _answer(self, within: float) -> Any:
-        """The answer to the last request; late ones to those before are of no use any more."""
+        """The answer to the last request; late answers to earlier ones are discarded."""
         end = time.monotonic() + within
         number = -1
         answer: Any = None
@@ -159,7 +159,7 @@ class RemoteGatedRobot:
             while number != self._number:
                 if not self._line.wait(end - time.monotonic()):
                     raise _silent()
-                (number, answer, gate, theirs, then), _ = self._line.hear()
+                (number, answer, gate, theirs, then), _ = self._line.receive()
                 self._offset = theirs - then
                 if gate is not None:
                     self._gate = gate_of(gate)
@@ -170,14 +170,14 @@ class RemoteGatedRobot:
         return answer
 
     def _begun(self) -> tuple[Begun, int]:
-        """What the gate process says once it has made the robot."""
+        """The gate process's first message, once it has made the robot."""
         try:
             if not self._line.wait(_START):
                 raise CohelmError(
                     f"the robot was not made within {_START:.0f} s: start it again; what has been "
                     "compiled by now is kept"
                 )
-            begun, handle = self._line.hear()
+            begun, handle = self._line.receive()
         except (EOFError, OSError) as error:
             raise _gone() from error
         if isinstance(begun, CohelmError):

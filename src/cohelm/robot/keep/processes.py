@@ -1,4 +1,4 @@
-"""Processes that work for this one: deaf to its terminal, and gone with it while nothing moves."""
+"""Child processes that ignore the terminal's signals and end with their parent."""
 
 from __future__ import annotations
 
@@ -15,24 +15,22 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
-from cohelm.robot.keep.priority import named
+from cohelm.robot.keep.priority import set_process_name
 
 
-def started(
+def start_process(
     name: str, target: Callable[..., None], *args: Any, daemon: bool = False, outlives: bool = False
 ) -> SpawnProcess:
-    """A new process that runs `target`; it and what it starts never hear Ctrl-C, nor the end of the
-    terminal.
+    """A new process that runs `target`; SIGINT and SIGHUP are blocked in it and its children.
 
-    outlives: goes on when this one is gone while it still imports, too, which takes seconds.
-
-    A terminal tells all of them. It is for the first one to handle, which stops a robot in order;
-    and in one that still imports, it would be an error message.
+    A terminal signals all its processes. The parent handles that and stops the robot in order; in
+    a child that still imports it would be a traceback. outlives: the child also survives its parent
+    while it still imports, which takes seconds.
     """
     context = multiprocessing.get_context("spawn")
-    what = _Later((target, args))
+    what = _PickledApart((target, args))
     process = context.Process(target=_run, name=name, args=(name, what, outlives), daemon=daemon)
-    resource_tracker.ensure_running()  # started along with the process it would undo the mask
+    resource_tracker.ensure_running()  # started with the process, it would undo the mask
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
         process.start()
@@ -45,13 +43,13 @@ def started(
     return process
 
 
-def left_alone(process: SpawnProcess) -> None:
-    """This one does not wait for it at its own end, as Python otherwise does, for ever."""
+def detach(process: SpawnProcess) -> None:
+    """Do not join the process at exit, as Python would, without a limit."""
     multiprocessing.process._children.discard(process)  # pyright: ignore
 
 
 def children(pid: int) -> dict[str, int]:
-    """What a process has started of cohelm's, by name."""
+    """The PIDs of a process's children of cohelm, by name."""
     found: dict[str, int] = {}
     for status in Path("/proc").glob("[0-9]*/status"):
         with contextlib.suppress(OSError):  # it has ended meanwhile
@@ -62,8 +60,8 @@ def children(pid: int) -> dict[str, int]:
     return found
 
 
-class _Later:
-    """Something for another process, pickled as the rest of it is, but not unpickled with it."""
+class _PickledApart:
+    """Pickled with the process object, but unpickled later, by `_run`."""
 
     def __init__(self, what: Any) -> None:
         self._what = what
@@ -73,19 +71,21 @@ class _Later:
 
 
 def _run(name: str, what: bytes, outlives: bool) -> None:
-    named(name)
-    let_go = bound()
+    set_process_name(name)
+    release = end_with_parent()
     if outlives:
-        let_go()
+        release()
     target, args = pickle.loads(what)  # imports
-    let_go()
+    release()
     gc.freeze()  # what has been imported stays, and need never be looked through for garbage
     target(*args)
 
 
-def bound() -> Callable[[], None]:
-    """From now on this process ends at once when the one that started it is gone, whatever it is
-    doing; until it is let go by a call of what is returned."""
+def end_with_parent() -> Callable[[], None]:
+    """From now on this process exits at once when its parent is gone, whatever it is doing.
+
+    Returns a function that releases it from that.
+    """
     parent, free = multiprocessing.parent_process(), threading.Event()
 
     def watch(sentinel: int) -> None:

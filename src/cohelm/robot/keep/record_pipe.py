@@ -1,4 +1,4 @@
-"""A line to the recorder that makes nobody wait: what does not fit is dropped, and counted."""
+"""A non-blocking socket to the recorder: what does not fit is dropped, and counted."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from cohelm.core.types import Floats
 LARGEST = 180_000
 """Bytes of one message: it must fit into the socket's buffer."""
 ALIVE = b"alive"
-"""What the recorder says every half second, though it has nothing to say."""
-MUTE = 3.0
-"""A recorder that has been at work and says nothing for so long hangs [s]: about as long as the
-line holds what it is told."""
+"""The recorder's heartbeat, every half second."""
+HUNG_AFTER = 3.0
+"""A recorder without a heartbeat for this long hangs [s]: about as long as the socket buffers what
+is sent."""
 
 
 class Event(NamedTuple):
-    """Something worth a line in the record."""
+    """An event for the log."""
 
     stamp: float
     """The robot's clock [s]."""
@@ -28,11 +28,11 @@ class Event(NamedTuple):
     """gate, loop, recorder..."""
     text: str
     serious: bool = False
-    """Whether somebody should look at it."""
+    """Whether it needs attention."""
 
 
 class OutlineChange(NamedTuple):
-    """The robot's is another from now on."""
+    """The robot has another outline from now on."""
 
     stamp: float
     """The robot's clock [s]."""
@@ -41,38 +41,38 @@ class OutlineChange(NamedTuple):
 
 
 def line() -> tuple[socket.socket, socket.socket]:
-    """Both ends of a line: messages arrive whole, in order."""
+    """Both ends of a socket: messages arrive whole, in order."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
     return ours, theirs
 
 
 class RecordLine:
-    """Says things to the recorder, if there is one."""
+    """Sends messages to the recorder, if there is one."""
 
     def __init__(self, end: socket.socket | None, *, waits: bool = False) -> None:
-        """waits: whether to wait for room instead of dropping, as simulated time may."""
+        """waits: wait for room instead of dropping, as simulated time may."""
         self._end = end
         self._how = 0 if waits else socket.MSG_DONTWAIT
         self.dropped = 0
         """Messages for which there was no room."""
         self.broken = ""
-        """Why nothing can be said any more; empty while it can."""
+        """Why nothing can be sent any more; empty while it can."""
         self._alive = math.inf
-        """When the recorder gave its last sign of life; infinite before the first [s]."""
+        """When the recorder's last heartbeat came; infinite before the first [s]."""
 
     @property
-    def mute(self) -> bool:
-        """Whether the recorder hangs, as far as `heard` could tell."""
-        return self.open and time.monotonic() - self._alive > MUTE
+    def hung(self) -> bool:
+        """Whether the recorder hangs, by what `received` has seen."""
+        return self.open and time.monotonic() - self._alive > HUNG_AFTER
 
     @property
     def open(self) -> bool:
-        """Whether there is a recorder that hears."""
+        """Whether there is a recorder that receives."""
         return self._end is not None and not self.broken
 
     def __call__(self, message: Any) -> None:
-        """Say it, or drop it."""
+        """Send it, or drop it."""
         if self._end is None or self.broken:
             return
         data = pickle.dumps(message, protocol=5)
@@ -86,8 +86,8 @@ class RecordLine:
         except OSError as error:
             self.broken = f"the recorder is gone ({error.strerror})"
 
-    def heard(self) -> Any:
-        """What the recorder says, or None."""
+    def received(self) -> Any:
+        """The recorder's next message, or None."""
         if self._end is None or self.broken:
             return None
         try:
@@ -104,7 +104,7 @@ class RecordLine:
         return pickle.loads(data)
 
     def close(self) -> None:
-        """Nothing more will be said."""
+        """Close it."""
         if self._end is not None:
             self._end.close()
             self._end = None

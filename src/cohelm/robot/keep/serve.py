@@ -1,8 +1,8 @@
-"""The gate's process: it stops the robot when the loop can not.
+"""The gate process: it stops the robot when the loop can not.
 
-The loop's process may be killed, hang, or be starved; this one notices within the watchdog's time,
-brakes the robot, says why to the record, and lets the robot go only when it stands. It never waits
-for the loop: an answer that the loop does not take is left out, and that is silence too.
+The loop's process may be killed, hang, or starve; this one notices within the watchdog's time,
+brakes the robot, logs why, and closes the robot only when it stands. It never waits for the loop:
+an answer that does not fit into the socket is dropped, and the watchdog goes on.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from cohelm.robot.gate.gate import Gate, GateRules
 from cohelm.robot.keep.control import Control
 from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, standing
-from cohelm.robot.keep.priority import urgent, with_its_threads
-from cohelm.robot.keep.processes import bound
+from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities
+from cohelm.robot.keep.processes import end_with_parent
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
 from cohelm.robot.keep.wire import packed_gate, packed_passed, packed_readings, proposal_of
@@ -30,13 +30,13 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings, RobotPort
 
 BRAKING = 5.0
-"""A robot that does not stand by then is let go all the same [s]."""
-_TICK = 0.02  # the gate is looked after this often when nothing comes [s]
-_SWITCH = 5e-4  # so long may another thread of this process keep the gate process waiting [s]
+"""A robot that does not stand by then is closed all the same [s]."""
+_TICK = 0.02  # the gate is updated this often when nothing comes [s]
+_SWITCH = 5e-4  # thread switch interval: bounds the wait for another thread of this process [s]
 
 
 class Begun(NamedTuple):
-    """What the gate process says first. With it comes the handle of the memory for scans and
+    """The gate process's first message. With it comes the handle of the memory for scans and
     frames."""
 
     model: RobotModel
@@ -56,91 +56,95 @@ def serve(
     live: socket.socket | None = None,
 ) -> None:  # fmt: skip
     """The other process, from its beginning to its end."""
-    let_go = bound()  # nothing reaches the wheels before the loop knows of the robot
+    release = end_with_parent()  # nothing reaches the wheels before the loop knows of the robot
     try:
-        kept = LocalGatedRobot(make(), rules, RecordLine(record), shown=RecordLine(live))
-        memory = shared(kept.model)
-        kept.read()
+        gated = LocalGatedRobot(make(), rules, RecordLine(record), viewer=RecordLine(live))
+        memory = shared(gated.model)
+        gated.read()
     except CohelmError as error:
-        line.say(error)
+        line.send(error)
         return
-    urgent()
-    with_its_threads()
+    raise_priority()
+    raise_thread_priorities()
     sys.setswitchinterval(_SWITCH)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # told to all, it is the loop's to handle
-    let_go()
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # sent to all; the loop handles it
+    release()
     try:
         begun = Begun(
-            kept.model, kept.gate, kept.now(), time.monotonic(), memory.scans, memory.frame
+            gated.model, gated.gate, gated.now(), time.monotonic(), memory.scans, memory.frame
         )
-        line.say(begun, memory.handle)
+        line.send(begun, memory.handle)
         os.close(memory.handle)
-        _attend(line, kept, memory, rules)
+        _serve_requests(line, gated, memory, rules)
     except (EOFError, OSError):
-        kept.fault("the loop's process is gone")
+        gated.fault("the loop's process is gone")
     except BaseException as error:
-        kept.fault(f"the gate process failed: {error!r}")
-        kept.say(f"the gate process failed: {error!r}", True)
-        _bring_to_stand(kept)
+        gated.fault(f"the gate process failed: {error!r}")
+        gated.log(f"the gate process failed: {error!r}", True)
+        _bring_to_stand(gated)
         raise
-    _bring_to_stand(kept)
-    kept.close()
+    _bring_to_stand(gated)
+    gated.close()
 
 
-def _attend(line: Control, kept: LocalGatedRobot, memory: SharedMemory, rules: GateRules) -> None:
-    """Answer the loop; look after the gate whether or not it says anything."""
-    garbage, told = Sweeper(), kept.gate
+def _serve_requests(
+    line: Control, gated: LocalGatedRobot, memory: SharedMemory, rules: GateRules
+) -> None:
+    """Answer the loop's requests, and update the gate whether or not there are any."""
+    garbage, sent = Sweeper(), gated.gate
     while True:
-        bark = gates.due(kept.gate, rules)
-        if line.wait(min(max(bark - kept.now(), 0.0) + 0.0005, _TICK)):
-            (number, what, with_), handle = line.hear()
-            answer = _answered(kept, memory, what, with_, handle)
-            told = _say(line, number, answer, kept, told)
+        deadline = gates.due(gated.gate, rules)
+        if line.wait(min(max(deadline - gated.now(), 0.0) + 0.0005, _TICK)):
+            (number, what, with_), handle = line.receive()
+            answer = _answer(gated, memory, what, with_, handle)
+            sent = _send_answer(line, number, answer, gated, sent)
             if what == "close":
                 return
-            if kept.now() > bark:  # a loop that only asks is no loop that drives
-                kept.tick()
+            if gated.now() > deadline:  # requests without proposals do not feed the watchdog
+                gated.tick()
             if what == "propose":  # nothing more is asked before the next period
                 garbage.sweep(time.monotonic())
         else:
-            kept.tick()
-            kept.read()
+            gated.tick()
+            gated.read()
 
 
-def _answered(
-    kept: LocalGatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
+def _answer(
+    gated: LocalGatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
 ) -> Any:
     if what == "read":
-        return packed_readings(memory.put(_news(kept.read(), *with_)))
+        return packed_readings(memory.put(_unsent(gated.read(), *with_)))
     if what == "propose":
-        return packed_passed(kept.propose(proposal_of(with_)))
+        return packed_passed(gated.propose(proposal_of(with_)))
     if what == "stop":
-        return kept.stop(with_)
+        return gated.stop(with_)
     if what == "fault":
-        return kept.fault(with_)
+        return gated.fault(with_)
     if what == "reset":
-        return kept.reset()
+        return gated.reset()
     if what == "record":
-        return kept.record_into(None if handle is None else socket.socket(fileno=handle))
+        return gated.record_into(None if handle is None else socket.socket(fileno=handle))
     if what == "drive":
-        return kept.drive(with_)
-    return kept.truth() if what == "truth" else None
+        return gated.drive(with_)
+    return gated.truth() if what == "truth" else None
 
 
-def _say(line: Control, number: int, answer: Any, kept: LocalGatedRobot, told: Gate) -> Gate:
-    """The gate as the loop knows it by now, from which it is told what is new. Where there is no
-    room the loop does not listen, and the watchdog deals with it."""
-    gate = kept.gate
-    news = None if gate is told else packed_gate(gate)
+def _send_answer(
+    line: Control, number: int, answer: Any, gated: LocalGatedRobot, sent: Gate
+) -> Gate:
+    """Send an answer, with the gate's state where it has changed; returns the state that the loop
+    has now. Where there is no room the loop does not read, and the watchdog handles that."""
+    gate = gated.gate
+    news = None if gate is sent else packed_gate(gate)
     try:
-        said = line.say((number, answer, news, kept.now(), time.monotonic()))
+        taken = line.send((number, answer, news, gated.now(), time.monotonic()))
     except ValueError as error:
-        said = line.say((number, CohelmError(str(error)), news, kept.now(), time.monotonic()))
-    return gate if said else told
+        taken = line.send((number, CohelmError(str(error)), news, gated.now(), time.monotonic()))
+    return gate if taken else sent
 
 
-def _news(readings: Readings, scan: int, further: dict[str, int], frame: int) -> Readings:
-    """The readings without the scans and the frame that the loop has already, by their numbers."""
+def _unsent(readings: Readings, scan: int, further: dict[str, int], frame: int) -> Readings:
+    """The readings without the scans and the frame that the loop has, by their numbers."""
     if readings.scan is not None and readings.scan.number == scan:
         readings = readings._replace(scan=None)
     if readings.further:
@@ -151,14 +155,14 @@ def _news(readings: Readings, scan: int, further: dict[str, int], frame: int) ->
     return readings
 
 
-def _bring_to_stand(kept: LocalGatedRobot) -> None:
-    """Brake until the robot stands, then say so."""
-    if not kept.gate.reason:
-        kept.stop("the loop has ended")
-    end = kept.now() + BRAKING
-    while kept.now() < end:
-        kept.tick()
-        kept.wait(kept.now() + _TICK)
-        odometry = kept.read().odometry
-        if odometry is not None and standing(odometry.twist) and end - kept.now() < BRAKING - 0.2:
+def _bring_to_stand(gated: LocalGatedRobot) -> None:
+    """Brake until the robot stands."""
+    if not gated.gate.reason:
+        gated.stop("the loop has ended")
+    end = gated.now() + BRAKING
+    while gated.now() < end:
+        gated.tick()
+        gated.wait(gated.now() + _TICK)
+        odometry = gated.read().odometry
+        if odometry is not None and standing(odometry.twist) and end - gated.now() < BRAKING - 0.2:
             return

@@ -1,7 +1,7 @@
-"""Scans and frames from the gate process to the loop, in memory that both have: nobody waits.
+"""Shared memory for scans and frames from the gate process to the loop, without locks.
 
-The gate process writes only when the loop asks for what is new, and the loop takes it out before
-it asks again: so what is read is whole, and a loop that stands still holds nobody up.
+The gate process writes only when the loop requests readings, and the loop copies them before it
+requests again: so what is read is whole, and a loop that hangs blocks nobody.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Stored(NamedTuple):
 
 
 class SharedMemory:
-    """Memory for a scan of each LiDAR, and a frame. It goes when both processes are gone."""
+    """Memory for a scan of each LiDAR, and a frame. It is freed when both processes end."""
 
     def __init__(self, handle: int, scans: dict[str, int], frame: int) -> None:
-        """handle: of the memory, see `shared`. scans, frame: bytes there is room for; the scans' by
-        their LiDARs, the first one first."""
+        """handle: of the memory, see `shared`. scans: bytes for each LiDAR's scan, by name, the
+        first one first. frame: bytes for a frame."""
         self.handle, self.scans, self.frame = handle, scans, frame
         self._memory = mmap.mmap(handle, _size(scans, frame))
         ends = list(accumulate(map(_aligned, scans.values()), initial=0))
@@ -43,7 +43,7 @@ class SharedMemory:
         self._frame_at = ends[-1]
 
     def put(self, readings: Readings) -> Readings:
-        """The same with `Stored` for each array; without what there is no room for."""
+        """Store the arrays; returns the readings with `Stored` for each that has room."""
         scan, frame = readings.scan, readings.frame
         further = [self._put_scan(one, one.sensor) for one in readings.further]
         readings = readings._replace(
@@ -56,7 +56,7 @@ class SharedMemory:
         return readings
 
     def take(self, readings: Readings) -> Readings:
-        """What `put` put, with arrays of its own that nobody changes."""
+        """Inverse of `put`, with read-only copies of the arrays."""
         scan, frame = readings.scan, readings.frame
         readings = readings._replace(
             scan=None if scan is None else scan._replace(ranges=self._take(scan.ranges)),
@@ -87,13 +87,13 @@ class SharedMemory:
 
 
 def shared(model: RobotModel) -> SharedMemory:
-    """Memory for what a robot's sensors give. CohelmError where there is none."""
+    """Allocate memory for a robot's sensors. Raises CohelmError where there is none."""
     camera = model.camera
     scans = {lidar.name: _NUMBER * lidar.beams for lidar in model.lidars}
     frame = 3 * camera.width * camera.height if camera else 0
     try:
         handle = os.memfd_create("cohelm sensors", os.MFD_CLOEXEC)
-        os.ftruncate(handle, _size(scans, frame))  # heeds a limit on files, though it is none
+        os.ftruncate(handle, _size(scans, frame))  # subject to the limit on file sizes
     except OSError as error:
         raise CohelmError(
             f"there is no memory for scans and frames, {_size(scans, frame)} bytes "

@@ -1,4 +1,4 @@
-"""Which monitors watch a robot: by default all of them."""
+"""The monitors of a robot: by default all that its sensors allow."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cohelm.robot.sensors import LidarModel, vouched_floor
 
 
 def monitors(model: RobotModel, rules: GateRules) -> tuple[Monitor, ...]:
-    """New ones, that have seen nothing yet."""
+    """New monitors, without history."""
     found: list[Monitor] = [PlausibilityMonitor(model)]
     if model.lidar is not None:
         found.append(CollisionMonitor(described(model, rules)))
@@ -28,7 +28,7 @@ def monitors(model: RobotModel, rules: GateRules) -> tuple[Monitor, ...]:
 
 
 def described(model: RobotModel, rules: GateRules) -> Described:
-    """What the collision monitor has to know of a robot that has a LiDAR."""
+    """What the collision monitor needs to know of a robot with a LiDAR."""
     if model.lidar is None:
         raise ValueError("a robot without a LiDAR has no collision monitor")
     sensors = tuple(_sensor(given, model.outline) for given in model.lidars)

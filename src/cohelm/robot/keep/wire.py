@@ -1,7 +1,7 @@
-"""What loop and gate process tell each other in every period, as plain tuples of numbers.
+"""The messages between loop and gate process in every period, as plain tuples of numbers.
 
-A class goes over the control line by its name, which is looked up for each one that comes: of what
-travels a hundred times a second that is most of the work.
+Unpickling a class looks up its name every time; at a hundred messages a second that would be most
+of the work.
 """
 
 from __future__ import annotations
@@ -15,48 +15,48 @@ from cohelm.robot.port import Health, Odometry, Readings
 
 
 def packed_gate(gate: Gate) -> tuple[Any, ...]:
-    """A gate's state."""
+    """A gate's state as a tuple."""
     return (int(gate.mode), gate.reason, *gate.out, *gate[3:])
 
 
-def gate_of(told: tuple[Any, ...]) -> Gate:
-    """What `packed_gate` was given."""
-    mode, reason, v, omega, *rest = told
+def gate_of(packed: tuple[Any, ...]) -> Gate:
+    """Inverse of `packed_gate`."""
+    mode, reason, v, omega, *rest = packed
     return Gate(GateMode(mode), reason, Twist(v, omega), *rest)
 
 
 def packed_proposal(proposal: Proposal) -> tuple[Any, ...]:
-    """A proposal."""
+    """A proposal as a tuple."""
     return (proposal.sequence, proposal.stamp, *proposal.twist)
 
 
-def proposal_of(told: tuple[Any, ...]) -> Proposal:
-    """What `packed_proposal` was given."""
-    sequence, stamp, v, omega = told
+def proposal_of(packed: tuple[Any, ...]) -> Proposal:
+    """Inverse of `packed_proposal`."""
+    sequence, stamp, v, omega = packed
     return Proposal(sequence, stamp, Twist(v, omega))
 
 
 def packed_passed(passed: Passed) -> tuple[Any, ...]:
-    """What became of a proposal."""
+    """The result of a proposal as a tuple."""
     return (*passed.out, passed.reason)
 
 
-def passed_of(told: tuple[Any, ...]) -> Passed:
-    """What `packed_passed` was given."""
-    v, omega, reason = told
+def passed_of(packed: tuple[Any, ...]) -> Passed:
+    """Inverse of `packed_passed`."""
+    v, omega, reason = packed
     return Passed(Twist(v, omega), reason)
 
 
 def packed_readings(readings: Readings) -> tuple[Any, ...]:
-    """Readings; scans, frames and contacts, which come more seldom, as they are."""
+    """Readings as a tuple; scans, frames and contacts, which are rarer, as they are."""
     odometry, scan, frame, health, *rest = readings
     moved = None if odometry is None else (odometry.stamp, *odometry.pose, *odometry.twist)
     return (moved, None if health is None else tuple(health), scan, frame, *rest)
 
 
-def readings_of(told: tuple[Any, ...]) -> Readings:
-    """What `packed_readings` was given."""
-    moved, health, scan, frame, *rest = told
+def readings_of(packed: tuple[Any, ...]) -> Readings:
+    """Inverse of `packed_readings`."""
+    moved, health, scan, frame, *rest = packed
     odometry = None
     if moved is not None:
         stamp, x, y, psi, v, omega = moved

@@ -50,7 +50,7 @@ class Watched(LocalGatedRobot):
         """As any gated robot."""
         passed, acted = super().propose(proposal), self._acted
         if driving(self.gate.mode):
-            by_monitor = self.let_through < 1.0
+            by_monitor = self.monitor_share < 1.0
             acted.monitors += by_monitor
             acted.gate += not by_monitor and passed.out != proposal.twist
         return passed

@@ -17,7 +17,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 from cohelm.core.plugins import plugins
 from cohelm.core.types import Progress
-from cohelm.robot.keep.processes import bound
+from cohelm.robot.keep.processes import end_with_parent
 from cohelm.scenario.explain import nearest
 from cohelm.study.campaign.episode import Law, Plant
 from cohelm.study.campaign.external_law import GROUP, factory, is_own
@@ -256,7 +256,7 @@ def _begin(made: Suite) -> None:
     global _suite
     _suite = made
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    bound()
+    end_with_parent()
 
 
 def _in_process(law: Law, numbers: tuple[int, ...]) -> list[EpisodeResult]:
