@@ -37,7 +37,7 @@ class Told:
         made, self.place = self.place, None
         return made
 
-    def tell(self, topic, what) -> None:
+    def report(self, topic, what) -> None:
         self.said.append(f"{topic}: {what}")
 
     def close(self) -> None:

@@ -36,7 +36,7 @@ from cohelm.ros.inspection import Inspection
 from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import BOOL, CLOUD, ODOMETRY, SCAN, STAMPED, TF, TWIST
-from cohelm.ros.port import COMMAND, LATCHED, End, Endpoint, Heard, Qos, Received
+from cohelm.ros.port import COMMAND, LATCHED, Callback, End, Endpoint, Qos, Received
 from cohelm.ros.robot import Ros2Robot
 from cohelm.ros.served import ServedRobot
 from cohelm.ros.topics import Topics
@@ -86,7 +86,7 @@ class Inside:
 
         return type("Publisher", (), {"send": staticmethod(send)})()
 
-    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> End:
+    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Callback) -> End:
         subscriber = (topic, kind, heard)
         self._heard.append(subscriber)
         self._ends.append(Endpoint(topic, kind, qos, False, "/inside"))

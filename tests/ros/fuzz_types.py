@@ -37,8 +37,8 @@ from cohelm.ros import clock, cone, depth
 from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.commands import Commands
-from cohelm.ros.contact import Contacts, ContactTopic, said
-from cohelm.ros.footprint import ToldFootprint
+from cohelm.ros.contact import Contacts, ContactTopic, contact_messages
+from cohelm.ros.footprint import FootprintTopic
 from cohelm.ros.goals import GOAL, Goals
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.joy import JOY, JoyOperator, JoyParams
@@ -97,7 +97,7 @@ SEEN = {
         Polygon([Point32(x, y, 0.0) for x, y in ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2))]),
     ),
     FILTER_INFO: test_masks.info(f"/{GRID}", 1), GRID: test_masks.grid(),
-    HAZARDS: dict(said(TOUCHING, {"a"}, header(5, "base_link")))[f"/{HAZARDS}"],
+    HAZARDS: dict(contact_messages(TOUCHING, {"a"}, header(5, "base_link")))[f"/{HAZARDS}"],
 }  # fmt: skip
 
 
@@ -120,7 +120,7 @@ class Listeners:
             Commands(self.network, f"/{kind}", 0.5, clock.Clock()) for kind in (TWIST, STAMPED)
         ]
         self.contacts = Contacts(self.network, TOUCHING, time.monotonic)
-        self.footprint = ToldFootprint(self.network, f"/{POLYGON}", "base_link", 0.4)
+        self.footprint = FootprintTopic(self.network, f"/{POLYGON}", "base_link", 0.4)
         self.joy = JoyOperator(self.network, f"/{JOY}", JoyParams(1, 2, 0))
         lidar, body = SALLY.lidar, test_depth.mounted()
         assert lidar is not None

@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.cone import ConeRanges, described, told
+from cohelm.ros.cone import ConeRanges, described, rep117_range
 
 INF, NAN = math.inf, math.nan
 GIVEN = LidarModel.model_validate(
@@ -43,8 +43,10 @@ def level(yaw=0.0, pitch=0.0):
     ],
 )  # fmt: skip
 def test_a_range_means_what_rep_117_says(measured, low, high, means):
-    assert told(measured, low, high) == means or math.isnan(told(measured, low, high))
-    assert math.isnan(told(measured, low, high)) == math.isnan(means)
+    assert rep117_range(measured, low, high) == means or math.isnan(
+        rep117_range(measured, low, high)
+    )
+    assert math.isnan(rep117_range(measured, low, high)) == math.isnan(means)
 
 
 def test_the_cone_is_as_the_message_says_and_where_its_frame_is():

@@ -10,7 +10,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.record.ros2 import header
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.ros import look as looking
-from cohelm.ros.contact import Contacts, contact_topics, is_on, kind_of_contact, said
+from cohelm.ros.contact import Contacts, contact_messages, contact_topics, is_on, kind_of_contact
 from cohelm.ros.found import Allowed
 from cohelm.ros.look import look
 from cohelm.ros.mismatch import BOOL, RANGE, TF
@@ -64,7 +64,7 @@ def test_each_has_a_topic_and_a_type():
 
 @pytest.mark.parametrize("on", [set(), {"front"}, {"create"}, {"left"}, {"right"}])
 def test_what_a_driver_says_is_understood_from_its_bytes(on):
-    told = dict(said(TOPICS, on, header(0, "base_link")))
+    told = dict(contact_messages(TOPICS, on, header(0, "base_link")))
     found = set()
     for one in TOPICS:
         message, damage = unpacked(packed(told[one.topic], one.kind), one.kind)
@@ -116,7 +116,7 @@ def quick(monkeypatch):
 def test_all_are_found_and_read_and_one_that_is_silent_is_named():
     ends = [*ENDS, *(out(one.topic, one.kind, BEST_EFFORT) for one in TOPICS)]
     kinds = {one.topic: one.kind for one in TOPICS}
-    told = said(TOPICS, {"create"}, header(time.time_ns(), "base_link"))
+    told = contact_messages(TOPICS, {"create"}, header(time.time_ns(), "base_link"))
     says = [((topic, kinds[topic]), message) for topic, message in told]
     frames = [(("/tf_static", TF), mounts(MODEL))]
 

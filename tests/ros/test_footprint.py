@@ -8,7 +8,7 @@ import pytest
 from cohelm.law.verdict import Verdict
 from cohelm.pilot.reshaping import Shape
 from cohelm.ros import footprint
-from cohelm.ros.footprint import ToldFootprint
+from cohelm.ros.footprint import FootprintTopic
 from cohelm.ros.port import Received
 
 NAN, INF = float("nan"), float("inf")
@@ -21,7 +21,7 @@ class Topic:
 
     def __init__(self, axle=0.0):
         self.heard = []
-        self.told = ToldFootprint(self, "/footprint", "base_link", 0.4, axle)
+        self.told = FootprintTopic(self, "/footprint", "base_link", 0.4, axle)
 
     def subscribe(self, topic, kind, qos, heard):
         self.heard.append(heard)

@@ -168,7 +168,11 @@ def test_a_parameter_that_is_none_is_refused(pair, said):
 
 def test_a_joystick_that_nobody_publishes_is_told_of(monkeypatch):
     monkeypatch.setattr("cohelm.ros.joy._WAITS", 0.05)
-    assert Topic().operator.unheard().startswith("nobody publishes /joy: start its driver, or")
+    assert (
+        Topic()
+        .operator.nothing_received()
+        .startswith("nobody publishes /joy: start its driver, or")
+    )
     joy = Topic()
     joy.say()
-    assert joy.operator.unheard() == ""
+    assert joy.operator.nothing_received() == ""

@@ -21,7 +21,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.core.errors import CohelmError
 from cohelm.record.ros2 import header
 from cohelm.robot.contacts import CliffModel, ContactModel
-from cohelm.ros.contact import Contacts, ContactTopic, said
+from cohelm.ros.contact import Contacts, ContactTopic, contact_messages
 from cohelm.ros.foxglove import FoxgloveTransport
 from cohelm.ros.joy import JOY, JoyOperator, JoyParams
 from cohelm.ros.mismatch import RANGE, SCAN, TF, TWIST
@@ -245,7 +245,7 @@ def test_joysticks_ranges_and_hazards_come_as_they_were_sent(pair):
     stick = Joy(header(5, "joy"), np.array([-0.25, 0.5], np.float32), np.ones(3, np.int32))
     sends = [(one.publish("/joy", JOY, COMMAND), stick)] + [
         (one.publish(topic, HAZARDS if topic == "/hazards" else RANGE, COMMAND), message)
-        for topic, message in said(topics, {"bow", "edge"}, header(5, "base_link"))
+        for topic, message in contact_messages(topics, {"bow", "edge"}, header(5, "base_link"))
     ]
 
     def came() -> bool:

@@ -441,8 +441,8 @@ def test_what_can_not_be_read_any_more_is_a_fault_and_a_few_such_messages_are_no
         for many in (2, 3):
             robot = Ros2Robot(found.model, found, Spoken(ENDS, readings()))
             hear = {
-                "/odom": robot._hear_odometry,
-                "/scan": partial(robot._hear_scan, SALLY.lidar.name),
+                "/odom": robot._on_odometry,
+                "/scan": partial(robot._on_scan, SALLY.lidar.name),
             }
             for _ in range(many):
                 hear[topic](Received(None, 0.0, f"7 bytes are no {kind}"))

@@ -263,11 +263,11 @@ def base(
     from cohelm.drive.operate import DriveOptions, ended, robot_factory
     from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, restore_priority
     from cohelm.ros.dds import DdsTransport
-    from cohelm.ros.served import ServedRobot, asked_for, wanting
+    from cohelm.ros.served import ServedRobot, parse_twist, run_controller
     from cohelm.ros.topics import Topics
 
     kind = "twin" if twin else "kinematic"
-    wish = None if controller is None else asked_for(controller)
+    wish = None if controller is None else parse_twist(controller)
     topics = Topics.named(namespace)
     with starting("base") as line, ended() as stop:
         made = robot_factory(DriveOptions(name, scenario, kind, True, seed, []))
@@ -275,7 +275,7 @@ def base(
         transport = DdsTransport("cohelm_base", topics.namespace)
         try:
             served = ServedRobot(transport, robot, topics, stamped=stamped, simulated=sim_time)
-            over = wanting(transport, topics, wish)
+            over = run_controller(transport, topics, wish)
             stop.heed(seconds)
             line.over()
             say(f"{plain(made.model.name)} listens on {plain(topics.out)}; Ctrl-C ends it")

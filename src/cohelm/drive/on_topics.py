@@ -132,7 +132,7 @@ class OnTopics:
             told = self._goals.initial()
             if told is not None:
                 said = self._place(loop, told) or "the robot is looked for there"
-                self._goals.tell(told.topic, said)
+                self._goals.report(told.topic, said)
                 loop.log.event(f"{told.topic}: {said}")
         if self._rerouting is not None:
             self._judge_anew(loop)
@@ -151,7 +151,7 @@ class OnTopics:
         """See `rerouting.PathRequests`."""
         topic = self._asked.pop(said.answer.number, "") if client == TOPICS else ""
         if topic and self._goals is not None:
-            self._goals.tell(topic, said.answer.reason or "it is the robot's way from now on")
+            self._goals.report(topic, said.answer.reason or "it is the robot's way from now on")
 
     def close(self) -> None:
         """Make no more ways."""
@@ -260,8 +260,8 @@ def on_topics(
         joy = None
         if config.joy:
             joy = JoyOperator(transport, resolved(config.joy, space), config.joy_params)
-            if unheard := joy.unheard():
-                say(unheard)
+            if missing := joy.nothing_received():
+                say(missing)
         asks = resolved(config.resets, space) if config.resets else ""
         if asks:
             resets(transport, asks, partial(reset, asks), say)

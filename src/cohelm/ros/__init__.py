@@ -2,5 +2,5 @@
 
 `port` is what a transport must do: `dds`, `foxglove` and `zenoh`. `look` finds out what a robot
 offers, `robot` puts it behind the robot port, `filter_node` stands between any controller and the
-base; `localized` tells where it is on the map, `goals` hears where to go.
+base; `localized` publishes the pose on the map, `goals` receives goals and paths.
 """

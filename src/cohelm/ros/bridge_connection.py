@@ -1,4 +1,4 @@
-"""Reaches a `foxglove_bridge`: its address, with TLS or without, and what it says it can do."""
+"""Connects to a `foxglove_bridge`, with or without TLS, and checks its capabilities."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class _Address(NamedTuple):
 
 
 def opened(url: str) -> tuple[ClientConnection, str]:
-    """A new connection, on which the bridge has told what it can do, and the bridge's name. Raises
-    CohelmError where none answers, or it lacks what is needed."""
+    """A new connection, after the bridge has sent its capabilities, and the bridge's name. Raises
+    CohelmError where none answers, or a capability is missing."""
     at = _address(url)
     try:
         # In clear, over a socket that does TLS where the address says so. legacy: websockets
@@ -73,7 +73,7 @@ def opened(url: str) -> tuple[ClientConnection, str]:
 
 
 def _address(url: str) -> _Address:
-    """What an address says. Raises CohelmError for what is none."""
+    """Parses an address. Raises CohelmError for an invalid one."""
     none = CohelmError(f"--url {url!r}: give the bridge's address, such as {URL}")
     try:
         parts = urlsplit(url)
@@ -87,7 +87,8 @@ def _address(url: str) -> _Address:
 
 
 def _reached(at: _Address) -> socket.socket:
-    """A socket to an address, with TLS where that says so. Raises OSError, or ValueError."""
+    """A socket to an address, with TLS where the scheme asks for it. Raises OSError, or
+    ValueError."""
     there = socket.create_connection((at.host, at.port), OPENS)
     if at.sealed:
         return TlsSocket(there, at.host)

@@ -1,4 +1,4 @@
-"""The camera of a ROS 2 robot, for people to look through: nothing that drives uses it."""
+"""The camera of a ROS 2 robot, for the operator's view; nothing that drives uses it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def choose(named: str | None, seen: list[Endpoint]) -> tuple[CameraTopic | None,
         kind = there.get(named, "")
         if kind not in (COMPRESSED, IMAGE):
             raise CohelmError(
-                mismatch.unheard(named, COMPRESSED, SENSOR, "--topic camera=TOPIC", seen)
+                mismatch.nothing_received(named, COMPRESSED, SENSOR, "--topic camera=TOPIC", seen)
             )
         return CameraTopic(named, kind), ""
     found = sorted(
@@ -73,8 +73,8 @@ class Camera:
         self._topic, self._clock, self._simulated = topic, clock, simulated
         self._lock, self._number = threading.Lock(), -1
         self._newest: tuple[int, Any] | None = None
-        self._said = ""
-        self._end = transport.subscribe(*topic, SENSOR, self._hear)
+        self._last_error = ""
+        self._end = transport.subscribe(*topic, SENSOR, self._on_image)
 
     def __call__(self, now: float) -> Frame | Encoded | None:
         """The newest picture, once. now: of the robot's clock [s]."""
@@ -90,8 +90,8 @@ class Camera:
                 return Encoded(stamp, number, bytes(message.data))
             return Frame(stamp, number, pixels(message))
         except CohelmError as error:
-            if str(error) != self._said:
-                self._said = str(error)
+            if str(error) != self._last_error:
+                self._last_error = str(error)
                 _log.warning("%s: %s", self._topic.name, error)
             return None
 
@@ -99,7 +99,7 @@ class Camera:
         """Look no more."""
         self._end()
 
-    def _hear(self, received: Received) -> None:
+    def _on_image(self, received: Received) -> None:
         if received.message is None:
             return
         with self._lock:

@@ -1,7 +1,7 @@
-"""The robot's clock beside this machine's: stamps become ages, whoever's clock is wrong.
+"""Estimates the offset of the robot's clock to this machine's, so that stamps become ages.
 
-Only what comes is known, not how long it was under way; so a difference of clocks can be told from
-a delay only where it is larger than any sound one, or where messages seem to be of the future.
+Only the time of arrival is known, not the latency; so an offset can be told from a latency only
+where it is larger than any plausible one, or where messages seem to be from the future.
 """
 
 from __future__ import annotations
@@ -21,13 +21,12 @@ MOST = 5.0
 SIMULATED = 1e8
 """Stamps before this are of a simulator's clock, or of none [s]: three years after 1970."""
 TOPIC, TYPE = "/clock", "rosgraph_msgs/msg/Clock"
-"""Where a simulator tells its time; in no namespace."""
+"""Where a simulator publishes its time; in no namespace."""
 FASTEST = 1.1
 """A simulator may be so many times as fast as the wall: what the filter counts with in seconds of
 the wall, its period and the delay of the wheels, must be no longer there."""
 SILENT = 0.3
-"""A simulator that tells nothing for so long stands, or is gone [s]; the slowest tell it ten times
-a second."""
+"""A simulator silent for so long stands, or is gone [s]; the slowest publish ten times a second."""
 _LEARNS = 0.1
 """Weight of the newest rate among those before."""
 
@@ -36,7 +35,7 @@ class Clock(NamedTuple):
     """How the robot's clock stands."""
 
     ahead: float = 0.0
-    """Of this machine's wall clock [s]; 0 where both agree as far as can be told."""
+    """Of this machine's wall clock [s]; 0 where both agree within what can be measured."""
 
     def age(self, stamp: float) -> float:
         """How long ago a stamp of the robot's was [s]."""
@@ -82,21 +81,21 @@ class SimulatedClock:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._heard = time.monotonic()
+        self._received_at = time.monotonic()
         self._own, self._time = 0.0, math.nan
         self._newest = 0.0
         self._rate = 1.0
 
     @classmethod
     def on(cls, transport: Transport) -> SimulatedClock:
-        """The one that is heard there."""
+        """The simulator's clock on its topic."""
         made = cls()
-        transport.subscribe(TOPIC, TYPE, SENSOR, made.hear)
+        transport.subscribe(TOPIC, TYPE, SENSOR, made.on_message)
         return made
 
     @property
     def known(self) -> bool:
-        """Whether it has been heard at all."""
+        """Whether a message has been received."""
         return not math.isnan(self._time)
 
     @property
@@ -104,15 +103,15 @@ class SimulatedClock:
         """Its seconds in one of the wall's, of late."""
         return self._rate
 
-    def hear(self, received: Received) -> None:
+    def on_message(self, received: Received) -> None:
         """A message."""
         if received.message is not None:
             self.take(seconds(received.message.clock), received.stamp)
 
-    def take(self, told: float, wall: float) -> None:
-        """A time that it told [s], when this machine's monotonic clock said `wall` [s]."""
+    def take(self, time_s: float, wall: float) -> None:
+        """A simulated time [s], received when this machine's monotonic clock was at `wall` [s]."""
         with self._lock:
-            passed, way = wall - self._heard, told - self._time
+            passed, way = wall - self._received_at, time_s - self._time
             if passed <= 0.0:
                 return
             own = self._own + self._passed(wall)
@@ -120,7 +119,7 @@ class SimulatedClock:
                 own = max(own, self._own + min(way, FASTEST * passed + SILENT))
                 if passed < SILENT:
                     self._rate += _LEARNS * (min(way / passed, 2.0) - self._rate)
-            self._own, self._time, self._heard = own, told, wall
+            self._own, self._time, self._received_at = own, time_s, wall
 
     def now(self) -> float:
         """The robot's own [s]; never goes back."""
@@ -129,7 +128,7 @@ class SimulatedClock:
             return self._newest
 
     def time(self) -> float:
-        """The simulator's [s]; NaN: it has told none yet."""
+        """The simulator's [s]; NaN: none was received yet."""
         with self._lock:
             return self._time + self._rate * min(self._since(time.monotonic()), SILENT)
 
@@ -138,7 +137,7 @@ class SimulatedClock:
         return self.time() - stamp
 
     def _since(self, wall: float) -> float:
-        return max(wall - self._heard, 0.0)
+        return max(wall - self._received_at, 0.0)
 
     def _passed(self, wall: float) -> float:
         """Of the robot's own since the last message."""

@@ -20,7 +20,7 @@ _MOST_POINTS = 2_000_000
 def points(cloud: Any, topic: str) -> Floats:
     """(n, 3), x y z in the frame of the cloud [m]; NaN for what was not measured.
 
-    Raises CohelmError for bytes that do not hold what the message says.
+    Raises CohelmError for bytes that do not fit the message's description.
     """
     fields = {field.name: field for field in cloud.fields}
     step, row, n = int(cloud.point_step), int(cloud.row_step), int(cloud.width) * int(cloud.height)
@@ -53,7 +53,7 @@ def points(cloud: Any, topic: str) -> Floats:
 
 
 class CloudRanges(WatchesFloor):
-    """Puts the points of clouds onto the beams of a model."""
+    """Projects the points of clouds onto the beams of a model."""
 
     def __init__(self, model: LidarModel, body: Floats, topic: str) -> None:
         """model: one with a height band. body: (4, 4), from the cloud's frame into the body's."""

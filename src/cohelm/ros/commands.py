@@ -21,7 +21,7 @@ class Nominal(NamedTuple):
 
     twist: Twist
     reason: str
-    """Why it is a stop, if the controller did not ask for one; empty otherwise."""
+    """Why it is a stop, if the controller did not request one; empty otherwise."""
     fresh: bool
     """Whether a controller is there at all."""
 
@@ -37,11 +37,11 @@ class Commands:
         self._count = self._taken = 0
         self._twist: Twist | None = None
         self._came = -math.inf
-        self._wrong = ""
+        self._error = ""
         self.sideways = False
-        """Whether a command asked for what no differential drive can do."""
+        """Whether a command had a sideways speed, which no differential drive can do."""
         for kind in (TWIST, STAMPED):
-            transport.subscribe(topic, kind, SENSOR, self._heard)
+            transport.subscribe(topic, kind, SENSOR, self._on_command)
 
     @property
     def count(self) -> int:
@@ -49,7 +49,8 @@ class Commands:
         return self._count
 
     def wait(self, seconds: float) -> bool:
-        """Until one comes that `now` has not taken yet, or so long [s]; whether one has come."""
+        """Waits for a command that `now` has not taken yet, at most so long [s]; whether one
+        came."""
         with self._arrived:
             return self._arrived.wait_for(lambda: self._count > self._taken, max(seconds, 0.0))
 
@@ -57,31 +58,31 @@ class Commands:
         """What counts at a time of this machine's monotonic clock [s]."""
         with self._arrived:
             self._taken = self._count
-            twist, came, wrong = self._twist, self._came, self._wrong
+            twist, came, error = self._twist, self._came, self._error
         if not self._count:
             return Nominal(_STILL, f"no command on {self._topic} yet", False)
         age = monotonic - came
         if age > self._timeout:
             return Nominal(_STILL, f"no command on {self._topic} for {age:.1f} s", False)
-        if wrong or twist is None:
-            return Nominal(_STILL, wrong, True)
+        if error or twist is None:
+            return Nominal(_STILL, error, True)
         return Nominal(twist, "", True)
 
-    def _heard(self, received: Received) -> None:
+    def _on_command(self, received: Received) -> None:
         message = received.message
-        wrong, twist = received.damage, None
+        error, twist = received.damage, None
         if message is not None:
             stamp = 0.0
             if hasattr(message, "header"):
                 stamp, message = seconds(message.header.stamp), message.twist
-            wrong = self._late(stamp)
+            error = self._late(stamp)
             twist = Twist(float(message.linear.x), float(message.angular.z))
             if not (math.isfinite(twist.v) and math.isfinite(twist.omega)):
-                wrong = wrong or "the command is no number"
+                error = error or "the command is no number"
             self.sideways = self.sideways or message.linear.y != 0.0
         with self._arrived:
             self._count += 1
-            self._twist, self._came, self._wrong = twist, received.stamp, wrong
+            self._twist, self._came, self._error = twist, received.stamp, error
             self._arrived.notify_all()
 
     def _late(self, stamp: float) -> str:

@@ -17,13 +17,13 @@ _STEEPEST = math.radians(20.0)
 
 
 def described(
-    message: Any, topic: str, matrix: Floats, rate: float, latency: float, given: LidarModel
+    message: Any, topic: str, matrix: Floats, rate: float, latency: float, configured: LidarModel
 ) -> LidarModel:  # fmt: skip
-    """The range sensor that sends such a `sensor_msgs/msg/Range`: its cone and ranges are as the
-    message says, on the floor.
+    """The range sensor that sends such a `sensor_msgs/msg/Range`: its cone and ranges are the
+    message's, projected onto the floor.
 
     matrix: (4, 4), from its frame, whose x axis the cone has, into the body's. rate: as counted
-    [Hz]. latency: least age when it came [s]. Raises CohelmError for what is no cone.
+    [Hz]. latency: least age on arrival [s]. Raises CohelmError for an impossible cone.
     """
     low, high, view = (
         float(v) for v in (message.min_range, message.max_range, message.field_of_view)
@@ -47,9 +47,10 @@ def described(
         )
     flat = math.hypot(x, y)
     keys = {
-        "name": given.name, "range_sensor": True, "field_of_view_deg": math.degrees(view),
+        "name": configured.name, "range_sensor": True, "field_of_view_deg": math.degrees(view),
         "range_min_m": flat * low, "range_max_m": flat * high, "rate_hz": rate,
-        "noise_m": given.noise_m, "timeout_s": given.timeout_s, "forget_s": given.forget_s,
+        "noise_m": configured.noise_m, "timeout_s": configured.timeout_s,
+        "forget_s": configured.forget_s,
         "latency_s": min(max(latency, 0.0), 1.0), "mount_x_m": float(matrix[0, 3]),
         "mount_y_m": float(matrix[1, 3]), "mount_yaw_deg": math.degrees(math.atan2(y, x)),
     }  # fmt: skip
@@ -61,7 +62,7 @@ def described(
 
 
 class ConeRanges:
-    """Puts one range onto the beams of a model."""
+    """Sets one range on all the beams of a model."""
 
     def __init__(self, model: LidarModel, matrix: Floats, topic: str) -> None:
         self._beams, self._topic = model.beams, topic
@@ -70,8 +71,8 @@ class ConeRanges:
 
     def of(self, message: Any) -> Floats:
         """(beams,) [m], all the same: inf for nothing, -inf for too near, NaN where nothing was
-        measured, which drivers also say as 0. CohelmError where it measures from or to elsewhere
-        than when it was looked at."""
+        measured, which drivers also report as 0. CohelmError where its limits are not those found
+        at the start."""
         low, high = float(message.min_range), float(message.max_range)
         before = tuple(limit / self._flat for limit in self._limits)
         if not np.allclose((low, high), before, rtol=0.01, atol=0.002):
@@ -80,13 +81,15 @@ class ConeRanges:
                 f"{before[0]:g} to {before[1]:g} m when it was looked at: mend its driver, or "
                 "start again"
             )
-        made: Floats = np.full(self._beams, self._flat * told(float(message.range), low, high))
+        made: Floats = np.full(
+            self._beams, self._flat * rep117_range(float(message.range), low, high)
+        )
         return made
 
 
-def told(measured: float, low: float, high: float) -> float:
-    """A range as REP-117 has it [m]. low, high: those of the message; equal ones are of a sensor
-    that tells only whether something is nearer than that, as -inf, or not, as inf."""
+def rep117_range(measured: float, low: float, high: float) -> float:
+    """A range by REP-117 [m]. low, high: those of the message; equal ones are of a sensor that only
+    reports whether something is nearer than that, as -inf, or not, as inf."""
     if math.isnan(measured) or -math.inf < measured <= 0.0:
         return math.nan
     if measured > high:

@@ -1,4 +1,4 @@
-"""Which transport to take: what the robot's middleware speaks where that can be had, else its
+"""Chooses the transport: the robot's middleware where it can be used, else its
 `foxglove_bridge`."""
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class Connection(NamedTuple):
 
     kind: str = DDS
     url: str = ""
-    """Of the bridge or router; of a router also empty: as the environment says."""
+    """Of the bridge or router; of a router also empty: from the environment."""
     why: str = ""
     """This one and no other."""
 

@@ -1,4 +1,4 @@
-"""Bumpers and cliff sensors over ROS 2: what their messages say, and what is newest of each."""
+"""Bumpers and cliff sensors over ROS 2: reads their messages, and keeps the newest of each."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact
-from cohelm.ros.cone import told
+from cohelm.ros.cone import rep117_range
 from cohelm.ros.mismatch import BOOL, RANGE
 from cohelm.ros.port import SENSOR, Received, Transport
 from cohelm.ros.types import HAZARD, HAZARDS, store
@@ -46,19 +46,19 @@ def usual_topic(model: ContactModel) -> str:
 
 
 def is_on(model: ContactModel, message: Any) -> bool | None:
-    """What a message says of a sensor; None: nothing, as a range that was not measured."""
+    """Whether a message reports contact; None: no statement, as a range that was not measured."""
     if model.hazard is not None:
         frames = (one.header.frame_id.lstrip("/") for one in message.detections)
         return model.hazard in frames
     if not isinstance(model, CliffModel) or model.floor_m is None:
         return bool(message.data)
     low, high = float(message.min_range), float(message.max_range)
-    measured = told(float(message.range), low, high)
+    measured = rep117_range(float(message.range), low, high)
     return None if math.isnan(measured) else measured > model.floor_m + model.drop_m
 
 
 class Contacts:
-    """Hears all of a robot. Each message counts as of when it came."""
+    """Subscribes to all of a robot's. Each message counts as of its arrival."""
 
     def __init__(
         self, transport: Transport, topics: tuple[ContactTopic, ...], now: Callable[[], float]
@@ -71,16 +71,16 @@ class Contacts:
         self.damaged = 0
         """Messages that could not be read, so far."""
         for one in topics:
-            transport.subscribe(one.topic, one.kind, SENSOR, partial(self._hear, one.model))
+            transport.subscribe(one.topic, one.kind, SENSOR, partial(self._on_message, one.model))
 
     def read(self) -> tuple[Contact, ...]:
-        """The newest of each that has been heard."""
+        """The newest of each that has been received."""
         with self._lock:
             unread, self._unread = self._unread, set()
             newest = tuple(self._newest.values())
         return tuple(one._replace(on=one.on or one.sensor in unread) for one in newest)
 
-    def _hear(self, model: ContactModel, received: Received) -> None:
+    def _on_message(self, model: ContactModel, received: Received) -> None:
         on = None if received.message is None else is_on(model, received.message)
         now = self._now()
         with self._lock:
@@ -101,9 +101,11 @@ def contact_topics(model: RobotModel, topics: tuple[str, ...]) -> tuple[ContactT
     )
 
 
-def said(topics: Sequence[ContactTopic], on: Collection[str], header: Any) -> list[tuple[str, Any]]:
-    """What a robot's own driver would say of them, a message for each topic. on: the names of those
-    that are."""
+def contact_messages(
+    topics: Sequence[ContactTopic], on: Collection[str], header: Any
+) -> list[tuple[str, Any]]:
+    """The messages that a robot's own driver would publish, one for each topic. on: the names of
+    those that are on."""
     made: dict[str, Any] = {}
     detection, vector = (store().types[name] for name in (HAZARD, HAZARDS))
     for model, topic, kind in topics:

@@ -1,7 +1,7 @@
-"""The transport for robots whose middleware is DDS: cyclonedds, speaking as ROS 2 does.
+"""The transport for robots whose middleware is DDS: cyclonedds, with ROS 2's naming and discovery.
 
 `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE` (and the older `ROS_LOCALHOST_ONLY`) and
-`CYCLONEDDS_URI` are heeded as by ROS 2 itself.
+`CYCLONEDDS_URI` count as for ROS 2 itself.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing, requirements
 from cohelm.ros.graph import GRAPH, INFO, Graph, described
 from cohelm.ros.names import dds_topic, namespace_of, ros_topic, ros_type
-from cohelm.ros.port import LATCHED, End, Endpoint, Heard, Publisher, Qos, Received
+from cohelm.ros.port import LATCHED, Callback, End, Endpoint, Publisher, Qos, Received
 from cohelm.ros.types import known, packed, type_hash, unpacked, wire
 
 _MOST = 64
@@ -33,7 +33,7 @@ _LOCAL = (
     "</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers>"
     "<Peer address='127.0.0.1'/></Peers></Discovery></Domain></CycloneDDS>"
 )
-"""Nobody but this machine: what ROS 2 calls the discovery range LOCALHOST."""
+"""This machine only: ROS 2's discovery range LOCALHOST."""
 _RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT", "OFF", "NOT_SET")
 """Discovery ranges of ROS 2; but LOCALHOST all are cyclonedds' own."""
 _LOCK = threading.RLock()
@@ -52,8 +52,8 @@ def domain_id(given: int | None = None) -> int:
 
 
 def local_only() -> bool:
-    """Whether the environment says that nobody outside this machine is to be found. CohelmError for
-    a range that there is not."""
+    """Whether the environment limits discovery to this machine. CohelmError for an unknown
+    range."""
     ranged = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper()
     if ranged not in ("", *_RANGES):
         raise CohelmError(
@@ -97,7 +97,7 @@ class DdsTransport:
             self._built[publishes] = reader, dds.ReadCondition(reader, anything)
         self._ends: dict[bytes, Endpoint] = {}
         self._lock = _LOCK
-        self._readers: list[tuple[Any, str, Heard]] = []
+        self._readers: list[tuple[Any, str, Callback]] = []
         self._writers: list[Any] = []
         self._topics: dict[tuple[str, str], Any] = {}
         self._waiting = dds.WaitSet(self._participant)
@@ -105,10 +105,10 @@ class DdsTransport:
         self._graph = Graph(self._participant.guid.bytes, node, namespace_of(namespace))
         self._about = self._writer(GRAPH, INFO, LATCHED)
         self._others: dict[bytes, list[Any]] = {}
-        self._reader(GRAPH, INFO, LATCHED._replace(depth=100), self._told)
+        self._reader(GRAPH, INFO, LATCHED._replace(depth=100), self._on_graph)
         self._thread = threading.Thread(target=self._listen, name="dds", daemon=True)
         self._thread.start()
-        self._tell()
+        self._publish_graph()
 
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
         """A publisher, which others see with its type's hash."""
@@ -116,16 +116,16 @@ class DdsTransport:
             self._open()
             writer = self._writer(dds_topic(topic), known(kind), qos)
             self._graph.writers.append(writer.guid.bytes)
-            self._tell()
+            self._publish_graph()
         return _Writer(writer, kind, self._closed)
 
-    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> End:
+    def subscribe(self, topic: str, kind: str, qos: Qos, callback: Callback) -> End:
         """A subscriber, and what ends it."""
         with self._lock:
             self._open()
-            reader = self._reader(dds_topic(topic), known(kind), qos, heard)
+            reader = self._reader(dds_topic(topic), known(kind), qos, callback)
             self._graph.readers.append(reader.guid.bytes)
-            self._tell()
+            self._publish_graph()
         return partial(self._leave, reader)
 
     def endpoints(self) -> list[Endpoint]:
@@ -174,7 +174,7 @@ class DdsTransport:
             self._readers.remove(mine[0])
             self._graph.readers.remove(reader.guid.bytes)
             self._waiting.detach(reader.anything)
-            self._tell()
+            self._publish_graph()
 
     def _open(self) -> None:
         if self._closed.is_set():
@@ -193,13 +193,13 @@ class DdsTransport:
         self._writers.append(made)
         return made
 
-    def _reader(self, topic: str, kind: str, qos: Qos, heard: Heard) -> Any:
+    def _reader(self, topic: str, kind: str, qos: Qos, callback: Callback) -> Any:
         dds = _cyclonedds()
         made = dds.DataReader(self._participant, self._topic(topic, kind), _policies(qos, kind))
         new = dds.ViewState.Any | dds.InstanceState.Any | dds.SampleState.NotRead
         anything = dds.ReadCondition(made, new)
         made.anything = anything  # lives as long as the reader
-        self._readers.append((made, kind, heard))
+        self._readers.append((made, kind, callback))
         self._waiting.attach(anything)
         return made
 
@@ -211,23 +211,23 @@ class DdsTransport:
             stamp = time.monotonic()
             with self._lock:
                 readers = list(self._readers)
-            for reader, kind, heard in readers:
+            for reader, kind, callback in readers:
                 for sample in reader.take(_MOST):
-                    if getattr(sample, "data", None):  # else only says that a publisher has gone
+                    if getattr(sample, "data", None):  # else its publisher has gone
                         message, damage = unpacked(sample.data, kind)
-                        heard(Received(message, stamp, damage))
+                        callback(Received(message, stamp, damage))
 
-    def _tell(self) -> None:
-        """Say on ros_discovery_info which node has which publishers and subscribers."""
+    def _publish_graph(self) -> None:
+        """Publish on ros_discovery_info which node has which publishers and subscribers."""
         self._about.write(wire(INFO)(packed(self._graph.message(), INFO)))
 
-    def _told(self, received: Received) -> None:
+    def _on_graph(self, received: Received) -> None:
         if received.message is not None:
             gid, nodes = described(received.message)
             self._others[gid] = nodes
 
     def _nodes(self) -> dict[bytes, str]:
-        """The name of the node of each endpoint that somebody has told of."""
+        """The name of the node of each endpoint in others' ros_discovery_info."""
         return {
             gid: name for nodes in list(self._others.values()) for name, gids in nodes
             for gid in gids
@@ -266,7 +266,7 @@ def _policies(qos: Qos, kind: str) -> Any:
 
 
 def _qos(given: Any) -> Qos:
-    """Of somebody else's endpoint."""
+    """Of another participant's endpoint."""
     policy = _cyclonedds().Policy
     found: dict[str, Any] = {one.__scope__: one for one in given}
     volatile: Any = policy.Durability.Volatile

@@ -45,7 +45,7 @@ class Intrinsics(NamedTuple):
 
 
 def info_topic(topic: str) -> str:
-    """Where the CameraInfo of images is: beside them."""
+    """The topic of the images' CameraInfo, in the same namespace."""
     return f"{topic.rpartition('/')[0]}/camera_info"
 
 
@@ -93,7 +93,7 @@ def depths(image: Any, camera: Intrinsics, topic: str) -> tuple[Any, float]:
     return np.ndarray((height, width), order + kind, data.tobytes(), 0, (step, size)), metres
 
 
-def described(camera: Intrinsics, body: Floats, given: LidarModel, topic: str) -> LidarModel:
+def described(camera: Intrinsics, body: Floats, configured: LidarModel, topic: str) -> LidarModel:
     """The LiDAR that a depth camera is: where it is and looks, and not more beams nor a wider view
     than its images have.
 
@@ -114,15 +114,15 @@ def described(camera: Intrinsics, body: Floats, given: LidarModel, topic: str) -
     right, left = float(bearings[:, 0].max()), float(bearings[:, 1].min())
     if not right < left:
         raise CohelmError(f"{topic}: the camera looks too steeply to see along the floor")
-    view = min(given.field_of_view_deg, math.degrees(left - right))
+    view = min(configured.field_of_view_deg, math.degrees(left - right))
     most = int(math.radians(view) / camera.gap) + 1
     x, y, z = (float(v) for v in body[:3, 3])
-    band = given.height_band_m
+    band = configured.height_band_m
     near = 0.0 if band is None else _whole_from(rays, z - band[0])
-    return given.model_copy(
+    return configured.model_copy(
         update={
-            "whole_from_m": max(given.whole_from_m, min(near, given.range_max_m)),
-            "beams": max(min(given.beams, most), 2), "field_of_view_deg": view, "sweep_s": 0.0,
+            "whole_from_m": max(configured.whole_from_m, min(near, configured.range_max_m)),
+            "beams": max(min(configured.beams, most), 2), "field_of_view_deg": view, "sweep_s": 0.0,
             "mount_x_m": x, "mount_y_m": y, "mount_z_m": z,
             "mount_yaw_deg": math.degrees(wrap(yaw + 0.5 * (left + right))),
         }
@@ -130,10 +130,10 @@ def described(camera: Intrinsics, body: Floats, given: LidarModel, topic: str) -
 
 
 class DepthRanges(WatchesFloor):
-    """Puts the pixels of depth images onto the beams of a model.
+    """Projects the pixels of depth images onto the beams of a model.
 
-    All that a pixel's depth has to be for its point to stand in the height band is worked out
-    here, once: the beam of a pixel does not change with its depth, as the beams begin at the lens.
+    The range of depths for which a pixel's point is in the height band is computed here, once: the
+    beam of a pixel does not change with its depth, as the beams begin at the lens.
     """
 
     def __init__(self, model: LidarModel, camera: Intrinsics, body: Floats, topic: str) -> None:

@@ -38,14 +38,14 @@ from cohelm.ros.reset import resets
 WATCHDOG = 0.2
 """Without a sound proposal for so long the gate process brakes the base [s]."""
 FRESH = 0.015
-"""Readings that were taken in longer ago are taken in anew before a command goes by them [s]: more
-than `LEAD` and the spare time of the longest period."""
+"""Readings older than this are read again before a command is filtered with them [s]: more than
+`LEAD` and the spare time of the longest period."""
 LEAD = 0.006
 """So long before a command is expected they are taken in [s]: as a rule a scan takes less."""
 WARM = 0.5
 """So long the node works while it lets nothing move [s]."""
 SHAPED = 0.01
-"""A command that is changed by less is told as passed [m/s]."""
+"""A command that is changed by less counts as unchanged [m/s]."""
 _STILL = Twist(0.0, 0.0)
 _NOWHERE = Pose(math.nan, math.nan, math.nan)
 
@@ -71,10 +71,10 @@ class FilterNode:
 
     def __init__(
         self, transport: Transport, gated: GatedRobot, found: Found, params: FilterParams,
-        say: Callable[[str], None] = lambda _: None,
+        log: Callable[[str], None] = lambda _: None,
     ) -> None:  # fmt: skip
         """transport: for commands and reports; the gate process has one of its own for the robot.
-        say: hears each new reason."""
+        log: receives each new reason."""
         model = found.model
         self._gated, self._params, self._every = gated, params, found.command_period
         self._perception = Perception(model)
@@ -84,12 +84,12 @@ class FilterNode:
         clock = SimulatedClock.on(transport) if found.simulated else None
         ticks = found.odom_clock if clock is None else clock
         self._commands = Commands(transport, found.topics.command, params.timeout, ticks)
-        self._report = Report(transport, found, say, clock)
+        self._report = Report(transport, found, log, clock)
         self._shape = Shape(model.outline, self._reshape)
-        self._reset_asked = False
-        resets(transport, self._report.topic("reset"), self._asked_to_reset, self._report.note)
+        self._reset_requested = False
+        resets(transport, self._report.topic("reset"), self._on_reset, self._report.note)
         self._readings = Readings()
-        self._looked = self._begun = -math.inf
+        self._looked = self._period_start = -math.inf
         """When the readings were taken in, and when the last period began [s]."""
         self._number = 0
         self.may_drive = False
@@ -104,7 +104,7 @@ class FilterNode:
             time.sleep(self._params.period)
 
     def run(self, over: Callable[[], bool]) -> None:
-        """Until somebody says that it is over; the gate process is left to be closed."""
+        """Runs until `over` returns true; the gate process is left to be closed."""
         self.may_drive, garbage = True, Sweeper()
         pacing = Pacing(self._params.period, time.monotonic(), self._every)
         try:
@@ -124,27 +124,27 @@ class FilterNode:
 
     def step(self) -> Row:
         """One control period: the newest command, through filter and gate, to the base."""
-        begun = time.monotonic()
+        start = time.monotonic()
         gated = self._gated
-        nominal = self._commands.now(begun)
-        after, self._begun = begun - self._begun, begun
-        if begun - self._looked > FRESH:
+        nominal = self._commands.now(start)
+        after, self._period_start = start - self._period_start, start
+        if start - self._looked > FRESH:
             self._look()
         readings, now = self._readings, gated.now()
-        wrong = self._watchdog.wrong(now, readings)
-        wrong = wrong and (self._transport.lost() or wrong)
+        fault = self._watchdog.wrong(now, readings)
+        fault = fault and (self._transport.lost() or fault)
         seen = self._perception.seen(now)
         self._shape.take(readings.outline)
         self._report.outline = self._shape.outline
         result = self._filter(
-            _NOWHERE if wrong or readings.scan is None else seen.odometry, seen.twist,
+            _NOWHERE if fault or readings.scan is None else seen.odometry, seen.twist,
             nominal.twist, obstacles(seen), after if math.isfinite(after) else None,
         )  # fmt: skip
         stamp = now
-        if not wrong and readings.odometry is not None:
+        if not fault and readings.odometry is not None:
             stamp = readings.odometry.stamp
-        safe = _STILL if wrong else result.twist
-        self._drive(nominal, wrong)
+        safe = _STILL if fault else result.twist
+        self._drive(nominal, fault)
         passed = gated.propose(Proposal(self._number, stamp, safe))
         self._number += 1
         if math.isfinite(passed.out.v) and math.isfinite(passed.out.omega):
@@ -152,13 +152,13 @@ class FilterNode:
         stands = passed.out == _STILL and standing(seen.twist)
         reshaping = self._shape.settle(result.verdict, stands)
         gate = gated.gate
-        kind, text = _reason(nominal, wrong, result, passed, gate, self._report.topic("reset"))
+        kind, text = _reason(nominal, fault, result, passed, gate, self._report.topic("reset"))
         if reshaping and kind in ("brakes", "monitor"):
             kind, text = "footprint", f"{text}: the outline changes, and both count until it fits"
         row = Row(
             kind, text, nominal.twist, safe, passed.out, result.verdict, result.change,
             result.clearance, latched(gate.mode), _place(result, seen), *_ages(now, readings),
-            time.monotonic() - begun,
+            time.monotonic() - start,
         )  # fmt: skip
         self._report.take(row)
         return row
@@ -173,19 +173,19 @@ class FilterNode:
         self._readings = self._gated.read()
         self._perception.hear(self._gated.now(), self._readings)
 
-    def _drive(self, nominal: Nominal, wrong: str) -> None:
-        """The base may move as soon as a controller is there, and nothing is amiss."""
+    def _drive(self, nominal: Nominal, fault: str) -> None:
+        """Enables the base as soon as a controller is there and nothing is wrong."""
         gate = self._gated.gate
-        if self._reset_asked:
-            self._reset_asked = False
+        if self._reset_requested:
+            self._reset_requested = False
             if latched(gate.mode):
-                said = self._gated.reset()
-                self._report.note(f"reset: {said}" if said else "reset")
-        elif gate.mode == GateMode.IDLE and nominal.fresh and not wrong and self.may_drive:
+                refusal = self._gated.reset()
+                self._report.note(f"reset: {refusal}" if refusal else "reset")
+        elif gate.mode == GateMode.IDLE and nominal.fresh and not fault and self.may_drive:
             self._gated.drive(GateMode.AUTOMATIC)
 
-    def _asked_to_reset(self, _: float) -> None:
-        self._reset_asked = True
+    def _on_reset(self, _: float) -> None:
+        self._reset_requested = True
 
 
 def obstacles(seen: Seen) -> Obstacles:
@@ -209,14 +209,14 @@ def _place(result: FilterResult, seen: Seen) -> tuple[float, float] | None:
 
 
 def _reason(
-    nominal: Nominal, wrong: str, result: FilterResult, passed: Passed, gate: Gate, reset: str
+    nominal: Nominal, fault: str, result: FilterResult, passed: Passed, gate: Gate, reset: str
 ) -> tuple[str, str]:
-    """Why the base does not get what the controller asked for: in a word, and in a sentence; both
-    empty where it does. reset: the topic."""
+    """Why the base does not get what the controller requested: a kind, and a sentence; both empty
+    where it does. reset: the topic."""
     if latched(gate.mode):
         return "gate", f"{gate.reason}: mend it, then publish std_msgs/msg/Empty once on {reset}"
-    if wrong:
-        return "readings", f"stopped: {wrong}"
+    if fault:
+        return "readings", f"stopped: {fault}"
     if nominal.reason:
         return "command", nominal.reason
     if result.verdict == Verdict.INVALID:

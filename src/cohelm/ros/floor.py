@@ -16,7 +16,7 @@ before, so many, that an edge does not come and go with the noise."""
 _BELOW = 0.1
 """Of a cell's points that show it, so many others may be deeper: strays at edges are."""
 _FEW = 3.0
-"""A cell in which fewer pixels would show the floor is not asked."""
+"""A cell in which fewer pixels would show the floor is not checked."""
 
 
 class Floor:
@@ -49,23 +49,23 @@ class Floor:
 
     @property
     def begins(self) -> float:
-        """From so far from the sensor cells are asked in all sectors; inf: in some none is [m]."""
+        """From so far from the sensor cells are checked in all sectors; inf: in some none is
+        [m]."""
         asked = self._ought.any(axis=1)
         first = self._floor.from_m + self._long * self._ought.argmax(axis=1)
         return float(np.where(asked, first, math.inf).max())
 
     def expect(self, beams: Ints, far: Floats) -> None:
         """On flat floor there would be a point along each of these beams, so far from the sensor
-        (n,) [m]: cells that would have too few are not asked."""
+        (n,) [m]: cells that would have too few are not checked."""
         counts = self._counted(beams, far, np.ones(len(far), dtype=np.bool_))
         self._needed, self._ought = np.maximum(_ENOUGH * counts, 1.0), counts >= _FEW
 
     def stood(self, beams: Ints, far: Floats, heights: Floats, ranges: Floats) -> Floats:
         """(beams,), the ranges [m], and where the floor ends before them that instead: a cell
         before its last point, along each beam; at the least range where none is seen, as what
-        begins nearer than the first can not be seen: who watches the floor remembers where it was
-        seen. What stands nearer than the first cell is why a sector does not show it: there it ends
-        where that thing is.
+        begins nearer than the first cell can not be seen: the floor memory keeps where it was seen.
+        Something nearer than the first cell hides it: the beam ends at that.
 
         Not the cell's end: that would be the same for many beams and scans, as of a sensor that
         hangs, and would jump as the robot moves.
@@ -94,7 +94,7 @@ class Floor:
         with np.errstate(invalid="ignore"):
             last = np.flatnonzero(there & (far >= floor.from_m) & (far < hides[beams]))
         # Pixels are spread unevenly over beams, and some are lost: one may show nothing by itself.
-        # So those beside it count too; and in the last cell that its sector shows, the floor may
+        # So its neighbours count too; and in the last cell that its sector shows, the floor may
         # end where that cell begins.
         ends: Floats = (floor.from_m + self._long * np.maximum(stops - 1, 0))[self._beams]
         np.maximum.at(ends, beams[last], far[last])
@@ -106,8 +106,8 @@ class Floor:
         return made
 
     def _hidden(self, ranges: Floats) -> Floats:
-        """(beams,), how far away it is what hides the first cell of each one's sector; the least
-        range where nothing does [m]."""
+        """(beams,), the distance of what hides the first cell of each one's sector; the least range
+        where nothing does [m]."""
         starts = np.arange(0, len(ranges), self._wide)
         nearest: Floats = np.fmin.reduceat(ranges, starts)
         hides = np.where(nearest < self._floor.from_m, nearest, self._least)
@@ -128,7 +128,7 @@ class Floor:
 
 
 class WatchesFloor:
-    """What makes ranges of a sensor that may be asked to watch the floor."""
+    """Makes ranges of a sensor's messages, and watches the floor where the model says so."""
 
     def __init__(self, model: LidarModel) -> None:
         """model: one with a height band."""
@@ -137,8 +137,8 @@ class WatchesFloor:
 
     @property
     def floor_seen(self) -> float:
-        """Of the cells of floor that ought to be seen, the share that was, by the last message;
-        NaN where none is asked about."""
+        """Of the cells of floor that should be seen, the share that was, by the last message; NaN
+        where none is checked."""
         return math.nan if self._floor is None else self._floor.seen
 
     @property
@@ -148,6 +148,5 @@ class WatchesFloor:
 
     @property
     def edges(self) -> NDArray[np.bool_] | None:
-        """Which beams ended where floor does, by the last message; None where none is asked
-        about."""
+        """Which beams ended where floor does, by the last message; None where none is checked."""
         return None if self._floor is None else self._floor.edges

@@ -20,11 +20,11 @@ _SAME = 0.001
 _MOST = 32
 """Corners."""
 _CHANGES, _WITHIN = 5, 5.0
-"""An outline that changes so often within so long is none that anybody could keep clear of [s]."""
+"""An outline that changes so often within so long can not be kept clear [s]."""
 
 
-class ToldFootprint:
-    """The newest outline that was told, or what is wrong with it. Until one is, there is none."""
+class FootprintTopic:
+    """The newest outline received, or what is wrong with it; None before the first."""
 
     def __init__(
         self, transport: Transport, topic: str, body: str, reach: float, axle: float = 0.0
@@ -35,31 +35,31 @@ class ToldFootprint:
         self._topic, self._body, self._reach, self._axle = topic, body, reach, axle
         self._lock = threading.Lock()
         self._newest: Floats | None = None
-        self._wrong = ""
+        self._error = ""
         self._changes: deque[float] = deque(maxlen=_CHANGES)
         """When it last was another than before [s]."""
-        for qos in (SENSOR, LATCHED):  # said again and again, or once to all who come
-            transport.subscribe(topic, POLYGON, qos, self._hear)
+        for qos in (SENSOR, LATCHED):  # repeated best effort, or latched
+            transport.subscribe(topic, POLYGON, qos, self._on_polygon)
 
     def read(self) -> tuple[Floats | None, str]:
         """The outline, (k, 2) [m], and why it can not be relied on; empty: it can."""
         with self._lock:
-            return self._newest, self._wrong
+            return self._newest, self._error
 
-    def _hear(self, received: Received) -> None:
+    def _on_polygon(self, received: Received) -> None:
         try:
             if received.message is None:
                 raise CohelmError(f"it can not be read ({received.damage})")
-            made, wrong = self._outline(received.message), ""
-        except CohelmError as error:
-            made, wrong = None, f"{self._topic}: {error}"
+            made, error = self._outline(received.message), ""
+        except CohelmError as why:
+            made, error = None, f"{self._topic}: {why}"
         now = time.monotonic()
         with self._lock:
             if made is not None and not _same(made, self._newest):
                 if self._newest is not None:
                     self._changes.append(now)
                 self._newest = made
-            self._wrong = wrong or self._restless(now)
+            self._error = error or self._restless(now)
 
     def _restless(self, now: float) -> str:
         if len(self._changes) < _CHANGES or now - self._changes[0] > _WITHIN:

@@ -1,4 +1,4 @@
-"""What was found of a ROS 2 robot, and what somebody said instead of leaving it to be found."""
+"""What was found of a ROS 2 robot, and what the user states instead."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from cohelm.ros.transforms import Mount
 
 
 class Allowed(NamedTuple):
-    """What somebody said instead of leaving it to be found out."""
+    """What the user states instead of leaving it to be found out."""
 
     stamped: bool | None = None
     """Whether the base wants TwistStamped; None: as its subscription says."""
     bypass: bool = False
     """Whether others may drive the base past the filter."""
     mount_from_model: bool = False
-    """Whether the robot's description says where the LiDAR is, and not /tf_static."""
+    """Whether the mount is the robot description's, and not that of /tf_static."""
     clock: float = clock.MOST
     """By how much clocks may differ [s]."""
     lock_silence: float = math.inf
-    """Without a word on the lock's topic for so long the base is locked [s]."""
+    """Without a message on the lock's topic for so long the base is locked [s]."""
 
 
 class FoundLidar(NamedTuple):
@@ -65,17 +65,17 @@ class Found(NamedTuple):
     command_period: float
     """From one command to the next, as the controller sends them; NaN: none came [s]."""
     notes: tuple[str, ...]
-    """What was found, and what was made of it; a sentence each."""
+    """What was found and concluded; a sentence each."""
     connection: Connection = Connection()
     """By which it was found."""
     bypass: bool = False
     """Whether others may drive the base past the filter."""
     lock_silence: float = math.inf
-    """Without a word on the lock's topic for so long the base is locked [s]."""
+    """Without a message on the lock's topic for so long the base is locked [s]."""
     simulated: bool = False
     """Whether stamps are of the simulator's time on /clock."""
     camera: CameraTopic | None = None
-    """What people look through; chosen for who drives."""
+    """The camera shown to the operator."""
     by_key: bool = False
     """Whether topics are named as `--topic KEY=NAME`, and not by an option each."""
     endpoints: tuple[Endpoint, ...] = ()

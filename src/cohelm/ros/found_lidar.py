@@ -25,36 +25,40 @@ class DescribedLidar(NamedTuple):
 
     found: FoundLidar
     model: LidarModel
-    """As the robot's description will say it."""
+    """As the robot's description will have it."""
     note: str
     """What it is, in a sentence."""
 
 
 def describe(
-    heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed
+    inspection: Inspection, topic: str, configured: LidarModel | None, allowed: Allowed
 ) -> DescribedLidar:
     """The LiDAR behind a topic. given: as the robot's file has it. CohelmError for what does not
     fit."""
-    if given is not None and given.height_band_m is not None:
-        return _cloud(heard, topic, given, allowed)
-    if given is not None and given.range_sensor:
-        return _cone(heard, topic, given, allowed)
-    return _planar(heard, topic, given, allowed)
+    if configured is not None and configured.height_band_m is not None:
+        return _cloud(inspection, topic, configured, allowed)
+    if configured is not None and configured.range_sensor:
+        return _cone(inspection, topic, configured, allowed)
+    return _planar(inspection, topic, configured, allowed)
 
 
 def _planar(
-    heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed
+    inspection: Inspection, topic: str, configured: LidarModel | None, allowed: Allowed
 ) -> DescribedLidar:
-    rows = heard.scans[topic]
-    mount, scan, rate = _placed(heard, topic, given, allowed), rows[-1].message, heard.rate(rows)
+    rows = inspection.scans[topic]
+    mount, scan, rate = (
+        _placed(inspection, topic, configured, allowed),
+        rows[-1].message,
+        inspection.rate(rows),
+    )
     late, duration = laser.taken(scan, mount)
-    ages = [age - duration - late for age in heard.ages(rows)]
+    ages = [age - duration - late for age in inspection.ages(rows)]
     at_end = -(duration + clock.AHEAD) <= min(ages) < -_LATE
     if at_end:
         ages = [age + duration for age in ages]
     ticks = estimated(ages, topic, allowed.clock)
     try:
-        lidar = laser.lidar_model(scan, topic, mount, rate, min(ages) + ticks.ahead, given)
+        lidar = laser.lidar_model(scan, topic, mount, rate, min(ages) + ticks.ahead, configured)
     except ValueError as error:  # a LiDAR model that is none
         raise CohelmError(f"{topic}: {error}") from error
     note = (
@@ -63,25 +67,29 @@ def _planar(
         f"{lidar.mount_y_m:.3f} m, middle beam at {lidar.mount_yaw_deg:.1f} deg"
         + (", upside down" if mount.upside_down else "")
     )
-    return DescribedLidar(FoundLidar(topic, heard.frame(topic), mount, ticks, at_end), lidar, note)
+    return DescribedLidar(
+        FoundLidar(topic, inspection.frame(topic), mount, ticks, at_end), lidar, note
+    )
 
 
-def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> DescribedLidar:
-    """One that sends point clouds: what it sees and how finely is as described; or depth
-    images, whose camera is asked too."""
-    rows, body = heard.scans[topic], heard.body()
-    matrix = _into_body(heard, topic)
-    ages, rate = heard.ages(rows), heard.rate(rows)
+def _cloud(
+    inspection: Inspection, topic: str, configured: LidarModel, allowed: Allowed
+) -> DescribedLidar:
+    """One that sends point clouds: field of view and resolution are as described; or depth images,
+    whose CameraInfo counts too."""
+    rows, body = inspection.scans[topic], inspection.body()
+    matrix = _into_body(inspection, topic)
+    ages, rate = inspection.ages(rows), inspection.rate(rows)
     ticks = estimated(ages, topic, allowed.clock)
     x, y, _ = matrix[:3, 3].tolist()
-    lidar = given.model_copy(
+    lidar = configured.model_copy(
         update={
             "rate_hz": rate, "sweep_s": 0.0, "mount_x_m": x, "mount_y_m": y,
             "latency_s": min(max(min(ages) + ticks.ahead, 0.0), 1.0),
         }
     )  # fmt: skip
     camera, what, grain = None, "point cloud", ""
-    if infos := heard.infos.get(topic):
+    if infos := inspection.infos.get(topic):
         camera = depth.camera(infos[-1].message, depth.info_topic(topic))
         lidar = depth.described(camera, matrix, lidar, topic)
         ranges = depth.DepthRanges(lidar, camera, matrix, topic)
@@ -101,13 +109,13 @@ def _cloud(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -
             f"; floor from {lidar.floor.from_m:g} to {lidar.floor.to_m:g} m, of which "
             f"{100.0 * ranges.floor_seen:.0f} % is seen now"
         )
-    low, high = given.height_band_m or (0.0, 0.0)
+    low, high = configured.height_band_m or (0.0, 0.0)
     note = (
         f"{what}: {topic}, {rate:.1f} Hz, from {low:g} to {high:g} m above {body}, as "
         f"{lidar.beams} beams, at x {x:.3f} y {y:.3f} m{grain}"
     )
     return DescribedLidar(
-        _found(topic, heard.frame(topic), lidar, ticks, matrix, camera), lidar, note
+        _found(topic, inspection.frame(topic), lidar, ticks, matrix, camera), lidar, note
     )
 
 
@@ -123,14 +131,16 @@ def _blind(topic: str, floor: FloorModel, begins: float) -> CohelmError:
     )
 
 
-def _cone(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) -> DescribedLidar:
+def _cone(
+    inspection: Inspection, topic: str, configured: LidarModel, allowed: Allowed
+) -> DescribedLidar:
     """One that sends single ranges."""
-    rows = heard.scans[topic]
-    matrix = _level(given) if allowed.mount_from_model else _into_body(heard, topic)
-    ages, rate = heard.ages(rows), heard.rate(rows)
+    rows = inspection.scans[topic]
+    matrix = _level(configured) if allowed.mount_from_model else _into_body(inspection, topic)
+    ages, rate = inspection.ages(rows), inspection.rate(rows)
     ticks = estimated(ages, topic, allowed.clock)
     latency = min(ages) + ticks.ahead
-    lidar = cone.described(rows[-1].message, topic, matrix, rate, latency, given)
+    lidar = cone.described(rows[-1].message, topic, matrix, rate, latency, configured)
     near = lidar.range_min_m == lidar.range_max_m
     note = (
         f"range sensor: {topic}, {rate:.1f} Hz, "
@@ -140,7 +150,7 @@ def _cone(heard: Inspection, topic: str, given: LidarModel, allowed: Allowed) ->
         f"{lidar.mount_y_m:.3f} m, looks at {lidar.mount_yaw_deg:.1f} deg"
     )  # fmt: skip
     return DescribedLidar(
-        _found(topic, heard.frame(topic), lidar, ticks, matrix, None), lidar, note
+        _found(topic, inspection.frame(topic), lidar, ticks, matrix, None), lidar, note
     )
 
 
@@ -153,30 +163,34 @@ def _found(
     return FoundLidar(topic, frame, mount, ticks, False, matrix, camera)
 
 
-def _placed(heard: Inspection, topic: str, given: LidarModel | None, allowed: Allowed) -> Mount:
+def _placed(
+    inspection: Inspection, topic: str, configured: LidarModel | None, allowed: Allowed
+) -> Mount:
     """Where a planar LiDAR is."""
-    if allowed.mount_from_model and given is not None:
+    if allowed.mount_from_model and configured is not None:
         return Mount(
-            Pose(given.mount_x_m, given.mount_y_m, math.radians(given.mount_yaw_deg)),
-            False, math.nan if given.mount_z_m is None else given.mount_z_m,
+            Pose(
+                configured.mount_x_m, configured.mount_y_m, math.radians(configured.mount_yaw_deg)
+            ),
+            False, math.nan if configured.mount_z_m is None else configured.mount_z_m,
         )  # fmt: skip
-    mount = heard.mount(topic)
+    mount = inspection.mount(topic)
     if mount is None or allowed.mount_from_model:
-        raise _unplaced(heard, topic)
+        raise _unplaced(inspection, topic)
     return mount
 
 
-def _into_body(heard: Inspection, topic: str) -> Floats:
+def _into_body(inspection: Inspection, topic: str) -> Floats:
     """From the frame of its messages into the body's, (4, 4)."""
-    matrix = heard.into_body(topic)
+    matrix = inspection.into_body(topic)
     if matrix is None:
-        raise _unplaced(heard, topic)
+        raise _unplaced(inspection, topic)
     return matrix
 
 
-def _unplaced(heard: Inspection, topic: str) -> CohelmError:
-    known = heard.transforms.frames()
-    return CohelmError(mismatch.no_frame(topic, heard.frame(topic), heard.body(), known))
+def _unplaced(inspection: Inspection, topic: str) -> CohelmError:
+    known = inspection.transforms.frames()
+    return CohelmError(mismatch.no_frame(topic, inspection.frame(topic), inspection.body(), known))
 
 
 def _level(lidar: LidarModel) -> Floats:

@@ -21,7 +21,7 @@ from websockets.sync.client import ClientConnection
 
 from cohelm.core.errors import CohelmError
 from cohelm.ros.bridge_connection import OPENS, URL, listed, opened, understood
-from cohelm.ros.port import End, Endpoint, Heard, Publisher, Qos, Received
+from cohelm.ros.port import Callback, End, Endpoint, Publisher, Qos, Received
 from cohelm.ros.types import known, packed, unpacked
 
 _NODE = "foxglove_bridge"
@@ -33,12 +33,12 @@ _FROM_BRIDGE, _TO_BRIDGE = struct.Struct("<BIQ"), struct.Struct("<BI")
 _AGAIN = 0.5
 """After so long a lost connection is tried again [s]."""
 _REFUSED = 0.1
-"""After so long what may have been refused is asked for again [s]: a bridge tells of a new channel
-a moment before it takes subscriptions of it."""
+"""After so long what may have been refused is requested again [s]: a bridge advertises a new
+channel a moment before it takes subscriptions of it."""
 _ERROR = 2
 """Level of a bridge's status message."""
 _ANYTHING = Qos(reliable=True, transient_local=True, depth=0)
-"""What the bridge hears it hands on, with whatever quality the publisher offers."""
+"""The bridge forwards what it receives, with whatever quality the publisher offers."""
 
 
 class _Channel(NamedTuple):
@@ -50,7 +50,7 @@ class _Channel(NamedTuple):
 class _Subscriber(NamedTuple):
     topic: str
     kind: str
-    heard: Heard
+    callback: Callback
 
 
 class FoxgloveTransport:
@@ -82,7 +82,7 @@ class FoxgloveTransport:
 
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
         """A publisher; the bridge decides its quality of service. What is transient local is sent
-        again when a node subscribes that did not before: more a bridge does not tell."""
+        again when a new node subscribes: the bridge reports no more than that."""
         with self._lock:
             self._check()
             writer = _Writer(self, len(self._writers) + 1, topic, known(kind), qos)
@@ -90,18 +90,18 @@ class FoxgloveTransport:
             self._advertise([writer])
         return writer
 
-    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> End:
+    def subscribe(self, topic: str, kind: str, qos: Qos, callback: Callback) -> End:
         """A subscriber, and what ends it; the bridge decides its quality of service, by the
         publishers'."""
         with self._lock:
             self._check()
-            subscriber = _Subscriber(topic, known(kind), heard)
+            subscriber = _Subscriber(topic, known(kind), callback)
             self._subscribers.append(subscriber)
             self._match(list(self._channels), [subscriber])
         return partial(self._leave, subscriber)
 
     def endpoints(self) -> list[Endpoint]:
-        """As the bridge tells them: with their nodes, without their quality of service. The
+        """As the bridge reports them: with their nodes, without their quality of service. The
         bridge's own are left out: it has them on behalf of its clients, this one among them."""
         found: set[Endpoint] = set()
         with self._lock:
@@ -185,14 +185,14 @@ class FoxgloveTransport:
                 if to:
                     message, damage = unpacked(data[_FROM_BRIDGE.size :], to[0].kind)
                     for one in to:
-                        one.heard(Received(message, stamp, damage))
+                        one.callback(Received(message, stamp, damage))
             return
-        told = understood(data)
+        operation = understood(data)
         with contextlib.suppress(KeyError, TypeError, ValueError), self._lock:
-            match told.get("op"):
+            match operation.get("op"):
                 case "advertise":
                     new: list[int] = []
-                    for one in told["channels"]:
+                    for one in operation["channels"]:
                         kind = str(one["schemaName"])
                         self._channels[int(one["id"])] = _Channel(
                             str(one["topic"]), kind, str(one["encoding"])
@@ -200,25 +200,25 @@ class FoxgloveTransport:
                         new.append(int(one["id"]))
                     self._match(new, self._subscribers)
                 case "unadvertise":
-                    for one in told["channelIds"]:
+                    for one in operation["channelIds"]:
                         self._channels.pop(int(one), None)
                         self._spoke.discard(int(one))
-                case "status" if told["level"] >= _ERROR and self._retry is None:
-                    self._retry = threading.Timer(_REFUSED, self._ask_again)
+                case "status" if operation["level"] >= _ERROR and self._retry is None:
+                    self._retry = threading.Timer(_REFUSED, self._retry_subscriptions)
                     self._retry.daemon = True
                     self._retry.start()
                 case "connectionGraphUpdate":
-                    self._update(told)
+                    self._update(operation)
                 case _:
                     pass
 
-    def _update(self, told: dict[str, Any]) -> None:
+    def _update(self, operation: dict[str, Any]) -> None:
         """What has changed in the graph."""
         for publishes, key, ids in (
             (True, "publishedTopics", "publisherIds"), (False, "subscribedTopics", "subscriberIds"),
         ):  # fmt: skip
             there = self._graph[publishes]
-            for one in listed(told.get(key)):
+            for one in listed(operation.get(key)):
                 topic, nodes = str(one["name"]), [str(node) for node in one[ids]]
                 fresh = set(nodes) - set(there.get(topic, ()))
                 there[topic] = nodes
@@ -226,19 +226,19 @@ class FoxgloveTransport:
                     for writer in self._writers:
                         if writer.topic == topic:
                             writer.again()
-            for topic in listed(told.get("removedTopics")):
+            for topic in listed(operation.get("removedTopics")):
                 there.pop(str(topic), None)
 
     def _match(self, channels: list[int], subscribers: list[_Subscriber]) -> None:
-        """Subscribe on each channel that somebody wants."""
+        """Subscribe on each channel that is wanted."""
         for number in channels:
             channel = self._channels[number]
             if not any((one.topic, one.kind, "cdr") == channel for one in subscribers):
                 continue
             before = [own for own, at in self._subscribed.items() if at == number]
-            for own in before:  # a bridge grants one per channel; a new one tells again what lasts
+            for own in before:  # a bridge grants one per channel; a new one brings latched ones
                 del self._subscribed[own]
-                self._say({"op": "unsubscribe", "subscriptionIds": [own]})
+                self._send({"op": "unsubscribe", "subscriptionIds": [own]})
             self._subscribe(number)
 
     def _subscribe(self, number: int) -> None:
@@ -246,10 +246,10 @@ class FoxgloveTransport:
         self._number += 1
         self._subscribed[self._number] = number
         wanted = {"id": self._number, "channelId": number}
-        self._say({"op": "subscribe", "subscriptions": [wanted]})
+        self._send({"op": "subscribe", "subscriptions": [wanted]})
 
     def _leave(self, subscriber: _Subscriber) -> None:
-        """One subscriber; the bridge is told where nobody else hears the channel."""
+        """One subscriber; unsubscribes from the channel where it was the last."""
         with self._lock:
             if subscriber not in self._subscribers:
                 return
@@ -260,9 +260,9 @@ class FoxgloveTransport:
                 if channel is None or channel[:2] not in wanted:
                     del self._subscribed[own]
                     self._spoke.discard(number)
-                    self._say({"op": "unsubscribe", "subscriptionIds": [own]})
+                    self._send({"op": "unsubscribe", "subscriptionIds": [own]})
 
-    def _ask_again(self) -> None:
+    def _retry_subscriptions(self) -> None:
         """The bridge has refused something: of which channels nothing has come, once more."""
         with self._lock:
             self._retry = None
@@ -276,9 +276,9 @@ class FoxgloveTransport:
             for one in writers
         ]
         if made:
-            self._say({"op": "advertise", "channels": made})
+            self._send({"op": "advertise", "channels": made})
 
-    def _say(self, message: dict[str, Any]) -> None:
+    def _send(self, message: dict[str, Any]) -> None:
         there = self._socket
         if there is not None:
             with contextlib.suppress(WebSocketException, OSError):
@@ -307,6 +307,6 @@ class _Writer:
         self._transport.send(data, self._waits)
 
     def again(self) -> None:
-        """To who has come late."""
+        """To late subscribers."""
         if self._last:
             self._transport.send(self._last, True)

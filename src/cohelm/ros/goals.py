@@ -1,6 +1,6 @@
-"""Hears goals, paths and where the robot is told to be on topics: what they say, or what is wrong.
+"""Receives goals, paths and initial poses on topics, and checks their frames and numbers.
 
-Nothing is done with it here: `drive.on_topics` hands it to what checks ways, or to localization.
+`drive.on_topics` hands them to the path check, or to localization.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from cohelm.ros.transforms import yaw_of
 
 GOAL = "geometry_msgs/msg/PoseStamped"
 ONCE = Qos(reliable=True, depth=5)
-"""Of what is said once: it must not be lost on its way."""
+"""Of what is published once: it must not be lost."""
 _STEP = 0.25
 """Between two poses of a path that are kept, at least [m]."""
 _MOST = 250
@@ -32,11 +32,11 @@ _MOST = 250
 _SAME, _SAME_END = 0.25, 0.1
 """A path that is nowhere farther from the route, and ends as near to its end, is no new one [m]."""
 _SURE, _LEAST, _MOST_SIGMA = 0.3, 0.05, 1.0
-"""How sure a told pose is that does not say so, and what is heeded of those that do [m]."""
+"""Standard deviation of an initial pose that states none, and limits of a stated one [m]."""
 
 
 class Placed(NamedTuple):
-    """Where the robot is told to be."""
+    """An initial pose."""
 
     topic: str
     pose: Pose
@@ -46,19 +46,19 @@ class Placed(NamedTuple):
 
 
 class Goals:
-    """What came on the topics that somebody named, the newest of each kind."""
+    """The newest message of each kind on the topics that the user named."""
 
     def __init__(
         self, transport: Transport, frame: str, ways: Sequence[str], initial: str,
-        say: Callable[[str], None], namespace: str = "/",
+        log: Callable[[str], None], namespace: str = "/",
     ) -> None:  # fmt: skip
         """ways: topics of goals (PoseStamped) or paths (Path). initial: of initial poses; empty:
-        none. frame: the map's, in which all of it has to be. say: hears what is not done, and why;
-        it is also published. CohelmError for what is no topic's name."""
-        self.frame, self._say = frame, say
+        none. frame: the map's, in which all of it has to be. log: receives what is refused, and
+        why; it is also published. CohelmError for an invalid topic name."""
+        self.frame, self._log = frame, log
         self.route: Floats = np.empty((0, 2))
         """(m, 2), the route that is followed: a path that is the same is no new one [m]."""
-        self._beside = ThreadPoolExecutor(1, "goals")
+        self._executor = ThreadPoolExecutor(1, "goals")
         self._lock = threading.Lock()
         self._way: tuple[str, Goal | Floats] | None = None
         self._initial: Placed | None = None
@@ -71,7 +71,7 @@ class Goals:
             transport.subscribe(topic, PATH, ONCE, partial(self._path, topic))
         if initial:
             topic = resolved(initial, namespace)
-            transport.subscribe(topic, POSE, ONCE, partial(self._told, topic))
+            transport.subscribe(topic, POSE, ONCE, partial(self._on_initial_pose, topic))
 
     def way(self) -> tuple[str, Goal | Floats] | None:
         """The newest way and its topic, once: a goal, or way-points (n, 2) [m]."""
@@ -85,36 +85,36 @@ class Goals:
             made, self._initial = self._initial, None
         return made
 
-    def tell(self, topic: str, what: str) -> None:
+    def report(self, topic: str, what: str) -> None:
         """What became of something on a topic, in a sentence; returns at once."""
         self.note(f"{topic}: {what}")
 
     def note(self, said: str) -> None:
-        """A sentence, to people and on the topic; returns at once."""
-        self._beside.submit(self._reason.send, messages.reason(said))
-        self._beside.submit(self._say, said)
+        """Logs and publishes a sentence; returns at once."""
+        self._executor.submit(self._reason.send, messages.reason(said))
+        self._executor.submit(self._log, said)
 
     def close(self) -> None:
-        """Tell no more."""
-        self._beside.shutdown()
+        """Publish no more."""
+        self._executor.shutdown()
 
     def _goal(self, topic: str, received: Received) -> None:
         message = received.message
-        wrong = received.damage or _framed((message.header,), self.frame)
-        if not wrong:
+        error = received.damage or _framed((message.header,), self.frame)
+        if not error:
             at = message.pose.position
             if math.isfinite(at.x) and math.isfinite(at.y):
                 with self._lock:
                     self._way = topic, Goal(float(at.x), float(at.y))
                 return
-            wrong = "the goal is no number"
-        self.tell(topic, wrong)
+            error = "the goal is no number"
+        self.report(topic, error)
 
     def _path(self, topic: str, received: Received) -> None:
         message = received.message
         made = received.damage if message is None else self._points(message)
         if isinstance(made, str):
-            self.tell(topic, made)
+            self.report(topic, made)
         elif not _same(made, self.route):
             with self._lock:
                 self._way = topic, made
@@ -122,9 +122,9 @@ class Goals:
     def _points(self, message: Any) -> Floats | str:
         """Of a `nav_msgs/Path`; or what is wrong with it."""
         poses: list[Any] = message.poses
-        wrong = _framed((message.header, *(one.header for one in poses)), self.frame, True)
-        if wrong:
-            return wrong
+        error = _framed((message.header, *(one.header for one in poses)), self.frame, True)
+        if error:
+            return error
         if not poses:
             return "the path is empty"
         places = [(one.pose.position.x, one.pose.position.y) for one in poses]
@@ -133,17 +133,17 @@ class Goals:
             return "the path has a pose that is no number"
         return thinned(points)
 
-    def _told(self, topic: str, received: Received) -> None:
+    def _on_initial_pose(self, topic: str, received: Received) -> None:
         message = received.message
-        wrong = received.damage or _framed((message.header,), self.frame)
-        if not wrong:
+        error = received.damage or _framed((message.header,), self.frame)
+        if not error:
             made = placed(topic, message.pose)
             if isinstance(made, Placed):
                 with self._lock:
                     self._initial = made
                 return
-            wrong = made
-        self.tell(topic, wrong)
+            error = made
+        self.report(topic, error)
 
 
 def placed(topic: str, said: Any) -> Placed | str:

@@ -1,6 +1,6 @@
-"""Which node has which publishers and subscribers, as ROS 2 nodes tell each other.
+"""Which node has which publishers and subscribers, as ROS 2 nodes publish it.
 
-It is by the topic `ros_discovery_info` that `ros2 node list` and `ros2 topic info -v` know names.
+`ros2 node list` and `ros2 topic info -v` know names from the topic `ros_discovery_info`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _ID = 16
 
 
 class Graph:
-    """What this participant, which is one node, tells of itself."""
+    """What this participant, which is one node, publishes of itself."""
 
     def __init__(self, participant: bytes, node: str, namespace: str) -> None:
         self._participant, self._node, self._namespace = participant, node, namespace
@@ -39,7 +39,8 @@ class Graph:
 
 
 def described(message: Any) -> tuple[bytes, list[tuple[str, list[bytes]]]]:
-    """Of somebody's `INFO`: who, and names of its nodes with the identities of their endpoints."""
+    """Of another participant's `INFO`: its identity, and names of its nodes with the identities of
+    their endpoints."""
     return _bytes(message.gid), [
         (
             f"{node.node_namespace.rstrip('/')}/{node.node_name}",

@@ -1,4 +1,4 @@
-"""What has been heard of a robot while it is looked at: messages, their ages and rates, frames."""
+"""What has been received of a robot while it is inspected: messages, ages and rates, frames."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Inspection:
         self.scans: dict[str, list[Came]] = {topic: [] for topic in topics.of_lidars(model)}
         """By their topics, the first LiDAR's first."""
         described = zip(self.scans, (model.lidar, *model.further_lidars), strict=True)
-        self.kinds = {topic: kind_of(given) for topic, given in described}
+        self.kinds = {topic: kind_of(lidar) for topic, lidar in described}
         self.infos: dict[str, list[Came]] = {
             topic: [] for topic, kind in self.kinds.items() if kind == IMAGE
         }
@@ -78,7 +78,7 @@ class Inspection:
         self._ends = [
             transport.subscribe(*what)
             for what in (
-                (clock.TOPIC, clock.TYPE, SENSOR, self.clock.hear),
+                (clock.TOPIC, clock.TYPE, SENSOR, self.clock.on_message),
                 (topics.odom, ODOMETRY, SENSOR, self._into(self.odometry, topics.odom)),
                 *(
                     (topic, self.kinds[topic], SENSOR, self._into(rows, topic))
@@ -101,16 +101,16 @@ class Inspection:
         ]
 
     def end(self) -> None:
-        """Hear no more."""
+        """Receive no more."""
         for one in self._ends:
             one()
 
     def enough(self) -> bool:
         """Whether the sensors are known."""
         scans = min(map(len, self.scans.values()))
-        told = all(self.infos.values())
-        told = told and all(one.topic in self.touched for one in self.contacts)
-        return len(self.odometry) >= _READINGS and scans >= _SCANS and told
+        complete = all(self.infos.values())
+        complete = complete and all(one.topic in self.touched for one in self.contacts)
+        return len(self.odometry) >= _READINGS and scans >= _SCANS and complete
 
     def framed(self) -> bool:
         """Whether it is known where every LiDAR is. CohelmError as `StaticTransforms.mount`."""
@@ -129,7 +129,7 @@ class Inspection:
         return found._replace(pose=found.pose._replace(x=found.pose.x - self.axle))
 
     def into_body(self, topic: str) -> Floats | None:
-        """From the frame of its messages into the body's, (4, 4); None: nobody says."""
+        """From the frame of its messages into the body's, (4, 4); None: no transform."""
         found = self.transforms.between(self.frame(topic), self.body())
         if found is not None:
             found[0, 3] -= self.axle
@@ -185,7 +185,7 @@ class Inspection:
         return self.odometry[-1].message.header.frame_id or "odom"
 
     def _into(self, rows: list[Came], topic: str) -> Callable[[Received], None]:
-        def heard(received: Received) -> None:
+        def on_message(received: Received) -> None:
             message = received.message
             if message is None:
                 self.damage[topic] = received.damage
@@ -195,7 +195,7 @@ class Inspection:
             rows.append(Came(received.stamp, *ages, message))
             del rows[:-_KEPT]
 
-        return heard
+        return on_message
 
     def _touch(self, topic: str, received: Received) -> None:
         if received.message is None:

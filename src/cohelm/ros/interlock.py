@@ -1,9 +1,9 @@
-"""What forbids the base to move, whatever its sensors say: an emergency stop's lock on a topic (as
+"""Keeps the base from moving, whatever its sensors report: an emergency stop's lock on a topic (as
 twist_mux has them), and another node that commands the base past the filter.
 
-It belongs to the process that keeps the robot, and each is a fault of it: the gate latches, and
-only a reset, given after the cause has gone, lets it drive again (ISO 13850: releasing an emergency
-stop restarts nothing).
+It belongs to the gate process, and each is a fault of it: the gate latches, and only a reset after
+the cause has gone lets the robot drive again (ISO 13850: releasing an emergency stop restarts
+nothing).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cohelm.ros.mismatch import BOOL
 from cohelm.ros.port import LATCHED, SENSOR, Endpoint, Received, Transport
 
 _LOOK = 0.5
-"""From one look at who publishes what to the next [s]."""
+"""Period of checking the graph [s]."""
 
 
 class Interlock:
@@ -27,20 +27,20 @@ class Interlock:
         self, transport: Transport, out: str, lock: str, bypass: bool = False,
         silence: float = math.inf,
     ) -> None:  # fmt: skip
-        """out: the base's commands; nobody else may publish there, but with bypass. lock: a topic
-        of std_msgs/msg/Bool, true while nothing may move; empty: none. silence: so long may pass
-        without a word on it [s]."""
+        """out: the base's commands; no other publisher is allowed there, but with bypass. lock: a
+        topic of std_msgs/msg/Bool, true while nothing may move; empty: none. silence: so long may
+        pass without a message on it [s]."""
         self._transport, self._out, self._lock = transport, out, lock
         self._bypass, self._silence = bypass, silence
         self._pressed, self._unread = "", ""
-        self._heard = time.monotonic()
+        self._received_at = time.monotonic()
         self._there, self._missed = False, 0
-        self._gone = self._other = self._blind = self._deaf = ""
+        self._publisher_gone = self._other = self._blind = self._deaf = ""
         self._over = threading.Event()
         if lock:
-            # Who says it all the time, maybe best effort; and who said it once, to all who come.
+            # Repeated, maybe best effort; or published once and latched.
             for qos in (SENSOR, LATCHED):
-                transport.subscribe(lock, BOOL, qos, self._hear)
+                transport.subscribe(lock, BOOL, qos, self._on_lock)
         self._thread = threading.Thread(target=self._watch, name="interlock", daemon=True)
         self._thread.start()
 
@@ -48,10 +48,12 @@ class Interlock:
         """Why it must not move; waits for nothing."""
         pressed, self._unread = self._pressed or self._unread, ""  # also if only for a moment
         silent = ""
-        if self._lock and time.monotonic() - self._heard > self._silence:
+        if self._lock and time.monotonic() - self._received_at > self._silence:
             silent = f"{self._lock} has been silent for more than {self._silence:g} s"
         return tuple(
-            filter(None, (pressed, silent, self._gone, self._deaf, self._other, self._blind))
+            filter(
+                None, (pressed, silent, self._publisher_gone, self._deaf, self._other, self._blind)
+            )
         )
 
     def close(self) -> None:
@@ -59,8 +61,8 @@ class Interlock:
         self._over.set()
         self._thread.join()
 
-    def _hear(self, received: Received) -> None:
-        self._heard, self._there = time.monotonic(), True
+    def _on_lock(self, received: Received) -> None:
+        self._received_at, self._there = time.monotonic(), True
         if received.message is None:
             self._pressed = f"what comes on {self._lock} can not be read ({received.damage})"
         else:
@@ -73,14 +75,14 @@ class Interlock:
                 if not self._transport.lost():
                     self._look(self._transport.endpoints())
                 self._blind = ""
-            except Exception as error:  # whatever it is: a watch that has ended tells nobody
+            except Exception as error:  # whatever it is: a watch that has ended reports nothing
                 self._blind = f"who publishes what can not be looked at ({error!r:.60})"
 
     def _look(self, seen: list[Endpoint]) -> None:
         there = any(e.publishes and e.topic == self._lock and e.type == BOOL for e in seen)
         self._there = self._there or there
         self._missed = self._missed + 1 if self._there and not there else 0
-        left = self._missed > 1  # a word may come before it is known who said it
-        self._gone = f"nobody publishes {self._lock} any more" if left else ""
+        left = self._missed > 1  # a message may come before its publisher is discovered
+        self._publisher_gone = f"nobody publishes {self._lock} any more" if left else ""
         self._deaf = mismatch.lock(self._lock, seen)[1] if self._lock else ""
         self._other = "" if self._bypass else mismatch.bypass(self._out, seen)

@@ -19,10 +19,10 @@ from cohelm.ros.port import SENSOR, Received, Transport
 
 JOY = "sensor_msgs/msg/Joy"
 STUCK, STUCK_AT_THE_END = 3.0, 10.0
-"""Deflected, a hand trembles: without any change for so long nobody holds it [s]; at the end of its
-travel, for so long."""
+"""A hand on a deflected stick trembles: without any change for so long it is not held [s]; at the
+end of its travel, for so long."""
 _WAITS = 2.0
-"""For the first message, before it is said that there is none [s]."""
+"""For the first message, before its absence is reported [s]."""
 _MOST = 1.01
 """Axes go from -1 to 1."""
 _NAMES = {
@@ -67,7 +67,8 @@ def joy_params(pairs: Sequence[str]) -> JoyParams:
 
 
 class JoyOperator(NullOperator):
-    """Who holds the joystick. It chooses no mode and asks for nothing: it only steers."""
+    """A joystick on a topic as operator. It chooses no mode and requests nothing else: it only
+    steers."""
 
     def __init__(
         self, transport: Transport, topic: str, params: JoyParams,
@@ -83,19 +84,22 @@ class JoyOperator(NullOperator):
         self._newest: tuple[tuple[float, ...], tuple[int, ...]] = ((), ())
         """Axes and buttons."""
         self._transport = transport
-        self._end = transport.subscribe(topic, JOY, SENSOR, self._hear)
+        self._end = transport.subscribe(topic, JOY, SENSOR, self._on_joy)
 
     def watches(self, clock: Callable[[], float]) -> None:
         """It goes by the wall's time."""
 
-    def unheard(self) -> str:
-        """Why nothing is heard, in a sentence, after a while of waiting; empty: something is."""
+    def nothing_received(self) -> str:
+        """Why no message has been received, in a sentence, after a while of waiting; empty: one
+        has."""
         end = time.monotonic() + _WAITS
         while time.monotonic() < end:
             if self._came > -math.inf:
                 return ""
             time.sleep(0.02)
-        return mismatch.unheard(self.topic, JOY, SENSOR, "--joy", self._transport.endpoints())
+        return mismatch.nothing_received(
+            self.topic, JOY, SENSOR, "--joy", self._transport.endpoints()
+        )
 
     def receive(self) -> OperatorInput:
         """The stick, as it is now."""
@@ -128,7 +132,7 @@ class JoyOperator(NullOperator):
         return not self.problem() and bool(buttons[self.params.enable])
 
     def close(self) -> None:
-        """Hear no more."""
+        """Receive no more."""
         self._end()
 
     def _read(self) -> Stick | str:
@@ -157,7 +161,7 @@ class JoyOperator(NullOperator):
             return f"it is deflected, and nothing of it has changed for {patience:g} s"
         return Stick(min(max(x, -1.0), 1.0), min(max(psi, -1.0), 1.0))
 
-    def _hear(self, received: Received) -> None:
+    def _on_joy(self, received: Received) -> None:
         message: Any = received.message
         self._damage = received.damage if message is None else ""
         if message is None:

@@ -15,7 +15,7 @@ from cohelm.robot.sensors import LidarModel
 from cohelm.ros.transforms import Mount
 
 NOISE = 0.02
-"""Of a range, where neither the robot's description nor the message says it [m]."""
+"""Of a range, where neither the robot's description nor the message states it [m]."""
 _MOST_BEAMS = 20_000
 
 
@@ -49,12 +49,12 @@ def layout(scan: Any, topic: str) -> Layout:
 
 
 def lidar_model(
-    scan: Any, topic: str, mount: Mount, rate: float, latency: float, given: LidarModel | None
+    scan: Any, topic: str, mount: Mount, rate: float, latency: float, configured: LidarModel | None
 ) -> LidarModel:  # fmt: skip
     """The LiDAR that sends such scans.
 
-    rate: as counted [Hz]. latency: least age of a last beam when it came [s]. given: as the robot's
-    description has it, for what no message says: its name, its noise and its time-out.
+    rate: as counted [Hz]. latency: least age of a last beam on arrival [s]. configured: the robot's
+    description, for what no message has: name, noise and time-out.
     """
     first, step, n = layout(scan, topic)
     if upright := not mount.upside_down:
@@ -74,10 +74,10 @@ def lidar_model(
             "the driver"
         )
     return LidarModel(
-        name="" if given is None else given.name,
-        timeout_s=None if given is None else given.timeout_s,
+        name="" if configured is None else configured.name,
+        timeout_s=None if configured is None else configured.timeout_s,
         beams=n, field_of_view_deg=min(view, 360.0), range_min_m=low, range_max_m=high,
-        rate_hz=rate, noise_m=given.noise_m if given is not None else NOISE,
+        rate_hz=rate, noise_m=configured.noise_m if configured is not None else NOISE,
         sweep_s=min(duration, 0.999 / rate), latency_s=min(max(latency, 0.0), 1.0),
         mount_x_m=mount.pose.x, mount_y_m=mount.pose.y,
         mount_yaw_deg=math.degrees(wrap(mount.pose.psi + middle)),
@@ -92,7 +92,7 @@ def sweep(scan: Any) -> float:
 
 
 def taken(scan: Any, mount: Mount) -> tuple[float, float]:
-    """How long after its stamp the first beam was measured, and from there to the last [s].
+    """From its stamp to the first beam's measurement, and from there to the last [s].
 
     A scan whose beams come clockwise on the floor counts as measured at once in the middle of its
     time: a `Scan` runs counter-clockwise.
@@ -104,7 +104,7 @@ def taken(scan: Any, mount: Mount) -> tuple[float, float]:
 
 
 class Ranges:
-    """Puts ranges onto the beams of a model."""
+    """Maps ranges onto the beams of a model."""
 
     def __init__(self, model: LidarModel, mount: Mount) -> None:
         self._model, self._mount = model, mount
@@ -116,8 +116,9 @@ class Ranges:
         """Of scans with that layout, the model's beam of each of theirs."""
 
     def of(self, scan: Any) -> Floats:
-        """(beams,) [m]: NaN where nothing was measured, which drivers also say as 0; -inf too near,
-        inf nothing there. Several on one beam: the nearest. CohelmError for what is no scan."""
+        """(beams,) [m]: NaN where nothing was measured, which drivers also report as 0; -inf too
+        near, inf nothing there. Several on one beam: the nearest. CohelmError for an invalid
+        scan."""
         found = layout(scan, "the scan")
         if found != self._layout:
             self._layout, self._beams = found, self._beams_of(found)

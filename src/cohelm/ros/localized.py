@@ -1,4 +1,4 @@
-"""Tells ROS 2 where a robot is on its map (REP-105), the map, and which path it drives."""
+"""Publishes the robot's pose on its map (REP-105), the map, and the path that is driven."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from cohelm.ros.port import COMMAND, LATCHED, Qos, Received, Transport
 NODE = "cohelm_robot"
 POSE, PATH = "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Path"
 MAP = "map"
-"""Frame of the map, where nobody says another."""
+"""Default frame of the map."""
 LISTENS = 2.0
-"""Before the first transform: who publishes it already is heard by then [s]."""
+"""Before the first transform: other publishers of it are discovered by then [s]."""
 _EVERY = 0.03
 """From one transform to the next, at least [s]."""
 _SENT = 256
@@ -44,14 +44,14 @@ _SENT = 256
 
 
 class LocatedPose(NamedTuple):
-    """Where the robot was when its odometry said so."""
+    """The robot's pose at the stamp of an odometry message."""
 
     stamp: float
     """By the clock that stamps the odometry [s]."""
     map_odom: Pose
     """The pose of the odometry's frame in the map."""
     pose: Pose
-    """Of the body in the map: compose(map_odom, what the odometry said)."""
+    """Of the body in the map: compose(map_odom, the odometry's pose)."""
     covariance: Floats
     """(3, 3) of `pose`, in x, y, psi."""
 
@@ -61,22 +61,22 @@ class Localized:
     time; what is sent leaves from a thread of its own."""
 
     def __init__(
-        self, transport: Transport, found: Found, say: Callable[[str], None],
+        self, transport: Transport, found: Found, log: Callable[[str], None],
         frame: str = MAP, transforms: bool = True, listens: float = LISTENS,
     ) -> None:  # fmt: skip
-        """say: hears a sentence for a person. frame: the map's. transforms: whether to publish
+        """log: receives sentences for the user. frame: the map's. transforms: whether to publish
         map -> odom at all. listens: for others that do, before the first [s]."""
-        self._transport, self._found, self._say = transport, found, say
+        self._transport, self._found, self._log = transport, found, log
         self.frame, self._transforms = frame, transforms
         self._begins = time.monotonic() + listens
         space = found.topics.namespace
         own = resolved("tf", space)
         self._topics = tuple(dict.fromkeys((own, "/tf")))
         self._carries = ""
-        """The topic on which the base says where it is in the frame of its odometry."""
+        """The topic with the base's transform odometry -> base."""
         self._other = ""
-        """What somebody else said of that frame's parent."""
-        self._told_other = False
+        """The parent that another node gives that frame."""
+        self._warned_other = False
         self._sent: deque[tuple[int, int]] = deque(maxlen=_SENT)
         self._tf: Any = None
         self._pose = transport.publish(resolved(f"{NODE}/pose", space), POSE, COMMAND)
@@ -99,8 +99,8 @@ class Localized:
         self._thread.start()
 
     def take(self, seen: Seen, odometry: Odometry | None, now: float, line: Floats | None) -> None:
-        """What is known now. odometry: the newest. now: of the robot's clock [s]. line: (n, 3), the
-        poses of the path that is driven, None: there is none; told again when it is another."""
+        """The newest state. odometry: the newest. now: of the robot's clock [s]. line: (n, 3), the
+        poses of the path that is driven, None: there is none; published again when it changes."""
         with self._turn:
             if line is not None and line is not self._seen:
                 self._line = self._seen = line
@@ -123,7 +123,7 @@ class Localized:
             self._turn.notify()
 
     def close(self) -> None:
-        """Tell no more; the transport is its owner's to close."""
+        """Publish no more; the transport is its owner's to close."""
         with self._turn:
             self._over = True
             self._turn.notify()
@@ -136,10 +136,10 @@ class Localized:
         return time.time() + self._found.odom_clock.ahead - age
 
     def _into(self, topic: str) -> Callable[[Received], None]:
-        """What hears the transforms of a topic; empty: the fixed ones."""
+        """The callback for the transforms of a topic; empty: the static ones."""
         odom, body = self._found.odom.lstrip("/"), self._found.body.lstrip("/")
 
-        def heard(received: Received) -> None:
+        def on_transforms(received: Received) -> None:
             message = received.message
             for one in () if message is None else message.transforms:
                 stamp = one.header.stamp
@@ -149,7 +149,7 @@ class Localized:
                 elif (child, parent) == (body, odom) and topic:
                     self._carries = topic
 
-        return heard
+        return on_transforms
 
     def _run(self) -> None:
         while True:
@@ -171,31 +171,31 @@ class Localized:
                     self._drawn = line
                     self._path.send(path(line, self.frame, self._stamp(0.0)))
                 if place is not None:
-                    self._tell(place)
+                    self._publish_pose(place)
             except CohelmError:  # the transport has been closed meanwhile
                 return
             time.sleep(_EVERY)
 
     def _send_map(self, drawn: Map) -> None:
-        """Unless somebody else publishes one already."""
+        """Unless another node publishes one already."""
         topic = resolved("map", self._found.topics.namespace)
         for one in self._transport.endpoints():
             if one.publishes and one.topic == topic:
-                who = one.node or "somebody else"
-                self._say(f"{topic} is published by {who} already: cohelm publishes none")
+                publisher = one.node or "somebody else"
+                self._log(f"{topic} is published by {publisher} already: cohelm publishes none")
                 return
         ((_, message),) = said(drawn, round(1e9 * self._stamp(0.0)), self.frame)
         self._transport.publish(topic, TOPICS["/map"], LATCHED).send(message)
 
-    def _tell(self, place: LocatedPose) -> None:
+    def _publish_pose(self, place: LocatedPose) -> None:
         self._pose.send(located(place, self.frame))
         if not self._transforms or time.monotonic() < self._begins:
             return
         odom = self._found.odom
         if self._other:
-            if not self._told_other:
-                self._told_other = True
-                self._say(
+            if not self._warned_other:
+                self._warned_other = True
+                self._log(
                     f"{self._other} -> {odom} is published by somebody else (amcl, slam_toolbox?): "
                     f"cohelm publishes no {self.frame} -> {odom}; end that one, then start again"
                 )
@@ -203,9 +203,9 @@ class Localized:
         if self._tf is None:
             topic = self._carries or self._topics[0]
             self._tf = self._transport.publish(topic, TF, COMMAND)
-            self._say(f"{self.frame} -> {odom} goes out on {topic}")
+            self._log(f"{self.frame} -> {odom} goes out on {topic}")
             if not self._carries:
-                self._say(
+                self._log(
                     f"nobody publishes {odom} -> {self._found.body} on {topic}, so ROS does not "
                     "see the robot on the map: let its driver do that (ros2_control: "
                     "enable_odom_tf), or robot_localization"

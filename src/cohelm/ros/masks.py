@@ -1,4 +1,4 @@
-"""Hears the masks of Nav2's costmap filters: what a filter is for, and the grid that it names."""
+"""Receives the masks of Nav2's costmap filters: a filter's purpose, and the grid that it names."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FLAT = 1e-3
 
 
 class FilterMask(NamedTuple):
-    """One filter, as its two messages say it."""
+    """One filter, by its two messages."""
 
     info: str
     """The topic of its CostmapFilterInfo."""
@@ -49,23 +49,23 @@ class FilterMask(NamedTuple):
 
     @property
     def name(self) -> str:
-        """For a person."""
+        """For messages to the user."""
         return f"{self.topic} (named by {self.info})"
 
 
 class Masks:
-    """What filters have said since this was made, the newest of each."""
+    """What filters have published since this was made, the newest of each."""
 
     def __init__(
         self, transport: Transport, topics: Sequence[str], frame: str, namespace: str = "/",
-        heard: Callable[[], None] = lambda: None,
+        on_change: Callable[[], None] = lambda: None,
     ) -> None:  # fmt: skip
-        """topics: of CostmapFilterInfo. frame: the map's, in which the grids have to be. heard:
-        called after whatever comes, from any thread. CohelmError for what is no topic's name."""
+        """topics: of CostmapFilterInfo. frame: the map's, in which the grids have to be. on_change:
+        called after each message, from any thread. CohelmError for an invalid topic name."""
         self._transport, self._frame, self._space = transport, frame, namespace
-        self._told = heard
+        self._on_change = on_change
         self.topics = tuple(dict.fromkeys(resolved(name, namespace) for name in topics))
-        self._heard: dict[str, Received] = {}
+        self._received: dict[str, Received] = {}
         self._ends: dict[str, End] = {}
         for topic in self.topics:
             self._listen(topic, FILTER_INFO)
@@ -76,23 +76,23 @@ class Masks:
         end = time.monotonic() + wait
         while not all(self._complete(topic) for topic in self.topics) and time.monotonic() < end:
             time.sleep(0.05)
-        made, wrong = list[FilterMask](), list[str]()
+        made, errors = list[FilterMask](), list[str]()
         for topic in self.topics:
             try:
                 made.append(self._mask(topic))
             except CohelmError as error:
-                wrong.append(str(error))
+                errors.append(str(error))
         for kinds, said in (((KEEP_OUT,), "keep-out zones"), ((PERCENT, SPEED), "speed zones")):
             same = [one.info for one in made if one.kind in kinds]
             if len(same) > 1:
-                wrong.append(f"{' and '.join(same)} both tell of {said}: name one with {_OPTION}")
-        if wrong:
-            raise CohelmError("\n".join(wrong))
+                errors.append(f"{' and '.join(same)} both tell of {said}: name one with {_OPTION}")
+        if errors:
+            raise CohelmError("\n".join(errors))
         return tuple(made)
 
     def changed(self, used: Sequence[FilterMask]) -> tuple[FilterMask, ...]:
-        """Those that are in use, each as its filter says it now, and the same object where that is
-        the same. CohelmError for what can not be used instead; not to be called by `heard`."""
+        """Those in use, each as its filter publishes it now, and the same object where that is
+        unchanged. CohelmError for what can not be used instead; not to be called by `on_change`."""
         made: list[FilterMask] = []
         for one in used:
             info = self._message(one.info)
@@ -116,20 +116,20 @@ class Masks:
             end()
 
     def _listen(self, topic: str, kind: str) -> None:
-        def heard(received: Received) -> None:
-            self._heard[topic] = received
-            self._told()
+        def on_change(received: Received) -> None:
+            self._received[topic] = received
+            self._on_change()
 
-        self._ends[topic] = self._transport.subscribe(topic, kind, LATCHED, heard)
+        self._ends[topic] = self._transport.subscribe(topic, kind, LATCHED, on_change)
 
     def _message(self, topic: str) -> Any:
         """None: nothing has come that could be read."""
-        received = self._heard.get(topic)
+        received = self._received.get(topic)
         return None if received is None else received.message
 
     def _grid(self, info: Any) -> str:
-        """The topic of the grid that a filter names; empty: it is no name. It is heard from now
-        on."""
+        """The topic of the grid that a filter names; empty: an invalid name. It is subscribed to
+        from now on."""
         try:
             topic = resolved(info.filter_mask_topic, self._space)
         except CohelmError:
@@ -147,7 +147,7 @@ class Masks:
         return self._message(self._grid(info)) is not None
 
     def _unusable(self, topic: str, info: Any) -> str:
-        """Why a filter tells of nothing that can be used, whatever its mask is; empty: it may."""
+        """Why a filter can not be used, whatever its mask is; empty: it may."""
         if info.type not in (KEEP_OUT, PERCENT, SPEED):
             return (
                 f"{topic} tells of a filter of type {info.type}, and masks are of type 0 (keep "
@@ -170,7 +170,7 @@ class Masks:
         seen, info = self._transport.endpoints(), self._message(topic)
         if info is None:
             cure = f"start costmap_filter_info_server, or name another topic with {_OPTION}"
-            raise CohelmError(self._unheard(topic, FILTER_INFO, cure, seen))
+            raise CohelmError(self._nothing_received(topic, FILTER_INFO, cure, seen))
         if said := self._unusable(topic, info):
             raise CohelmError(said)
         grid = self._grid(info)
@@ -180,20 +180,20 @@ class Masks:
                 f"{topic} says that the mask is there: start a map_server with that topic_name, "
                 "or mend mask_topic of costmap_filter_info_server"
             )
-            raise CohelmError(self._unheard(grid, GRID, cure, seen))
+            raise CohelmError(self._nothing_received(grid, GRID, cure, seen))
         return FilterMask(
             topic, grid, int(info.type), float(info.base), float(info.multiplier),
             *_cells(grid, mask, self._frame),
         )  # fmt: skip
 
-    def _unheard(self, topic: str, kind: str, cure: str, seen: list[Endpoint]) -> str:
-        received = self._heard.get(topic)
+    def _nothing_received(self, topic: str, kind: str, cure: str, seen: list[Endpoint]) -> str:
+        received = self._received.get(topic)
         damage = "" if received is None else received.damage
-        return mismatch.unheard(topic, kind, LATCHED, _OPTION, seen, damage, cure)
+        return mismatch.nothing_received(topic, kind, LATCHED, _OPTION, seen, damage, cure)
 
 
 def _same(one: FilterMask, other: FilterMask) -> bool:
-    """Whether both mean the same zones; a bridge says again what lasts."""
+    """Whether both mean the same zones; a bridge sends latched messages again."""
     about = one._replace(cells=other.cells)
     return about == other and np.array_equal(one.cells, other.cells)
 
@@ -205,21 +205,21 @@ def _cells(topic: str, grid: Any, frame: str) -> tuple[NDArray[np.int8], float, 
     width, height, side = int(about.width), int(about.height), float(about.resolution)
     at, turned = about.origin.position, about.origin.orientation
     origin = Pose(float(at.x), float(at.y), yaw_of(turned))
-    wrong, named = "", grid.header.frame_id.lstrip("/")
+    errors, named = "", grid.header.frame_id.lstrip("/")
     if named != frame:
-        wrong = (
+        errors = (
             f"it is in the frame {named!r}, and the map's is {frame!r}: set frame_id of its "
             "map_server, or name the map's with cohelm robot --map-frame"
         )
     elif len(grid.data) != width * height or not width * height:
-        wrong = f"{width} x {height} cells are told, and {len(grid.data)} come: mend who draws it"
+        errors = f"{width} x {height} cells are told, and {len(grid.data)} come: mend who draws it"
     elif not _FINEST <= side <= _COARSEST:  # nor for NaN
-        wrong = f"its cells are {side:g} m wide: mend its resolution"
+        errors = f"its cells are {side:g} m wide: mend its resolution"
     elif not all(math.isfinite(value) for value in origin):
-        wrong = "its origin is no pose: mend the origin in its map_server's YAML file"
+        errors = "its origin is no pose: mend the origin in its map_server's YAML file"
     elif math.hypot(turned.x, turned.y) > _FLAT:
-        wrong = "it is inclined, and a map lies flat: mend the orientation of its origin"
-    if wrong:
-        raise CohelmError(f"{topic}: {wrong}")
+        errors = "it is inclined, and a map lies flat: mend the orientation of its origin"
+    if errors:
+        raise CohelmError(f"{topic}: {errors}")
     cells = np.asarray(grid.data).astype(np.int8, copy=False).reshape(height, width)
     return cells, side, origin

@@ -1,4 +1,4 @@
-"""What this node says: commands, diagnostics, its reason, markers."""
+"""The messages that this node publishes: commands, diagnostics, its reason, markers."""
 
 from __future__ import annotations
 

@@ -20,12 +20,12 @@ GATE = "cohelm_gate"
 _MOST_NAMED = 4
 
 
-def unheard(
+def nothing_received(
     topic: str, kind: str, qos: Qos, option: str, seen: list[Endpoint], damage: str = "",
     cure: str = "",
 ) -> str:  # fmt: skip
-    """Why nothing is heard on a topic. option: by which another one is named. damage: what was
-    wrong with what came, if anything did. cure: what to do where nobody publishes it; by default to
+    """Why nothing is received on a topic. option: by which another one is named. damage: what was
+    wrong with a message, if one came. cure: what to do where nobody publishes it; by default to
     start a driver."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     right = [one for one in there if one.type == kind]
@@ -61,19 +61,19 @@ def unheard(
 def never(
     topic: str, kinds: tuple[str, ...], qos: Qos, option: str, seen: list[Endpoint]
 ) -> str:  # fmt: skip
-    """Why nothing of those who publish on a topic is ever heard; empty: something is, or nobody
-    does yet. kinds: of the messages that are. option: as above."""
+    """Why no publisher of a topic can be received; empty: one can, or there is none yet. kinds: of
+    messages that can. option: as above."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there or any(one.type in kinds and not reaches(one.qos, qos) for one in there):
         return ""
     kind = next((one.type for one in there if one.type in kinds), kinds[0])
-    return unheard(topic, kind, qos, option, seen)
+    return nothing_received(topic, kind, qos, option, seen)
 
 
 def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -> tuple[str, str]:
-    """The type the base wants for its commands, and what is wrong, or nothing.
+    """The type the base wants for its commands, and an error, or nothing.
 
-    wanted: TwistStamped or Twist, as somebody said; None: as the base's subscription says.
+    wanted: TwistStamped or Twist, as the user states; None: as the base's subscription says.
     """
     named = None if wanted is None else STAMPED if wanted else TWIST
     there = [one for one in seen if not one.publishes and one.topic == topic]
@@ -114,7 +114,7 @@ def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -
 
 
 def bypass(topic: str, seen: list[Endpoint]) -> str:
-    """Whether somebody else drives the base past the filter, in words; empty: nobody."""
+    """An error if another node commands the base past the filter; empty: none does."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
         return ""
@@ -130,8 +130,8 @@ def bypass(topic: str, seen: list[Endpoint]) -> str:
 
 
 def commands(topic: str, out: str, period: float, seen: list[Endpoint]) -> str:
-    """Who commands, in words. out: where what is safe goes, and so no controller's. period: from
-    one command to the next; NaN: none came [s]."""
+    """A notice on who publishes commands. out: the topic of safe commands, and so no controller's.
+    period: from one command to the next; NaN: none came [s]."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     others = _publishing((TWIST, STAMPED), [one for one in seen if one.topic not in (topic, out)])
     instead = f"; there is {others}" if others else ""
@@ -147,7 +147,7 @@ def commands(topic: str, out: str, period: float, seen: list[Endpoint]) -> str:
 
 
 def alone(topic: str, kind: str, what: str, seen: list[Endpoint]) -> tuple[str, str]:
-    """Whether one thing is published by one node: what is to be told of that, and what is wrong."""
+    """Whether one thing is published by one node: a notice, and an error."""
     there = [one for one in seen if one.publishes and one.topic == topic and one.type == kind]
     if len({one.node for one in there}) > 1:
         further = ", and describe a further LiDAR under further_lidars" if what == "LiDAR" else ""
@@ -175,8 +175,8 @@ def frames(topic: str, named: list[str], seen: list[Endpoint]) -> str:
 def lock(
     topic: str, seen: list[Endpoint], other: Collection[str] = ()
 ) -> tuple[str, str]:  # fmt: skip
-    """Who locks the base, in words, and why that is never heard, or nothing. other: topics that are
-    none, as it is known what they are."""
+    """A notice on who publishes the lock, and why it is never received, or nothing. other: topics
+    that are known to be none."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
         others = _publishing((BOOL,), [one for one in seen if one.topic not in other])
@@ -192,7 +192,7 @@ def lock(
 
 
 def footprint(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
-    """Who tells the robot's outline, in words, and why that is never heard, or nothing."""
+    """A notice on who publishes the robot's outline, and why it is never received, or nothing."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
         return f"footprint: nobody publishes {topic} yet; that of the robot's file counts", ""
@@ -206,7 +206,7 @@ def footprint(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
 
 
 def no_camera_info(topic: str, info: str, seen: list[Endpoint]) -> str:
-    """That nobody says how a depth image is to be taken."""
+    """That a depth image has no CameraInfo."""
     return (
         f"nothing is heard on {info}, where the {CAMERA_INFO} of {topic} has to be: let its driver "
         f"publish that beside the images, or remap it there{_others(CAMERA_INFO, seen)}"
@@ -214,13 +214,13 @@ def no_camera_info(topic: str, info: str, seen: list[Endpoint]) -> str:
 
 
 def no_frame(topic: str, frame: str, body: str, known: list[str]) -> str:
-    """That nobody says where a sensor is mounted."""
-    told = f"it tells of {', '.join(known[:8])}" if known else "nothing is told there"
+    """That no transform says where a sensor is mounted."""
+    frames_there = f"it tells of {', '.join(known[:8])}" if known else "nothing is told there"
     return (
         f"{topic} is measured in the frame {frame!r}, and /tf_static does not say where that is "
-        f"on {body!r} ({told}): start robot_state_publisher or static_transform_publisher, or give "
-        "lidar.mount_x_m, mount_y_m and mount_yaw_deg in the robot's YAML file and "
-        "--mount-from-model"
+        f"on {body!r} ({frames_there}): start robot_state_publisher or "
+        "static_transform_publisher, or give lidar.mount_x_m, mount_y_m and mount_yaw_deg in the "
+        "robot's YAML file and --mount-from-model"
     )
 
 
@@ -239,6 +239,6 @@ def _publishing(kinds: tuple[str, ...], seen: list[Endpoint]) -> str:
     return ", ".join(topics[:_MOST_NAMED])
 
 
-def nobody(name: str, cure: str) -> str:
+def no_nodes(name: str, cure: str) -> str:
     """That nothing of ROS is seen at all. name, cure: of the transport."""
     return f"no node of ROS is seen ({name}): {cure}"

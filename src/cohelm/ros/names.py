@@ -41,7 +41,7 @@ def dds_topic(topic: str) -> str:
 
 
 def ros_topic(topic: str) -> str:
-    """What `dds_topic` made of a topic; empty for what is none of ROS (services, parameters)."""
+    """The topic of a DDS topic's name; empty for one that is not of ROS (services, parameters)."""
     return topic[2:] if topic.startswith("rt/") else ""
 
 
@@ -52,6 +52,6 @@ def dds_type(kind: str) -> str:
 
 
 def ros_type(kind: str) -> str:
-    """What `dds_type` made of a type; another one as it is."""
+    """The type of a DDS type's name; another one unchanged."""
     found = _TYPE.match(kind)
     return f"{found[1]}/msg/{found[2]}" if found else kind

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 USUAL = 0.02
-"""A control period, where nobody says otherwise [s]."""
+"""Default control period [s]."""
 LEAST, MOST = 0.008, 0.04
 SPARE = 0.25
 """So much longer than the controller's own is the period that the filter counts with, as a share:
@@ -14,7 +14,7 @@ some milliseconds now and then."""
 
 
 def period(command: float) -> float:
-    """The filter's control period for commands that come so often, NaN for nobody knows [s].
+    """The filter's control period for commands that come so often, NaN for unknown [s].
 
     The longest there will be. Slow controllers get several periods to a command.
     """
@@ -33,8 +33,8 @@ class Pacing:
     """
 
     def __init__(self, length: float, now: float, every: float = math.nan) -> None:
-        """length: the longest a period may be [s]. every: so often commands come, NaN for nobody
-        knows [s]."""
+        """length: the longest a period may be [s]. every: period of commands, NaN for unknown
+        [s]."""
         self.length, self._every = length, every
         self._began = self._even = now
         self._came = math.nan

@@ -1,4 +1,4 @@
-"""What a transport of ROS 2 messages offers: publish, subscribe, and see who else does.
+"""What a transport of ROS 2 messages offers: publish, subscribe, and list endpoints.
 
 Messages are those of rosbags' typestore, names those that ROS users see (`/cmd_vel`,
 `geometry_msgs/msg/Twist`). Reception is stamped with this machine's monotonic clock.
@@ -11,26 +11,26 @@ from typing import Any, NamedTuple, Protocol
 
 
 class Qos(NamedTuple):
-    """Quality of service, as far as it decides who hears whom."""
+    """Quality of service, as far as it decides which endpoints match."""
 
     reliable: bool = True
     """What is lost is sent again; as a subscriber: nothing else will do."""
     transient_local: bool = False
-    """Who comes late gets the last ones too; as a subscriber: nothing else will do."""
+    """Late subscribers get the last ones too; as a subscriber: nothing else will do."""
     depth: int = 1
     """How many of the last messages count."""
 
 
 SENSOR = Qos(reliable=False, depth=5)
-"""Of subscribers to sensors: hears every publisher, and nothing is sent twice."""
+"""Of subscribers to sensors: matches every publisher, and nothing is sent twice."""
 COMMAND = Qos(reliable=True, depth=1)
-"""Of publishers of commands: every subscriber hears it, and only the newest counts."""
+"""Of publishers of commands: matches every subscriber, and only the newest counts."""
 LATCHED = Qos(reliable=True, transient_local=True, depth=1)
-"""What is said once, and told to all who come later: `/map`, `/tf_static`."""
+"""Published once, and kept for late subscribers: `/map`, `/tf_static`."""
 
 
 class Endpoint(NamedTuple):
-    """A publisher or subscriber that somebody else has."""
+    """A publisher or subscriber of another node."""
 
     topic: str
     type: str
@@ -51,7 +51,7 @@ class Received(NamedTuple):
     """Why it could not be read."""
 
 
-Heard = Callable[[Received], None]
+Callback = Callable[[Received], None]
 End = Callable[[], None]
 """Ends a subscription; again it does nothing."""
 
@@ -60,30 +60,30 @@ class Publisher(Protocol):
     """Of one topic."""
 
     def send(self, message: Any) -> None:
-        """To all who listen; waits for nobody."""
+        """To all subscribers, without waiting."""
         ...
 
 
 class Transport(Protocol):
-    """The port. Its calls may come from any thread; `heard` is called from the transport's own."""
+    """The port. Its calls may come from any thread; callbacks come from the transport's own."""
 
     @property
     def name(self) -> str:
-        """Of the transport, for a person."""
+        """Of the transport, for messages to the user."""
         ...
 
     @property
     def unseen(self) -> str:
-        """What to look at where nobody is seen by it, for a person."""
+        """What to check where no other node is seen, for the user."""
         ...
 
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
         """A new publisher of a topic with messages of a type."""
         ...
 
-    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> End:
-        """Hear every message on a topic from now on, until what it returns is called. `heard` must
-        not take long, nor raise."""
+    def subscribe(self, topic: str, kind: str, qos: Qos, callback: Callback) -> End:
+        """Calls `callback` with every message on a topic from now on, until what it returns is
+        called. `callback` must not take long, nor raise."""
         ...
 
     def endpoints(self) -> list[Endpoint]:
@@ -96,7 +96,7 @@ class Transport(Protocol):
         ...
 
     def close(self) -> None:
-        """Leave; nothing is heard afterwards."""
+        """Leave; no callback afterwards."""
         ...
 
 

@@ -25,7 +25,7 @@ _OPTICAL = (-0.5, 0.5, -0.5, 0.5)
 _STEEPEST = 45
 """It looks down by no more [deg]."""
 _NEARER = 0.8
-"""It sees the floor from this share of where it is asked to: the first cell takes some pixels."""
+"""It sees the floor from this share of the described distance: the first cell takes some pixels."""
 _CEILING = 2.6
 """Of all rooms, above the floor [m]: without it what looks up measures nothing at all."""
 _WIDEST = 120.0
@@ -42,8 +42,8 @@ def camera_of(lidar: LidarModel) -> Intrinsics:
 
 
 def tilt(lidar: LidarModel, height: float) -> float:
-    """By how much the camera looks down: as far as its corners see the floor from where it is asked
-    to, level where it is not asked [rad]. height: of the lens above the floor [m]."""
+    """The camera's tilt downwards: as far as its corners see the floor from where it is described,
+    level where it is not [rad]. height: of the lens above the floor [m]."""
     if lidar.floor is None:
         return 0.0
     camera = camera_of(lidar)

@@ -1,4 +1,4 @@
-"""What the filter node tells others: diagnostics, its reason, markers, and a line for a person."""
+"""What the filter node publishes: diagnostics, its reason, markers, and a line in the log."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cohelm.ros.port import COMMAND, LATCHED, Transport
 
 NODE = "cohelm_filter"
 _DIAGNOSTICS, _MARKERS = 0.5, 0.2
-"""So often they are told while nothing changes [s]."""
+"""Periods of publishing while nothing changes [s]."""
 _FOR_GOOD = 1.0
 """A reason counts as gone when it has been away for so long [s]: they come and go from period to
 period."""
@@ -29,22 +29,23 @@ _LEVELS = {
 }  # fmt: skip
 
 _WORDED = ("readings", "gate", "command", "footprint")
-"""Kinds of reasons that are told again when their words change, and not their numbers alone."""
+"""Kinds of reasons that are published again when their words change, and not their numbers
+alone."""
 
 
 class Row(NamedTuple):
     """One control period."""
 
     kind: str
-    """Of the reason, a word."""
+    """Of the reason."""
     reason: str
-    """Why the base did not get what the controller asked for; empty: it did."""
+    """Why the base did not get what the controller requested; empty: it did."""
     nominal: Twist
-    """What the controller asked for."""
+    """What the controller requested."""
     safe: Twist
     """What the filter let through."""
     applied: Twist
-    """What gate and monitors let through of that: what the base was told."""
+    """What gate and monitors let through of that: the command to the base."""
     verdict: Verdict
     change: float
     """Of the command by the filter [m/s]."""
@@ -64,12 +65,12 @@ class Report:
     """Of one node."""
 
     def __init__(
-        self, transport: Transport, found: Found, say: Callable[[str], None],
+        self, transport: Transport, found: Found, log: Callable[[str], None],
         clock: SimulatedClock | None = None,
     ) -> None:  # fmt: skip
-        """say: hears each new reason, in a sentence. clock: whose time is told, by default the
+        """log: receives each new reason, in a sentence. clock: for stamps, by default the
         wall's."""
-        self._found, self._say, self._clock = found, say, clock
+        self._found, self._log, self._clock = found, log, clock
         self.outline = found.model.outline
         """The robot's, as it counts now."""
         space = found.topics.namespace
@@ -79,7 +80,7 @@ class Report:
         self._reason = transport.publish(self.topic("reason"), messages.STRING, LATCHED)
         self._markers = transport.publish(self.topic("markers"), messages.MARKERS, COMMAND)
         self._kind, self._text = "", ""
-        self._kind_at = self._told = self._drawn = -math.inf
+        self._kind_at = self._published_at = self._drawn = -math.inf
         self._reason.send(messages.reason(""))
 
     def topic(self, name: str) -> str:
@@ -90,8 +91,8 @@ class Report:
         """After every period."""
         now = time.monotonic()
         changed = self._changed(row, now)
-        if changed or now - self._told >= _DIAGNOSTICS:
-            self._told = now
+        if changed or now - self._published_at >= _DIAGNOSTICS:
+            self._published_at = now
             self._diagnostics.send(self._status(row))
         if now - self._drawn >= _MARKERS:
             self._drawn = now
@@ -109,10 +110,10 @@ class Report:
 
     def note(self, text: str) -> None:
         """Something that happened once."""
-        self._say(text)
+        self._log(text)
 
     def _changed(self, row: Row, now: float) -> bool:
-        """A new reason is told; one that stays, or comes again at once, keeps its words."""
+        """A new reason is published; one that stays, or comes again at once, keeps its words."""
         again = row.kind not in _WORDED or _words(row.reason) == _words(self._text)
         if row.kind == self._kind and again:
             self._kind_at = now
@@ -122,7 +123,7 @@ class Report:
             return False
         self._kind, self._text, self._kind_at = row.kind, row.reason, now
         self._reason.send(messages.reason(row.reason))
-        self._say(row.reason or "commands pass unchanged")
+        self._log(row.reason or "commands pass unchanged")
         return True
 
     def _status(self, row: Row) -> object:

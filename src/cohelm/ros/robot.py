@@ -24,7 +24,7 @@ from cohelm.ros.connection import connection
 from cohelm.ros.contact import Contacts, contact_topics
 from cohelm.ros.depth import DepthRanges
 from cohelm.ros.floor import WatchesFloor
-from cohelm.ros.footprint import ToldFootprint
+from cohelm.ros.footprint import FootprintTopic
 from cohelm.ros.found import Found, FoundLidar
 from cohelm.ros.inspection import kind_of
 from cohelm.ros.interlock import Interlock
@@ -37,7 +37,7 @@ from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import yaw_of
 
 _QUIET = 1.0
-"""A robot that stands is told so for this long, and then left alone: others may drive it [s]."""
+"""A robot that stands is sent zero for this long, and then nothing: others may drive it [s]."""
 _DAMAGES = 3
 """So many messages in a row that can not be used are no chance; what comes no more is missed after
 three and a half (`loop.sensor_watchdog`), without it being known why."""
@@ -64,9 +64,9 @@ class Ros2Robot(Robot):
             self._lock = threading.Lock()
             self._odometry: Received | None = None
             self._came: dict[str, Received] = {}
-            """What has come of each LiDAR, by its name, and was not read yet."""
-            self._told = _STILL
-            self._still_since = -math.inf
+            """The newest unread scan of each LiDAR, by its name."""
+            self._sent = _STILL
+            self._stopped_since = -math.inf
             self._simulated = SimulatedClock.on(self._transport) if found.simulated else None
             self._unusable: dict[str, tuple[int, str]] = {}
             """Of each topic, how many of the last messages in a row were, and why."""
@@ -80,17 +80,17 @@ class Ros2Robot(Robot):
             self._interlock = Interlock(
                 self._transport, topics.out, topics.lock, found.bypass, found.lock_silence
             )
-            self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._hear_odometry)
+            self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._on_odometry)
             felt = contact_topics(model, topics.of_contacts(model))
             self._contacts = Contacts(self._transport, felt, self.now)
             self._footprint = None
             if topics.footprint:
-                self._footprint = ToldFootprint(
+                self._footprint = FootprintTopic(
                     self._transport, topics.footprint, found.body, model.reach, model.axle_x_m
                 )
             for lidar, one in zip(model.lidars, found.lidars, strict=True):
-                hear = partial(self._hear_scan, lidar.name)
-                self._transport.subscribe(one.topic, kind_of(lidar), SENSOR, hear)
+                callback = partial(self._on_scan, lidar.name)
+                self._transport.subscribe(one.topic, kind_of(lidar), SENSOR, callback)
         except BaseException:
             self._transport.close()
             raise
@@ -122,17 +122,17 @@ class Ros2Robot(Robot):
         """To the base, as the type that it wants; after a while of standing, nothing."""
         now = self.now()
         if twist != _STILL:
-            self._still_since = now
-        self._told = twist
-        if now - self._still_since <= _QUIET:
+            self._stopped_since = now
+        self._sent = twist
+        if now - self._stopped_since <= _QUIET:
             simulated = self._simulated
             stamp = None if simulated is None or not simulated.known else simulated.time()
             self._out.send(command(twist, self._found.out_type, self._found.body, stamp))
 
     def stop(self) -> None:
         """Zero; the base brakes as hard as it does."""
-        if self._told != _STILL:
-            self._still_since = self.now()
+        if self._sent != _STILL:
+            self._stopped_since = self.now()
         self.send(_STILL)
 
     def close(self) -> None:
@@ -167,12 +167,12 @@ class Ros2Robot(Robot):
         """By the simulator's time, if there is one, else by a clock."""
         return (self._simulated or clock).age(stamp)
 
-    def _hear_odometry(self, received: Received) -> None:
+    def _on_odometry(self, received: Received) -> None:
         if self._usable(self._found.topics.odom, received, ""):
             with self._lock:
                 self._odometry = received
 
-    def _hear_scan(self, name: str, received: Received) -> None:
+    def _on_scan(self, name: str, received: Received) -> None:
         lidar = self._lidars[name][0]
         if self._usable(lidar.topic, received, lidar.frame):
             with self._lock:

@@ -39,7 +39,7 @@ from cohelm.robot.port import Frame, Odometry, RobotPort, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, rendered
 from cohelm.ros.camera import COMPRESSED
-from cohelm.ros.contact import contact_topics, said
+from cohelm.ros.contact import contact_messages, contact_topics
 from cohelm.ros.depth import info_topic
 from cohelm.ros.inspection import kind_of
 from cohelm.ros.messages import command
@@ -51,12 +51,12 @@ from cohelm.ros.topics import Topics
 _LOOKS = 0.004
 """The robot is looked at so often [s]."""
 _TICK = 0.01
-"""It tells its time so often, where that is not the wall's [s]."""
+"""Period of /clock, where its time is not the wall's [s]."""
 _TOUCHES = 0.02
-"""Its bumpers and cliff sensors speak so often [s]."""
+"""Period of its bumpers and cliff sensors [s]."""
 _BODY, _LASER, _ODOM = "base_link", "laser", "odom"
 _HEIGHT = 0.2
-"""Of a LiDAR above the body's origin, whose description does not say it [m]."""
+"""Default height of a LiDAR above the body's origin [m]."""
 Tamper = Callable[[str, Any], Any]
 """Of a topic and a message makes what is published instead; None: nothing."""
 
@@ -69,8 +69,9 @@ class ServedRobot:
         commands: Qos | None = None, tamper: Tamper = lambda _, message: message,
         simulated: bool = False,
     ) -> None:  # fmt: skip
-        """stamped: whether it wants TwistStamped. commands: as it subscribes to them. simulated:
-        its stamps are of its own time, which it tells on /clock, and not of the wall's."""
+        """stamped: whether it wants TwistStamped. commands: QoS of its subscription to them.
+        simulated: its stamps are of a simulated time, published on /clock, and not of the
+        wall's."""
         self._simulated, self._ticked = simulated, -math.inf
         self._robot, self._topics, self.tamper = robot, topics, tamper
         self._transport = transport
@@ -104,10 +105,10 @@ class ServedRobot:
         self._publishers[tf] = transport.publish(tf, TF, LATCHED)
         self._send(tf, mounts(robot.model))
         kind = STAMPED if stamped else TWIST
-        transport.subscribe(topics.out, kind, commands or Qos(True, False, 10), self._heard)
+        transport.subscribe(topics.out, kind, commands or Qos(True, False, 10), self._on_command)
 
     def run(self, over: Callable[[], bool]) -> None:
-        """Publish what it senses, and obey, until somebody says that it is over."""
+        """Publish the readings and obey commands until `over` returns true."""
         while not over():
             with self._arrived:
                 self._arrived.wait(_LOOKS)
@@ -132,7 +133,7 @@ class ServedRobot:
             self._touched = now
             on = {one.sensor for one in readings.contacts if one.on}
             stamped = header(_nanoseconds(now + ahead), _BODY)
-            for topic, message in said(self._contacts, on, stamped):
+            for topic, message in contact_messages(self._contacts, on, stamped):
                 self._send(topic, message)
         for one in (readings.scan, *readings.further):
             if one is not None and one is not self._scans.get(one.sensor):
@@ -159,7 +160,7 @@ class ServedRobot:
         if message is not None:
             self._publishers[topic].send(message)
 
-    def _heard(self, received: Received) -> None:
+    def _on_command(self, received: Received) -> None:
         message = received.message
         if message is None:
             return
@@ -247,7 +248,7 @@ def _nanoseconds(stamp: float) -> int:
     return round(stamp * 1e9)
 
 
-def asked_for(text: str) -> Twist:
+def parse_twist(text: str) -> Twist:
     """`0.5,0.1` as a twist. CohelmError for what is none."""
     parts = text.split(",")
     try:
@@ -259,18 +260,18 @@ def asked_for(text: str) -> Twist:
     return Twist(v, omega)
 
 
-def wanting(transport: Transport, topics: Topics, twist: Twist | None) -> threading.Event:
-    """A controller that asks for a twist, from a thread, twenty times a second; None: nobody does.
-    It ends with the event."""
+def run_controller(transport: Transport, topics: Topics, twist: Twist | None) -> threading.Event:
+    """A controller that requests a twist, from a thread, twenty times a second; None: none. It ends
+    with the event."""
     over = threading.Event()
     if twist is None:
         return over
     out = transport.publish(topics.command, TWIST, COMMAND)
 
-    def ask() -> None:
+    def publish() -> None:
         while not over.wait(0.05):
             with contextlib.suppress(CohelmError):  # the transport has been closed meanwhile
                 out.send(command(twist, TWIST, _BODY))
 
-    threading.Thread(target=ask, name="controller", daemon=True).start()
+    threading.Thread(target=publish, name="controller", daemon=True).start()
     return over

@@ -1,8 +1,8 @@
 """A TLS connection that one thread reads while others write to it.
 
-OpenSSL lets only one thread at a time into a connection, and the sockets of `ssl` do not see to it:
-an answer is lost now and then. Here TLS works between two buffers, in turns, and nobody waits for
-the network while it is somebody's turn.
+OpenSSL lets only one thread at a time into a connection, and the sockets of `ssl` do not ensure it:
+an answer is lost now and then. Here TLS works between two buffers under a lock, and no thread waits
+for the network while it holds that.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _MOST = 1 << 16
 """Bytes that are taken from the network, or out of TLS, at once."""
 _LOOK = 0.2
-"""Who waits for the rest of a record looks this often whether the socket is closed [s]."""
+"""A reader waiting for the rest of a record checks this often whether the socket is closed [s]."""
 
 
 class TlsSocket(socket.socket):
@@ -28,13 +28,13 @@ class TlsSocket(socket.socket):
 
     def __init__(self, connected: socket.socket, host: str) -> None:
         """connected: a TCP socket, which is taken over; its timeout holds for the handshake. host:
-        who the other end must be. Raises OSError, which ssl.SSLError is one of."""
+        the name that the certificate must have. Raises OSError, which ssl.SSLError is one of."""
         within, here = connected.gettimeout(), connected.detach()
         super().__init__(fileno=here)
         self.settimeout(within)
         self._came, self._leaves = ssl.MemoryBIO(), ssl.MemoryBIO()
         self._over = False
-        """The other end has nothing more to say."""
+        """The peer has closed."""
         self._turn, self._order = threading.Lock(), threading.Lock()
         context = ssl.create_default_context()
         context.options |= ssl.OP_NO_RENEGOTIATION  # it would have writers wait for what comes
@@ -48,8 +48,8 @@ class TlsSocket(socket.socket):
         self.settimeout(None)
 
     def recv(self, bufsize: int, flags: int = 0, /) -> bytes:
-        """All that has come, however much: who selects this socket does not see what has left it.
-        Waits for something; empty: the other end has closed."""
+        """All that has come, however much: `select` on this socket does not see what is buffered
+        here. Waits for something; empty: the peer has closed."""
         while True:
             data = super().recv(bufsize, flags)
             with self._turn:
@@ -71,7 +71,7 @@ class TlsSocket(socket.socket):
             super().sendall(sealed, flags)
 
     def _shaken(self) -> bool:
-        """Whether hands are shaken; what is to be said for it is sent."""
+        """Whether the handshake is done; its next bytes are sent."""
         try:
             self._tls.do_handshake()
             done = True
@@ -95,7 +95,7 @@ class TlsSocket(socket.socket):
                 plain += piece
             self._over = True
             with contextlib.suppress(OSError):
-                self.shutdown(socket.SHUT_RD)  # so that it is seen by who selects
+                self.shutdown(socket.SHUT_RD)  # so that `select` sees it
         except ssl.SSLWantReadError:
             pass
         except ssl.SSLEOFError:  # without a farewell

@@ -1,7 +1,7 @@
-"""Keys and liveliness tokens by which nodes of rmw_zenoh find and hear each other.
+"""Keys and liveliness tokens by which nodes of rmw_zenoh discover each other and exchange data.
 
 As rmw_zenoh's own description has them (https://github.com/ros2/rmw_zenoh, docs/design.md): data
-goes by `domain/topic/type/hash`, and each node, publisher and subscription holds up a token.
+goes by `domain/topic/type/hash`, and each node, publisher and subscription declares a token.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TRANSIENT_LOCAL, _VOLATILE = "1", "2"
 _DEPTH = 42
 """Where a token names none."""
 _NODE, _TOPIC, _QOS = 8, 9, 12
-"""Where in a token the node's name is, what it publishes or hears begins, and with what quality."""
+"""Positions in a token: of the node's name, the topic and the quality of service."""
 _STAMPED = struct.Struct("<qqB")
 
 
@@ -68,10 +68,10 @@ def hash_of(kind: str) -> str:
 
 
 def read(token: str) -> tuple[str, Endpoint] | None:
-    """Whose session, and what publisher or subscriber; None for what is neither.
+    """Parses a token: session, and publisher or subscriber; None for neither.
 
-    Its quality of service is as told: by rmw_zenoh nobody is refused for it. A type whose
-    definition is another one than ours has a name that says so: nobody hears it under ours.
+    Its quality of service is as declared: rmw_zenoh refuses nobody for it. A type with another
+    definition than ours has a name that says so: it is never received under ours.
     """
     parts = token.split("/")
     if len(parts) <= _QOS or parts[0] != SPACE or parts[5] not in _PUBLISHES:
@@ -80,19 +80,19 @@ def read(token: str) -> tuple[str, Endpoint] | None:
     topic, kind = parts[_TOPIC].replace("%", "/"), ros_type(parts[_TOPIC + 1])
     if _other(kind, parts[_TOPIC + 2]):
         kind += " of another definition (is ROS_DISTRO here the robot's?)"
-    qos = _told(parts[_QOS])
+    qos = _parsed_qos(parts[_QOS])
     node = f"{space.rstrip('/')}/{name.lstrip('/')}"
     return parts[2], Endpoint(topic, kind, qos, _PUBLISHES[parts[5]], node)
 
 
 def attachment(number: int, stamp: int, identity: bytes) -> bytes:
-    """What goes with each message: its number from 1, when it was sent [ns], and by whom (16
+    """What goes with each message: its number from 1, when it was sent [ns], and its sender (16
     bytes); rmw_zenoh 0.2.4 and later drop one without."""
     return _STAMPED.pack(number, stamp, len(identity)) + identity
 
 
 def identity(token: str) -> bytes:
-    """Of whoever has a token: its own, but not the same as rmw_zenoh makes of it."""
+    """Identity of a token's owner: a hash of our own, not the one that rmw_zenoh makes of it."""
     return hashlib.blake2b(token.encode(), digest_size=16).digest()
 
 
@@ -100,10 +100,10 @@ def _mangled(name: str) -> str:
     return name.replace("/", "%")
 
 
-def _other(kind: str, told: str) -> bool:
+def _other(kind: str, type_hash: str) -> bool:
     try:
-        return told != hash_of(known(kind))
-    except (CohelmError, ValueError):  # a type of somebody's own
+        return type_hash != hash_of(known(kind))
+    except (CohelmError, ValueError):  # a custom type
         return False
 
 
@@ -113,7 +113,7 @@ def _quality(qos: Qos) -> str:
     return f"{reliable}:{lasting}:,{'' if qos.depth == _DEPTH else qos.depth}:,:,:,,"
 
 
-def _told(text: str) -> Qos:
+def _parsed_qos(text: str) -> Qos:
     reliable, lasting, history, *_ = [*text.split(":"), "", "", ""]
     depth = history.rpartition(",")[2]
     return Qos(

@@ -1,4 +1,4 @@
-"""On which topics what is: as somebody names them, or as they are usually named."""
+"""The topics in use: the user's names, or the usual ones."""
 
 from __future__ import annotations
 
@@ -37,10 +37,9 @@ class Topics(NamedTuple):
         further: Sequence[str] = (), contacts: Sequence[str] = (), camera: str | None = None,
         footprint: str = "",
     ) -> Topics:  # fmt: skip
-        """As somebody names them: in a namespace, if there is one, also those with a slash before
-        them that are there by default. further: `NAME=TOPIC` for each further LiDAR whose topic is
-        not /scan_NAME; contacts: the same of bumpers and cliff sensors. CohelmError for what is
-        no name."""
+        """The user's names: in a namespace, if there is one, also the defaults with a leading
+        slash. further: `NAME=TOPIC` for each further LiDAR whose topic is not /scan_NAME; contacts:
+        the same of bumpers and cliff sensors. CohelmError for an invalid name."""
         space = namespace_of(namespace)
         inside = [
             name and resolved(name.lstrip("/") if name == default else name, space)
@@ -74,7 +73,7 @@ class Topics(NamedTuple):
         return topics
 
     def by_use(self, model: RobotModel) -> dict[str, str]:
-        """All that a robot has, by the keys under which somebody names them."""
+        """All that a robot has, by the keys of `--topic`."""
         lidars = ("scan", *(f"scan_{one.name}" for one in model.further_lidars))
         contacts = (f"contact_{one.name}" for one in model.contacts)
         named = {

@@ -1,4 +1,4 @@
-"""Fixed mounts from `/tf_static`: where a sensor sits on the robot, and whether it lies flat."""
+"""Fixed mounts from `/tf_static`: where a sensor is on the robot, and whether it is level."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 
 TILTED = math.radians(3.0)
-"""A planar LiDAR whose plane is inclined by more does not see what the robot meets [rad]."""
+"""A planar LiDAR inclined by more does not see what the robot meets [rad]."""
 LEVEL = math.radians(0.2)
 """One that is inclined by less is as high everywhere: to 1 cm, over the 3 m that count [rad]."""
 
@@ -24,11 +24,11 @@ class Mount(NamedTuple):
     upside_down: bool
     """Its beams that run counter-clockwise run clockwise on the floor then."""
     height: float
-    """Of its plane above the body's origin [m]; NaN: it is not level, or nobody says."""
+    """Of its plane above the body's origin [m]; NaN: it is not level, or unknown."""
 
 
 class StaticTransforms:
-    """All fixed transforms that have been told, as 4 x 4 matrices from child to parent."""
+    """All static transforms received, as 4 x 4 matrices from child to parent."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Floats]] = {}

@@ -1,4 +1,4 @@
-"""Message types from rosbags' typestore: their bytes (CDR), their hashes, the types DDS is told."""
+"""Message types from rosbags' typestore: their bytes (CDR), their hashes, the types for DDS."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _OTHERS = {
         float32 multiplier
     """,
 }
-"""Types beside ROS 2's own: of iRobot's Create 3, on which the TurtleBot 4 stands, and of Nav2."""
+"""Types beside ROS 2's own: of iRobot's Create 3, the base of the TurtleBot 4, and of Nav2."""
 _KNOWN = {
     "humble": Stores.ROS2_HUMBLE, "iron": Stores.ROS2_IRON, "jazzy": Stores.ROS2_JAZZY,
     "kilted": Stores.ROS2_KILTED, "lyrical": Stores.ROS2_LYRICAL, "rolling": Stores.LATEST,
@@ -64,7 +64,7 @@ def _store(name: str) -> Typestore:
 
 
 def known(kind: str) -> str:
-    """A type that there is. Raises CohelmError for one that nobody knows."""
+    """A known type. Raises CohelmError for an unknown one."""
     if kind not in store().fielddefs:
         raise CohelmError(f"{kind} is no message type of ROS 2's own: give one of those")
     return kind
@@ -97,7 +97,7 @@ def wire(kind: str) -> Any:
     """A class for cyclonedds that carries the bytes of one message in `data`.
 
     cyclonedds learns the type from it, for discovery, and leaves the bytes to rosbags. A sample
-    that only says that its publisher has gone goes through `deserialize_key`.
+    that only reports that its publisher has gone goes through `deserialize_key`.
     """
     described = _struct(kind)
 

@@ -1,6 +1,6 @@
-"""Says who publishes what is never heard: another type, or a quality of service that never matches.
+"""Reports publishers that are never received: another type, or a QoS that never matches.
 
-What comes seldom, as goals do, is not missed when it does not come; and who publishes it may come
+What comes seldom, as goals do, is not missed when it does not come; and its publisher may start
 later than the robot.
 """
 
@@ -17,11 +17,11 @@ from cohelm.ros.port import Qos, Transport
 _LOOK = 1.0
 """From one look to the next [s]."""
 _TWICE = 2
-"""Somebody's type may be known before their QoS is: what is wrong is told when seen so often."""
+"""A type may be discovered before its QoS: an error is reported when seen so often."""
 
 
 class Wanted(NamedTuple):
-    """What is heard on a topic."""
+    """A subscription."""
 
     topic: str
     kinds: tuple[str, ...]
@@ -32,13 +32,13 @@ class Wanted(NamedTuple):
 
 
 class Unreached:
-    """Looks, from a thread of its own, and says each sentence once."""
+    """Checks, from a thread of its own, and logs each sentence once."""
 
     def __init__(
-        self, transport: Transport, wanted: Sequence[Wanted], say: Callable[[str], None]
+        self, transport: Transport, wanted: Sequence[Wanted], log: Callable[[str], None]
     ) -> None:
-        """say: hears a sentence for a person."""
-        self._transport, self._wanted, self._say = transport, tuple(wanted), say
+        """log: receives sentences for the user."""
+        self._transport, self._wanted, self._log = transport, tuple(wanted), log
         self._seen: dict[str, int] = {}
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="unreached", daemon=True)
@@ -52,7 +52,7 @@ class Unreached:
             if why := mismatch.never(topic, kinds, qos, option, there):
                 self._seen[why] = self._seen.get(why, 0) + 1
                 if self._seen[why] == _TWICE:
-                    self._say(why)
+                    self._log(why)
 
     def close(self) -> None:
         """Look no more."""

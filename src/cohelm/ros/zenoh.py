@@ -1,7 +1,7 @@
-"""The transport for robots whose middleware is rmw_zenoh: eclipse-zenoh, speaking as that does.
+"""The transport for robots whose middleware is rmw_zenoh: eclipse-zenoh with its key expressions.
 
 `ROS_DOMAIN_ID`, `ZENOH_SESSION_CONFIG_URI`, `ZENOH_CONFIG_OVERRIDE` and, where it is negative,
-`ZENOH_ROUTER_CHECK_ATTEMPTS` are heeded as by rmw_zenoh itself.
+`ZENOH_ROUTER_CHECK_ATTEMPTS` count as for rmw_zenoh itself.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cohelm.core.extras import missing
 from cohelm.ros import tokens
 from cohelm.ros.dds import domain_id
 from cohelm.ros.names import namespace_of
-from cohelm.ros.port import End, Endpoint, Heard, Publisher, Qos, Received
+from cohelm.ros.port import Callback, End, Endpoint, Publisher, Qos, Received
 from cohelm.ros.types import known, packed, unpacked
 
 URL = "tcp/localhost:7447"
@@ -32,9 +32,9 @@ _LOCAL = ("localhost", "127.", "[::1]")
 _OPEN = 3.0
 """So long it may take to find the router [s]."""
 _HEARTBEAT = 0.5
-"""So often who has sent something lasting tells how much that was [s], as rmw_zenoh does."""
+"""Heartbeat period of publishers that are transient local [s], as rmw_zenoh's."""
 _ANYTHING, _NOTHING = Qos(True, True, 0), Qos(False, False, 0)
-"""What every publisher offers and every subscriber wants: by zenoh nobody is refused."""
+"""What every publisher offers and every subscriber wants: zenoh refuses nobody."""
 
 
 class ZenohTransport:
@@ -48,7 +48,7 @@ class ZenohTransport:
     def __init__(
         self, node: str = "cohelm", namespace: str = "/", url: str = "", domain: int | None = None
     ) -> None:
-        """url: of the router; empty: as the environment says, else `URL`. Raises CohelmError where
+        """url: of the router; empty: from the environment, else `URL`. Raises CohelmError where
         zenoh is not installed, or no router answers."""
         self.domain, self._zenoh = domain_id(domain), _zenoh()
         config, self._url = self._config(url)
@@ -82,8 +82,8 @@ class ZenohTransport:
         self._thread.start()
 
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
-        """A publisher, which others see by its token. What is transient local is kept for who comes
-        late, as rmw_zenoh keeps it."""
+        """A publisher, which others see by its token. What is transient local is cached for late
+        subscribers, as rmw_zenoh does."""
         zenoh, ext = self._zenoh, self._zenoh.ext
         with self._lock:
             self._open()
@@ -109,15 +109,15 @@ class ZenohTransport:
             self._tokens.append(self._session.liveliness().declare_token(token))
         return _Writer(made, kind, tokens.identity(token), self._closed)
 
-    def subscribe(self, topic: str, kind: str, qos: Qos, heard: Heard) -> End:
-        """A subscriber, and what ends it. One that wants what lasts asks who has it; others are
-        heard as well."""
+    def subscribe(self, topic: str, kind: str, qos: Qos, callback: Callback) -> End:
+        """A subscriber, and what ends it. One that is transient local queries the publishers'
+        caches; others are received as well."""
         ext = self._zenoh.ext
         with self._lock:
             self._open()
             self._count += 1
             token = self._owner.of(self._count, False, topic, known(kind), qos)
-            subscriber = _Subscriber(kind, qos.depth, heard, self._arrived)
+            subscriber = _Subscriber(kind, qos.depth, callback, self._arrived)
             lasting: dict[str, Any] = {}
             if qos.transient_local:
                 lasting = {
@@ -146,7 +146,7 @@ class ZenohTransport:
             )
 
     def lost(self) -> str:
-        """That neither router nor peers are connected, in a sentence; empty: somebody is."""
+        """That neither router nor peers are connected, in a sentence; empty: one is."""
         info = self._session.info
         if self._closed.is_set() or info.routers_zid() or info.peers_zid():
             return ""
@@ -188,7 +188,7 @@ class ZenohTransport:
             with self._lock:
                 there = list(self._subscribers)
             for subscriber in there:
-                subscriber.hand_on()
+                subscriber.deliver()
 
     def _seen(self, sample: Any) -> None:
         """A token that was held up or taken down."""
@@ -203,8 +203,8 @@ class ZenohTransport:
                 self._ends.pop(token, None)
 
     def _config(self, url: str) -> tuple[Any, str]:
-        """A session's, and where the router is: as rmw_zenoh's default has it, unless the
-        environment says otherwise, and `url` before all."""
+        """A session's configuration: rmw_zenoh's default, the environment's before that, and `url`
+        before all."""
         zenoh, file = self._zenoh, os.environ.get("ZENOH_SESSION_CONFIG_URI", "")
         try:
             config = zenoh.Config.from_file(file) if file else _default(zenoh)
@@ -229,7 +229,7 @@ class ZenohTransport:
         except zenoh.ZError as error:
             raise CohelmError(f"--url {url!r}: give the router's address, such as {URL}") from error
         if not url.partition("/")[2].startswith(_LOCAL):
-            # Nodes beside the router listen to their own machine only: all goes through it.
+            # Nodes at the router listen to their own machine only: all goes through it.
             config.insert_json5("mode", '"client"')
         return config, url
 
@@ -253,8 +253,8 @@ class ZenohTransport:
 class _Subscriber:
     """Of one topic: what came, until it is handed on; of more than counts the newest."""
 
-    def __init__(self, kind: str, depth: int, heard: Heard, arrived: threading.Event) -> None:
-        self._kind, self._heard, self._arrived = kind, heard, arrived
+    def __init__(self, kind: str, depth: int, callback: Callback, arrived: threading.Event) -> None:
+        self._kind, self._callback, self._arrived = kind, callback, arrived
         self._waiting: deque[tuple[float, Any]] = deque(maxlen=max(depth, 1))
         self.declared: Any = None
         self.token: Any = None
@@ -265,13 +265,13 @@ class _Subscriber:
         self._waiting.append((time.monotonic(), sample.payload))
         self._arrived.set()
 
-    def hand_on(self) -> None:
+    def deliver(self) -> None:
         """All of it, from the transport's thread."""
         with contextlib.suppress(IndexError):  # there is no more
             while not self.ended:
                 stamp, payload = self._waiting.popleft()
                 message, damage = unpacked(payload.to_bytes(), self._kind)
-                self._heard(Received(message, stamp, damage))
+                self._callback(Received(message, stamp, damage))
 
 
 class _Writer:
@@ -297,8 +297,8 @@ class _Writer:
 
 
 def _default(zenoh: Any) -> Any:
-    """rmw_zenoh's default for sessions, as far as it differs from zenoh's own: by the router peers
-    find each other, and on one machine speak to each other themselves."""
+    """rmw_zenoh's default for sessions, where it differs from zenoh's own: peers discover each
+    other by the router, and on one machine communicate directly."""
     strategy = {"peer": {"to_router": "always", "to_peer": "greater-zid"}}
     return zenoh.Config.from_json5(json.dumps({
         "mode": "peer",
