@@ -67,3 +67,24 @@ def test_what_one_has_seen_the_other_does_not_forget_for_it():
         seen = eyes.take(plant.now(), readings._replace(scan=scan))
     place = (0.3 + 0.7 * math.cos(1.5), 0.7 * math.sin(1.5))
     assert np.hypot(*(seen.points - place).T).min() < 0.03
+
+
+@pytest.mark.parametrize("which", ["odometry", "scans"])
+def test_after_stamps_of_tomorrow_who_moves_is_seen_where_he_is(which):
+    """Readings of the future are left out, or nothing that comes later would be new."""
+
+    def told(readings):
+        if not 0.5 < readings.odometry.stamp < 1.0:
+            return readings
+        if which == "odometry":
+            stamp = readings.odometry.stamp + 86_400.0
+            return readings._replace(odometry=readings.odometry._replace(stamp=stamp))
+        scan, *further = (
+            one._replace(stamp=one.stamp + 86_400.0) for one in (readings.scan, *readings.further)
+        )
+        return readings._replace(scan=scan, further=tuple(further))
+
+    seen = stood(REAR, [from_behind(0.5)], told=told)
+    nearest = seen.discs[np.hypot(seen.discs[:, 0] + 2.0, seen.discs[:, 1]).argmin()]
+    assert nearest[:2] == pytest.approx([-2.0, 0.0], abs=0.15)
+    assert nearest[2:4] == pytest.approx([0.5, 0.0], abs=0.3)

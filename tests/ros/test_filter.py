@@ -79,6 +79,14 @@ def test_it_stops_for_bad_readings_says_why_and_drives_on_once_they_are_mended(h
     assert goes_again(hall)
 
 
+def test_after_stamps_of_tomorrow_it_drives_as_fast_as_before(hall):
+    assert goes_again(hall)
+    hall.base.fault("tomorrow")
+    assert hall.stands(3.0)
+    assert goes_again(hall)
+    assert until(lambda: hall.speed() > 0.3, 5.0), hall.filter.said
+
+
 def test_a_controller_that_falls_silent_stops_it(hall):
     assert goes_again(hall)
     hall.filter.said.clear()

@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.robot.contact_monitor import unheard
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
 from cohelm.robot.sensors import of_sensor
 
 
@@ -19,7 +19,7 @@ class Patience(NamedTuple):
     odometry: float
     scans: tuple[float, ...]
     """Of each LiDAR, the first one first."""
-    ahead: float = 0.02
+    ahead: float = AHEAD
     """From the future by more than this: a clock has jumped."""
     spring: float = 0.15
     """The odometry may be off by this much more than the robot's own speed explains [m, rad]."""

@@ -24,7 +24,7 @@ from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
 from cohelm.perceive.track.tracker import TrackerParams, bodies, hidden, strays
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Contact, Odometry, Readings, Scan, untouched
+from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
 _NOBODY = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
@@ -150,7 +150,9 @@ class Perception:
         return self.seen(now)
 
     def hear(self, now: float, readings: Readings) -> None:
-        """Take readings in, without asking yet what is known: `seen` tells."""
+        """Take readings in, without asking yet what is known: `seen` tells. Those from
+        the future are left out: nothing that comes once the clock is right would be newer."""
+        readings = not_ahead(readings, now)
         if readings.odometry is not None:
             self._odometry(readings.odometry)
         if len(self._trail):

@@ -11,12 +11,12 @@ from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE
 from cohelm.robot.collision_monitor.free_space import VOUCHED
 from cohelm.robot.collision_monitor.monitor import LASTS, CollisionMonitor
 from cohelm.robot.collision_monitor.odometry import advanced, seen_from
-from cohelm.robot.collision_monitor.source import AHEAD, MISSED
+from cohelm.robot.collision_monitor.source import MISSED
 from cohelm.robot.collision_monitor.surroundings import REMEMBERED, MonitorSurroundings, seen_by
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described, monitors
 from cohelm.robot.monitor import UNRESTRICTED
-from cohelm.robot.port import Odometry, Readings, Scan
+from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
 from cohelm.scenario.load import robot
 
 PERIOD, DELAY, BRAKES = 0.02, 0.05, 2.0
@@ -358,7 +358,7 @@ def test_a_slow_sweep_and_a_late_reading_are_no_loss():
 
 def test_the_age_of_a_scan_counts_from_its_last_beam():
     it = watch()
-    it.observe(1.0, readings(1.0, empty(), duration=0.1), STILL)
+    it.observe(1.1, readings(1.0, empty(), duration=0.1), STILL)
     assert it.restrict(1.39, Twist(0.3, 0.0)) == UNRESTRICTED
     assert it.restrict(1.41, Twist(0.3, 0.0)).reason == "collision monitor: no scan for 310 ms"
 
@@ -405,10 +405,24 @@ def test_a_scan_from_the_future_is_not_believed():
     it = standing(empty())
     it.observe(1.02, readings(1.02 + AHEAD - 1e-6, empty()), STILL)
     assert it.restrict(1.02, Twist(0.3, 0.0)) == UNRESTRICTED
-    it.observe(1.04, readings(1.04 + AHEAD + 1e-6, empty()), STILL)
+    late = readings(1.04 + AHEAD + 1e-6, empty())._replace(odometry=Odometry(1.04, HERE, STILL))
+    it.observe(1.04, late, STILL)
     assert it.restrict(1.04, Twist(0.3, 0.0)).reason == (
         "collision monitor: the scan comes from the future"
     )
+
+
+def test_odometry_from_the_future_is_not_believed_and_what_was_seen_is_still_known_after_it():
+    it = standing(wall(0.02))
+    tomorrow = Odometry(86_400.0, HERE, STILL)
+    it.observe(1.02, readings(1.02, wall(0.02))._replace(odometry=tomorrow), STILL)
+    assert it.restrict(1.02, Twist(0.3, 0.0)).reason == (
+        "collision monitor: the odometry comes from the future"
+    )
+    turned = Pose(0.0, 0.0, math.pi)
+    for k in range(5):
+        it.observe(2.0 + 0.02 * k, readings(2.0 + 0.02 * k, empty(), turned), STILL)
+    assert "something 0.0" in it.restrict(2.08, Twist(-0.3, 0.0)).reason
 
 
 def test_after_the_clock_went_back_what_was_seen_before_does_not_count():
@@ -480,8 +494,9 @@ def test_ground_is_looked_at_from_where_the_robot_was_half_way_through_the_scan(
     for k in range(20):
         t = 0.02 * k
         it.observe(t, Readings(Odometry(t, Pose(t, 0.0, 0.0), ahead), None, None, None), ahead)
-    it.observe(t, readings(t, empty(), Pose(t, 0.0, 0.0), ahead, duration=0.2), ahead)
-    assert it._sources[0].ground._at.x == pytest.approx(t + 0.1 + SENSOR)
+    scan = Scan(t - 0.2, 1, empty(), 0.2)
+    it.observe(t, Readings(Odometry(t, Pose(t, 0.0, 0.0), ahead), scan, None, None), ahead)
+    assert it._sources[0].ground._at.x == pytest.approx(t - 0.1 + SENSOR)
 
 
 def test_ground_that_nothing_looked_at_is_backed_into_at_a_crawl_and_no_faster():

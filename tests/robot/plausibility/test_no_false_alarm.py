@@ -48,6 +48,17 @@ def test_no_alarm_in_a_room_however_it_is_driven(drive, seed):
     assert watched(drive, 12.0, seed=seed) == []
 
 
+@pytest.mark.parametrize("drive", [ahead, winding])
+def test_after_stamps_of_tomorrow_all_is_believed_again(drive):
+    """Scans without odometry of their time are not compared with where it said the robot was."""
+
+    def told(t, readings, _):
+        stamp = readings.odometry.stamp + (86_400.0 if 2.0 < t < 3.0 else 0.0)
+        return readings._replace(odometry=readings.odometry._replace(stamp=stamp))
+
+    assert watched(drive, 6.0, told=told) == []
+
+
 def held_up(at: float, longest: float = 0.1):
     """The process is held up between measuring a pose and stamping it."""
     kept = []

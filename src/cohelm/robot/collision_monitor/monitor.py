@@ -38,7 +38,7 @@ from cohelm.robot.collision_monitor.sweep import (
 )  # fmt: skip
 from cohelm.robot.gate.bounds import Bounds, change_time
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
-from cohelm.robot.port import Odometry, Readings
+from cohelm.robot.port import AHEAD, Odometry, Readings
 
 INCREMENTS = 0.04
 """Motion is taken from poses so far apart [s]: two readings at 50 Hz, so that the steps of an
@@ -124,7 +124,7 @@ class CollisionMonitor:
         """Take in odometry and scan; a fault where the robot moves and nobody wants it to."""
         self._heed(readings.outline, applied)
         self._reckon(now, applied)
-        self._wrong = self._take(readings.odometry) or self._look(readings)
+        self._wrong = self._take(now, readings.odometry) or self._look(now, readings)
         speed = self._speed()
         if self._runaway.noticed(now, applied, speed):
             moves = f"the robot moves at {speed:.2f} m/s although it is told to stand"
@@ -200,12 +200,14 @@ class CollisionMonitor:
         measured, commanded = self._measured.at(when), self._commanded.at(when)
         return seen_by_both(self._all, measured, self._by_command, commanded, within)
 
-    def _take(self, odometry: Odometry | None) -> str:
+    def _take(self, now: float, odometry: Odometry | None) -> str:
         """Remember where the robot says it is; what is wrong with that, or nothing."""
         if odometry is None:
             return "there is no odometry"
         if not all(map(math.isfinite, (odometry.stamp, *odometry.pose, *odometry.twist))):
             return "the odometry is no number"
+        if odometry.stamp > now + AHEAD:
+            return "the odometry comes from the future"
         history = self._measured
         if odometry.stamp < history.stamp:
             history.clear()
@@ -225,9 +227,11 @@ class CollisionMonitor:
         elif effect > path.stamp:
             path.add(effect, path.at(effect), applied)
 
-    def _look(self, readings: Readings) -> str:
+    def _look(self, now: float, readings: Readings) -> str:
         """Take in new scans; what is wrong with any, or nothing."""
-        looks = [source.look(readings, self._measured, self._commanded) for source in self._sources]
+        looks = [
+            source.look(now, readings, self._measured, self._commanded) for source in self._sources
+        ]
         for source, (new, _) in zip(self._sources, looks, strict=True):
             for other in self._sources if new else ():
                 if other is not source:

@@ -25,11 +25,9 @@ from cohelm.robot.collision_monitor.surroundings import (
     out_of_sight,
 )
 from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
-from cohelm.robot.port import Readings, Scan
+from cohelm.robot.port import AHEAD, Readings, Scan
 from cohelm.robot.sensors import of_sensor
 
-AHEAD = 0.02
-"""A stamp may be this far ahead of the clock [s]; more, and a clock has jumped."""
 MISSED = 3.0
 """Scans that may be due and not there: two lost in a row are ordinary, three are not."""
 
@@ -79,7 +77,7 @@ class MonitorSource:
                 space.forget()
 
     def look(
-        self, readings: Readings, measured: PoseHistory, commanded: PoseHistory
+        self, now: float, readings: Readings, measured: PoseHistory, commanded: PoseHistory
     ) -> tuple[bool, str]:
         """Take in its scan: whether there was a new one, and what is wrong, or nothing."""
         scan = readings.scan if self._first else readings.of_lidar(self._sensor.name)
@@ -93,6 +91,8 @@ class MonitorSource:
             return False, self._said(said)
         if not math.isfinite(scan.stamp + scan.duration):
             return False, self._said("the scan's time is no number")
+        if scan.stamp + scan.duration > now + AHEAD:
+            return False, self._said("the scan comes from the future")
         first, last = (measured.at(scan.stamp + t) for t in (0.0, scan.duration))
         before = out_of_sight(
             self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach, scan.ranges
@@ -127,8 +127,6 @@ class MonitorSource:
         if self._scan is None:
             return self._said("there is no scan")
         age = now - self._scan.stamp - self._scan.duration
-        if age < -AHEAD:
-            return self._said("the scan comes from the future")
         if age > self._patience:
             return self._said(f"no scan for {1000.0 * age:.0f} ms")
         return ""

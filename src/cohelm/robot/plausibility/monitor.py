@@ -20,8 +20,9 @@ from cohelm.robot.plausibility.rehearsal import rehearse
 from cohelm.robot.plausibility.source import PlausibilitySource
 from cohelm.robot.plausibility.trail import Trail, extended
 from cohelm.robot.plausibility.wheels import Following, consistent
-from cohelm.robot.port import Odometry, Readings
+from cohelm.robot.port import AHEAD, Odometry, Readings
 
+_BACK = 1.0  # and odometry that goes back by so much begins anew [s]
 _STANDS = 0.5  # what is odd keeps the robot standing for so long after [s]
 _AGAIN = 6.0  # odd things within so long of each other are counted [s]
 _TIMES = 2  # so many of them, each after things were well, are no accident
@@ -83,7 +84,9 @@ class PlausibilityMonitor:
             return []
         self._last = odometry
         numbers = (odometry.stamp, *odometry.pose, *odometry.twist)
-        if not all(map(math.isfinite, numbers)) or odometry.stamp <= self._trail.newest:
+        if not all(map(math.isfinite, numbers)) or odometry.stamp > now + AHEAD:
+            return []  # who proposes by what is from the future is refused
+        if 0.0 <= self._trail.newest - odometry.stamp < _BACK:
             return []
         way = abs(odometry.twist.v) * min(odometry.stamp - self._trail.newest, 1.0)
         for source in self._sources:

@@ -61,7 +61,9 @@ class PlausibilitySource:
             end = first.stamp + first.duration
             if (trail.newest < end and now - end < _WAITS) or not len(trail):
                 break
-            found += self._look(self._pending.popleft(), trail)
+            self._pending.popleft()
+            if end - trail.newest <= _WAITS:  # else there is no odometry to compare it with
+                found += self._look(first, trail)
         return [one._replace(sensor=self._name) for one in found]
 
     def looks(self, bearing: float) -> bool:
