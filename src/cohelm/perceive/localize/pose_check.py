@@ -33,6 +33,7 @@ class PoseCheck:
     def __post_init__(self) -> None:
         self.on = False  # whether the search only checks a pose that is believed
         self.lead = self.caution.unmoved  # by which the believed pose was likelier than others
+        self._start = True  # whether it is the start that was told
         self.fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
         self._shaken = False  # whether scans contradicted each other when it began to be checked
         self._checked = 0.0  # log likelihood of the believed pose by the scan it is checked with
@@ -44,7 +45,7 @@ class PoseCheck:
     def believed(self, lead: float, proven: bool) -> None:
         """A pose is believed. lead: by which it was likelier than any other place. proven: nothing
         else on the map comes near it."""
-        self.lead = min(max(lead, 0.0), self.caution.margin)
+        self.lead, self._start = min(max(lead, 0.0), self.caution.unmoved), False
         self.fitting, self._unheld = self.caution.proven if proven else 0.0, 0.0
         self._rivals = self._elsewhere = 0
         self._other = None
@@ -79,7 +80,7 @@ class PoseCheck:
     @property
     def started(self) -> bool:
         """Whether all that is known is the start that was told: it has not been held to it yet."""
-        return self.lead >= self.caution.unmoved and self.fitting < self.caution.proven
+        return self._start and self.fitting < self.caution.proven
 
     @property
     def movable(self) -> bool:
@@ -110,7 +111,8 @@ class PoseCheck:
         gained = self.alarm.gained(best.pose, pose)
         own = next((h for h in found if same(h.pose, pose)), None)
         lead = best.latest + gained - likely
-        better = lead > c.margin
+        # one scan does not outweigh all that the pose was believed for; a start was only told
+        better = lead > (c.margin if self.started else max(c.margin, self.trust))
         if own is not None and twin(best, own, c):  # it may be who walks about
             self._rivals = 0
             return False
@@ -122,7 +124,7 @@ class PoseCheck:
         if self._shaken and lead > 0.5 * c.margin:
             as_before = self.judge.plausible(best.judged)
         if not self.movable:
-            return better and self._rivals_again(best, pose, likely)
+            return lead > c.margin and self._rivals_again(best, pose, likely)
         lost = (gained > 0.0 or self._shaken or not self.alarm.raised) and (better or as_before)
         if lost:
             self.hypotheses.moved = as_before and not better
