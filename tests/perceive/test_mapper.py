@@ -11,7 +11,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.map.glimpses import glimpses
-from cohelm.perceive.map.loop_closure import LoopClosure, landmark, revisits
+from cohelm.perceive.map.loop_closure import LoopClosure, distinct, revisits
 from cohelm.perceive.map.mapper import Survey, encounters
 from cohelm.perceive.map.mapper_params import MapperParams
 from cohelm.perceive.map.place_graph import Place, PlaceGraph
@@ -361,10 +361,8 @@ def test_two_bays_alike_are_both_found():
     assert fits[1].share > fits[0].share - 0.02
 
 
-@pytest.mark.parametrize(("bays", "alone"), [((5,), True), ((5, 15), False)])
-def test_what_has_a_likeness_anywhere_on_the_way_is_no_landmark(bays, alone):
-    """A loop that drift hardly explains was believed: a building whose rooms are all alike was
-    glued 8 m off, for within reach of drift there was one likeness alone."""
+def bays_passed(bays, thought):
+    """A way along a corridor past bays, and a newest place back at the first; its surfaces."""
     leaves = [[x + d, 4, x + d, 2.2] for x in bays for d in (-1.5, 0.0, 1.0)]
     walls = np.array([[0, 0, 40, 0], [0, 4, 40, 4], *leaves], dtype=float)
     graph = PlaceGraph()
@@ -380,9 +378,41 @@ def test_what_has_a_likeness_anywhere_on_the_way_is_no_landmark(bays, alone):
     for k in range(90):
         pose = Pose(2.0 + 0.3 * k, 1.5, 0.0)
         add(pose, pose)
-    newest = add(Pose(30.0, 9.0, 0.0), graph.poses[10])
+    return graph, add(thought, graph.poses[10])
+
+
+@pytest.mark.parametrize(
+    ("bays", "thought", "sigma", "told"),
+    [
+        # drift can hardly have led so far: a landmark only
+        ((5,), Pose(30.0, 9.0, 0.0), 0.5, True),
+        ((5, 15), Pose(30.0, 9.0, 0.0), 0.5, False),
+        # it can, but a look-alike stands as likely anywhere where it can
+        ((5,), Pose(6.5, 1.5, 0.0), 3.0, True),
+        ((5, 15), Pose(6.5, 1.5, 0.0), 3.0, False),
+        # one stands hardly so near by chance
+        ((5, 15), Pose(5.7, 1.5, 0.0), 0.5, True),
+    ],
+)
+def test_a_loop_that_a_look_alike_explains_as_well_as_drift_does_is_not_believed(
+    bays, thought, sigma, told
+):
+    """Buildings whose rooms are all alike were glued 8 m off: by the one look-alike within reach of
+    drift, and where drift was just within three sigma of one."""
+    graph, newest = bays_passed(bays, thought)
     loop = Link(10, 90, Pose(0.0, 0.0, 0.0), np.eye(3), True)
-    assert landmark(graph, loop, newest, 1.0) is alone
+    unsure = np.array([np.diag([sigma, sigma, 0.1 * sigma]) ** 2] * 56)
+    assert distinct(graph, loop, newest, 1.0, unsure) is told
+
+
+def test_how_far_drift_strays_is_learnt_from_loops_and_a_false_one_hardly_counts():
+    closure = LoopClosure(PlaceGraph())
+    assert closure.variance_factor() == 1.0
+    squared = np.random.default_rng(0).chisquare(3, 400)
+    closure.strayed = [*(0.1 * squared), *[2500.0] * 8]
+    assert closure.variance_factor() == pytest.approx(0.1, rel=0.15)
+    closure.strayed = [2500.0]
+    assert closure.variance_factor() == 1.0
 
 
 def test_nothing_is_looked_for_farther_than_drift_can_have_led():

@@ -1,8 +1,9 @@
 """Finds loop closures: where the newest part of a map fits an old one, over a wide search.
 
 Places and headings are tried on a coarse raster, the best of it on a fine one, and the best of that
-are matched. More than one scan is asked
-for, because one scan of a corridor fits many.
+are matched. More than one scan is asked for, because one scan of a corridor fits many. A loop that
+moves the drive is believed where drift explains it better than a place that looks alike would
+(`distinct`); how far drift leads astray is learnt from the loops of the drive.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from cohelm.core.jit import jit
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.place_graph import PlaceGraph, agree
-from cohelm.perceive.map.pose_graph import CONTRADICTS, ROUGH, Link, loop_link, off, spread
+from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, loop_link, off, spread
 from cohelm.perceive.match.odometry_covariance import inverted
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
 from cohelm.perceive.match.surfaces import Surfaces
@@ -31,6 +32,9 @@ _PEAKS = 24  # of the coarse raster, that are looked at finely
 BESIDE = 1.2  # a robot comes back within this of where it drove before [m]
 _POINTS = 150
 _STRETCH = 150  # old places that are searched at once for another likeness
+_MEDIAN = 2.366  # of chi square, 3
+_ODDS = 99.0  # drift must be so much likelier than a chance likeness
+_AREA = 2.0 * BESIDE  # around a way, where it is looked for a likeness [m]
 _BEST = 8  # that are matched
 _APART, _TURNED = 1.0, 0.3  # what is nearer to each other than both is one [m, rad]
 _PRECISE = np.diag(1.0 / ROUGH)
@@ -46,6 +50,8 @@ class LoopClosure:
     def __post_init__(self) -> None:
         # ways at which loops were looked for, far and wide, and one was found
         self.looked = self.wide = self.met = 0.0
+        # squared sigmas of the drift at each loop, by the model of it
+        self.strayed: list[float] = []
 
     def look(self) -> None:
         """After a new place: close loops, if it is time to."""
@@ -68,6 +74,16 @@ class LoopClosure:
                 looked = graph.ways[k]
                 self._close(k)
 
+    def variance_factor(self) -> float:
+        """By which the covariance of this drive's drift differs from that of the model.
+
+        Robust, from the median at loops: a match that slid and a wrong loop are far off. The model
+        counts as much as the loops along two submaps; within one, loops are not independent.
+        """
+        c = self.graph.care
+        model = round(2.0 * c.submap * c.apart / c.every) * [_MEDIAN]
+        return float(np.median([*self.strayed, *model])) / _MEDIAN
+
     def _close(self, k: int) -> None:
         """Close loops where the newest submap fits old places, and nowhere else among them.
 
@@ -75,7 +91,8 @@ class LoopClosure:
         looks alike far off does not put them in doubt.
         """
         graph, c = self.graph, self.graph.care
-        unsure = spread(graph.poses, graph.links, k)[: k - c.again]
+        foretold = spread(graph.poses, graph.links, k)[: k - c.again]
+        unsure = self.variance_factor() * foretold
         far = graph.ways[k] - max(self.met, self.wide) > c.lonely
         self.wide = graph.ways[k] if far else self.wide
         reach = c.search + (9.0 if far else 3.0) * np.sqrt(
@@ -89,12 +106,13 @@ class LoopClosure:
             if link is None:
                 continue
             agrees = agree(graph.there(link), graph.poses[k])
+            closed, strayed = agrees, _strayed(graph, link, foretold)
             if agrees:
                 new.append(link)
-            elif share >= c.whole and (
-                _drifted(graph, link, unsure) or landmark(graph, link, newest, share)
-            ):
-                graph.doubt(link)
+            elif share >= c.whole and distinct(graph, link, newest, share, unsure):
+                closed = graph.doubt(link)
+            if closed:
+                self.strayed.append(strayed)
             if agrees and share >= c.whole:
                 self.met = graph.ways[k]
         torn = any(np.abs(off(graph.poses, link) @ _PRECISE).max() > 2.0 for link in new)
@@ -122,7 +140,8 @@ def _found_again(
         if graph.parted(a, k):
             continue
         # what drift makes unlikely has to fit better
-        odd = _odd(poses[a], compose(here, between(fit.pose, poses[a])), unsure[a])
+        whole = unsure[a] + np.diag(ROUGH**2)
+        odd = _odd(poses[a], compose(here, between(fit.pose, poses[a])), whole)
         found.append((fit.share - c.alone * min(odd / 9.0, 1.0), fit, a))
     found.sort(key=lambda one: -one[0])
     if not found or (len(found) > 1 and found[1][0] > found[0][0] - c.alone):
@@ -136,33 +155,59 @@ def _found_again(
     return link, fit.share
 
 
-def _drifted(graph: PlaceGraph, link: Link, unsure: Floats) -> bool:
-    """Whether drift can have led so far from where a loop puts its second place."""
-    there, here = graph.poses[link.a], graph.poses[link.b]
-    return _odd(there, compose(here, inverse(link.pose)), unsure[link.a]) < CONTRADICTS
+def distinct(graph: PlaceGraph, link: Link, newest: Surfaces, share: float, unsure: Floats) -> bool:
+    """Whether the robot came back, rather than to a place that looks alike.
 
-
-def _odd(there: Pose, seen: Pose, unsure: Floats) -> float:
-    """How far an old place, seen from the newest one, is from where it is, as squared sigmas."""
-    d = np.array([seen.x - there.x, seen.y - there.y, wrap(seen.psi - there.psi)])
-    return float(d @ inverted(unsure + np.diag(ROUGH**2)) @ d)
-
-
-def landmark(graph: PlaceGraph, link: Link, newest: Surfaces, share: float) -> bool:
-    """Whether the newest submap, of which a loop explains so much, fits no other old place: what
-    has a likeness is no landmark, where drift can hardly have led there."""
+    The density of the drift at the loop [1/(m^2 rad)] is compared with that of places that look
+    alike: how many others of the whole way the newest submap fits as well, over the area that was
+    searched. What has no likeness is a landmark, however far off: raw odometry may be worse than
+    any model of it.
+    """
     c, here, there = graph.care, graph.poses[link.b], graph.there(link)
     trail = np.array(graph.poses[: link.b - c.again])[:, :2]
-    for first in range(0, len(trail), _STRETCH):
+    cells = np.unique(np.round(trail / _AREA).astype(np.int64), axis=0)
+    searched = 2.0 * math.pi * _AREA**2 * len(cells)
+    most = _drift_density(graph, link, unsure) * searched / _ODDS
+    alike: list[Pose] = []
+    nearest_first = sorted(
+        range(0, len(trail), _STRETCH),
+        key=lambda k: float(np.hypot(*(trail[k : k + _STRETCH] - there[:2]).T).min()),
+    )
+    for first in nearest_first:
         last = min(first + _STRETCH, len(trail))
         known = graph.around(range(max(0, first - c.submap), min(last + c.submap, link.b)), None)
         reach = np.full(last - first, math.inf)
         fits = revisits(
             known, newest.points, newest.normals, trail[first:last], reach, here, math.pi
         )  # fmt: skip
-        if any(fit.share > share - c.alone and not _same(fit.pose, there) for fit in fits):
+        for fit in fits:
+            counted = any(_same(fit.pose, one) for one in (there, *alike))
+            if fit.share > share - c.alone and not counted:
+                alike.append(fit.pose)
+        if len(alike) > most:
             return False
     return True
+
+
+def _drift_density(graph: PlaceGraph, link: Link, unsure: Floats) -> float:
+    """Of the place where a loop puts the robot, as drift alone tells it [1/(m^2 rad)]."""
+    seen = compose(graph.poses[link.b], inverse(link.pose))
+    whole = unsure[link.a] + np.diag(ROUGH**2)
+    odd = _odd(graph.poses[link.a], seen, whole)
+    return math.exp(-0.5 * odd) / math.sqrt((2.0 * math.pi) ** 3 * float(np.linalg.det(whole)))
+
+
+def _strayed(graph: PlaceGraph, link: Link, foretold: Floats) -> float:
+    """How far drift led astray at a loop, as squared sigmas of what the links foretell."""
+    here = graph.poses[link.b]
+    match = into_axes(Pose(0.0, 0.0, -here.psi), inverted(link.information))
+    return _odd(graph.poses[link.a], compose(here, inverse(link.pose)), foretold[link.a] + match)
+
+
+def _odd(there: Pose, seen: Pose, unsure: Floats) -> float:
+    """How far an old place, seen from the newest one, is from where it is, as squared sigmas."""
+    d = np.array([seen.x - there.x, seen.y - there.y, wrap(seen.psi - there.psi)])
+    return float(d @ inverted(unsure) @ d)
 
 
 def revisits(

@@ -164,6 +164,7 @@ class Survey:
             "pose": np.array(self._pose), "joint": self._joint, "wheels": np.array(self._wheels),
             "odometry": np.array(self._odometry or ()),
             "looked": np.array([seen.looked, seen.wide, seen.met]),
+            "strayed": np.array(seen.strayed),
         }  # fmt: skip
 
     @classmethod
@@ -178,6 +179,7 @@ class Survey:
         made._odometry = Pose(*state["odometry"].tolist()) if len(state["odometry"]) else None
         seen = made._closure
         seen.looked, seen.wide, seen.met = state["looked"].tolist()
+        seen.strayed = state["strayed"].tolist()
         if made._graph.places:
             made._renew()
         return made

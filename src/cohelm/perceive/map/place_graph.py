@@ -96,8 +96,9 @@ class PlaceGraph:
         if torn:
             self.solve()
 
-    def doubt(self, link: Link) -> None:
-        """A loop that disagrees with the drive: believed with others that say the same.
+    def doubt(self, link: Link) -> bool:
+        """A loop that disagrees with the drive: believed with others that say the same. Whether
+        it is.
 
         A scan in between that fits nowhere is no evidence against them. What says the same of an
         old place whose way from theirs is not known says it by chance.
@@ -113,7 +114,7 @@ class PlaceGraph:
                 break
         if self.ways[link.b] - self.ways[held[0].b] < self.care.holds:
             self._maybe.append(held)
-            return
+            return False
         # far off, a robust kernel hardly pulls: first without, then all together with it
         sure = [one._replace(loop=False) for one in held]
         self.poses = solved(self.poses, [*self.links, *sure])
@@ -122,6 +123,7 @@ class PlaceGraph:
         loops = [one for one in self.links if one.loop]
         if any(contradicted(self.poses, one) for one in loops) or self._outvoted:
             self.agree_again()
+        return any(one is link for one in self.links)
 
     def _known(self, a: int, b: int) -> bool:
         """Whether the links tell where place b is as seen from place a, to what `agree` asks."""
