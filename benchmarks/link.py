@@ -43,7 +43,7 @@ def loopback(count: int) -> str:
             while (command := robot.receive().command) is None or command.stick != wanted:
                 time.sleep(0.0001)
             took.append(time.perf_counter() - began)
-            robot.tell(STATUS)
+            robot.send_status(STATUS)
             time.sleep(0.01)
     return spread(took)
 
@@ -83,7 +83,7 @@ def impaired(seconds: float, **bad: float) -> str:
                     without += 1
                 else:
                     ages.append(time.monotonic() - at)
-                robot.tell(STATUS)
+                robot.send_status(STATUS)
                 time.sleep(0.02)
             state = station.state()
             stop.set()
@@ -95,9 +95,9 @@ def impaired(seconds: float, **bad: float) -> str:
 
 
 def _drives(robot: RobotEnd, station: StationEnd) -> None:
-    until(station.status, 20.0, lambda: robot.tell(STATUS))
+    until(station.status, 20.0, lambda: robot.send_status(STATUS))
     number = station.ask(Ask.TAKE)
-    until(lambda: station.answer(number), 20.0, lambda: robot.tell(STATUS))
+    until(lambda: station.answer(number), 20.0, lambda: robot.send_status(STATUS))
 
 
 if __name__ == "__main__":

@@ -68,7 +68,7 @@ def wake(rate: float, said: Connection) -> None:
         now = time.monotonic()
         timing.add(now, now - due, 0.0, False)
         due = max(due, now - 1.0 / rate)
-    said.send(timing.kept())
+    said.send(timing.punctuality())
 
 
 @contextmanager
@@ -155,7 +155,7 @@ def measure(rate: float, seconds: float, twin: bool, folder: Path) -> dict[str, 
         shares["loop"] = (time.process_time() - own) / wall
         ours.send("enough")
         bare: Punctuality = ours.recv()
-        kept, gate = session.loop.timing.kept(), session.loop.gated.gate
+        kept, gate = session.loop.timing.punctuality(), session.loop.gated.gate
         return {
             "rate_hz": rate, "seconds": wall, "scheduling": session.scheduling,
             **kept._asdict(), "bare_timer": bare._asdict(), "core_share": shares,

@@ -35,4 +35,4 @@ def test_the_numbers_are_those_of_the_code(said):
 
 
 def test_a_hand_on_the_stick_is_a_tenth():
-    assert docking.PUSHED == 0.1
+    assert docking.DEFLECTED == 0.1

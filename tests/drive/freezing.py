@@ -34,7 +34,7 @@ from cohelm.core.types import Twist
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
-from cohelm.loop.planning import ANSWER
+from cohelm.loop.planning import MAX_PLAN_AGE
 from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.processes import children
 from cohelm.robot.keep.record_pipe import HUNG_AFTER
@@ -236,7 +236,7 @@ def moved(drive: Drive, who: str, chance: random.Random) -> dict[str, Any]:
 def helped(drive: Drive, who: str, chance: random.Random) -> dict[str, Any]:
     """One round for planner or recorder."""
     within, says = {
-        "planner": (ANSWER, "planner does not answer"),
+        "planner": (MAX_PLAN_AGE, "planner does not answer"),
         "recorder": (HUNG_AFTER, "recorder does not answer"),
     }[who]
     found: dict[str, Any] = {"who": who, "wrong": ""}

@@ -95,7 +95,7 @@ def drive(lie: str, mode: str, kind: str, mapped: bool, seed: int, seconds: floa
     with Session(plan, operator) as session:
         box.append(session)
         gated, judge = session.gated, _Judge(made.model.reach, at)
-        gated._told = judge.hear
+        gated._recorder = judge.hear
         gated.propose = judge.watch(gated.propose)
         session.run(lambda loop: judge.look(loop, gated) or gated.now() > seconds, MODES[mode])
         judge.settle(gated.gate)

@@ -289,7 +289,7 @@ def test_a_site_without_docks_says_so(settings):
 
 
 def test_nobody_docks_who_is_lost_or_askew(docking):
-    docking.over(docking.last)
+    docking.finish(docking.last)
     refusal = docking.refusal
     said = refusal(1, Seen(1.0, lost=True), CENTRED, False)
     assert said == "the robot does not know where it is on the map"

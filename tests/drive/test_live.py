@@ -70,9 +70,12 @@ def drive(tmp_path_factory):
         marks = itertools.count()
 
         def on(seconds: float) -> int:
-            until, before = session.loop.gated.now() + seconds, session.loop.timing.kept().periods
+            until, before = (
+                session.loop.gated.now() + seconds,
+                session.loop.timing.punctuality().periods,
+            )
             session.run(lambda loop: loop.gated.now() >= until, Mode.AUTOMATIC)
-            return session.loop.timing.kept().periods - before
+            return session.loop.timing.punctuality().periods - before
 
         def all_shown(to: Onlooker) -> None:
             """In simulated time the live view comes after."""
@@ -175,7 +178,7 @@ def test_recording_begins_and_ends_while_it_is_shown():
     gated = LocalGatedRobot(Kinematic(SALLY, seed=1), rules(SALLY, 0.02), viewer=shown.append)
     for turn in range(3):
         (of_loop, hears_loop), (of_gate, hears_gate) = line(), line()
-        log.into(RecordLine(of_loop if turn == 1 else None))
+        log.set_recorder(RecordLine(of_loop if turn == 1 else None))
         gated.record_into(of_gate if turn == 1 else None)
         log.event(f"event {turn}")
         gated.log(f"gate {turn}")

@@ -10,7 +10,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.law import verdict
 from cohelm.link.messages import Localised, Mode
-from cohelm.loop.latency_limit import LOST
+from cohelm.loop.latency_limit import MAX_LOST_SPEED
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.gate.modes import GateMode
@@ -60,10 +60,10 @@ def test_lost_it_waits_and_the_person_still_drives_with_the_guard_on_the_scan():
         assert loop.driver.pilot.state.clock == tau  # the reference waits
         assert math.dist(waits[0].pose[:2], waits[-1].pose[:2]) < 0.05
         assert operator.statuses[-1].localised == Localised.LOST
-        assert operator.statuses[-1].speed_cap == LOST  # it crawls, and says why
+        assert operator.statuses[-1].speed_cap == MAX_LOST_SPEED  # it crawls, and says why
         assert "lost" in operator.statuses[-1].cap_reason
         ahead = drive(ASIDE)
-        assert max(abs(truth.twist.v) for truth in ahead) < LOST + 0.02
+        assert max(abs(truth.twist.v) for truth in ahead) < MAX_LOST_SPEED + 0.02
         assert math.dist(ahead[0].pose[:2], ahead[-1].pose[:2]) > 0.5  # the person drives
         assert loop.seen.lost
         assert abs(ahead[-1].twist.v) < 0.02  # and stands before the wall, stick ahead

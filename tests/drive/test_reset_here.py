@@ -100,7 +100,7 @@ def test_what_was_asked_before_the_stop_or_while_it_brakes_or_is_wrong_still_is_
         drive.asks()
         yield from range(100)
         assert drive.said[1:] == ["/reset: not reset: the robot is still braking"]
-        loop.supervisor.rights.end(0, loop.gated.now())  # and now it is to hold
+        loop.supervisor.rights.revoke(0, loop.gated.now())  # and now it is to hold
         drive.asks(age=60.0)
         yield from range(20)
         assert drive.said[2].startswith("/reset: not reset: the robot was told to stand")

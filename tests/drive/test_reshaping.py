@@ -172,7 +172,7 @@ def test_stations_plans_and_another_way_go_by_the_outline_that_it_has(drive):
         assert len(shown) == 1
         assert np.array_equal(shown[0], wide)
         loop, first = drive.loop, drive.loop.driver
-        assert np.array_equal(first.pilot.task(loop.seen.pose, Twist(0, 0), first.around(
+        assert np.array_equal(first.pilot.task(loop.seen.pose, Twist(0, 0), first.obstacles(
             loop.seen)).outline, wide)  # fmt: skip
         assert np.array_equal(drive.beside.checking._judge.outline, wide)
         anna.propose([(4.0, 0.0), (7.0, 0.2)])

@@ -305,7 +305,7 @@ def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
         operator.ask(Ask.RESET)
         operator.ask(Ask.MODE, Mode.AUTOMATIC)
         operator.ask(Ask.STOP)
-        operator._asked.reverse()
+        operator._requests.reverse()
         periods = iter(range(10))
         session.run(lambda _: next(periods, None) is None)
         assert session.gated.gate.mode == GateMode.STOPPED

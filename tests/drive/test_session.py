@@ -10,7 +10,7 @@ from cohelm.core.types import Twist
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
-from cohelm.loop.planning import ANSWER, RemotePlanner
+from cohelm.loop.planning import MAX_PLAN_AGE, RemotePlanner
 from cohelm.robot.port import Readings
 
 
@@ -50,7 +50,7 @@ def test_after_a_drive_the_process_is_an_ordinary_one_again():
     with Session(SessionConfig(simulated("lab-guard"))) as session:
         if session.scheduling.startswith("ordinary"):
             pytest.skip("this user may not raise a process's priority")
-        session.run(lambda loop: loop.timing.kept().periods > 5)
+        session.run(lambda loop: loop.timing.punctuality().periods > 5)
         assert not rank() <= before
     assert rank() <= before
 
@@ -67,20 +67,20 @@ class Clock:
 
 def _slow(task: object) -> object:
     """A planner that must compile first."""
-    time.sleep(ANSWER + 0.3)
+    time.sleep(MAX_PLAN_AGE + 0.3)
     return task
 
 
 def test_a_start_waits_for_its_first_plan_and_no_longer_however_late_it_is():
     """It waited three minutes, whenever compiling took longer than a plan may."""
     with Session(SessionConfig(simulated("lab-guard", real_time=False))) as session:
-        session.run(lambda loop: loop.timing.kept().periods > 5)
+        session.run(lambda loop: loop.timing.punctuality().periods > 5)
         driver, seen = session.loop.driver, session.loop.seen
         driver._planning = RemotePlanner(_slow)
         begun = time.monotonic()
-        driver.rehearse_plan(seen, Clock())
-        assert ANSWER < time.monotonic() - begun < 60.0
-        assert not driver.planless
+        driver.warm_up_planner(seen, Clock())
+        assert MAX_PLAN_AGE < time.monotonic() - begun < 60.0
+        assert not driver.planner_late
 
 
 def test_a_robot_that_stands_says_why_and_one_that_never_drove_too():
@@ -101,7 +101,7 @@ def test_a_robot_that_stands_says_why_and_one_that_never_drove_too():
         assert session.state() == "automatic"
         session.loop.supervisor.pause("way", "waits for a way on /goal_pose")
         assert session.state() == "automatic: waits for a way on /goal_pose"
-        session.loop.supervisor.go_on("way")
+        session.loop.supervisor.resume("way")
         session.loop.seen = session.loop.seen._replace(lost=True, reason="nothing fits")
         assert session.state() == "automatic: lost: nothing fits"
         session.loop.seen = session.loop.seen._replace(lost=False, twist=Twist(0.0, 0.0))

@@ -65,7 +65,7 @@ class Hand(Scripted):
         super().__init__(moved or (lambda _: None), lambda: 0.0)
         self.told = []
 
-    def tell(self, status) -> None:
+    def send_status(self, status) -> None:
         self.told.append(status)
 
 
@@ -135,11 +135,15 @@ def test_while_lost_no_zone_is_placed(tmp_path):
         session.run(lambda loop: loop.seen is not None and not loop.seen.lost)
         seen = session.loop.seen._replace(pose=Pose(0.8, 0.0, 0.0))
         lost = seen._replace(lost=True)
-        assert len(driver.around(seen).points) > len(seen.points)
-        assert driver.clear(seen.pose, driver.around(seen), seen.blind) > 0.5  # of what is seen
-        assert len(driver.around(lost).points) == len(lost.points)
-        assert driver.slowed(seen._replace(pose=Pose(2.0, 0.0, 0.0))).speed == pytest.approx(0.2)
-        assert driver.slowed(lost._replace(pose=Pose(2.0, 0.0, 0.0))).reason == ""
+        assert len(driver.obstacles(seen).points) > len(seen.points)
+        assert (
+            driver.clearance(seen.pose, driver.obstacles(seen), seen.blind) > 0.5
+        )  # of what is seen
+        assert len(driver.obstacles(lost).points) == len(lost.points)
+        assert driver.speed_zone_cap(
+            seen._replace(pose=Pose(2.0, 0.0, 0.0))
+        ).speed == pytest.approx(0.2)
+        assert driver.speed_zone_cap(lost._replace(pose=Pose(2.0, 0.0, 0.0))).reason == ""
 
 
 def test_no_way_leads_through_a_keep_out_zone_but_round_it(tmp_path):

@@ -246,10 +246,10 @@ def test_zones_are_taken_up_where_the_robot_can_stop_and_at_once_while_it_is_los
         zones, settings = masked([keep_out(ACROSS)]), driver.settings
         other = [Zoned(zones, settings.outline, settings.gains.u_d) for _ in range(3)]
         driver._twist = Twist(0.5, 0.0)
-        assert not driver.rezone(other[0], here)
+        assert not driver.set_zones(other[0], here)
         assert driver.zones is None
-        assert driver.rezone(other[1], Pose(0.0, 0.0, 0.0))
-        assert driver.rezone(other[2], None)
+        assert driver.set_zones(other[1], Pose(0.0, 0.0, 0.0))
+        assert driver.set_zones(other[2], None)
         assert driver.zones is other[2]
 
 

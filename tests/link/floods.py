@@ -82,7 +82,7 @@ def _robot(keys: Keys, stick: Stick, told: Connection) -> None:
                     heard.age, len(heard.requests),
                 )
             )  # fmt: skip
-            end.tell(STATUS)
+            end.send_status(STATUS)
             due = max(due + PERIOD, time.monotonic())
             time.sleep(max(0.0, due - time.monotonic()))
         bulk.close()

@@ -93,7 +93,7 @@ class Attack:
         while self._open:
             self.driver.steer(STICK, True, True, Device.SCRIPT)
             time.sleep(0.02)
-            self.robot.tell(STATUS)
+            self.robot.send_status(STATUS)
             heard = self.robot.receive()
             if heard.command is not None:
                 self.ages[round(1e3 * heard.age)] += 1

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Ask, Mode, Request
 from cohelm.link.operator_input import OperatorInput
-from cohelm.loop.latency_limit import silent
+from cohelm.loop.latency_limit import driver_lost
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 
 DT = 0.02
@@ -26,7 +26,7 @@ class Side:
 
     def __init__(self) -> None:
         # as fast as a hand: these tests ask which deflection was used, not how fast it came
-        self.params = ArmingParams(hand_rate=1e9)
+        self.params = ArmingParams(max_rate=1e9)
         self.stick_state = StickState()
         self.mode = Mode.SHARED
         self.stopped = ""
@@ -46,7 +46,9 @@ class Side:
     def step(self, heard: OperatorInput) -> Used:
         self._seen = self._seen or heard.command is not None
         self.stick_state = updated(self.stick_state, heard, self.params, DT)
-        lost = self.stick_state.lost or (silent(heard, self.params.silence) if self._seen else "")
+        lost = self.stick_state.lost or (
+            driver_lost(heard, self.params.silence) if self._seen else ""
+        )
         if lost and not self.stopped:
             self.stopped = lost
         brake = bool(self.stopped)

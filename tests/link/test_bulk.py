@@ -47,7 +47,7 @@ class Both:
         return StationBulk(keys, HERE, self.port, session)
 
     def turn(self) -> None:
-        self.robot.tell(STATUS)
+        self.robot.send_status(STATUS)
         self.robot.receive()
         self.news += self.up.news()
 

@@ -28,7 +28,7 @@ class Both:
         self.stick, self.heard, self.done = CENTRED, robot.receive(), []
 
     def turn(self) -> OperatorInput:
-        self.robot.tell(STATUS)
+        self.robot.send_status(STATUS)
         for station in self.stations:
             station.steer(self.stick, True, True, Device.SCRIPT)
         self.heard = self.robot.receive()
@@ -223,5 +223,5 @@ def test_stick_to_loop_takes_no_longer_than_the_network(both):
             lambda stick=stick: (c := both.robot.receive().command) and c.stick == stick, within=1.0
         )
         took.append(time.perf_counter() - began)
-        both.robot.tell(STATUS)
+        both.robot.send_status(STATUS)
     assert sorted(took)[50] < 0.015

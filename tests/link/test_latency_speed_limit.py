@@ -7,10 +7,10 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from cohelm.link.latency_speed_limit import CRAWL, FREE, speed_cap
+from cohelm.link.latency_speed_limit import CRAWL, UNCAPPED_DELAY, speed_cap
 
 
-@given(st.floats(FREE + 0.001, 5.0), st.floats(0.0, 20.0), st.floats(0.1, 5.0))
+@given(st.floats(UNCAPPED_DELAY + 0.001, 5.0), st.floats(0.0, 20.0), st.floats(0.1, 5.0))
 def test_what_the_person_sees_leaves_room_to_stop(delay, clearance, deceleration):
     cap = speed_cap(delay, clearance, deceleration, math.inf)
     way = cap.speed * delay + cap.speed**2 / (2.0 * deceleration)

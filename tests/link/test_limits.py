@@ -131,7 +131,7 @@ def test_numbers_are_used_again_and_newcomers_still_get_a_status(robot, keys):
         stations = [
             stack.enter_context(StationEnd(keys[1], HERE, robot.address[1])) for _ in range(4)
         ]
-        until(lambda: all(s.status() for s in stations), turn=lambda: robot.tell(STATUS))
+        until(lambda: all(s.status() for s in stations), turn=lambda: robot.send_status(STATUS))
         assert {s.status().status.lease.you for s in stations} == {65_534, 65_535, 1, 2}
 
 
@@ -150,16 +150,16 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
     trusted = robot_keys._replace(trusted=(*robot_keys.trusted, second.certificate))
     second = second._replace(trusted=first.trusted)
     with RobotEnd(trusted, HERE, 0) as robot, StationEnd(first, HERE, robot.address[1]) as driver:
-        until(driver.status, turn=lambda: robot.tell(STATUS))
+        until(driver.status, turn=lambda: robot.send_status(STATUS))
         number = driver.ask(Ask.TAKE)
-        until(lambda: driver.answer(number), turn=lambda: robot.tell(STATUS))
+        until(lambda: driver.answer(number), turn=lambda: robot.send_status(STATUS))
         raws = []
         for k in range(MOST_OF_ONE_KEY + 3):
             raws.append(raw(robot))
             raws[-1].say(command(1, session=100 + k))
 
         def speak() -> None:
-            robot.tell(STATUS)
+            robot.send_status(STATUS)
             for k, one in enumerate(raws):
                 with contextlib.suppress(HandshakeRefused):
                     one.say(command(int(1e4 * time.monotonic()) % 2**31, session=100 + k))
@@ -173,7 +173,7 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
             assert robot.driver == driver.status().status.lease.you
             # who falls silent makes room, but never the driver
             with StationEnd(first, HERE, robot.address[1]) as late:
-                until(late.status, within=SILENT + 8.0, turn=lambda: robot.tell(STATUS))
+                until(late.status, within=SILENT + 8.0, turn=lambda: robot.send_status(STATUS))
             assert robot.driver in robot.clients()
 
 

@@ -95,7 +95,7 @@ class Drive:
             result = self.side.step(heard)
             made = self.made.get(result.stick.x, math.nan) if result.stick.x else math.nan
             self.used.append(Used(now, made, heard.age, result.brake, self.side.stopped))
-            self.robot.tell(STATUS)
+            self.robot.send_status(STATUS)
             time.sleep(DT)
 
     def ask(self, what: Ask, value: int = 0) -> None:

@@ -167,5 +167,5 @@ def test_an_independent_client_connects_only_with_a_paired_key(tmp_path):
             until(lambda why=why: robot.door_counts[why] >= 1)
         # and the protocol in it is no business of openssl's
         with StationEnd(keys, HERE, port) as station:
-            until(station.status, turn=lambda: robot.tell(STATUS))
+            until(station.status, turn=lambda: robot.send_status(STATUS))
             assert station.ask(Ask.TAKE)

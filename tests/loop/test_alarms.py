@@ -37,7 +37,7 @@ def test_what_is_said_of_a_cause_changes_and_it_stays_the_same_alarm():
     assert alarms.worst() == ()
 
 
-@pytest.mark.parametrize("text", [loop._NO_PLANNER, loop._LATE_PLANNER, loop._MUTE_RECORDER])
+@pytest.mark.parametrize("text", [loop._NO_PLANNER, loop._LATE_PLANNER, loop._RECORDER_HANGS])
 def test_what_the_loop_says_of_its_helpers_is_shown_whole(text):
     alarm = m.Alarm(1, m.Severity.ALARM, True, False, text)
     status = STATUS._replace(alarms=(alarm,))

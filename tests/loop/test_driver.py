@@ -25,11 +25,11 @@ def test_by_hand_with_the_stick_centred_it_makes_way_for_nobody(gently):
     for k in range(150):
         walker = disc(2.0 - 0.8 * k * DT, 0.0, 0.25, 0.75, -0.8, 0.0)
         seen = surroundings([walker], [1.0])
-        driver.moved(Twist(0.0, 0.0))
+        driver.update_twist(Twist(0.0, 0.0))
         d = driver.by_hand(k * DT, Pose(0.0, 0.0, math.pi / 2), Stick(0.0, 0.0), seen, gently)
         assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
         assert d.behavior != EVADING
-        driver.given(Twist(d.safe_v, d.safe_omega))
+        driver.record_applied(Twist(d.safe_v, d.safe_omega))
 
 
 def test_the_planner_is_handed_the_unseen_ground_apart_from_what_stands_and_from_zones():
@@ -45,7 +45,7 @@ def test_the_planner_is_handed_the_unseen_ground_apart_from_what_stands_and_from
             mobile=np.empty((0, 6)), mobile_max_acceleration=np.empty(0),
             mobile_velocity_error=np.empty(0),
         )  # fmt: skip
-        driver.follow(now, HERE, Stick(0.0, 0.0), driver.around(seen))
+        driver.follow(now, HERE, Stick(0.0, 0.0), driver.obstacles(seen))
     assert tasks[0].obstacles.points.tolist() == [*stands.tolist(), *zones.tolist()]
     assert tasks[0].unseen.tolist() == unseen.tolist()
     assert len(tasks[1].obstacles.points) == 9

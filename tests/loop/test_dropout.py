@@ -11,14 +11,14 @@ from hypothesis import example, given, settings, strategies as st
 from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device
 from cohelm.link.operator_input import OperatorInput
-from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, Then, followed
-from cohelm.loop.latency_limit import silent
+from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, DropoutAction, stepped
+from cohelm.loop.latency_limit import driver_lost
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 
 DT = 0.02
 SILENCE = 0.26
 """A link gives nothing to go by once the newest command is older than 250 ms [s]."""
-AWAY = ("gone", "silent")
+AWAY = ("gone", "driver_lost")
 """What nobody does: the page hangs, the link is dark."""
 STICKS = {"other driver": "berta's gamepad", "other device": "anna's touch pads"}
 DONE = ("disarmed", "other device", "other driver", "released")
@@ -28,7 +28,7 @@ DONE = ("disarmed", "other device", "other driver", "released")
 def said(what: str, age: float) -> OperatorInput:
     """What the loop hears in one period; age: how long nothing was heard [s]."""
     driver = {"other driver": 2, "released": 0}.get(what, 1)
-    if what in ("silent", "released"):
+    if what in ("driver_lost", "released"):
         return OperatorInput(driver, "anna", None, age, 0.0, ())
     x = 0.8 if what == "deflected" else 0.0
     device = {"gone": Device.NONE, "other device": Device.TOUCH}.get(what, Device.GAMEPAD)
@@ -40,7 +40,7 @@ def said(what: str, age: float) -> OperatorInput:
 class Period(NamedTuple):
     t: float
     what: str
-    then: Then
+    then: DropoutAction
 
     @property
     def stick(self) -> str:
@@ -55,13 +55,13 @@ def lived(script: list[tuple[str, int]]) -> list[Period]:
     for what, count in [("centred", 2), *script]:
         for _ in range(count):
             t += DT
-            quiet = quiet + DT if what in ("silent", "released") else 0.0
+            quiet = quiet + DT if what in ("driver_lost", "released") else 0.0
             heard = said(what, quiet + (SILENCE if quiet else 0.0))
             stick_state = updated(stick_state, heard, ArmingParams(), DT)
-            lost = stick_state.lost or silent(heard, ArmingParams().silence)
-            dropout, then = followed(dropout, lost, heard, stick_state, t)
+            lost = stick_state.lost or driver_lost(heard, ArmingParams().silence)
+            dropout, then = stepped(dropout, lost, heard, stick_state, t)
             periods.append(Period(t, what, then))
-            if then is Then.STOP:
+            if then is DropoutAction.STOP:
                 return periods
     return periods
 
@@ -82,11 +82,11 @@ scripts = st.lists(
 def test_nothing_goes_on_but_the_same_stick_soon_and_centred(script):
     standing, mine = None, ""
     for k, period in enumerate(periods := lived(script)):
-        if period.then is Then.STAND:
+        if period.then is DropoutAction.STAND:
             assert standing is None
             assert period.what in AWAY
             standing = period
-        elif period.then is Then.GO_ON:
+        elif period.then is DropoutAction.GO_ON:
             assert standing is not None
             assert period.what not in ("deflected", "disarmed", *AWAY)
             meanwhile = [p for p in periods[: k + 1] if p.t >= standing.t]
@@ -95,7 +95,7 @@ def test_nothing_goes_on_but_the_same_stick_soon_and_centred(script):
             assert away[-1] - standing.t <= BACK_WITHIN + 1e-9
             assert period.t - away[-1] <= CENTRED_WITHIN + 2 * DT
             standing = None
-        elif period.then is Then.STOP:
+        elif period.then is DropoutAction.STOP:
             standing = None
         elif standing is None and period.what != "disarmed":
             mine = period.stick or mine
@@ -109,37 +109,39 @@ def test_whatever_is_lost_the_robot_stands_or_is_stopped_in_the_same_period(scri
     steers, standing, mine = True, False, "anna's gamepad"
     for period in lived(script)[1:]:
         if steers and period.what in (*AWAY, "disarmed", "released"):
-            assert period.then in (Then.STAND, Then.STOP)
-        if period.then in (Then.STAND, Then.STOP):
+            assert period.then in (DropoutAction.STAND, DropoutAction.STOP)
+        if period.then in (DropoutAction.STAND, DropoutAction.STOP):
             steers = False
         elif period.stick != mine and period.stick:
             mine, steers = period.stick, period.what != "deflected"  # another's must be centred
-        elif period.then is Then.GO_ON or (period.what == "centred" and not standing):
+        elif period.then is DropoutAction.GO_ON or (period.what == "centred" and not standing):
             steers = True
-        standing = period.then is Then.STAND or (standing and period.then is Then.NOTHING)
+        standing = period.then is DropoutAction.STAND or (
+            standing and period.then is DropoutAction.NOTHING
+        )
 
 
 @pytest.mark.parametrize("away", AWAY)
 @pytest.mark.parametrize("held", ["deflected", "centred"])
 def test_a_short_dropout_is_over_when_the_stick_was_centred(away, held):
     periods = lived([("deflected", 20), (away, 15), (held, 40), ("centred", 1)])
-    thens = [p.then for p in periods if p.then is not Then.NOTHING]
-    assert thens == [Then.STAND, Then.GO_ON]
-    over = next(p for p in periods if p.then is Then.GO_ON)
+    thens = [p.then for p in periods if p.then is not DropoutAction.NOTHING]
+    assert thens == [DropoutAction.STAND, DropoutAction.GO_ON]
+    over = next(p for p in periods if p.then is DropoutAction.GO_ON)
     assert over.what == "centred"
 
 
 @pytest.mark.parametrize("away", AWAY)
 def test_a_long_dropout_is_a_loss(away):
     periods = lived([("deflected", 20), (away, 100)])
-    assert periods[-1].then is Then.STOP
-    stood = next(p for p in periods if p.then is Then.STAND)
+    assert periods[-1].then is DropoutAction.STOP
+    stood = next(p for p in periods if p.then is DropoutAction.STAND)
     assert 0.7 <= periods[-1].t - stood.t <= BACK_WITHIN + 2 * DT
 
 
 def test_a_stick_that_is_never_centred_again_is_a_loss():
     periods = lived([("deflected", 20), ("gone", 15), ("deflected", 400)])
-    assert periods[-1].then is Then.STOP
+    assert periods[-1].then is DropoutAction.STOP
     assert periods[-1].t - 100.0 == pytest.approx(0.7 + CENTRED_WITHIN, abs=0.1)
 
 
@@ -148,19 +150,19 @@ def test_what_somebody_does_is_no_dropout(what):
     periods = lived([("deflected", 20), (what, 10)])
     # another driver's stick is not this one's; it waits to be centred, as it always did
     assert [p.then for p in periods][-1] is (
-        Then.STOP if what in ("disarmed", "released") else Then.NOTHING
+        DropoutAction.STOP if what in ("disarmed", "released") else DropoutAction.NOTHING
     )
 
 
 def test_a_driver_without_a_stick_has_none_to_centre():
     dropout, now = Dropout(driver=1), 100.0
     heard = OperatorInput(1, "anna", None, 0.31, 0.0, ())
-    assert followed(dropout, "the driver is lost", heard, StickState(), now)[1] is Then.STOP
+    assert stepped(dropout, "the driver is lost", heard, StickState(), now)[1] is DropoutAction.STOP
 
 
 def test_an_age_that_is_not_known_gives_no_more_time():
     dropout = Dropout(driver=1, device=Device.GAMEPAD)
     heard = OperatorInput(1, "anna", None, math.nan, 0.0, ())
-    stood, then = followed(dropout, "the stick is lost", heard, StickState(), 100.0)
-    assert then is Then.STAND
-    assert followed(stood, "", heard, StickState(), 101.01)[1] is Then.STOP
+    stood, then = stepped(dropout, "the stick is lost", heard, StickState(), 100.0)
+    assert then is DropoutAction.STAND
+    assert stepped(stood, "", heard, StickState(), 101.01)[1] is DropoutAction.STOP

@@ -1,4 +1,4 @@
-"""A driver who is silent is lost, with a stick or without; one far away is slowed down."""
+"""A driver who is driver_lost is lost, with a stick or without; one far away is slowed down."""
 
 import math
 
@@ -9,7 +9,15 @@ from cohelm.law.guard.surroundings import surroundings
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.driver import Driver
-from cohelm.loop.latency_limit import FREE, LOST, allowed, cap, crawl, far, silent
+from cohelm.loop.latency_limit import (
+    MAX_LOST_SPEED,
+    NO_CAP,
+    allowed_share,
+    driver_lost,
+    latency_cap,
+    lost_cap,
+    steering_delay,
+)
 from cohelm.loop.stick_arming import StickState
 from tests.pilot.drives import SETTINGS
 
@@ -32,44 +40,44 @@ def received(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
     ],
 )
 def test_a_driver_is_lost_after_the_watchdog_whether_there_was_a_stick_or_not(said, why):
-    assert silent(said, 0.3) == why
+    assert driver_lost(said, 0.3) == why
 
 
 def test_the_share_of_speed_is_what_was_said_last():
-    assert allowed(received(scale=0.25), 1.0) == 0.25
-    assert allowed(received(fresh=False), 0.25) == 0.25
+    assert allowed_share(received(scale=0.25), 1.0) == 0.25
+    assert allowed_share(received(fresh=False), 0.25) == 0.25
 
 
 def test_only_a_person_who_steers_with_delay_near_something_is_slowed_down():
-    late = far(received(round_trip=0.6), ARMED)
-    assert cap(late, 0.3, SETTINGS).speed < SETTINGS.gains.u_d
-    assert "delay" in cap(late, 0.3, SETTINGS).reason
-    assert cap(late, 5.0, SETTINGS) == FREE
-    assert cap(late, math.inf, SETTINGS) == FREE
-    assert cap(far(received(round_trip=0.05), ARMED), 0.3, SETTINGS) == FREE
-    assert math.isnan(far(received(round_trip=0.6), StickState()))
+    late = steering_delay(received(round_trip=0.6), ARMED)
+    assert latency_cap(late, 0.3, SETTINGS).speed < SETTINGS.gains.u_d
+    assert "delay" in latency_cap(late, 0.3, SETTINGS).reason
+    assert latency_cap(late, 5.0, SETTINGS) == NO_CAP
+    assert latency_cap(late, math.inf, SETTINGS) == NO_CAP
+    assert latency_cap(steering_delay(received(round_trip=0.05), ARMED), 0.3, SETTINGS) == NO_CAP
+    assert math.isnan(steering_delay(received(round_trip=0.6), StickState()))
 
 
 def test_clear_is_the_gap_of_the_outline_to_the_nearest_thing_of_any_kind():
     driver = Driver(None, SETTINGS, 0.0, None)
     pose = Pose(1.0, 2.0, 0.5 * math.pi)  # the nose, 0.36 m before the middle, looks up
     nothing = surroundings([])
-    assert driver.clear(pose, nothing, 0) == math.inf
+    assert driver.clearance(pose, nothing, 0) == math.inf
     point = surroundings([], points=[[1.0, 2.0 + 0.36 + 0.5]])
-    assert driver.clear(pose, point, 0) == pytest.approx(0.5)
-    assert driver.clear(pose, point, 1) == math.inf  # only ground that was never in view
+    assert driver.clearance(pose, point, 0) == pytest.approx(0.5)
+    assert driver.clearance(pose, point, 1) == math.inf  # only ground that was never in view
     disc = surroundings([(1.0, 3.0, 0.0, 0.0, 0.1, 0.2)], points=[[1.0, 2.0 + 0.36 + 0.6]])
-    assert driver.clear(pose, disc, 0) == pytest.approx(1.0 - 0.36 - 0.1)
-    assert driver.clear(pose, surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)]), 0) == 0.0
+    assert driver.clearance(pose, disc, 0) == pytest.approx(1.0 - 0.36 - 0.1)
+    assert driver.clearance(pose, surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)]), 0) == 0.0
 
 
 def test_lost_it_crawls_by_what_the_scan_alone_vouches_for():
     settings = SETTINGS
-    caps = [crawl(clear, 0.05, settings) for clear in (0.0, 0.02, 0.1, 1.0, math.inf)]
+    caps = [lost_cap(clear, 0.05, settings) for clear in (0.0, 0.02, 0.1, 1.0, math.inf)]
     speeds = [c.speed for c in caps]
     assert speeds == sorted(speeds)
     assert 0.0 < speeds[0] <= 0.05  # it can leave what it stands against
-    assert speeds[-1] == LOST
+    assert speeds[-1] == MAX_LOST_SPEED
     assert all(c.reason.startswith("lost, with") for c in caps)
     braking = min(settings.limits.acceleration, settings.limits.wheel_acceleration)
     braking = braking if math.isfinite(braking) else 1.0

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cohelm.loop.planning import ANSWER, RemotePlanner
+from cohelm.loop.planning import MAX_PLAN_AGE, RemotePlanner
 
 LONG = 2_000_000  # more than a socket holds
 
@@ -46,11 +46,11 @@ def test_tasks_and_plans_longer_than_the_line_holds_arrive_whole(planning):
 def test_a_planner_stopped_in_the_middle_of_its_answer_is_not_waited_for(planning):
     assert planning.offer(0.0, LONG * b"a")
     child = planning._child
-    while child._going:
+    while child._outgoing:
         child._exchange()
     with child._line.dup() as line:
         line.setblocking(True)
-        child._coming += line.recv(1000)  # a first part of the answer is there, and no more
+        child._incoming += line.recv(1000)  # a first part of the answer is there, and no more
         line.setblocking(False)  # the two share this
     os.kill(planning._child._process.pid, signal.SIGSTOP)
     try:
@@ -95,7 +95,7 @@ def test_a_planner_that_hangs_is_late_in_time_and_no_sooner(planning):
     assert planned(planning) == b"a"
     with stopped(planning):
         assert planning.offer(1.0, b"b")
-        assert asked(planning, 1.0, 60.0) == (None, pytest.approx(ANSWER, abs=0.03))
+        assert asked(planning, 1.0, 60.0) == (None, pytest.approx(MAX_PLAN_AGE, abs=0.03))
         assert not planning.offer(10.0, b"c")  # it has one still
         assert not planning.broken
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
-from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
+from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.scenario.load import robot
 from tests.ports.adapters import sally
@@ -23,7 +23,7 @@ def scan(stamp=9.95, number=1, value=3.0, duration=0.0):
 
 
 def senses():
-    return SensorWatchdog(sally(), patience(sally(), 0.02))
+    return SensorWatchdog(sally(), timeouts(sally(), 0.02))
 
 
 def readings(o=odometry(), s=scan()):  # noqa: B008
@@ -34,7 +34,7 @@ def test_sound_readings_are_sound():
     made = senses()
     for k in range(50):
         t = 10.0 + 0.02 * k
-        assert made.wrong(t, readings(odometry(t, 0.01 * k), scan(t - 0.03, k))) == ""
+        assert made.problem(t, readings(odometry(t, 0.01 * k), scan(t - 0.03, k))) == ""
 
 
 @pytest.mark.parametrize(
@@ -56,12 +56,12 @@ def test_sound_readings_are_sound():
     ],
 )
 def test_what_is_wrong_is_said(given, said):
-    assert senses().wrong(10.0, given).startswith(said)
+    assert senses().problem(10.0, given).startswith(said)
 
 
 def test_a_scan_is_as_old_as_its_last_beam():
-    assert senses().wrong(10.0, readings(s=scan(stamp=9.6, duration=0.1))) == ""
-    assert senses().wrong(10.0, readings(s=scan(stamp=9.6, duration=0.0))) != ""
+    assert senses().problem(10.0, readings(s=scan(stamp=9.6, duration=0.1))) == ""
+    assert senses().problem(10.0, readings(s=scan(stamp=9.6, duration=0.0))) != ""
 
 
 @pytest.mark.parametrize(
@@ -74,19 +74,19 @@ def test_a_scan_is_as_old_as_its_last_beam():
 )
 def test_odometry_that_no_wheels_can_follow_has_jumped(after, said):
     made = senses()
-    assert made.wrong(10.0, readings()) == ""
-    assert made.wrong(10.02, readings(after)) == said
+    assert made.problem(10.0, readings()) == ""
+    assert made.problem(10.02, readings(after)) == said
 
 
 def test_a_turn_of_the_heading_over_pi_is_no_jump():
     made = senses()
-    made.wrong(10.0, readings(odometry(psi=math.pi)))
-    assert made.wrong(10.02, readings(odometry(10.02, psi=-math.pi))) == ""
+    made.problem(10.0, readings(odometry(psi=math.pi)))
+    assert made.problem(10.02, readings(odometry(10.02, psi=-math.pi))) == ""
 
 
 def test_a_robot_without_a_lidar_needs_no_scan():
     blind = sally().model_copy(update={"lidar": None})
-    assert SensorWatchdog(blind, patience(blind, 0.02)).wrong(10.0, readings(s=None)) == ""
+    assert SensorWatchdog(blind, timeouts(blind, 0.02)).problem(10.0, readings(s=None)) == ""
 
 
 REAR = robot("sally-rear")
@@ -108,12 +108,12 @@ def behind(stamp=9.95, number=1, value=3.0):
     ],
 )
 def test_every_lidar_is_watched_and_named(given, said):
-    assert SensorWatchdog(REAR, patience(REAR, 0.02)).wrong(10.0, given) == said
+    assert SensorWatchdog(REAR, timeouts(REAR, 0.02)).problem(10.0, given) == said
 
 
 def test_a_lidar_may_have_a_time_out_of_its_own():
     lidar = REAR.further_lidars[0].model_copy(update={"timeout_s": 0.6})
     patient = REAR.model_copy(update={"further_lidars": (lidar,)})
-    made = SensorWatchdog(patient, patience(patient, 0.02))
-    assert made.wrong(10.0, behind(stamp=9.4)) == ""
-    assert made.wrong(10.0, behind(stamp=9.3)) == "rear LiDAR: the scan is 700 ms old"
+    made = SensorWatchdog(patient, timeouts(patient, 0.02))
+    assert made.problem(10.0, behind(stamp=9.4)) == ""
+    assert made.problem(10.0, behind(stamp=9.3)) == "rear LiDAR: the scan is 700 ms old"

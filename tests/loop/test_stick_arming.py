@@ -7,7 +7,7 @@ import pytest
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator_input import OperatorInput
-from cohelm.loop.operator import NOBODY
+from cohelm.loop.operator import NO_INPUT
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 
 M = ArmingParams()
@@ -29,7 +29,7 @@ ARMED = after(received(), received())
 
 
 def test_nobody_there_is_no_stick_and_no_loss():
-    stick_state = after(NOBODY)
+    stick_state = after(NO_INPUT)
     assert (stick_state.arming, stick_state.stick, stick_state.lost) == (Arming.ABSENT, CENTRED, "")
 
 
@@ -45,7 +45,7 @@ def test_the_deflection_in_use_moves_no_faster_than_a_hand():
     stick_state, last = ARMED, 0.0
     for _ in range(30):
         stick_state = after(received(1.0, -1.0), start=stick_state)
-        assert stick_state.stick.x - last <= M.hand_rate * 0.02 + 1e-12
+        assert stick_state.stick.x - last <= M.max_rate * 0.02 + 1e-12
         last = stick_state.stick.x
     assert stick_state.stick == Stick(1.0, -1.0)
 
@@ -59,7 +59,7 @@ def test_the_deflection_in_use_moves_no_faster_than_a_hand():
         (received(age=0.31), "the newest command is 310 ms old"),
         (received(age=math.nan), "the newest command is nan ms old"),
         (OperatorInput(1, "anna", None, 0.4, 0.0, ()), "no command for 400 ms"),
-        (NOBODY, "nobody drives any more"),
+        (NO_INPUT, "nobody drives any more"),
     ],
 )
 def test_a_stick_in_use_that_can_not_be_believed_is_lost_once_and_says_why(said, why):

@@ -8,7 +8,7 @@ from cohelm.loop.timing import Timing
 
 
 def test_nothing_counted_is_not_known():
-    kept = Timing().kept()
+    kept = Timing().punctuality()
     assert kept.periods == 0
     assert math.isnan(kept.within_2ms)
     assert math.isnan(kept.late_median)
@@ -18,7 +18,7 @@ def test_shares_and_worst_are_those_of_what_came():
     timing = Timing()
     for k in range(1000):
         timing.add(0.02 * k, 0.0005 if k % 100 else 0.005, 0.001, k == 500)
-    kept = timing.kept()
+    kept = timing.punctuality()
     assert (kept.periods, kept.overruns) == (1000, 1)
     assert kept.within_2ms == pytest.approx(0.99)
     assert kept.late_median == pytest.approx(0.0005, abs=3e-5)
@@ -30,7 +30,7 @@ def test_shares_and_worst_are_those_of_what_came():
 def test_what_is_far_too_late_is_counted_and_named():
     timing = Timing()
     timing.add(0.0, 1.5, 2.5, True)
-    kept = timing.kept()
+    kept = timing.punctuality()
     assert (kept.within_2ms, kept.late_worst, kept.took_worst) == (0.0, 1.5, 2.5)
 
 
@@ -50,7 +50,7 @@ def test_periods_left_out_are_late_ones():
     timing.add(0.0, 0.0, 0.05, True)
     timing.missed(0.03)
     timing.missed(0.01)
-    kept = timing.kept()
+    kept = timing.punctuality()
     assert (kept.periods, kept.overruns, kept.late_worst) == (3, 1, 0.03)
     assert kept.within_2ms == pytest.approx(1 / 3)
     assert timing.recent == 0.03

@@ -43,5 +43,5 @@ class Bare:
 
     def _tell(self) -> None:
         while not self._over.wait(0.05):
-            self.end.tell(STATUS)
+            self.end.send_status(STATUS)
             self.end.receive()

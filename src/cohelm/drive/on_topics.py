@@ -186,7 +186,7 @@ class OnTopics:
         if why:
             loop.supervisor.pause(_JOY, why)
         else:
-            loop.supervisor.go_on(_JOY)
+            loop.supervisor.resume(_JOY)
 
     def _place(self, loop: Loop, told: Placed) -> str:
         """Why it is not, or nothing."""
@@ -215,7 +215,7 @@ class OnTopics:
             self._session.driver = loop.driver
         for line in way(reference):
             loop.log.show(line)
-        loop.supervisor.go_on(_FIRST)
+        loop.supervisor.resume(_FIRST)
 
 
 @contextmanager

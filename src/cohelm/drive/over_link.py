@@ -33,7 +33,7 @@ class OverLink:
         """
         self._end, self._bulk = end, bulk
         self.address = end.address
-        self.answer, self.tell, self.show = end.answer, end.tell, end.show
+        self.answer, self.send_status, self.show = end.answer, end.send_status, end.show
         self.publish, self.reply = bulk.publish, bulk.reply
         self._records = records
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"

@@ -164,7 +164,7 @@ class Rerouting:
                 ok = False
                 why = "you do not drive" if what.client > 0 else _DRIVES_NO_MORE
             if ok and not what.only_check and loop.supervisor.docking.on:
-                ok, why = False, f"it is {loop.supervisor.docking.doing}: hold it first"
+                ok, why = False, f"it is {loop.supervisor.docking.activity}: hold it first"
             if ok and not what.only_check:
                 self._accept(loop, what, now)
             self._reply(what, ok, why, checked_path.worst)
@@ -216,17 +216,17 @@ class Rerouting:
 
     def _take_up(self, loop: Loop, driver: Driver, reference: Reference) -> None:
         old = loop.driver
-        loop.take_up(driver)
+        loop.set_driver(driver)
         self._way = None
         self._jobs.do(old.close)
         self._shown(loop, reference)
-        loop.supervisor.go_on(_PAUSE)
+        loop.supervisor.resume(_PAUSE)
 
     def _give_up(self, loop: Loop, why: str) -> None:
         self._way = None
         if loop.supervisor.mode != Mode.HOLD:
             loop.supervisor.choose(Mode.HOLD)
-        loop.supervisor.go_on(_PAUSE)
+        loop.supervisor.resume(_PAUSE)
         loop.alarms.on("way", f"no new way, the robot holds: {why}", Severity.WARNING)
         loop.alarms.off("way")  # to be acknowledged; there is nothing that goes on
 

@@ -190,21 +190,21 @@ class Session:
         a mode that a person chooses.
         """
         gated, supervisor = self.loop.gated, self.loop.supervisor
-        begun, ended = gated.now(), supervisor.rights.ended
+        begun, ended = gated.now(), supervisor.rights.revocations
         self._to_dock = dock > 0
         wanted = Mode.AUTOMATIC if dock else mode
 
         def chosen(loop: Loop) -> bool:
             nonlocal wanted
             if wanted != Mode.HOLD:
-                over = supervisor.rights.ended != ended or latched(gated.gate.mode)
+                over = supervisor.rights.revocations != ended or latched(gated.gate.mode)
                 over = over or supervisor.mode not in (Mode.HOLD, wanted)
                 late = gated.now() - begun > _READY
                 refusal = ""
                 if not over:
                     refusal = supervisor.dock(dock) if dock else supervisor.choose(wanted)
                 if late and refusal and dock:
-                    supervisor.docking.over(Ended(refusal))
+                    supervisor.docking.finish(Ended(refusal))
                 elif late:
                     self._not_begun = refusal
                 if over or late or not refusal:
@@ -276,7 +276,7 @@ class Session:
 
     def line(self) -> str:
         """How it goes, for a terminal."""
-        loop, kept = self.loop, self.loop.timing.kept()
+        loop, kept = self.loop, self.loop.timing.punctuality()
         gate, seen = loop.gated.gate, loop.seen
         where = f"at {seen.pose.x:.2f} {seen.pose.y:.2f}" if seen else "nowhere yet"
         said = f"{loop.supervisor.mode.name} {gate.mode.name} {gate.reason} {where}"
@@ -288,7 +288,7 @@ class Session:
 
     def summary(self) -> dict[str, Any]:
         """What became of it, in numbers; read before `close`."""
-        loop, kept, gate = self.loop, self.loop.timing.kept(), self.loop.gated.gate
+        loop, kept, gate = self.loop, self.loop.timing.punctuality(), self.loop.gated.gate
         truth = getattr(loop.gated, "truth", lambda: None)()
         least = truth.least_moving if truth is not None else math.nan
         return {
@@ -346,11 +346,11 @@ class Session:
         end = gated.now() + (0.5 if self.plan.robot.real_time else 0.1)
         while True:
             seen = loop.perception.take(gated.now(), gated.read())
-            loop.driver.rehearse(seen.pose, loop.driver.around(seen))
+            loop.driver.warm_up(seen.pose, loop.driver.obstacles(seen))
             gated.wait(gated.now() + self.plan.period)
             if gated.now() >= end:
                 break
-        loop.driver.rehearse_plan(seen, gated)
+        loop.driver.warm_up_planner(seen, gated)
         loop.period()
         loop.timing = Timing()
 

@@ -75,13 +75,13 @@ class ZonesOnTopics:
         newer, seen, session = self._next, loop.seen, self._session
         if newer is None or seen is None or session is None:
             return
-        if not loop.driver.rezone(newer.zoned, None if seen.lost else seen.pose):
+        if not loop.driver.set_zones(newer.zoned, None if seen.lost else seen.pose):
             loop.supervisor.pause(_PAUSE, _BRAKES)
             return
         self._next = None
         session.rezoned(newer.zones, newer.maps)
         loop.log.event(f"{newer.topics} has changed: its zones count from now on")
-        loop.supervisor.go_on(_PAUSE)
+        loop.supervisor.resume(_PAUSE)
 
     def close(self) -> None:
         """Take up no more."""

@@ -1,18 +1,18 @@
-"""How fast a person may drive who sees the past: a cap on speed from delay and clearance."""
+"""Speed cap of a remote operator, from latency and clearance."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-FREE = 0.12
-"""Delay up to which nothing is capped [s]: a person hardly notices it."""
+UNCAPPED_DELAY = 0.12
+"""Delay up to which nothing is capped [s]: people hardly notice it."""
 CRAWL = 0.1
-"""The cap is never below this [m/s]: the guard holds back what touches."""
+"""The cap is never below this [m/s]: the guard prevents contact."""
 
 
 class Cap(NamedTuple):
-    """A limit of speed, and why."""
+    """A speed limit and its reason."""
 
     speed: float
     """[m/s]; infinite: there is none."""
@@ -20,15 +20,15 @@ class Cap(NamedTuple):
 
 
 def speed_cap(delay: float, clearance: float, deceleration: float, v_max: float) -> Cap:
-    """The speed at which what the person sees now still leaves room to stop.
+    """The speed at which what the operator sees still leaves room to stop.
 
-    delay: from the robot to the person's eyes and from the hand back to the wheels, that is a
-    round trip and the age of the picture [s]; NaN or less than FREE caps nothing. clearance:
-    smallest gap of the outline [m]. The robot travels v * delay unseen, then brakes:
+    delay: round trip from the robot to the operator and back, with the picture's age [s]; NaN or
+    less than UNCAPPED_DELAY caps nothing. clearance: of the outline [m]. The robot travels
+    v * delay unseen, then brakes:
 
         v delay + v^2 / (2 a) = clearance   =>   v = a (sqrt(delay^2 + 2 clearance / a) - delay)
     """
-    if not delay > FREE or not math.isfinite(clearance):
+    if not delay > UNCAPPED_DELAY or not math.isfinite(clearance):
         return Cap(math.inf, "")
     if math.isinf(delay):
         return Cap(CRAWL, "the delay is not known")

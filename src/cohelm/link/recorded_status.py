@@ -1,6 +1,6 @@
-"""What a record keeps of what the stations were told, so that a drive can be shown again.
+"""What a record keeps of the stations' display, for playback.
 
-Numbers of every period are in `core.period`; this is what changes now and then.
+Numbers of every period are in `core.period`; these change now and then.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from cohelm.link.messages import Alarm, Discs, Mode
 
 
 class StatusWords(NamedTuple):
-    """Words beside the numbers of a period; kept where one of them changes."""
+    """The texts of a status; recorded where one of them changes."""
 
     driver: int
     """Client number; 0: nobody drives."""
@@ -31,7 +31,7 @@ class StatusWords(NamedTuple):
 
 
 class Displayed(NamedTuple):
-    """Something on the map, or words, since a time."""
+    """Something displayed since a time."""
 
     stamp: float
     """The robot's clock [s]."""

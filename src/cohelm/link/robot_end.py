@@ -1,10 +1,9 @@
 """The robot's end of the link: several stations, one driver.
 
-A thread of its own moves the datagrams. The control loop talks to it through newest-wins slots
-and never waits: `tell` what is, `receive` what the driver wants. What may be older than `STALE` is
-not there any more, neither when it arrives nor when it is asked for; nothing is queued but
-requests, few of each client, and a stop is apart from them (`pending`). What one client may cost is
-bounded (`client`), so that none is heard less for what another sends.
+An I/O thread moves the datagrams. The control loop exchanges the newest status and command with it
+and never waits. A command older than `STALE` is not used, neither at arrival nor later. Only
+requests are queued, few of each client; stops are kept apart (`pending`). The cost of each client
+is bounded (`client`), so that none delays another.
 """
 
 from __future__ import annotations
@@ -105,7 +104,7 @@ class RobotEnd(IoThread):
             if to is not None:
                 to.answers.append(Answer(number, granted, reason))
 
-    def tell(self, status: Status) -> None:
+    def send_status(self, status: Status) -> None:
         """Send this to all clients now; one not sent yet is forgotten.
 
         `lease`, `answers` and the link's part of `timing` are filled in here, for each client.

@@ -1,4 +1,4 @@
-"""What the person must know: latched until its cause has gone and somebody has acknowledged it."""
+"""Alarms, latched until their cause has gone and somebody has acknowledged them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _MOST = 65535  # the number has two bytes on the link
 
 
 class ActiveAlarms:
-    """A few alarms by name; the same thing happening again is a new number."""
+    """Alarms by name; the same one raised again has a new number."""
 
     def __init__(self) -> None:
         self._all: dict[str, Alarm] = {}
@@ -16,7 +16,7 @@ class ActiveAlarms:
         self._trouble: dict[str, str] = {}
 
     def on(self, name: str, text: str, severity: Severity = Severity.ALARM) -> bool:
-        """Its cause is there; returns whether that is new."""
+        """Raise an alarm; returns whether it is new."""
         old = self._all.get(name)
         if old is not None and old.active:
             return False
@@ -25,13 +25,13 @@ class ActiveAlarms:
         return True
 
     def reword(self, name: str, text: str) -> None:
-        """What is said of its cause, if that is there; it stays the same alarm."""
+        """Change the text of an active alarm; it keeps its number."""
         old = self._all.get(name)
         if old is not None and old.active and old.text != text:
             self._all[name] = old._replace(text=text)
 
     def off(self, name: str) -> None:
-        """Its cause has gone."""
+        """Its cause has gone: clear it, or keep it until it is acknowledged."""
         old = self._all.get(name)
         if old is None or not old.active:
             return
@@ -41,8 +41,8 @@ class ActiveAlarms:
             self._all[name] = old._replace(active=False)
 
     def trouble(self, name: str, text: str) -> str:
-        """There is this trouble now, empty: none; where it is another than before it is a new
-        alarm. Returns what it was before."""
+        """Set the present trouble, empty: none; a change raises a new alarm. Returns the previous
+        one."""
         before = self._trouble.get(name, "")
         if text != before:
             self._trouble[name] = text
@@ -52,12 +52,12 @@ class ActiveAlarms:
         return before
 
     def over(self, name: str) -> None:
-        """Its cause has gone, and the trouble is forgotten: the same again is told again."""
+        """Clear the alarm and forget the trouble, so that the same one is raised again."""
         self._trouble.pop(name, "")
         self.off(name)
 
     def acknowledge(self, number: int) -> bool:
-        """Somebody has seen alarm `number`, or all (0); whether there was any."""
+        """Acknowledge alarm `number`, or all (0); returns whether there was any."""
         seen = [name for name, a in self._all.items() if number in (0, a.number)]
         for name in seen:
             alarm = self._all[name]._replace(acknowledged=True)

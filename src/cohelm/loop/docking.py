@@ -1,8 +1,7 @@
-"""Docking and undocking: straight along a dock's approach, slowly, and never for long.
+"""Docking and undocking: straight and slowly along a dock's approach, with a time limit.
 
-While one of the two goes on the robot is in automatic mode, without route, planner or evasion; the
-same guard is on, with the dock's margin for the soft one. It ends by itself, and whatever ends it
-leaves the robot in hold.
+Meanwhile the robot is in automatic mode, without route, planner or evasion; the same guard is on,
+with the dock's margin as soft margin. It ends by itself, always in hold.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from cohelm.law.govern import CourseClock
 from cohelm.law.reference import through
 from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import DockPhase as Phase
-from cohelm.loop.latency_limit import FREE
+from cohelm.loop.latency_limit import NO_CAP
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import START, Settings
@@ -27,39 +26,38 @@ from cohelm.plan.docks import BEFORE, Dock, docked, far, in_corridor, may_begin,
 from cohelm.robot.collision_monitor.fields import CRAWL
 from cohelm.robot.sensors import Lidar
 
-ENDS = 0.01
-"""So near to the end of the way, or standing within its tolerance, the robot has arrived [m]."""
+ARRIVED_WITHIN = 0.01
+"""So near to the end, or standing within the dock's tolerance, the robot has arrived [m]."""
 LEFT_TO_GO = 0.05
-"""Undocked is who is so near to the beginning of the approach [m]."""
+"""Undocking ends this near to the beginning of the approach [m]."""
 STANDS, STANDS_FOR = 0.01, 2.0
-"""Who is told to be slower than this [m/s] for so long [s] comes no farther."""
+"""A robot commanded slower than this [m/s] for so long [s] is blocked."""
 BLOCKED_FOR = 0.15
-"""Somebody is in the corridor who has been there for so long: more than one scan [s]."""
+"""A mover in the corridor for this long ends docking [s]: more than one scan."""
 BEHIND = 0.3
-"""Who stands so far behind the robot is to be in view before it backs out faster than a crawl [m].
-"""
-PUSHED = 0.1
-"""A deflection of more than this is a hand on the stick."""
+"""This far behind the robot must be in view, or it backs out at a crawl [m]."""
+DEFLECTED = 0.1
+"""A larger deflection counts as a person's intervention."""
 _GUIDE = 0.25
-"""The robot steers at a point of the line no farther ahead than this share of the approach."""
+"""The look-ahead point is no farther than this share of the approach."""
 
 
 class Ended(NamedTuple):
-    """Why docking or undocking is over."""
+    """How docking or undocking ended."""
 
     why: str
     arrived: bool = False
 
 
 class Docking:
-    """Of one loop. It has its own pilots; the loop says what it is told, and to whom."""
+    """Docking of one loop, with pilots of its own."""
 
     def __init__(
         self, docks: Sequence[Dock], settings: Settings, delay: float,
         lidars: Sequence[Lidar] = (),
     ) -> None:  # fmt: skip
-        """settings, delay: of the pilot that drives elsewhere. lidars: that look; a robot that does
-        not look behind backs out at a crawl: somebody may stand there since it came."""
+        """settings, delay: of the route's pilot. lidars: without one that looks behind, the robot
+        backs out at a crawl."""
         self.docks, self._lidars = tuple(docks), lidars
         self._unseen = not looks_behind(lidars, settings.outline)
         self._outline = settings.outline
@@ -68,14 +66,14 @@ class Docking:
             for i, dock in enumerate(self.docks, 1) for backwards in (False, True)
         }  # fmt: skip
         self.unfit: dict[int, str] = {}
-        """Of docks, from 1: why the robot would not fit there with the outline it has by now."""
+        """By dock, from 1: why the robot does not fit there with its present outline."""
         self.last = Ended("")
-        """How the last one of the two was over."""
+        """How the last docking or undocking ended."""
         self.number = 0
-        """Of the dock, from 1; 0: neither docking nor undocking goes on."""
+        """Of the dock, from 1; 0: neither docking nor undocking is active."""
         self.backwards = False
         """Whether it is undocking."""
-        self._begun = self._moved = self._alone = 0.0
+        self._began_at = self._moved_at = self._free_at = 0.0
 
     def reshape(self, outline: Floats) -> None:
         """The robot has another outline from now on, (k, 2) [m]."""
@@ -85,12 +83,12 @@ class Docking:
 
     @property
     def on(self) -> bool:
-        """Whether one of the two goes on."""
+        """Whether docking or undocking is active."""
         return self.number > 0
 
     @property
-    def doing(self) -> str:
-        """What goes on, in words; empty: nothing."""
+    def activity(self) -> str:
+        """The activity as text; empty: none."""
         if not self.on:
             return ""
         name = self.docks[self.number - 1].name
@@ -98,23 +96,23 @@ class Docking:
 
     @property
     def cap(self) -> Cap:
-        """On the speed."""
+        """The speed cap."""
         if not self.on:
-            return FREE
+            return NO_CAP
         unseen = ", unseen" if self.backwards and self._unseen else ""
         speed = self._speed(self.docks[self.number - 1], self.backwards)
-        return Cap(speed, self.doing + unseen)
+        return Cap(speed, self.activity + unseen)
 
     def _speed(self, dock: Dock, backwards: bool) -> float:
         return min(dock.speed, CRAWL) if backwards and self._unseen else dock.speed
 
     @property
     def pilot(self) -> Pilot:
-        """That drives it; one of them must go on."""
+        """The pilot of the active docking or undocking."""
         return self._pilots[self.number, self.backwards]
 
     def phase(self, seen: Seen) -> tuple[Phase, int]:
-        """How the robot stands to the docks, and to which, from 1."""
+        """The robot's phase, and at which dock, from 1."""
         if self.on:
             return (Phase.UNDOCKING if self.backwards else Phase.DOCKING), self.number
         number = 0 if seen.lost else nearest(self.docks, seen.pose)
@@ -127,7 +125,7 @@ class Docking:
         return (Phase.STAGED if staged else Phase.BETWEEN), number
 
     def refusal(self, number: int, seen: Seen, stick: Stick, backwards: bool) -> str:
-        """Why it can not begin; empty: it can. number: of the dock, 0: the one it is at."""
+        """Why it can not begin; empty: it can. number: of the dock; 0: the one it is at."""
         docks, pose = self.docks, seen.pose
         if not docks:
             return "this site has no dock"
@@ -135,7 +133,7 @@ class Docking:
             return f"there is no dock {number}, only {len(docks)}"
         if seen.lost:
             return "the robot does not know where it is on the map"
-        if _pushed(stick):
+        if _deflected(stick):
             return "let go of the stick first"
         if number == 0:
             number = nearest(docks, pose)
@@ -158,7 +156,7 @@ class Docking:
         return ""
 
     def begin(self, now: float, number: int, seen: Seen, backwards: bool) -> None:
-        """From here on. It must not be refused."""
+        """Begin; it must not be refused."""
         self.number = number or nearest(self.docks, seen.pose)
         self.backwards = backwards
         dock, pilot = self.docks[self.number - 1], self.pilot
@@ -166,57 +164,57 @@ class Docking:
         gone = dock.approach - along if backwards else along
         tau = gone / dock.approach * pilot.course.reference.duration
         pilot.state = START._replace(clock=CourseClock(tau, 0.0, 0.0))
-        self._begun = self._moved = self._alone = now
+        self._began_at = self._moved_at = self._free_at = now
 
-    def over(self, ended: Ended) -> None:
-        """Nothing goes on any more."""
+    def finish(self, ended: Ended) -> None:
+        """End it."""
         self.last, self.number = ended, 0
 
     def ended(
-        self, now: float, seen: Seen, told: Twist, stick: Stick, paused: bool, held: str = ""
+        self, now: float, seen: Seen, applied: Twist, stick: Stick, paused: bool, held: str = ""
     ) -> Ended | None:
-        """Why it is over now; None: it goes on. told: what the robot was told last. paused: whether
-        it stands for another reason. held: what it is held back for that nothing shows."""
+        """How it ends now; None: it continues. applied: the last command. paused: the robot stands
+        for another reason. held: why the guard holds it back for nothing visible."""
         dock = self.docks[self.number - 1]
         if seen.lost:
             return Ended("lost on the map")
-        if _pushed(stick):
+        if _deflected(stick):
             return Ended("the stick was deflected")
         if not self.backwards and (why := self.unfit.get(self.number, "")):
             return Ended(why)
         if not in_corridor(dock, seen.pose):
             _, y, psi = dock.off(seen.pose)
             return Ended(f"off its approach by {abs(y):.2f} m, {math.degrees(abs(psi)):.0f}°")
-        if self._somebody(now, dock, seen):
+        if self._blocked(now, dock, seen):
             return Ended("somebody is in its corridor")
-        if paused or abs(told.v) > STANDS or abs(told.omega) > STANDS:
-            self._moved = now
+        if paused or abs(applied.v) > STANDS or abs(applied.omega) > STANDS:
+            self._moved_at = now
         arrived = self._arrived(now, dock, seen, held or "held back")
         if arrived is not None:
             return arrived
         within = dock.within * dock.speed / self._speed(dock, self.backwards)
-        if now - self._begun > within:
+        if now - self._began_at > within:
             return Ended(f"not done within {within:g} s")
         return None
 
-    def _somebody(self, now: float, dock: Dock, seen: Seen) -> bool:
-        """Whether somebody who moves is in the way, by more than one scan."""
+    def _blocked(self, now: float, dock: Dock, seen: Seen) -> bool:
+        """Whether a mover is in the corridor, by more than one scan."""
         discs = seen.discs.copy()
         discs[:, :2] = placed(discs[:, :2], seen.map_odom)
         if not stands_in(dock, seen.pose, self._outline, discs, self.backwards):
-            self._alone = now
-        return now - self._alone > BLOCKED_FOR
+            self._free_at = now
+        return now - self._free_at > BLOCKED_FOR
 
     def _arrived(self, now: float, dock: Dock, seen: Seen, held: str) -> Ended | None:
-        """Whether it is there, or comes no farther."""
+        """Whether it has arrived, or is blocked."""
         x, y, psi = dock.off(seen.pose)
-        stands = now - self._moved > STANDS_FOR
+        stands = now - self._moved_at > STANDS_FOR
         if self.backwards:
             to_go = x + dock.approach
             if to_go <= LEFT_TO_GO:
                 return Ended(f"{dock.name} is left", True)
             return Ended(f"{held}, {to_go:.2f} m to go") if stands else None
-        if docked(dock, seen.pose) and (abs(x) <= ENDS or stands):
+        if docked(dock, seen.pose) and (abs(x) <= ARRIVED_WITHIN or stands):
             off = f"{100.0 * x:+.1f}, {100.0 * y:+.1f} cm, {math.degrees(psi):+.1f}° off"
             return Ended(f"docked at {dock.name}, {off}", True)
         if stands:
@@ -224,13 +222,12 @@ class Docking:
         return None
 
 
-def _pushed(stick: Stick) -> bool:
-    return not max(abs(stick.x), abs(stick.psi)) <= PUSHED  # nor for NaN
+def _deflected(stick: Stick) -> bool:
+    return not max(abs(stick.x), abs(stick.psi)) <= DEFLECTED  # nor for NaN
 
 
 def looks_behind(lidars: Sequence[Lidar], outline: Floats) -> bool:
-    """Whether somebody who stands close behind the robot is in view of a LiDAR. outline: (k, 2),
-    body frame [m]."""
+    """Whether the LiDARs see close behind the robot. outline: (k, 2), body frame [m]."""
     rear, side = float(outline[:, 0].min()) - BEHIND, float(np.abs(outline[:, 1]).max())
     return all(any(_looks_at(one, rear, y) for one in lidars) for y in (-side, 0.0, side))
 
@@ -246,8 +243,8 @@ def _looks_at(lidar: Lidar, x: float, y: float) -> bool:
 def _pilot(
     dock: Dock, settings: Settings, delay: float, backwards: bool, speed: float
 ) -> Pilot:  # fmt: skip
-    """Along the approach. For the way back the robot is taken as turned round, see
-    `Driver.along`."""
+    """A pilot along the approach. For undocking the robot is taken as turned by 180°, see
+    `Driver.follow_course`."""
     ends = np.array((dock.staging[:2], dock.pose[:2]), dtype=np.float64)
     s = settings
     rules = s.rules._replace(soft_margin=dock.margin)

@@ -1,4 +1,4 @@
-"""Sends readings, decisions, words and events of a drive to recorder and live view."""
+"""Sends readings, periods, texts and events of a drive to the recorder and the live view."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ _VIEW_HANGS = "the live view does not answer: what it has no room for is not sho
 
 
 class DriveLog:
-    """Says things once, to the recorder there is and to the live view, as much as they have room
-    for."""
+    """Sends everything once, to the recorder and the live view, as far as they have room."""
 
     def __init__(
         self, line: RecordLine, clock: Callable[[], float], live: RecordLine | None = None
@@ -31,10 +30,10 @@ class DriveLog:
         """clock: the robot's [s]."""
         self._line, self._clock = line, clock
         self._live = RecordLine(None) if live is None else live
-        self._looks = False
-        """Whether somebody looks through the camera, in the live view."""
+        self._viewer_wants_pictures = False
+        """Whether a viewer of the live view wants pictures."""
         self.fault = ""
-        """Why the recorder writes no more; empty while it does, or where there is none."""
+        """Why the recorder has failed; empty: it has not, or there is none."""
         self._row = np.zeros((), dtype=ROW)
         self._odometry, self._scan = -math.inf, -1
         self._further: dict[str, int] = {}
@@ -42,25 +41,25 @@ class DriveLog:
         self._outline: OutlineChange | None = None
 
     def __call__(self, message: object) -> None:
-        """Anything."""
+        """Send a message to both."""
         self._line(message)
         self._live(message)
 
-    def into(self, line: RecordLine) -> None:
-        """Another recorder from now on, or none; the one before is not closed."""
+    def set_recorder(self, line: RecordLine) -> None:
+        """Use another recorder from now on, or none; the previous one is not closed."""
         self._line, self.fault, self._words = line, "", None
         if self._outline is not None:
             line(self._outline)
 
     @property
     def open(self) -> bool:
-        """Whether there is a recorder that still writes."""
+        """Whether there is a recorder that writes."""
         return self._line.open and not self.fault
 
     @property
     def wants_pictures(self) -> bool:
-        """Whether there is anybody for them."""
-        return self.open or self._looks
+        """Whether anything uses pictures."""
+        return self.open or self._viewer_wants_pictures
 
     @property
     def dropped(self) -> int:
@@ -68,8 +67,8 @@ class DriveLog:
         return self._line.dropped
 
     def why(self, mode: Mode) -> str:
-        """Why the robot does not do what is asked for in a mode, as stations were told last; empty:
-        it does."""
+        """Why the robot does less than requested in a mode, by the last status; empty: it does
+        not."""
         words = self._words
         return "" if words is None or words.mode != mode else words.why
 
@@ -79,42 +78,42 @@ class DriveLog:
         return self._line.hung
 
     def failed(self) -> bool:
-        """Whether the recorder has just shown that it writes no more; `fault` says why."""
+        """Whether the recorder has failed just now; `fault` has the reason."""
         said = str(self._line.received() or self._line.broken)
         new = bool(said) and said != self.fault
         self.fault = said or self.fault
         return new
 
     def view_trouble(self) -> str:
-        """What is wrong with the live view; empty: nothing, or there is none."""
+        """What is wrong with the live view; empty: nothing, or there is no live view."""
         said = self._live.received()
         if isinstance(said, bool):
-            self._looks = said
+            self._viewer_wants_pictures = said
         if self._live.broken:
-            self._looks = False
+            self._viewer_wants_pictures = False
             return _NO_VIEW
         return _VIEW_HANGS if self._live.hung else ""
 
     @property
     def view_lost(self) -> bool:
-        """Whether the live view has ended by itself."""
+        """Whether the live view's process has ended by itself."""
         return bool(self._live.broken)
 
     def event(self, text: str, serious: bool = False) -> None:
-        """What happened."""
+        """Log an event."""
         self(Event(self._clock(), "loop", text, serious))
 
     def show(self, what: Map | ZoneMap | Polyline | Discs) -> None:
-        """What the stations are shown, that the drive can be shown again."""
+        """Record what the stations are shown, for playback."""
         self(Displayed(self._clock(), what))
 
     def outline(self, corners: Floats) -> None:
-        """The robot's is another from now on, (k, 2) [m]."""
+        """The robot has another outline from now on, (k, 2) [m]."""
         self._outline = OutlineChange(self._clock(), corners)
         self(self._outline)
 
     def readings(self, readings: Readings) -> tuple[Scan, ...]:
-        """What is new among them. Returns the scans that are, that of the first LiDAR first."""
+        """Send what is new. Returns the new scans, that of the first LiDAR first."""
         odometry, scan = readings.odometry, readings.scan
         if odometry is not None and odometry.stamp != self._odometry:
             self._odometry = odometry.stamp
@@ -131,13 +130,13 @@ class DriveLog:
         return new
 
     def period(self, known: Mapping[str, Any]) -> NDArray[np.void]:
-        """One period, of which so much is known. Returns its row, good until the next one."""
+        """Record a period by its known fields. Returns its row, valid until the next one."""
         self._row[()] = values(known)
         self(self._row.tobytes())
         return self._row
 
     def words(self, words: StatusWords) -> None:
-        """The words of a status, where they are new."""
+        """Record the texts of a status, where they have changed."""
         if words != self._words:
             self._words = words
             self(Displayed(self._clock(), words))

@@ -1,9 +1,8 @@
-"""A dropout: the operator's messages stop for a moment. The robot stands, and may go on.
+"""Dropouts: the operator's commands stop for a moment. The robot stands, and may continue.
 
-A page that hangs for a moment is no reason to begin anew. So what is lost without anybody's doing
-brakes the robot in the mode it is, and nothing more, if the same driver's same device is heard
-again soon and is seen centred. What is longer than that, and whatever somebody did (disarmed the
-stick, took another one, gave the lease away), is a loss and latches a stop, as it is elsewhere.
+A short involuntary loss brakes the robot but keeps its mode, if the same driver's same device
+returns soon and is seen centred. A longer one, and any deliberate act (disarming the stick, another
+device, releasing the lease), is a loss and latches a stop.
 """
 
 from __future__ import annotations
@@ -17,19 +16,19 @@ from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.stick_arming import StickState
 
 BACK_WITHIN = 1.0
-"""Since the last that was heard before it: a longer dropout is a loss [s]."""
+"""Since the last command before it: a longer dropout is a loss [s]."""
 CENTRED_WITHIN = 3.0
-"""Since the stick is back: who has not let go of it by then is not there. A driver needs 2.5 s to
-see, understand and act, as roads are designed for [s]."""
+"""Since the stick is back [s]: time to release it. Road design gives a driver 2.5 s to perceive and
+react."""
 WAITING = "waiting for your stick to be centred"
 
 
-class Then(Enum):
-    """What follows."""
+class DropoutAction(Enum):
+    """What the supervisor does."""
 
     NOTHING = 0
     STAND = 1
-    """A dropout begins: brake and stand in the mode it is."""
+    """A dropout begins: brake and stand in the present mode."""
     GO_ON = 2
     """It is over."""
     STOP = 3
@@ -37,68 +36,67 @@ class Then(Enum):
 
 
 class Dropout(NamedTuple):
-    """Whose stick is watched, and the dropout there is."""
+    """The stick that is watched, and its dropout, if any."""
 
     why: str = ""
     """What is lost; empty: nothing."""
     since: float = math.nan
-    """When the last was heard before it [s]."""
+    """When the last command before it came [s]."""
     back: float = math.nan
-    """Since when the stick is there again [s]; NaN: it is not."""
+    """Since when the stick is back [s]; NaN: it is not."""
     driver: int = 0
     device: Device = Device.NONE
-    """What the driver steered with before it."""
+    """The device that was used before it."""
 
     @property
-    def over(self) -> Dropout:
-        """None any more, of the same stick."""
+    def cleared(self) -> Dropout:
+        """The same stick without a dropout."""
         return Dropout(driver=self.driver, device=self.device)
 
 
-def followed(
+def stepped(
     dropout: Dropout, lost: str, received: OperatorInput, stick_state: StickState, now: float
-) -> tuple[Dropout, Then]:
-    """The dropout a period later, and what follows.
+) -> tuple[Dropout, DropoutAction]:
+    """The dropout a period later, and what the supervisor does.
 
-    lost: why the stick in use, or the driver who must be heard, is not to be believed any more;
-    empty: nothing new is lost. stick_state: of this period; one that was lost is `ARMED` again only
-    after it was seen centred.
+    lost: why the stick in use, or the driver, is lost; empty: nothing new is lost. stick_state: of
+    this period; a stick that was lost is `ARMED` again only after it was centred.
     """
     if dropout.why:
-        return _further(dropout, received, stick_state, now)
+        return _continued(dropout, received, stick_state, now)
     if not lost:
-        return _known(dropout, received), Then.NOTHING
+        return _remembered(dropout, received), DropoutAction.NOTHING
     silent = received.command is None or not received.command.valid
     same = received.driver == dropout.driver != 0 and dropout.device != Device.NONE
     since = now - max(received.age, 0.0) if math.isfinite(received.age) else now
     if not (silent and same) or now - since > BACK_WITHIN:
-        return dropout.over, Then.STOP
-    return dropout._replace(why=lost, since=since), Then.STAND
+        return dropout.cleared, DropoutAction.STOP
+    return dropout._replace(why=lost, since=since), DropoutAction.STAND
 
 
-def _known(dropout: Dropout, received: OperatorInput) -> Dropout:
-    """Remember whose stick it is, and which."""
+def _remembered(dropout: Dropout, received: OperatorInput) -> Dropout:
+    """Remember the driver and the device."""
     command = received.command
     if command is not None and command.valid and command.armed:
         return Dropout(driver=received.driver, device=command.device)
     return dropout if received.driver == dropout.driver else Dropout()
 
 
-def _further(
+def _continued(
     dropout: Dropout, received: OperatorInput, stick_state: StickState, now: float
-) -> tuple[Dropout, Then]:  # fmt: skip
+) -> tuple[Dropout, DropoutAction]:  # fmt: skip
     command = received.command
     if received.driver != dropout.driver:
-        return Dropout(), Then.STOP
+        return Dropout(), DropoutAction.STOP
     if command is None or not command.valid:
         if now - dropout.since > BACK_WITHIN:
-            return dropout.over, Then.STOP
-        return dropout._replace(back=math.nan), Then.NOTHING
+            return dropout.cleared, DropoutAction.STOP
+        return dropout._replace(back=math.nan), DropoutAction.NOTHING
     if command.device != dropout.device:
-        return dropout.over, Then.STOP
+        return dropout.cleared, DropoutAction.STOP
     if stick_state.arming == Arming.ARMED:
-        return dropout.over, Then.GO_ON
+        return dropout.cleared, DropoutAction.GO_ON
     back = dropout.back if math.isfinite(dropout.back) else now
     if now - back > CENTRED_WITHIN:
-        return dropout.over, Then.STOP
-    return dropout._replace(back=back), Then.NOTHING
+        return dropout.cleared, DropoutAction.STOP
+    return dropout._replace(back=back), DropoutAction.NOTHING

@@ -1,4 +1,4 @@
-"""How fast, and whether at all, the robot goes on for a driver who is far away, slow or silent."""
+"""Speed caps for a driver with latency and for a lost robot; detects a lost driver."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.stick_arming import StickState
 from cohelm.pilot.step import Settings
 
-FREE = Cap(math.inf, "")
+NO_CAP = Cap(math.inf, "")
 """No cap."""
-LOST = 0.2
-"""A robot that has lost its place is never driven faster [m/s]."""
-_FREES = 0.05  # nor is it slowed below this: it can leave what it stands against [m/s]
+MAX_LOST_SPEED = 0.2
+"""A robot that has lost its pose is never driven faster [m/s]."""
+_MIN_LOST_SPEED = 0.05  # nor slowed below this: it can leave what it stands against [m/s]
 _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
 
 
-def silent(received: OperatorInput, patience: float) -> str:
-    """Why the driver counts as lost; empty: not. With any stick, and with none."""
+def driver_lost(received: OperatorInput, patience: float) -> str:
+    """Why the driver counts as lost, with or without a stick; empty: not lost."""
     if received.driver == 0:
         return "nobody drives any more"
     if received.command is None and not received.age <= patience:
@@ -28,33 +28,33 @@ def silent(received: OperatorInput, patience: float) -> str:
     return ""
 
 
-def allowed(received: OperatorInput, scale: float) -> float:
-    """The share of the usual speed that the driver allows: the newest word counts."""
+def allowed_share(received: OperatorInput, scale: float) -> float:
+    """The share of the usual speed that the driver allows: the newest command counts."""
     return received.command.speed_scale if received.command is not None else scale
 
 
-def far(received: OperatorInput, stick_state: StickState) -> float:
-    """The delay over which a person steers [s]; NaN: nobody does, or it is not known."""
+def steering_delay(received: OperatorInput, stick_state: StickState) -> float:
+    """The round trip over which a person steers [s]; NaN: nobody does, or not known."""
     return received.round_trip if stick_state.arming == Arming.ARMED else math.nan
 
 
-def cap(delay: float, clear: float, settings: Settings) -> Cap:
-    """How fast a person may go who sees the past. clear: smallest gap to anything [m]."""
-    return speed_cap(delay, clear, _braking(settings), settings.gains.u_d)
+def latency_cap(delay: float, clearance: float, settings: Settings) -> Cap:
+    """The speed cap by the operator's delay [s]. clearance: to the nearest obstacle [m]."""
+    return speed_cap(delay, clearance, _braking(settings), settings.gains.u_d)
 
 
-def crawl(clear: float, delay: float, settings: Settings) -> Cap:
-    """How fast a robot may go that has lost its place, and has its scan alone to go by.
+def lost_cap(clearance: float, delay: float, settings: Settings) -> Cap:
+    """The speed cap of a robot that has lost its pose, and has only its scan.
 
-    It stands within half of what is clear [m], its own delay [s] included, and is never faster
-    than LOST:
+    It stops within half the clearance [m], its own delay [s] included, and is never faster than
+    MAX_LOST_SPEED:
 
-        v delay + v^2 / (2 a) = clear / 2   =>   v = a (sqrt(delay^2 + clear / a) - delay)
+        v delay + v^2 / (2 a) = clear / 2   =>   v = a (sqrt(delay^2 + clearance / a) - delay)
     """
     a = _braking(settings)
-    room = a * (math.sqrt(delay * delay + max(clear, 0.0) / a) - delay)
-    speed = min(max(room, _FREES), LOST)
-    seen = f"{clear:.1f} m clear" if math.isfinite(clear) else "nothing in sight"
+    room = a * (math.sqrt(delay * delay + max(clearance, 0.0) / a) - delay)
+    speed = min(max(room, _MIN_LOST_SPEED), MAX_LOST_SPEED)
+    seen = f"{clearance:.1f} m clear" if math.isfinite(clearance) else "nothing in sight"
     return Cap(speed, f"lost, with {seen}")
 
 

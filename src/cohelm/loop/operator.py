@@ -1,4 +1,4 @@
-"""The operator's side of the loop: what it must offer, and those without a link."""
+"""The port of the loop's operator, and operators without a link."""
 
 from __future__ import annotations
 
@@ -10,76 +10,76 @@ from cohelm.core.types import Stick
 from cohelm.link.messages import Ask, Command, Device, Discs, Request, ScanPart, Status
 from cohelm.link.operator_input import ClientRequest, OperatorInput
 
-NOBODY = OperatorInput(0, "", None, math.nan, math.nan, ())
+NO_INPUT = OperatorInput(0, "", None, math.nan, math.nan, ())
 
 
 class Operator(Protocol):
-    """`link.robot_end.RobotEnd` is one. Calls return at once."""
+    """Port of an operator; `link.robot_end.RobotEnd` is one. Calls return at once."""
 
     def receive(self) -> OperatorInput:
-        """What the person wants now; each request is handed out once."""
+        """The driver's newest command; each request is returned once."""
         ...
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
-        """What became of a request."""
+        """Send the result of a request."""
         ...
 
-    def tell(self, status: Status) -> None:
-        """What the robot does now."""
+    def send_status(self, status: Status) -> None:
+        """Send the robot's status."""
         ...
 
     def show(self, *parts: ScanPart | Discs) -> None:
-        """What it sees."""
+        """Send parts of a scan, or obstacles."""
         ...
 
 
 class NullOperator:
-    """No operator at all."""
+    """No operator."""
 
     def receive(self) -> OperatorInput:
-        """Nothing."""
-        return NOBODY
+        """No command, no requests."""
+        return NO_INPUT
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
-        """Nobody asked."""
+        """Ignored."""
 
-    def tell(self, status: Status) -> None:
-        """Nobody listens."""
+    def send_status(self, status: Status) -> None:
+        """Ignored."""
 
     def show(self, *parts: ScanPart | Discs) -> None:
-        """Nobody looks."""
+        """Ignored."""
 
 
 class Scripted(NullOperator):
-    """A hand that follows a script, in the robot's time."""
+    """An operator whose stick follows a script, in the robot's time."""
 
-    def __init__(self, hand: Callable[[float], Stick | None], clock: Callable[[], float]) -> None:
-        """hand: the deflection at a time [s]; None: there is no stick then."""
-        self._hand, self._clock = hand, clock
-        self._asked: list[ClientRequest] = []
+    def __init__(self, script: Callable[[float], Stick | None], clock: Callable[[], float]) -> None:
+        """script: the deflection at a time [s]; None: there is no stick then."""
+        self._script, self._clock = script, clock
+        self._requests: list[ClientRequest] = []
         self.answers: list[tuple[int, bool, str]] = []
         """Number, granted, reason."""
         self.statuses: list[Status] = []
-        """The last hundred told."""
+        """The last hundred sent."""
 
     def ask(self, what: Ask, value: int = 0) -> None:
-        """Have something done once."""
-        number = len(self._asked) + len(self.answers) + 1
-        self._asked.append(ClientRequest(1, "script", Request(number, what, value, 0.0)))
+        """Make a request."""
+        number = len(self._requests) + len(self.answers) + 1
+        self._requests.append(ClientRequest(1, "script", Request(number, what, value, 0.0)))
 
     def receive(self) -> OperatorInput:
-        """The script's deflection, as fresh as can be."""
-        asked, self._asked = tuple(self._asked), []
-        stick = self._hand(self._clock())
-        known = Stick(0.0, 0.0) if stick is None else stick
-        command = Command(known, stick is not None, True, Device.SCRIPT, 1.0, ())
-        return OperatorInput(1, "script", command, 0.0, 0.0, asked)
+        """The script's present deflection, and new requests."""
+        requests, self._requests = tuple(self._requests), []
+        stick = self._script(self._clock())
+        deflection = Stick(0.0, 0.0) if stick is None else stick
+        command = Command(deflection, stick is not None, True, Device.SCRIPT, 1.0, ())
+        return OperatorInput(1, "script", command, 0.0, 0.0, requests)
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
         """Keep it."""
         self.answers.append((number, granted, reason))
 
-    def tell(self, status: Status) -> None:
+    def send_status(self, status: Status) -> None:
         """Keep it."""
         self.statuses.append(status)
         del self.statuses[:-100]

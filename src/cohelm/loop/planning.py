@@ -1,4 +1,4 @@
-"""Runs the pilot's slow part in another process, where it can not make the loop late."""
+"""Runs the path planner in another process, where it can not delay the loop."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from cohelm.pilot.pilot import Planner
 from cohelm.pilot.replanning import Plan, Task
 from cohelm.robot.keep.child import Child
 
-ANSWER = 2.0
-"""A plan that takes longer is not used [s]. They take 0.04 s, and ten times that on a busy machine;
-meanwhile the robot goes a metre, as far as its plans look ahead around things."""
-_ASKED = 0.1  # who asks more seldom for a plan does not wait for it [s]
+MAX_PLAN_AGE = 2.0
+"""A plan that takes longer is not used [s]. Plans take 0.04 s, ten times that on a busy machine; in
+this time the robot travels a metre, as far as plans look ahead."""
+_POLL_GAP = 0.1  # a longer gap between two polls does not count as waiting [s]
 
 
 class Planning(Protocol):
-    """Takes a snapshot, and has a plan some periods later."""
+    """Takes a task, and returns a plan some periods later."""
 
     @property
     def broken(self) -> bool:
@@ -24,19 +24,19 @@ class Planning(Protocol):
         ...
 
     late: bool
-    """Whether there was no plan in time, so that none is used, though there may be some again."""
+    """Whether plans come too late, for now, so that none is used."""
 
     @property
     def busy(self) -> bool:
-        """Whether a plan is being made, or has not been asked for since."""
+        """Whether a plan is being made, or has not been collected."""
         ...
 
     def offer(self, now: float, task: Task) -> bool:
-        """Plan from this; False where the last one is not done yet."""
+        """Start planning; False where the previous plan is not done."""
         ...
 
     def plan(self, now: float) -> Plan | None:
-        """The plan, once, when it is there."""
+        """The plan, once, when it is ready."""
         ...
 
     def close(self) -> None:
@@ -45,17 +45,17 @@ class Planning(Protocol):
 
 
 class InProcessPlanner:
-    """Plans at once, and hands the plan out after a set time: the same in every run."""
+    """Plans at once, and returns the plan after a fixed time: deterministic."""
 
     def __init__(self, planner: Planner, takes: float = 0.04) -> None:
-        """takes: as long as it would take elsewhere [s]."""
+        """takes: time until the plan is returned [s]."""
         self._planner, self._takes = planner, takes
         self.broken = self.late = False
         self._made: deque[tuple[float, Plan]] = deque()
 
     @property
     def busy(self) -> bool:
-        """Whether a plan has not been handed out yet."""
+        """Whether a plan has not been collected yet."""
         return bool(self._made)
 
     def offer(self, now: float, task: Task) -> bool:
@@ -78,15 +78,15 @@ class InProcessPlanner:
 class RemotePlanner:
     """Plans in a process of its own.
 
-    A plan whose task is older than `ANSWER` is not used: the robot is no longer where it is for.
+    A plan whose task is older than `MAX_PLAN_AGE` is not used: the robot has moved on.
     """
 
     def __init__(self, planner: Planner) -> None:
         self._child = Child("cohelm planner", planner)
         self.busy = False
-        self._offered = self._asked = 0.0
+        self._offered = self._polled = 0.0
         self._waited = 0.0
-        """For this plan, as long as somebody asked for it [s]."""
+        """How long the caller has polled for this plan [s]."""
         self.late = False
 
     @property
@@ -99,26 +99,26 @@ class RemotePlanner:
         if self.busy or self.broken:
             return False
         self.busy = True
-        self._offered, self._asked, self._waited = now, now, 0.0
+        self._offered, self._polled, self._waited = now, now, 0.0
         self._child.send(task)
         return not self.broken
 
     def plan(self, now: float) -> Plan | None:
-        """The plan, if all of it has come back."""
+        """The plan, if it has come back whole."""
         if not self.busy or self.broken:
             return None
         made: Plan | None = self._child.received()
-        gap = max(now - self._asked, 0.0)
-        # After a long gap another drive has begun, that has not waited yet.
-        self._waited = 0.0 if gap > ANSWER else self._waited + min(gap, _ASKED)
+        gap = max(now - self._polled, 0.0)
+        # After a long gap another drive has begun, which has not waited yet.
+        self._waited = 0.0 if gap > MAX_PLAN_AGE else self._waited + min(gap, _POLL_GAP)
         self.late = self.late and self._waited > 0.0
-        self._asked = now
+        self._polled = now
         if made is None:
-            self.late = self.late or self._waited > ANSWER
+            self.late = self.late or self._waited > MAX_PLAN_AGE
             return None
         self.busy = False
-        old = now - self._offered > ANSWER
-        self.late = self._waited > ANSWER  # who did not ask did not wait
+        old = now - self._offered > MAX_PLAN_AGE
+        self.late = self._waited > MAX_PLAN_AGE
         return None if old else made
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Tells the recorder, the live view and the operator what a period was."""
+"""Sends each period to the recorder, the live view and the operator."""
 
 from __future__ import annotations
 
@@ -15,7 +15,14 @@ from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.operator import Operator
-from cohelm.loop.status import PeriodReport, known, predicted, scan_parts, status, unseen
+from cohelm.loop.status import (
+    PeriodReport,
+    hidden_reason,
+    period_fields,
+    predicted,
+    scan_parts,
+    status,
+)
 from cohelm.loop.stick_arming import StickState
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
@@ -23,12 +30,12 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
 from cohelm.robot.sensors import Lidar
 
-_MOST_STATUSES = 50.0  # statuses a second, at most
-_MOST_DISCS = 40  # shown, at most
+_MAX_STATUS_RATE = 50.0  # statuses a second, at most
+_MAX_DISCS = 40  # shown, at most
 
 
 class Reporter:
-    """Of one loop."""
+    """The reporter of one loop."""
 
     def __init__(
         self, log: DriveLog, operator: Operator, driver: Driver, model: RobotModel, lidar: Lidar,
@@ -40,16 +47,16 @@ class Reporter:
         self._lidars = {"": (0, lidar)} | {
             one.name: (k, one.lidar()) for k, one in enumerate(model.further_lidars, 1)
         }
-        """By the names of their scans; the first one's has none that counts."""
+        """Index and LiDAR by the name of its scans; the first one's is empty."""
         self._last_status = -math.inf
         self.held = ""
-        """What the guard holds the robot back for that nothing shows."""
+        """Why the guard holds the robot back for nothing visible; empty: it does not."""
 
     def report(
         self, now: float, readings: Readings, seen: Seen, stick_state: StickState,
         decision: Decision | None, applied: Twist,
     ) -> PeriodReport:  # fmt: skip
-        """What there is to say of this period. New scans and discs are shown at once."""
+        """This period's report. New scans and discs are sent at once."""
         driver, new = self.driver, self._log.readings(readings)
         for scan in new:
             which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
@@ -59,38 +66,39 @@ class Reporter:
             discs = Discs(new[0].number, self._discs(seen))
             self._operator.show(discs)
             self._log.show(discs)
-        clearance = driver.clear(seen.pose, driver.around(seen), seen.blind)
+        clearance = driver.clearance(seen.pose, driver.obstacles(seen), seen.blind)
         return PeriodReport(
             now, readings, seen, stick_state, decision, applied, self._progress(), clearance
         )
 
-    def record(self, report: PeriodReport, own: Mapping[str, Any]) -> NDArray[np.void]:
-        """The period's row, to the recorder, if it has room for it. own: what the loop adds."""
-        return self._log.period(known(report) | {"dropped": self._log.dropped} | dict(own))
+    def record(self, report: PeriodReport, loop_fields: Mapping[str, Any]) -> NDArray[np.void]:
+        """Record the period; returns its row. loop_fields: what the loop adds."""
+        fields = period_fields(report) | {"dropped": self._log.dropped} | dict(loop_fields)
+        return self._log.period(fields)
 
-    def tell(
+    def send_status(
         self, report: PeriodReport, row: NDArray[np.void], words: StatusWords, late: float
     ) -> None:
-        """A status to the operator, where one is due. words: without what the guard holds the robot
-        back for. late: worst of late [s]."""
-        if report.now - self._last_status < 1.0 / _MOST_STATUSES - 0.25 * self._period:
+        """Send a status to the operator, where one is due. words: without `held`. late: worst
+        recent lateness [s]."""
+        if report.now - self._last_status < 1.0 / _MAX_STATUS_RATE - 0.25 * self._period:
             return
         self._last_status = report.now
         nominal = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
-        self.held = unseen(report, nominal)
+        self.held = hidden_reason(report, nominal)
         words = words._replace(why=words.why or self.held)
         self._log.words(words)
         made = status(row, words, self._has_map, predicted(report.seen.pose, report.applied))
         timing = made.timing._replace(late=late)
-        self._operator.tell(
+        self._operator.send_status(
             made._replace(odometry=report.seen.odometry, recording=self._log.open, timing=timing)
         )
 
     def _discs(self, seen: Seen) -> NDArray[np.float32]:
-        """The nearest round things, in the map, as `core.types` has them, (n, 6)."""
-        rows = self.driver.around(seen).discs
+        """The nearest round obstacles in the map, (n, 6) as in `core.types`."""
+        rows = self.driver.obstacles(seen).discs
         far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
-        return rows[np.argsort(far)[:_MOST_DISCS]].astype(np.float32)
+        return rows[np.argsort(far)[:_MAX_DISCS]].astype(np.float32)
 
     def _progress(self) -> float:
         pilot = self.driver.pilot

@@ -1,4 +1,4 @@
-"""What is reported of a period: to the operator, and to the record."""
+"""Makes a period's row and status message."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Readings, Scan
 from cohelm.robot.sensors import Lidar
 
-_POOR = 0.1
-"""A place with a larger standard deviation is poorly known [m]."""
+_POOR_SIGMA = 0.1
+"""A larger standard deviation counts as poor localisation [m]."""
 AHEAD, AHEAD_STEP = 12, 0.15
 """Points of the predicted path, and the time from one to the next [s]."""
-_AS_ASKED = 0.03  # what differs by less is as asked [m/s, rad/s]
+_TOLERANCE = 0.03  # smaller differences between nominal and applied do not count [m/s, rad/s]
 _VERDICTS = {
     verdicts.UNTOUCHED: ReportedVerdict.UNTOUCHED, verdicts.SHAPED: ReportedVerdict.SHAPED,
     verdicts.POWERLESS: ReportedVerdict.SHAPED, verdicts.INVALID: ReportedVerdict.INVALID,
     verdicts.BRAKING: ReportedVerdict.BRAKING, verdicts.STANDING: ReportedVerdict.STANDING,
 }  # fmt: skip
-"""What the link calls the verdicts of `law.verdict`."""
+"""Verdicts of `law.verdict` as the link reports them."""
 
 
 class PeriodReport(NamedTuple):
-    """What the loop knows of a period when its command is out."""
+    """What the loop knows of a period once its command is sent."""
 
     now: float
     """When the readings were taken [s]."""
@@ -58,11 +58,11 @@ class PeriodReport(NamedTuple):
     progress: float
     """Share of the route done; NaN without one."""
     clearance: float
-    """Of the outline to anything that is seen [m]; inf: nothing is."""
+    """Of the outline to anything seen [m]; inf: nothing is seen."""
 
 
-def known(r: PeriodReport) -> dict[str, Any]:
-    """Its numbers, by the names of `core.row.FIELDS`."""
+def period_fields(r: PeriodReport) -> dict[str, Any]:
+    """A report's numbers, by the names of `core.row.FIELDS`."""
     d, seen, stick_state = r.decision, r.seen, r.stick_state
     odometry, scan = r.readings.odometry, r.readings.scan
     fields = {"nominal_v": 0.0, "nominal_omega": 0.0} if d is None else d._asdict()
@@ -85,9 +85,9 @@ def status(
     row: NDArray[np.void] | np.void, words: StatusWords, has_map: bool,
     ahead: tuple[tuple[float, float], ...],
 ) -> Status:  # fmt: skip
-    """The message of a period: one that is just over, or one that was recorded.
+    """The status message of a period, live or recorded.
 
-    row: its numbers. has_map: whether its place is on a map. ahead: where it goes. Lease, answers
+    row: its numbers. has_map: whether its pose is on a map. ahead: predicted path. Lease, answers
     and the link's part of the timing are filled in by the link.
     """
 
@@ -133,7 +133,7 @@ def status(
 
 
 def predicted(pose: Pose, twist: Twist) -> tuple[tuple[float, float], ...]:
-    """Where the robot goes if it goes on as it does, in the map."""
+    """The predicted path at constant twist, in the map [m]."""
     points: list[tuple[float, float]] = []
     for k in range(1, AHEAD + 1):
         there = arc(pose, twist, k * AHEAD_STEP)
@@ -142,8 +142,8 @@ def predicted(pose: Pose, twist: Twist) -> tuple[tuple[float, float], ...]:
 
 
 def scan_parts(scan: Scan, lidar: Lidar, body: Pose, which: int = 0) -> tuple[ScanPart, ...]:
-    """A scan for the operator's map, in as many parts as it takes, as if taken from one pose.
-    which: of the robot's LiDARs."""
+    """A scan for the operator's map, in parts, as if taken from one pose. which: index of the
+    LiDAR."""
     sensor = compose(body, lidar.mount)
     known = np.where(scan.ranges == -math.inf, 0.0, scan.ranges)
     far = ~np.isfinite(known)
@@ -160,13 +160,13 @@ def scan_parts(scan: Scan, lidar: Lidar, body: Pose, which: int = 0) -> tuple[Sc
 
 
 def sigma(covariance: Floats) -> float:
-    """Standard deviation of a place, in its worst direction [m]."""
+    """Standard deviation of a position, in its worst direction [m]."""
     a, b, c = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
     return math.sqrt(max(0.5 * (a + c) + math.hypot(0.5 * (a - c), b), 0.0))
 
 
 def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
-    """Where in the map the thing is that the guard acted for [m]; NaN where there is none."""
+    """Position in the map of the limiting obstacle [m]; NaN where there is none."""
     if d.limiting < 0:
         return (math.nan, math.nan)
     moving = len(seen.mobile)
@@ -178,13 +178,13 @@ def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
     return (place.x, place.y)
 
 
-def unseen(r: PeriodReport, nominal: Twist) -> str:
-    """That the guard holds the robot back for what nothing shows: ground that may hold anything, or
-    a keep-out zone; empty: it does not."""
+def hidden_reason(r: PeriodReport, nominal: Twist) -> str:
+    """Why the guard holds the robot back for nothing visible: unobserved space, or a keep-out zone;
+    empty: it does not."""
     d, seen, applied = r.decision, r.seen, r.applied
     if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.blind:
         return ""
-    if abs(nominal.v - applied.v) < _AS_ASKED and abs(nominal.omega - applied.omega) < _AS_ASKED:
+    if abs(nominal.v - applied.v) < _TOLERANCE and abs(nominal.omega - applied.omega) < _TOLERANCE:
         return ""
     if d.limiting >= len(seen.mobile) + len(seen.points):
         return "held back: a keep-out zone"
@@ -203,4 +203,4 @@ def _localised(lost: bool, sigma: float, has_map: bool) -> Localised:
         return Localised.LOST
     if not has_map:
         return Localised.UNKNOWN
-    return Localised.POOR if sigma > _POOR else Localised.GOOD
+    return Localised.POOR if sigma > _POOR_SIGMA else Localised.GOOD

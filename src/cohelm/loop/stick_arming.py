@@ -1,8 +1,8 @@
-"""Arms the stick: whether it may be believed, and how fast a hand may take over.
+"""Arms the stick: whether its deflection is used, and how fast it may change.
 
-A stick that vanished is not a stick that is centred: with the authority exp(-V_h) of (48), centred
-means that the controller leads. So validity travels beside the deflection, a stick steers only
-after it was seen centred, and what it says reaches the law no faster than a hand would move it.
+A lost stick is not a centred stick: with the authority exp(-V_h) of (48), centred means that the
+controller leads. So validity is transmitted beside the deflection, a stick steers only after it was
+seen centred, and the deflection in use is rate-limited.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from cohelm.link.operator_input import OperatorInput
 
 
 class ArmingParams(NamedTuple):
-    """How a person takes over."""
+    """Parameters of arming."""
 
-    hand_rate: float = 8.0
-    """The deflection in use changes no faster than this [1/s]."""
+    max_rate: float = 8.0
+    """Rate limit of the deflection in use [1/s]."""
     silence: float = 0.3
-    """A driver who was not heard of for so long is lost, also without a stick [s]."""
+    """A driver without a command for this long is lost, also without a stick [s]."""
 
 
 class StickState(NamedTuple):
@@ -33,9 +33,9 @@ class StickState(NamedTuple):
     age: float = math.nan
     """Of the newest command [s]."""
     driver: int = 0
-    """Whose it is."""
+    """The client it belongs to."""
     lost: str = ""
-    """Why the stick, armed a period ago, is not to be believed any more; else empty."""
+    """Why the stick, armed a period ago, is no longer valid; else empty."""
 
 
 def updated(
@@ -45,41 +45,41 @@ def updated(
     dt: float,
     stopped: bool = False,
 ) -> StickState:
-    """The stick a period of `dt` later, with what was received.
+    """The stick's state a period of `dt` [s] later.
 
-    stopped: the robot stays stopped until somebody resets it; a stick that is held through that
-    must be seen centred again, or the robot would set off with the mode that is chosen next.
+    stopped: the robot is latched; a stick that is held meanwhile must be centred again, or the
+    robot would set off with the next mode.
     """
-    command, why = _believed(received, params)
+    command, why = _valid_command(received, params)
     if command is None:
         lost = why if stick_state.arming == Arming.ARMED else ""
-        stick = _towards(stick_state.stick, CENTRED, params.hand_rate * dt)
+        stick = _rate_limited(stick_state.stick, CENTRED, params.max_rate * dt)
         return StickState(Arming.ABSENT, stick, received.age, received.driver, lost)
     stick = command.stick
-    same = received.driver == stick_state.driver  # another hand must be seen centred itself
+    same = received.driver == stick_state.driver  # another driver's stick must be centred again
     arming = stick_state.arming if same and not stopped else Arming.WAITING
     if arming != Arming.ARMED:
         arming = Arming.ARMED if is_centred(stick) else Arming.WAITING
     goal = stick if arming == Arming.ARMED else CENTRED
     return StickState(
         arming,
-        _towards(stick_state.stick, goal, params.hand_rate * dt),
+        _rate_limited(stick_state.stick, goal, params.max_rate * dt),
         received.age,
         received.driver,
         "",
     )
 
 
-def _believed(received: OperatorInput, params: ArmingParams) -> tuple[Command | None, str]:
-    """The command, or why there is none to be believed."""
+def _valid_command(received: OperatorInput, params: ArmingParams) -> tuple[Command | None, str]:
+    """The command, or why there is no valid one."""
     command = received.command
     if command is None:
         silent = received.driver != 0 and math.isfinite(received.age)
-        said = (
+        reason = (
             f"no command for {1000.0 * received.age:.0f} ms" if silent else "nobody drives any more"
         )
-        return None, received.why or said
-    if not received.age <= params.silence:  # whoever handed it on; `STALE` ones are not
+        return None, received.why or reason
+    if not received.age <= params.silence:  # the link passes on none older than `STALE`
         return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
     if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
         return None, received.why or "the stick vanished"
@@ -88,9 +88,9 @@ def _believed(received: OperatorInput, params: ArmingParams) -> tuple[Command | 
     return command, ""
 
 
-def _towards(now: Stick, goal: Stick, most: float) -> Stick:
-    """Both axes on towards their goal, by at most `most`."""
+def _rate_limited(now: Stick, goal: Stick, max_change: float) -> Stick:
+    """Both axes moved towards their goal, by at most `max_change`."""
     return Stick(
-        now.x + min(max(goal.x - now.x, -most), most),
-        now.psi + min(max(goal.psi - now.psi, -most), most),
+        now.x + min(max(goal.x - now.x, -max_change), max_change),
+        now.psi + min(max(goal.psi - now.psi, -max_change), max_change),
     )

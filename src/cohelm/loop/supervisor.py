@@ -1,4 +1,4 @@
-"""Says who drives and in which mode: by requests, stick, lease, docking and what the gate did."""
+"""Decides the mode and who drives, by requests, stick, lease, docking and the gate's state."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from cohelm.loop.authorization import Authorization
 from cohelm.loop.docking import Docking, Ended
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
-from cohelm.loop.dropout import WAITING, Dropout, Then, followed
-from cohelm.loop.latency_limit import allowed, far, silent
+from cohelm.loop.dropout import WAITING, Dropout, DropoutAction, stepped
+from cohelm.loop.latency_limit import allowed_share, driver_lost, steering_delay
 from cohelm.loop.operator import Operator
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 from cohelm.perceive.pipeline import Seen
@@ -29,14 +29,14 @@ _GATE = {
 PLANNED = (Mode.AUTOMATIC, Mode.SHARED)
 """Modes that follow a route, and so need plans."""
 _MODES = frozenset(int(mode) for mode in Mode)
-_HERE = -1
-"""Who asks where no station drives; clients of the link have numbers from 1."""
-_MOST_REQUESTS = 8
-"""Done for one client in one period, as many as one command carries; a stop always."""
+_LOCAL = -1
+"""The client number of local requests; clients of the link have numbers from 1."""
+_MAX_REQUESTS = 8
+"""Executed for one client in one period, as many as one command carries; stops always."""
 
 
 class Supervisor:
-    """Of one loop. What it did not see to itself, a latched gate above all, it follows."""
+    """The supervisor of one loop. It follows what the gate latches by itself."""
 
     def __init__(
         self, gated: GatedRobot, driver: Driver, operator: Operator, docking: Docking,
@@ -50,68 +50,68 @@ class Supervisor:
         self.mode = Mode.HOLD
         self.stick_state = StickState()
         self.lease = (0, 0)
-        """Who drives, 0: nobody; and a count of the leases."""
-        self.driven_by = (0, "")
-        """The client, 0: nobody; and its name."""
+        """The driver's client number, 0: none; and the count of leases."""
+        self.driver_client = (0, "")
+        """The driver's client number, 0: none; and its name."""
         self.rights = Authorization()
         self.allowed_share = 1.0
-        """Of the robot's speed, by the driver."""
+        """Share of the robot's speed that the driver allows."""
         self.delay = math.nan
         """Of the driver's stick [s]."""
         self.problem = ""
         """What is wrong with the readings; empty: nothing."""
         self.seen: Seen | None = None
-        self._operator_chose = False  # the mode: so he must go on being heard
+        self._operator_chose = False  # the mode, so commands must keep coming
         self._pauses: dict[str, str] = {}
         self._dropout = Dropout()
-        self._lines = Coalesced()  # of requests: a flood fills no record
+        self._lines = Coalesced()  # of requests: a flood does not fill the log
         self._latched = (GateMode.IDLE, "")
 
-    def sensed(self, problem: str, seen: Seen) -> None:
-        """What is wrong with this period's readings, and what they say."""
+    def set_readings(self, problem: str, seen: Seen) -> None:
+        """Take this period's perception, and what is wrong with its readings."""
         self.problem, self.seen = problem, seen
 
     def take_input(self, now: float) -> None:
-        """What does the person want, and may the stick be believed?"""
+        """Take the operator's command and requests; update lease, stick and dropout."""
         received = self.operator.receive()
-        self.driven_by = (received.driver, received.name)
-        self.allowed_share = allowed(received, self.allowed_share)
-        self._heed_lease(received)
+        self.driver_client = (received.driver, received.name)
+        self.allowed_share = allowed_share(received, self.allowed_share)
+        self._follow_lease(received)
         self._answer_requests(received)
         stopped = latched(self.gated.gate.mode)
         self.stick_state = updated(self.stick_state, received, self._arming, self._period, stopped)
         self._watch_operator(now, received)
-        self.delay = far(received, self.stick_state)
+        self.delay = steering_delay(received, self.stick_state)
 
     def choose(self, mode: Mode) -> str:
-        """Who drives from now on; why not, or nothing. Not for what a person asks for: `_mode`."""
+        """Set the mode; returns why not, or "". A person's request is checked in `_mode`."""
         return self._choose(mode, 0)
 
-    def asked_here(self, name: str, what: Ask, value: int = 0, age: float = 0.0) -> str:
-        """Do what somebody asks for where no station drives, by the rules for one who does; why
-        not, or nothing. age: how long ago it was asked [s]."""
-        asked = ClientRequest(_HERE, name, Request(1, what, value, 0.0), age)
-        return self._request(asked, _HERE)[1]
+    def request_locally(self, name: str, what: Ask, value: int = 0, age: float = 0.0) -> str:
+        """A request made at the robot where no station drives, by the same rules; returns why not,
+        or "". age: how long ago it was made [s]."""
+        request = ClientRequest(_LOCAL, name, Request(1, what, value, 0.0), age)
+        return self._request(request, _LOCAL)[1]
 
     def _choose(self, mode: Mode, who: int) -> str:
-        """who: the client that chooses; 0: the robot, or who started it."""
+        """who: the client that chooses; 0: the robot, or the one who started it."""
         if mode != Mode.HOLD and self.problem:
             return self.problem
         if mode in PLANNED and self.driver.pilot is None:
             return "there is no route to follow"
         refusal = self.gated.drive(_GATE[mode])
         if not refusal:
-            self._over(Ended(f"mode {mode.name}"))
+            self._end_docking(Ended(f"mode {mode.name}"))
             self.mode = mode
             self._forget_dropout()
             self._log.event(f"mode {mode.name}")
             if mode == Mode.HOLD:
-                self.rights.end(who, self.gated.now())
+                self.rights.revoke(who, self.gated.now())
         return refusal
 
     def dock(self, number: int = 0, backwards: bool = False) -> str:
-        """Dock, or backwards: undock, from now on; why not, or nothing. Not for what a person asks
-        for: `_dock`. number: of the dock, from 1; 0: the one it is at."""
+        """Start docking, or backwards: undocking; returns why not, or "". A person's
+        request is checked in `_dock`. number: of the dock, from 1; 0: the one it is at."""
         if self.problem or self.seen is None:
             return self.problem or "the robot has seen nothing yet"
         if self._pauses:
@@ -119,22 +119,22 @@ class Supervisor:
         refusal = self.docking.refusal(number, self.seen, self.stick_state.stick, backwards)
         refusal = refusal or self.gated.drive(GateMode.AUTOMATIC)
         if not refusal:
-            self._over(Ended("another was asked for"))
+            self._end_docking(Ended("another was asked for"))
             self.mode = Mode.AUTOMATIC
             self._forget_dropout()
             self.docking.begin(self.gated.now(), number, self.seen, backwards)
-            self._log.event(self.docking.doing)
+            self._log.event(self.docking.activity)
         return refusal
 
-    def _over(self, ended: Ended) -> None:
-        """Docking or undocking, if one of them went on."""
+    def _end_docking(self, ended: Ended) -> None:
+        """End docking or undocking, if one is active."""
         if self.docking.on:
-            self._log.event(f"{self.docking.doing} ended: {ended.why}")
-            self.docking.over(ended)
+            self._log.event(f"{self.docking.activity} ended: {ended.why}")
+            self.docking.finish(ended)
 
     def watch_docking(self, now: float, seen: Seen, held: str) -> None:
-        """Whatever ends it ends in hold. held: what the guard holds the robot back for that nothing
-        shows."""
+        """End docking in hold when it is over. held: why the guard holds the robot back for
+        nothing visible; empty: it does not."""
         docking = self.docking
         if not docking.on:
             return
@@ -144,45 +144,44 @@ class Supervisor:
         if ended is None:
             return
         if not ended.arrived:
-            self.alarms.on("dock", f"{docking.doing}: {ended.why}", Severity.WARNING)
-            self.alarms.off("dock")  # to be acknowledged; there is nothing that goes on
-        self._over(ended)
+            self.alarms.on("dock", f"{docking.activity}: {ended.why}", Severity.WARNING)
+            self.alarms.off("dock")  # inactive at once, but to be acknowledged
+        self._end_docking(ended)
         self.choose(Mode.HOLD)
 
     def pause(self, name: str, why: str) -> None:
-        """Brake and stand in the mode it is, until `go_on(name)`: nothing remembers a mode, so what
-        ends the mode meanwhile (hold, stop, fault, another choice) is never undone."""
+        """Brake and stand in the present mode until `resume(name)`. No mode is stored, so what ends
+        the mode meanwhile (hold, stop, fault, another choice) is never undone."""
         if name not in self._pauses:
             self._log.event(f"stands: {why}")
         self._pauses[name] = why
 
-    def go_on(self, name: str) -> None:
-        """What that pause was for is over; where there is another one, the robot still stands."""
+    def resume(self, name: str) -> None:
+        """End that pause; while there is another one, the robot still stands."""
         if self._pauses.pop(name, ""):
             self._log.event(f"goes on: {name}")
 
     @property
     def paused(self) -> str:
-        """Why it stands in a driving mode; empty: it does not."""
+        """Why it is paused in a driving mode; empty: it is not."""
         return next(iter(self._pauses.values()), "")
 
-    def words(self, refusal: str, cap: Cap) -> StatusWords:
-        """What there is to say beside the period's numbers. refusal: why the gate did not pass what
-        it was given."""
+    def status_words(self, refusal: str, cap: Cap) -> StatusWords:
+        """The texts of a status. refusal: why the gate changed the command."""
         why, stopped = refusal or self.paused, self.gated.gate.reason
-        return StatusWords(*self.driven_by, self.mode, stopped, why, *cap, self.alarms.worst())
+        return StatusWords(*self.driver_client, self.mode, stopped, why, *cap, self.alarms.worst())
 
     @property
-    def free(self) -> bool:
+    def may_drive(self) -> bool:
         """Whether it may drive now."""
         return driving(self.gated.gate.mode) and not self.problem and not self._pauses
 
     def _watch_operator(self, now: float, received: OperatorInput) -> None:
-        """Is the stick in use there, and the driver?"""
+        """Detect a lost stick or driver; pause, resume, stop or carry on alone."""
         if not driving(self.gated.gate.mode):
             self._forget_dropout()
         stick = self.stick_state.lost if self.gated.gate.mode == GateMode.SHARED else ""
-        quiet = silent(received, self._arming.silence) if self._operator_chose else ""
+        quiet = driver_lost(received, self._arming.silence) if self._operator_chose else ""
         if self.stick_state.arming == Arming.ARMED:
             self.alarms.off("stick")
         if not quiet:
@@ -197,28 +196,28 @@ class Supervisor:
             why = ""
         lost = f"the {name} is lost: {why}" if why else ""
         before = self._dropout
-        self._dropout, then = followed(before, lost, received, self.stick_state, now)
-        if then == Then.STOP:
+        self._dropout, action = stepped(before, lost, received, self.stick_state, now)
+        if action == DropoutAction.STOP:
             lost = before.why or lost
             self.alarms.on("driver" if lost.startswith("the driver") else "stick", lost)
             self.gated.stop(lost)
-            self._pauses.pop("stick", "")  # it does not go on
-        elif then == Then.GO_ON:
-            self.go_on("stick")
+            self._pauses.pop("stick", "")  # it does not resume
+        elif action == DropoutAction.GO_ON:
+            self.resume("stick")
         elif self._dropout.why:
             waiting = math.isfinite(self._dropout.back)
             self.pause("stick", WAITING if waiting else self._dropout.why)
 
     def _forget_dropout(self) -> None:
-        """What ends or chooses a mode wins: nothing of before is gone on with."""
-        self._dropout = self._dropout.over
-        self.go_on("stick")
+        """A mode was ended or chosen: an earlier dropout no longer counts."""
+        self._dropout = self._dropout.cleared
+        self.resume("stick")
 
-    def _heed_lease(self, received: OperatorInput) -> None:
-        """A mode lives no longer than the lease in which it was chosen."""
+    def _follow_lease(self, received: OperatorInput) -> None:
+        """A mode ends with the lease in which it was chosen."""
         before, self.lease = self.lease, (received.driver, received.term)
-        theirs = self._operator_chose and driving(self.gated.gate.mode)
-        if before[1] == received.term or not theirs:
+        operators = self._operator_chose and driving(self.gated.gate.mode)
+        if before[1] == received.term or not operators:
             return
         if received.driver == 0 and not self._carry_on:
             return  # the driver is lost: more than a hold
@@ -226,16 +225,16 @@ class Supervisor:
         self.choose(Mode.HOLD)
 
     def _answer_requests(self, received: OperatorInput) -> None:
-        """Do or refuse each, and answer."""
+        """Execute or refuse each request, and answer it."""
         done: dict[int, int] = {}
         for line in self._lines.due(self.gated.now()):
             self._log.event(line)
         requests = stops_first(received.requests)
         if requests and requests[0].request.what == Ask.STOP:
-            self._stop(requests[0].name)  # once a period, however many say so
+            self._stop(requests[0].name)  # once a period, however many there are
         for requested in requests:
             count = done[requested.client] = done.get(requested.client, 0) + 1
-            if count > _MOST_REQUESTS and requested.request.what != Ask.STOP:
+            if count > _MAX_REQUESTS and requested.request.what != Ask.STOP:
                 granted, reason = False, "too many requests: wait a moment and ask again"
             else:
                 granted, reason = self._request(requested, received.driver)
@@ -245,8 +244,8 @@ class Supervisor:
         what, value = requested.request.what, requested.request.value
         refusal = "the loop does not do that"
         if what == Ask.STOP:
-            self.rights.end(requested.client, self.gated.now())
-            self.rights.stand(requested)
+            self.rights.revoke(requested.client, self.gated.now())
+            self.rights.record_hold(requested)
             refusal = ""
         elif what == Ask.RESET:
             refusal = self._refusal(requested, driver) or self.problem or self.gated.reset()
@@ -266,16 +265,16 @@ class Supervisor:
         self.gated.stop(f"stop by {name}")
         gate = self.gated.gate
         if not latched(before.mode) and gate.mode == GateMode.STOPPED:
-            self._latched = (gate.mode, gate.reason)  # this person's, not the robot's
+            self._latched = (gate.mode, gate.reason)  # by a person, not by the robot
 
     def _mode(self, requested: ClientRequest, driver: int) -> str:
         mode = Mode(requested.request.value)
         hold = mode == Mode.HOLD
         refusal = self._refusal(requested, driver, hold) or self._choose(mode, requested.client)
         if not refusal:
-            self._operator_chose = not hold and requested.client != _HERE
+            self._operator_chose = not hold and requested.client != _LOCAL
             if hold:
-                self.rights.stand(requested)
+                self.rights.record_hold(requested)
         return refusal
 
     def _dock(self, requested: ClientRequest, driver: int) -> str:
@@ -289,13 +288,13 @@ class Supervisor:
         return self.rights.refusal(requested, driver, self.gated.now(), hold)
 
     def follow_gate(self) -> None:
-        """What the gate latched by itself ends all modes; it is heeded before any request."""
+        """A stop or fault that the gate latched ends the mode, before any request is executed."""
         gate = self.gated.gate
         state = (gate.mode, gate.reason) if latched(gate.mode) else (GateMode.IDLE, "")
         if state != self._latched:
             self._latched = state
             if latched(gate.mode):
-                self.rights.end(0, self.gated.now())
+                self.rights.revoke(0, self.gated.now())
         if not driving(gate.mode) and self.mode != Mode.HOLD:
-            self._over(Ended(gate.reason))
+            self._end_docking(Ended(gate.reason))
             self.mode = Mode.HOLD

@@ -1,4 +1,4 @@
-"""How well the loop keeps time: lateness, work and overruns, without allocating as it runs."""
+"""Statistics of the loop's timing: lateness, work and overruns, without allocation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _BINS = 5000  # up to 0.1 s; what is later is counted in the last one
 
 
 class Punctuality(NamedTuple):
-    """How time was kept. All times in seconds."""
+    """Timing statistics. All times in seconds."""
 
     periods: int
     """Due so far."""
@@ -30,7 +30,7 @@ class Punctuality(NamedTuple):
 
 
 class Timing:
-    """Counts periods as they come."""
+    """Histograms of the periods' lateness and work."""
 
     def __init__(self) -> None:
         self._late = np.zeros(_BINS, dtype=np.int64)
@@ -41,7 +41,7 @@ class Timing:
         self._since = -math.inf
 
     def add(self, now: float, late: float, took: float, overrun: bool) -> None:
-        """One period that began `late` after its time and took so long."""
+        """One period that began `late` and took `took` [s]."""
         self._late[min(max(int(late / _BIN), 0), _BINS - 1)] += 1
         self._took[min(max(int(took / _BIN), 0), _BINS - 1)] += 1
         self._worst_late = max(self._worst_late, late)
@@ -52,7 +52,7 @@ class Timing:
         self._recent = max(self._recent, late)
 
     def missed(self, late: float) -> None:
-        """A period that was left out, because the one before took beyond its end."""
+        """A period that was skipped, because the one before overran it."""
         self._late[min(int(late / _BIN), _BINS - 1)] += 1
         self._worst_late = max(self._worst_late, late)
         self._recent = max(self._recent, late)
@@ -62,7 +62,7 @@ class Timing:
         """The worst lateness of the last one to two seconds."""
         return max(self._recent, self._recent_before)
 
-    def kept(self) -> Punctuality:
+    def punctuality(self) -> Punctuality:
         """All so far; NaN where there was no period."""
         n = int(self._late.sum())
         near = float(self._late[: round(2e-3 / _BIN)].sum()) / n if n else math.nan

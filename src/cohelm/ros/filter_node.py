@@ -17,7 +17,7 @@ import numpy as np
 from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.verdict import Verdict
-from cohelm.loop.sensor_watchdog import SensorWatchdog, patience
+from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
 from cohelm.perceive.pipeline import Perception, Seen, rehearse
 from cohelm.pilot.reshaping import Shape
 from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
@@ -61,7 +61,7 @@ class FilterParams(NamedTuple):
 
 def gate_rules(model: RobotModel, period: float) -> GateRules:
     """The gate's, for readings as seldom as this robot's."""
-    may = patience(model, period)
+    may = timeouts(model, period)
     made = rules(model, period, WATCHDOG)
     return made._replace(age=max(made.age, may.odometry))
 
@@ -79,7 +79,7 @@ class FilterNode:
         self._gated, self._params, self._every = gated, params, found.command_period
         self._perception = Perception(model)
         self._filter = SafetyFilter(model, params.period)
-        self._watchdog = SensorWatchdog(model, patience(model, params.period))
+        self._watchdog = SensorWatchdog(model, timeouts(model, params.period))
         self._transport = transport
         clock = SimulatedClock.on(transport) if found.simulated else None
         ticks = found.odom_clock if clock is None else clock
@@ -131,7 +131,7 @@ class FilterNode:
         if start - self._looked > FRESH:
             self._look()
         readings, now = self._readings, gated.now()
-        fault = self._watchdog.wrong(now, readings)
+        fault = self._watchdog.problem(now, readings)
         fault = fault and (self._transport.lost() or fault)
         seen = self._perception.seen(now)
         self._shape.take(readings.outline)

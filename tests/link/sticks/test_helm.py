@@ -49,7 +49,7 @@ class Robot:
                 self.end.answer(asked.client, asked.request.number, granted, why)
             if heard.driver or self.hands:
                 self.hands.append(self.side.step(heard))
-            self.end.tell(
+            self.end.send_status(
                 STATUS._replace(
                     mode=self.side.mode, stopped=self.side.stopped,
                     arming=self.side.stick_state.arming,
