@@ -28,6 +28,10 @@ from cohelm.core.types import Floats, Ints
 from cohelm.robot.model import RobotModel
 
 _STEP = 0.002  # of the modelled response [s]
+_CYCLE = 0.01
+"""Drives take up commands, and take the steps of a ramp, in cycles that nobody tells: no longer than
+this, `ros2_control`'s usual 100 Hz [s]. A ramp in steps is up to half a cycle before or after the
+straight one of the model, in all motions alike: no residual shows it."""
 _TAIL = 0.4  # after standing, so long is still looked at [s]
 _MOST_DELAY, _MOST_LAG = 0.8, 0.5  # [s]
 _LEAST_LAG = 0.001  # less is none, and tells nothing [s]
@@ -158,7 +162,7 @@ def response(model: RobotModel, ride: Ride) -> Response:
     motions = np.concatenate([d.motion for d in data])
     half = half_widths(np.asarray(jacobian, dtype=np.float64), residual(best), motions, sums)
     times = [0, 1, 5, 10, 11]  # the model knows them by its steps
-    half[times] = np.hypot(half[times], 0.5 * _STEP)
+    half[times] = np.sqrt(half[times] ** 2 + (0.5 * _STEP) ** 2 + (0.5 * _CYCLE) ** 2)
 
     def channel(c: int) -> AxisResponse:
         lag, rise, brake, gain = (Measured(float(p[i]), float(half[i]))

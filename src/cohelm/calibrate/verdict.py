@@ -18,7 +18,6 @@ from cohelm.robot.model import RobotModel
 Verdict = Literal["safe", "unsafe", "wasteful"]
 _WASTE = 0.15  # an assumption that gives away more than this share is wasteful
 _DELAY = 0.02  # ... or so much time [s]
-_LATE = 0.005  # a delay is well enough known within this [s]
 _ALMOST = 0.97  # of a limit: it is reached
 _PLACE, _TURN = 0.01, math.radians(0.5)  # a mount is well enough known within this [m, rad]
 _WHEEL = 0.01  # and a wheel or track within this share
@@ -164,7 +163,7 @@ def as_dict(found: list[Comparison]) -> dict[str, Any]:
 def _delay(assumed: float, total: Measured, added: float) -> Comparison:
     seen = Measured(total.value - added, total.off)
     write = round(max(seen.value, 0.0), 3)
-    if seen.value - seen.off > assumed + _LATE:
+    if seen.value - seen.off > assumed:
         return Comparison("delay_s", assumed, seen, write, "unsafe",
                        f"it obeys {1e3 * (seen.value - assumed):.0f} ms later: it stops farther on "
                        "than is foretold")  # fmt: skip
