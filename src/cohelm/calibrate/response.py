@@ -29,9 +29,9 @@ from cohelm.robot.model import RobotModel
 
 _STEP = 0.002  # of the modelled response [s]
 _CYCLE = 0.01
-"""Drives take up commands, and take the steps of a ramp, in cycles that nobody tells: no longer than
-this, `ros2_control`'s usual 100 Hz [s]. A ramp in steps is up to half a cycle before or after the
-straight one of the model, in all motions alike: no residual shows it."""
+"""Drives take up commands, and make a ramp in steps, in cycles that are not known, but as a rule no
+longer than this: the 100 Hz of `ros2_control` [s]. Such a ramp is up to half a cycle before or
+after the straight one of the model, in all motions alike: no residual shows it."""
 _TAIL = 0.4  # after standing, so long is still looked at [s]
 _MOST_DELAY, _MOST_LAG = 0.8, 0.5  # [s]
 _LEAST_LAG = 0.001  # less is none, and tells nothing [s]
