@@ -7,7 +7,7 @@ from hypothesis import example, given, strategies as st
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
-from cohelm.pilot.delay_compensation import foreseen, moved_on, periods
+from cohelm.pilot.delay_compensation import periods, predict_obstacles, predict_robot
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot
 from cohelm.robot.kinematics import arc
 from tests.pilot.drives import DT, SETTINGS
@@ -27,7 +27,7 @@ def test_whole_periods_and_their_rest_are_the_delay(delay, dt):
 def test_who_drives_on_is_foreseen_where_that_arc_ends(twist, delay):
     whole, rest = periods(delay, DT)
     sent = np.tile(twist, (whole, 1))
-    pose, then = foreseen(HERE, twist, rest, sent, 7, SETTINGS.limits, DT)
+    pose, then = predict_robot(HERE, twist, rest, sent, 7, SETTINGS.limits, DT)
     assert pose == pytest.approx(arc(HERE, twist, delay), abs=1e-7)
     assert then == twist
 
@@ -48,7 +48,10 @@ def test_who_moves_may_be_as_far_off_in_two_steps_as_in_one(first, second, most,
     """What is foretold again and again grows no faster: t later, off t + most t^2 / 2."""
     now = surroundings([[1.0, 0.0, 0.4, -0.3, 0.2, 0.5]], [most], velocity_error=[off])
     t = first + second
-    once, twice = moved_on(now, t), moved_on(moved_on(now, first), second)
+    once, twice = (
+        predict_obstacles(now, t),
+        predict_obstacles(predict_obstacles(now, first), second),
+    )
     for then in (once, twice):
         x, y, _, _, radius, _ = then.discs[0]
         assert (x, y) == pytest.approx((1.0 + 0.4 * t, -0.3 * t))

@@ -7,16 +7,16 @@ import pytest
 
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.govern import CourseClock
-from cohelm.law.guard.step import farthest, guard
+from cohelm.law.guard.step import circumscribed_radius, guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.behavior import EVADING, LED
 from cohelm.pilot.pilot import Pilot
 from cohelm.plan.course import course
-from cohelm.plan.evasion.case import case_at
-from cohelm.plan.evasion.foretold import Foretold, leg
-from cohelm.plan.evasion.movers import foreseen, nobody_watched, noted
+from cohelm.plan.evasion.context import context_at
+from cohelm.plan.evasion.movers import empty_mover_history, relevant_movers, updated_history
 from cohelm.plan.evasion.params import EvasionParams
+from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece
 from cohelm.plan.evasion.risk import risk_at, trajectories
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
@@ -103,12 +103,12 @@ def _least_gap(pilot, seen, steps):
     """Between the robot and the discs that it sees at each step [m]."""
     pose, twist, gaps = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), []
     for k in range(steps):
-        around = seen(k)
+        obstacles = seen(k)
         if k % 10 == 0:
-            pilot.take(pilot.plan(pose, twist, around), pose, twist)
-        d = pilot.step(k * DT, pose, twist, None, around)
+            pilot.take(pilot.plan(pose, twist, obstacles), pose, twist)
+        d = pilot.step(k * DT, pose, twist, None, obstacles)
         gaps.append(
-            outline_clearance(pose, SALLY.outline, 0.5, around.discs, np.empty((0, 4)), 9.0)
+            outline_clearance(pose, SALLY.outline, 0.5, obstacles.discs, np.empty((0, 4)), 9.0)
         )
         twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
         pose = arc(pose, twist, DT)
@@ -148,9 +148,9 @@ def test_what_is_asked_for_is_finite_whatever_is_told(bad, column):
     pilot = Pilot(through(WAY, 0.5), ON)
     rows = np.array([disc(*coming(3.0, 0.1, -0.5, 0.0)), disc(*coming(2.0, 0.2, -0.5, 0.0))])
     rows[1, column] = bad
-    around = surroundings(rows, np.array([0.5, 0.5]))
+    obstacles = surroundings(rows, np.array([0.5, 0.5]))
     for k in range(12):
-        d = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), None, around)
+        d = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), None, obstacles)
         asked = (
             d.safe_v,
             d.safe_omega,
@@ -191,13 +191,15 @@ def _foretold_and_driven(rng):
     start, before = Pose(0.0, 0.0, 0.0), Twist(float(rng.choice([0.0, 0.5, 1.0])), 0.0)
     asked = Twist(float(rng.choice([-1.0, 0.5, 1.0])), rng.uniform(-1.0, 1.0))
     movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay, 0.8, 2.0, 1.5, 0.0]])
-    around, reach = surroundings(np.empty((0, 6))), farthest(ON.outline)
+    obstacles, reach = surroundings(np.empty((0, 6))), circumscribed_radius(ON.outline)
     e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
-    case = case_at(
-        trajectories(movers, reach, e), movers, around, start, way, CourseClock(),
+    context = context_at(
+        trajectories(movers, reach, e), movers, obstacles, start, way, CourseClock(),
         ON.outline, reach, ON.limits, e,
     )  # fmt: skip
-    went = leg(case, Foretold(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9)
+    went = roll_out_piece(
+        context, PredictedMotion(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9
+    )
     pose, twist = start, before
     for k in range(40):
         t = k * DT
@@ -222,14 +224,16 @@ def test_what_the_filter_will_do_is_foretold_as_it_does_it():
 def test_who_rests_for_a_moment_is_still_made_way_for():
     """Between two key frames a disc is as slow as noise for a tenth of a second. For so long the
     robot forgot it, followed its course again, and had turned when the disc set off at it."""
-    watched, minded = nobody_watched(), []
+    history, minded = empty_mover_history(), []
     for k in range(30):
         v = max(0.5 - 0.1 * max(k - 5, 0), 0.01)  # then it rests, and sways a little
-        around = surroundings([disc(1.5, 0.0, 0.3, 0.8, v, 0.0)], [1.0])
-        seen = noted(watched, around, 0.1)
-        watched[: len(seen)] = seen
+        obstacles = surroundings([disc(1.5, 0.0, 0.3, 0.8, v, 0.0)], [1.0])
+        seen = updated_history(history, obstacles, 0.1)
+        history[: len(seen)] = seen
         minded.append(
-            foreseen(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[1]
+            relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[
+                1
+            ]
         )
     assert set(minded[:15]) == {1}
     assert set(minded[20:]) == {0}
@@ -238,15 +242,15 @@ def test_who_rests_for_a_moment_is_still_made_way_for():
 def test_who_sets_off_to_another_side_is_soon_foreseen_to_go_on_doing_so():
     """He walked east, came to rest, and sets off to the north. Three looks later only half of that
     was believed, and for 0.8 s: the robot drove on in front of him."""
-    watched, e, x, y = nobody_watched(), EvasionParams(), 0.0, 0.0
+    history, e, x, y = empty_mover_history(), EvasionParams(), 0.0, 0.0
     for k in range(24):
         t = 0.1 * k + 0.05
         vx, vy = min(max(2.0 - t, 0.0), 1.0), max(t - 2.0, 0.0)
-        around = surroundings([disc(x, y, 0.3, 0.8, vx, vy)], [1.0])
-        seen = noted(watched, around, 0.1)
-        watched[: len(seen)], watched[len(seen) :] = seen, math.nan
+        obstacles = surroundings([disc(x, y, 0.3, 0.8, vx, vy)], [1.0])
+        seen = updated_history(history, obstacles, 0.1)
+        history[: len(seen)], history[len(seen) :] = seen, math.nan
         x, y = x + 0.1 * vx, y + 0.1 * vy
-    movers, _ = foreseen(around, seen, Pose(1.0, 3.0, 0.0), 0.46, ON.limits, e)
+    movers, _ = relevant_movers(obstacles, seen, Pose(1.0, 3.0, 0.0), 0.46, ON.limits, e)
     ahead = trajectories(movers, 0.46, e)[:, 0, :2]
     dx, dy = ahead[15] - ahead[0]
     assert dx == pytest.approx(0.0, abs=0.1)
@@ -255,13 +259,17 @@ def test_who_sets_off_to_another_side_is_soon_foreseen_to_go_on_doing_so():
 
 def test_who_seems_to_walk_for_a_moment_is_soon_forgotten():
     """What stands, and moves by noise, is told by a LiDAR as one who walks, for a scan or two."""
-    watched, minded = nobody_watched(), []
+    history, minded = empty_mover_history(), []
     for k in range(10):
-        around = surroundings([disc(1.5, 0.0, 0.3, 0.8, 0.5 if 3 <= k < 6 else 0.01, 0.0)], [1.0])
-        seen = noted(watched, around, 0.1)
-        watched[: len(seen)] = seen
+        obstacles = surroundings(
+            [disc(1.5, 0.0, 0.3, 0.8, 0.5 if 3 <= k < 6 else 0.01, 0.0)], [1.0]
+        )
+        seen = updated_history(history, obstacles, 0.1)
+        history[: len(seen)] = seen
         minded.append(
-            foreseen(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[1]
+            relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[
+                1
+            ]
         )
     assert minded == [0] * 3 + [1] * 3 + [0] * 4
 
@@ -290,8 +298,8 @@ def test_whose_velocity_is_not_known_well_is_not_taken_to_run():
     def far(most, off=0.0):
         seen = np.array([[0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 1.0, 0.0, 0.0]])
         slow = [disc(2.0, 0.0, 0.3, 0.8, 0.4, 0.0)]
-        around = surroundings(slow, [most], velocity_error=[off])
-        movers, _ = foreseen(around, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e)
+        obstacles = surroundings(slow, [most], velocity_error=[off])
+        movers, _ = relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e)
         return trajectories(movers, 0.46, e)[0, 0, 6]
 
     assert far(3.5) == far(1.0) == far(1.0, 0.5)
@@ -302,10 +310,14 @@ def test_whose_velocity_is_not_known_well_is_not_taken_to_run():
 def test_an_overlap_has_a_risk_like_any_other(v):
     movers = np.array([[0.3, 0.0, v, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 2.0 * v, 1.5, 0.0]])
     here, course_ = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace)
-    around, reach, e = surroundings(np.empty((0, 6))), farthest(ON.outline), EvasionParams()
-    case = case_at(
-        trajectories(movers, reach, e), movers, around, here, course_, CourseClock(),
+    obstacles, reach, e = (
+        surroundings(np.empty((0, 6))),
+        circumscribed_radius(ON.outline),
+        EvasionParams(),
+    )
+    context = context_at(
+        trajectories(movers, reach, e), movers, obstacles, here, course_, CourseClock(),
         ON.outline, reach, ON.limits, e,
     )  # fmt: skip
-    risk, gap = risk_at(case, here, 0, e)
+    risk, gap = risk_at(context, here, 0, e)
     assert gap < 0.0 < risk < math.inf

@@ -13,7 +13,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.verdict import INVALID, POWERLESS, SHAPED, UNTOUCHED
 
 HEADING = -1
-"""`limiting` when no obstacle, but the cos^2 psi of (22), asked most of the filter (E6)."""
+"""`limiting` where the cos^2 psi of (22), not an obstacle, has the largest part in I (E6)."""
 
 _H_MIN = 1e-9  # |h| is kept above this [m^2], so that 1/h^2 stays finite on the boundary
 _POWERLESS_BELOW = 1e-12  # of ||L_gB||^2
@@ -27,15 +27,15 @@ class Avoidance(NamedTuple):
     I: float
     """Growth of B under the nominal command (31)."""
     J: float
-    """Growth that is tolerated, K B + C (32)."""
+    """Tolerated growth, K B + C (32)."""
     h: float
     """Smallest h_i, the denominator of the barrier [m^2]; infinite without obstacles."""
     verdict: int
     """UNTOUCHED: I <= J. SHAPED: the input is added. POWERLESS: I > J but ||L_gB|| vanishes, no
-    input can change B along its gradient (E5); only the steering term acts. INVALID: a number
-    that is not finite came in, and the input is not one either; the command is a stop."""
+    input can change B along its gradient (E5); only the steering term acts. INVALID: an argument
+    is not finite, nor is the input; the command is a stop."""
     limiting: int
-    """Row of the obstacle that asked most of the filter, or HEADING; -1 while untouched."""
+    """Row of the obstacle with the largest part in I, or HEADING; -1 while untouched."""
 
 
 @jit_inline
@@ -56,7 +56,7 @@ def barrier(pose: Pose, nominal: Twist, discs: Floats, gains: Gains) -> Avoidanc
     (31) I = L_gB tau + (27),  (32) J = K B + C
     (33) u = 0 if I <= J, else -(I - J) / ||L_gB||^2 L_gB^T - [0, k_cbf tanh(1/h)]
 
-    pose, wish: world frame and body frame. discs: (n, 6), any n, read at columns X ... SAFE.
+    pose: world frame; nominal: body frame. discs: (n, 6), any n, read at columns X ... SAFE.
     The input is not bounded (E5) and h counts from the robot's centre (E7).
     """
     at = facing(pose.psi)

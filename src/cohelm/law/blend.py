@@ -1,4 +1,4 @@
-"""Who leads: authority from intent, and the blend of the two wishes (34)(43)(44)(47)(48)."""
+"""Authority from intent, and the blend of both commands (34)(43)(44)(47)(48)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every number and every choice of the law in one flat tuple, with the paper's values."""
+"""All parameters and options of the paper's law in one flat tuple, with its values."""
 
 from __future__ import annotations
 

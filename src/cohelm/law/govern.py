@@ -1,9 +1,9 @@
-"""The reference's own clock: it waits while the robot is held up, and resumes without a jump.
+"""Reference governor: its clock waits while the robot is held up, and resumes without a jump.
 
-The paper's reference runs on whatever happens (E12): a robot that was held back, by the filter
-or by the person, is dragged after a point far ahead, straight through what held it. Here the
-reference time tau has a rate between 0 and 1, governed by how far behind the robot is, by the
-curvature and clearance of the path ahead, and by who leads.
+The paper's reference runs on with time (E12): a robot that was held up, by the filter or by the
+operator, is then dragged after a point far ahead, straight through the obstacle. Here the reference
+time tau has a rate between 0 and 1, governed by how far behind the robot is, by the curvature and
+clearance of the path ahead, and by whether the operator leads.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from cohelm.core.scalars import is_finite, wrap
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.reference import Reference, evaluate
 
-_LOOKS = 48  # samples per round of the search for the nearest point, three rounds
+_SAMPLES = 48  # samples per round of the search for the nearest point, three rounds
 
 
 class PaceParams(NamedTuple):
-    """How the reference's clock is governed."""
+    """Parameters of the reference governor."""
 
     lateral: float = 1.5
     """Largest lateral acceleration v^2 kappa [m/s^2]."""
@@ -43,9 +43,9 @@ class PaceParams(NamedTuple):
     turn: float = 1.0
     """Heading error at which it waits, at most a quarter turn [rad]."""
     guide: float = 0.5
-    """Distance ahead that the robot steers at to come back onto the path [m]."""
+    """Lookahead distance for steering back onto the path [m]."""
     search: float = 2.0
-    """How far ahead the nearest point is looked for while the person leads [m]."""
+    """How far ahead the nearest point is searched while the operator leads [m]."""
     rise: float = 1.0
     """Fastest growth of the rate [1/s]."""
     fall: float = 4.0
@@ -53,10 +53,10 @@ class PaceParams(NamedTuple):
 
 
 class CourseClock(NamedTuple):
-    """Where the reference is, tau [s], and how fast it goes, d tau / d t in [0, 1].
+    """The reference time tau [s] and its rate d tau / d t in [0, 1].
 
-    waited: how long it has stood still, not at its end and not for a person [s]; when that is
-    long enough to look for another way is the caller's to say.
+    waited: how long it has stood still, other than at its end and while the operator leads [s];
+    the caller decides when to replan.
     """
 
     tau: float = 0.0
@@ -97,8 +97,8 @@ def profile(reference: Reference, clearance: Floats, pace: PaceParams) -> Profil
         room = (clearance[i] - pace.tight) / (pace.open - pace.tight)
         room = min(max(room, 0.0), 1.0) if room == room else 0.0
         v = min(v, pace.creep + room * max(reference.speed - pace.creep, 0.0))
-        way = math.hypot(m.x - x, m.y - y) if back > 0 else 0.0
-        v = min(v, math.sqrt(after * after + 2.0 * pace.deceleration * way))
+        distance = math.hypot(m.x - x, m.y - y) if back > 0 else 0.0
+        v = min(v, math.sqrt(after * after + 2.0 * pace.deceleration * distance))
         after, x, y = v, m.x, m.y
         rate[i] = min(v / spline, 1.0) if spline > v else 1.0
     return Profile(rate, duration)
@@ -126,11 +126,10 @@ def governed(reference: Reference, clock: CourseClock, pose: Pose, pace: PacePar
     """The desired pose, speed and yaw rate at the clock's time and rate, for the tracking law.
 
     u_d = rate ||S'|| and r_d = rate r_d(tau); at rate 0 the reference rests where it is. The
-    heading is turned towards the path by atan(e_y / guide), e_y the robot's lateral distance
-    (line-of-sight guidance): a robot beside a waiting reference would have no reason to move.
-    It is never more than a quarter turn from the robot's: (17) turns with the sine of the
-    difference, and would leave alone a robot that looks the other way.
-    """
+    heading is turned towards the path by atan(e_y / guide), e_y the cross-track error
+    (line-of-sight guidance), so that a robot beside a waiting reference moves. It is at most a
+    quarter turn from the robot's: (17) turns with the sine of the difference, which vanishes for a
+    robot that faces the other way."""
     m = evaluate(reference.knots, reference.coeffs, clock.tau)
     spline = math.sqrt(m.vx * m.vx + m.vy * m.vy)
     if spline < 1e-9:
@@ -146,49 +145,49 @@ def governed(reference: Reference, clock: CourseClock, pose: Pose, pace: PacePar
 
 @jit
 def govern(
-    clock: CourseClock, pose: Pose, reference: Reference, profile: Profile, leads: bool,
+    clock: CourseClock, pose: Pose, reference: Reference, profile: Profile, operator_leads: bool,
     pace: PaceParams, dt: float,
 ) -> CourseClock:  # fmt: skip
     """The clock one step of `dt` later.
 
-    The rate follows the profile, less the robot is behind (from `slack` to `lag`, along the
-    path) or turned away (up to `turn`), within `rise` and `fall`. While the person `leads` the
-    reference waits at the point ahead that is nearest to the robot, and its rate is that of the
-    robot's own progress, so that on release it takes over at the speed it finds; it never goes
-    back. A pose that is not finite makes it wait.
-    """
+    The rate follows the profile, less the robot is behind (from `slack` to `lag`, along the path)
+    or turned away (up to `turn`), within `rise` and `fall`. While the operator leads, the
+    reference waits at the nearest point ahead, and its rate is that of the robot's own progress, so
+    that it continues at this speed on release; it never goes back. A pose that is not finite makes
+    it wait."""
     sound = is_finite(pose.x) and is_finite(pose.y) and is_finite(pose.psi)
-    wanted = 0.0
+    target_rate = 0.0
     tau = clock.tau
-    if sound and leads:
+    if sound and operator_leads:
         tau = nearest_ahead(reference, pose, tau, pace.search)
-        wanted = min((tau - clock.tau) / dt, allowed(profile, tau))
+        target_rate = min((tau - clock.tau) / dt, allowed(profile, tau))
     elif sound:
         d = governed(reference, clock, pose, pace)
         m = evaluate(reference.knots, reference.coeffs, tau)
         spline = max(math.sqrt(m.vx * m.vx + m.vy * m.vy), 1e-9)
         behind = (m.vx * (m.x - pose.x) + m.vy * (m.y - pose.y)) / spline
         keeps_up = min(max((pace.lag - behind) / (pace.lag - pace.slack), 0.0), 1.0)
-        looks = min(max(2.0 - 2.0 * abs(wrap(d.psi - pose.psi)) / pace.turn, 0.0), 1.0)
-        wanted = allowed(profile, tau) * keeps_up * looks
-    rate = min(max(wanted, clock.rate - pace.fall * dt), clock.rate + pace.rise * dt)
+        aligned = min(max(2.0 - 2.0 * abs(wrap(d.psi - pose.psi)) / pace.turn, 0.0), 1.0)
+        target_rate = allowed(profile, tau) * keeps_up * aligned
+    rate = min(max(target_rate, clock.rate - pace.fall * dt), clock.rate + pace.rise * dt)
     rate = min(max(rate, 0.0), 1.0)
-    if not leads:
+    if not operator_leads:
         tau = min(tau + rate * dt, reference.knots[-1])
-    stands = rate < 0.02 and not leads and tau < reference.knots[-1]
+    stands = rate < 0.02 and not operator_leads and tau < reference.knots[-1]
     return CourseClock(tau, rate, clock.waited + dt if stands else 0.0)
 
 
 @jit
-def nearest_ahead(reference: Reference, pose: Pose, tau: float, far: float) -> float:
-    """The time of the path's point nearest to the robot, from tau to `far` metres ahead [s]."""
+def nearest_ahead(reference: Reference, pose: Pose, tau: float, distance: float) -> float:
+    """The time of the path's point nearest to the robot, from tau to `distance` metres ahead
+    [s]."""
     end = reference.knots[-1]
-    low, high = min(tau, end), min(tau + far / reference.speed, end)
+    low, high = min(tau, end), min(tau + distance / reference.speed, end)
     best = low
     for _ in range(3):
         nearest = math.inf
-        step = (high - low) / _LOOKS
-        for i in range(_LOOKS + 1):
+        step = (high - low) / _SAMPLES
+        for i in range(_SAMPLES + 1):
             t = low + step * i
             m = evaluate(reference.knots, reference.coeffs, t)
             square = (m.x - pose.x) * (m.x - pose.x) + (m.y - pose.y) * (m.y - pose.y)

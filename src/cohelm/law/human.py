@@ -1,4 +1,4 @@
-"""The person at the stick: wish, intent and passivity (35)-(46)."""
+"""The operator's stick: command, intent and passivity (35)-(46)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def limited(stick: Stick, gains: Gains) -> Stick:
 
 @jit_inline
 def human(stick: Stick, gains: Gains) -> Twist:
-    """The person's command tau_h, from a stick already `limited`.
+    """The operator's command tau_h, from a stick already `limited`.
 
     (45) v = k_hx x_h u_d with the fore-aft axis outside the band (also when both are: E8),
          v = k_hx u_d     with only the left-right axis outside it, else 0
@@ -65,5 +65,5 @@ def supplied_energy(energy: float, before: Stick, now: Stick, gains: Gains) -> f
 
 @jit_inline
 def finite(stick: Stick) -> bool:
-    """Whether both deflections are numbers: a stick that is not is not a centred stick."""
+    """Whether both deflections are finite; NaN is not a centred stick."""
     return is_finite(stick.x) and is_finite(stick.psi)

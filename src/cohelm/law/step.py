@@ -17,7 +17,7 @@ from cohelm.law.verdict import INVALID, UNTOUCHED
 
 
 class Step(NamedTuple):
-    """What one control step decided, and everything it decided it from."""
+    """The result of one control step, with all intermediate quantities."""
 
     safe_v: float
     """Commanded surge speed, first entry of U (49) [m/s]."""
@@ -28,7 +28,7 @@ class Step(NamedTuple):
     """tau_c, the tracking law's command (15)."""
     operator_v: float
     operator_omega: float
-    """tau_h, the person's command (38)."""
+    """tau_h, the operator's command (38)."""
     nominal_v: float
     nominal_omega: float
     """tau, the blend (34)."""
@@ -49,28 +49,30 @@ class Step(NamedTuple):
     verdict: int
     """UNTOUCHED, SHAPED, POWERLESS or INVALID, see `law.verdict`."""
     limiting: int
-    """Row of the obstacle that the filter acted for; -1 for none (or the heading term, E6)."""
+    """Row of the limiting obstacle; -1 for none (or the heading term, E6)."""
 
 
-class Hand(NamedTuple):
-    """What a deflection says, before anybody else is asked."""
+class OperatorCommand(NamedTuple):
+    """The operator's part of a control step."""
 
-    operator: Twist
+    twist: Twist
     """tau_h (38)."""
-    energy: Intent
+    intent: Intent
     """V_h (41)(42)."""
-    share: Authority
-    """K_c, what is left to the automatic controller."""
-    sound: bool
-    """Whether the deflection is a number: one that is not is not a centred stick."""
+    authority: Authority
+    """K_c, the share of the automatic controller."""
+    valid: bool
+    """Whether the deflection is finite; NaN is not a centred stick."""
 
 
 @jit_inline
-def hand_of(stick: Stick, gains: Gains) -> Hand:
-    """The person's part, from the stick as it came."""
-    hand = limited(stick, gains)
-    energy = intent(hand, gains)
-    return Hand(human(hand, gains), energy, authority(energy, gains), finite(stick))
+def operator_command(stick: Stick, gains: Gains) -> OperatorCommand:
+    """The operator's part, from the unlimited stick."""
+    stick_limited = limited(stick, gains)
+    energy = intent(stick_limited, gains)
+    return OperatorCommand(
+        human(stick_limited, gains), energy, authority(energy, gains), finite(stick)
+    )
 
 
 @jit_inline
@@ -82,36 +84,36 @@ def _avoidance(pose: Pose, tau: Twist, discs: Floats, gains: Gains) -> Avoidance
 
 
 @jit_inline
-def decided(tau_c: Twist, hand: Hand, tau: Twist, avoid: Avoidance) -> Step:
-    """U = tau + u (49), with all it came from; a standing command where any of it is no number."""
+def total_command(tau_c: Twist, operator: OperatorCommand, tau: Twist, avoid: Avoidance) -> Step:
+    """U = tau + u (49), with all intermediate quantities; zero where any is not finite."""
     v, omega = tau.v + avoid.input.v, tau.omega + avoid.input.omega
-    sound = is_finite(v) and is_finite(omega) and hand.sound
+    valid = is_finite(v) and is_finite(omega) and operator.valid
     return Step(
-        _or_0(sound, v), _or_0(sound, omega),
-        _or_0(sound, tau_c.v), _or_0(sound, tau_c.omega),
-        _or_0(sound, hand.operator.v), _or_0(sound, hand.operator.omega),
-        _or_0(sound, tau.v), _or_0(sound, tau.omega),
-        _or_0(sound, avoid.input.v), _or_0(sound, avoid.input.omega),
-        _or_0(sound, hand.share.x), _or_0(sound, hand.share.psi),
-        _or_0(sound, hand.energy.x), _or_0(sound, hand.energy.psi),
-        _or_0(sound, avoid.I), _or_0(sound, avoid.J), _or_0(sound, avoid.h),
-        avoid.verdict if sound else INVALID, avoid.limiting if sound else -1,
+        _or_0(valid, v), _or_0(valid, omega),
+        _or_0(valid, tau_c.v), _or_0(valid, tau_c.omega),
+        _or_0(valid, operator.twist.v), _or_0(valid, operator.twist.omega),
+        _or_0(valid, tau.v), _or_0(valid, tau.omega),
+        _or_0(valid, avoid.input.v), _or_0(valid, avoid.input.omega),
+        _or_0(valid, operator.authority.x), _or_0(valid, operator.authority.psi),
+        _or_0(valid, operator.intent.x), _or_0(valid, operator.intent.psi),
+        _or_0(valid, avoid.I), _or_0(valid, avoid.J), _or_0(valid, avoid.h),
+        avoid.verdict if valid else INVALID, avoid.limiting if valid else -1,
     )  # fmt: skip
 
 
 @jit_inline
 def control_step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gains: Gains) -> Step:
     """U = tau + u (49) from pose, reference, stick and obstacles; compiled code calls this one."""
-    hand = hand_of(stick, gains)
+    operator = operator_command(stick, gains)
     tau_c = track(pose, desired, gains)
-    tau = blend(tau_c, hand.operator, hand.share)
-    return decided(tau_c, hand, tau, _avoidance(pose, tau, discs, gains))
+    tau = blend(tau_c, operator.twist, operator.authority)
+    return total_command(tau_c, operator, tau, _avoidance(pose, tau, discs, gains))
 
 
 @jit_inline
-def _or_0(sound: bool, value: float) -> float:
-    """The value, or 0 where something that came in was not finite: stand still, and no NaN."""
-    return value if sound else 0.0
+def _or_0(valid: bool, value: float) -> float:
+    """The value, or 0 where an input was not finite."""
+    return value if valid else 0.0
 
 
 @jit

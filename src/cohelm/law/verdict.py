@@ -1,4 +1,4 @@
-"""Verdicts of every filter, in one list, so that records read alike."""
+"""Verdicts of all filters, as numbered in records."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 UNTOUCHED, SHAPED, POWERLESS, INVALID, BRAKING, STANDING = range(6)
 """UNTOUCHED: the nominal command passed. SHAPED: the filter changed it. POWERLESS: the paper's
-barrier alone, see there. INVALID: a number that is not finite came in. BRAKING, STANDING: the
+barrier alone, see there. INVALID: an argument was not finite. BRAKING, STANDING: the
 guard alone, nothing near the nominal command could be certified; the certified stop goes on, or
 the robot stands."""
 

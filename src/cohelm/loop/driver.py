@@ -12,8 +12,8 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import CENTRED, Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Profile, reversed_twist, turned
-from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
-from cohelm.law.guard.step import farthest
+from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
+from cohelm.law.guard.step import circumscribed_radius
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.reference import Reference, through
 from cohelm.link.latency_speed_limit import Cap
@@ -142,14 +142,14 @@ class Driver:
         """Use other zones, if the robot can still stop clear of them; returns whether it does.
         pose: None for a lost robot."""
         settings = self.settings
-        reach = farthest(settings.outline)
+        reach = circumscribed_radius(settings.outline)
         zones.reshape(settings.outline)
         if pose is not None:
             m = manoeuvre(pose, self._twist, settings.limits, settings.rules.dt, reach)
             m = m._replace(length=m.length + self.delay)  # the commands under way are driven first
             obstacles = surroundings(points=zones.points(pose))
             margin = settings.rules.hard_margin
-            if in_the_way(m, settings.outline, reach, obstacles, margin) != CLEAR:
+            if blocking_obstacle(m, settings.outline, reach, obstacles, margin) != CLEAR:
                 return False
         self.zones = zones
         return True

@@ -1,4 +1,4 @@
-"""What the robot is doing, in one list, so that records read alike."""
+"""The behaviors of the robot, as numbered in records."""
 
 FOLLOWING, LED, ESCAPING, EVADING = range(4)
-"""FOLLOWING its course; LED by the person; ESCAPING from a tight spot; EVADING somebody."""
+"""FOLLOWING its path; LED by the operator; ESCAPING: a recovery move; EVADING a mover."""

@@ -1,7 +1,7 @@
-"""Inflates the filter's margins for a robot that lives by its sensors, by what these may be wrong.
+"""Inflates the filter's margins by the position errors of a robot that drives by its sensors.
 
-The guard takes places to be as accurate as half of `clear` (docs/guard.md, assumptions 2 and 6).
-What they are worse by has to be added to it, and to all clearances that plans count on.
+The guard assumes positions accurate to half of `hard_margin` (docs/guard.md, assumptions 2 and 6).
+Larger errors have to be added to it, and to all clearances that plans use.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from cohelm.plan.path_planner import PathParams
 from cohelm.robot.model import RobotModel
 
 SLOP = 0.008
-"""How far a corner of the outline comes to be from where the guard foretold it, at most, on the
-physics twin as it comes: `benchmarks/twin.py` [m]."""
+"""Largest error of the guard's predicted position of an outline corner on the physics twin, by
+`benchmarks/twin.py` [m]."""
 
 
 def noise(model: RobotModel) -> float:
-    """How much nearer than it is seen a thing may be: one standard deviation of a range, of which
-    a surface near by is many beams' mean, and a post's width just one's; of the noisiest LiDAR, as
-    what a range sensor shows is told as near as it may be [m]."""
+    """How much nearer than measured an obstacle may be: one standard deviation of a range of the
+    noisiest LiDAR, since a post may be hit by one beam; range sensors already report the nearest
+    possible distance [m]."""
     return max((one.noise_m for one in model.lidars if not one.range_sensor), default=0.0)
 
 
 def inflated_rules(rules: Rules, off: float) -> Rules:
-    """Rules with room for what places are off by more: half of `clear` holds it [m]."""
+    """Rules with margins for a larger position error, which half of `hard_margin` covers [m]."""
     more = 2.0 * off
     return rules._replace(
         hard_margin=rules.hard_margin + more, soft_margin=rules.soft_margin + more
@@ -33,15 +33,12 @@ def inflated_rules(rules: Rules, off: float) -> Rules:
 
 
 def inflated(
-    settings: Settings,
-    path_params: PathParams,
-    replan_params: ReplanParams,
-    off: float,
+    settings: Settings, path_params: PathParams, replan_params: ReplanParams, off: float,
     noise: float,
-) -> tuple[Settings, PathParams, ReplanParams]:
-    """All that a pilot goes by, with that room; ways are as much wider as the guard keeps.
+) -> tuple[Settings, PathParams, ReplanParams]:  # fmt: skip
+    """Settings and parameters of a pilot with inflated margins, for paths as for the guard.
 
-    off: what places are off by more [m]; noise: how much of it is now there and now not [m].
+    off: additional position error [m]; noise: its part that varies from scan to scan [m].
     """
     more = 2.0 * off
     return (

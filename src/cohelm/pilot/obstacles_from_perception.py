@@ -1,4 +1,4 @@
-"""Turns what perception has seen into obstacles for filter and pilot."""
+"""Converts the result of perception to obstacles for filter and pilot."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _NO_WALLS: Floats = np.empty((0, 4))
 
 
 def obstacles_from_perception(seen: Seen, odom: Pose, points: Floats | None = None) -> Surroundings:
-    """What is seen, in the frame in which `odom` is at this pose.
+    """The obstacles of `seen`, in the frame in which `odom` is at this pose.
 
-    points: (p, 2), those of `seen`, where somebody has them in that frame already [m].
+    points: (p, 2), those of `seen` in that frame, if already transformed [m].
     """
     discs = seen.mobile.copy()
     discs[:, X : Y + 1] = placed(discs[:, X : Y + 1], odom)

@@ -17,7 +17,7 @@ from cohelm.pilot.flat import Flat, step_of
 from cohelm.pilot.replanning import Plan, ReplanParams, Task, entered, plan
 from cohelm.pilot.step import NO_MOVE, PATIENCE, START, Decision, PilotState, Settings, still
 from cohelm.plan.course import Course, Route, course, route
-from cohelm.plan.evasion.movers import nobody_watched
+from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.recovery import kind
 
@@ -67,7 +67,7 @@ class Pilot:
         self.state: PilotState = START
         self.course: Course = course(reference, 0, True, settings.pace)
         self.sent: Floats = np.zeros((whole, 2))
-        self.watched: Floats = nobody_watched()
+        self.mover_history: Floats = empty_mover_history()
         self.behavior = FOLLOWING
         self._safe: Twist | None = None
         self.refused_for = 0.0
@@ -93,17 +93,9 @@ class Pilot:
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step lets the reference jump no farther
         self._now = now
         self.state, decision = self._step(
-            self.state,
-            pose,
-            twist,
-            stick or CENTRED,
-            seen,
-            self.course,
-            dt,
-            self.sent,
-            self.watched,
-            min(fastest, self.settings.fastest),
-        )
+            self.state, pose, twist, stick or CENTRED, seen, self.course, dt, self.sent,
+            self.mover_history, min(fastest, self.settings.fastest),
+        )  # fmt: skip
         self.behavior = decision.behavior
         self._safe = Twist(decision.safe_v, decision.safe_omega)
         return decision

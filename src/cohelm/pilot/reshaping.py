@@ -1,4 +1,4 @@
-"""Takes up another outline of the robot while it drives, where it can stop with both of them."""
+"""Changes the outline of the robot while it drives, once it can stop safely with both outlines."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ _CERTIFIED = (Verdict.UNTOUCHED, Verdict.SHAPED)
 
 
 class Shape:
-    """The outline that the filter counts with."""
+    """The outline that the filter uses."""
 
     def __init__(self, outline: Floats, reshape: Callable[[Floats], None]) -> None:
-        """reshape: tells the filter."""
+        """reshape: sets the filter's outline."""
         self._now, self._next, self._reshape = outline, outline, reshape
 
     @property
     def outline(self) -> Floats:
-        """What counts."""
+        """The outline in use."""
         return self._now
 
     @property
     def told(self) -> Floats:
-        """What the robot said last: it alone will count."""
+        """The outline that the robot reported last, which will be used alone."""
         return self._next
 
     def take(self, outline: Floats | None) -> bool:
-        """What the robot says its outline is; None: nothing. Another one counts at once, and the
-        one before too. Returns whether it is another one."""
+        """Take the outline that the robot reports; None: none. A new one is used at once, together
+        with the one before. Returns whether it is new."""
         if outline is None or np.array_equal(outline, self._next):
             return False
         self._now = hull(np.vstack((self._now, outline)))
@@ -41,10 +41,10 @@ class Shape:
         return True
 
     def settle(self, verdict: Verdict, stands: bool) -> bool:
-        """After a period with it: whether both still count.
+        """After a period: whether both outlines are still in use.
 
-        The new one alone does as soon as the filter has certified a motion, and the braking after
-        it, for both; else when the robot stands.
+        The new one alone is used as soon as the filter has certified a motion, and the braking
+        after it, for both; else when the robot stands.
         """
         if self._next is self._now:
             return False

@@ -1,4 +1,4 @@
-"""Rolls out the tracking law along a course that begins beside the robot."""
+"""Rolls out the tracking law along a path that begins beside the robot."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from cohelm.plan.course import Course
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 
-_DT = 0.05  # a step of the foretold drive [s]
-_SPACING = 0.05  # between the poses that are kept [m, rad]
-_SLOWEST = 0.1  # what takes longer than at this speed is not looked at [m/s]
+_DT = 0.05  # of the rollout [s]
+_SPACING = 0.05  # between the poses returned [m, rad]
+_SLOWEST = 0.1  # bounds the number of steps [m/s]
 
 
 @jit
 def ahead(
     course: Course, clock: CourseClock, pose: Pose, twist: Twist, far: float, s: Settings
 ) -> Floats:
-    """Where a robot that follows a course will be, if nothing holds it up, (n, 3) [m, rad].
+    """Poses of a robot that follows a path without obstacles, (n, 3) [m, rad].
 
-    Back on a course from beside it, a robot cuts corners or swings out: how near it comes to
-    something is not told by the course alone. clock: of the course, now. far: how far it is
-    looked ahead [m]. The first pose is about 5 cm from here.
+    On its way back onto a path, a robot cuts corners or swings out, so the path's own clearance is
+    not enough. clock: of the path, now. far: length of the rollout [m]. The first pose is about
+    5 cm from here.
     """
     steps = int(far / _SLOWEST / _DT)
     poses, bounds = np.empty((steps, 3)), np.empty((WHEEL_ROWS, 4))

@@ -18,7 +18,7 @@ from cohelm.law.guard.rules import Rules, checked_rules
 from cohelm.law.guard.step import NOTHING, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
-from cohelm.pilot.delay_compensation import moved_on, periods
+from cohelm.pilot.delay_compensation import periods, predict_obstacles
 from cohelm.pilot.margin_inflation import SLOP, inflated_rules, noise
 from cohelm.robot.achievable import achievable
 from cohelm.robot.footprint import convex_outline
@@ -237,11 +237,11 @@ def _filtered(
         lasted = sent[j % d, 2]
         before = achievable(Twist(sent[j % d, 0], sent[j % d, 1]), before, limits, lasted)
         pose = arc(pose, before, lasted)
-    around = Surroundings(discs, max_acceleration, velocity_error, segments, points)
+    obstacles = Surroundings(discs, max_acceleration, velocity_error, segments, points)
     if len(discs) > 0:
-        around = moved_on(around, horizon)
+        obstacles = predict_obstacles(obstacles, horizon)
     nominal = Twist(v, omega) if known else Twist(math.nan, math.nan)
-    g = guard(pose, before, nominal, around, outline, limits, rules, False)
+    g = guard(pose, before, nominal, obstacles, outline, limits, rules, False)
     sent[k % d, 0], sent[k % d, 1] = g.v, g.omega
     count[0] = k + 1
     return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting

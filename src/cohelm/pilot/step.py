@@ -1,4 +1,4 @@
-"""One control step: the paper's Fig. 2, with a reference that waits and a filter that holds."""
+"""One control step: the paper's Fig. 2 with a reference governor, evasion, and the guard."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import desired
-from cohelm.law.step import control_step, decided, hand_of
+from cohelm.law.step import control_step, operator_command, total_command
 from cohelm.law.track import track
 from cohelm.pilot.behavior import ESCAPING, EVADING, FOLLOWING, LED
-from cohelm.pilot.delay_compensation import foreseen, moved_on
+from cohelm.pilot.delay_compensation import predict_obstacles, predict_robot
 from cohelm.plan.course import Course, nearest_row
 from cohelm.plan.evasion.evade import evade
 from cohelm.plan.evasion.params import NO_EVASION, Evasion, EvasionParams
@@ -28,7 +28,7 @@ NO_MOVE = RecoveryMove(0.0, 0.0, 0.0)
 
 
 class Settings(NamedTuple):
-    """All that stays the same from step to step."""
+    """Parameters of the control step."""
 
     outline: Floats
     """(k, 2), convex, counter-clockwise, body frame [m]."""
@@ -37,41 +37,41 @@ class Settings(NamedTuple):
     rules: Rules = Rules()
     pace: PaceParams = PaceParams()
     guarded: bool = True
-    """The guard filters, and the reference waits; else the paper's law as its gains say, with a
-    reference that runs on with time (E12)."""
+    """Whether the guard filters and the reference is governed; else the paper's law by its gains,
+    with a reference that runs on with time (E12)."""
     spline_speed: bool = False
     """Feed-forward without the guard (E10): the spline's own speed instead of u_d."""
     led_below: float = 0.5
-    """The person leads while the automatic share of some axis is below this."""
+    """The operator leads while the automatic share of some axis is below this."""
     recovery_speed: float = 0.4
-    """Of moves out of tight spots [m/s]."""
+    """Of recovery moves [m/s]."""
     recovery_yaw_rate: float = 1.0
     """[rad/s]"""
     fastest: float = math.inf
-    """What is asked for is slowed down to this, on the same arc [m/s]."""
+    """The nominal command is slowed down to this, on the same arc [m/s]."""
     evasion: EvasionParams = EvasionParams()
-    """How moving obstacles are evaded."""
+    """Of moving obstacles."""
     rest: float = 0.0
-    """What the delay from command to wheels is longer than whole control periods [s]."""
+    """Delay from command to wheels beyond whole control periods [s]."""
 
 
 class PilotState(NamedTuple):
-    """What the pilot has in mind between two steps."""
+    """State of the pilot between two steps."""
 
     k: int
     """Steps so far."""
     time: float
     """Since the first step [s]."""
     clock: CourseClock
-    """Of the course."""
+    """Of the path."""
     left: RecoveryMove
-    """What is left of a move out of a tight spot."""
+    """Rest of a recovery move."""
     row: int
-    """Row of the route that is behind for good."""
+    """Row of the route that has been passed."""
     held: float
-    """How long such a move has been held up [s]."""
+    """How long the recovery move has been held up [s]."""
     refused: int
-    """Kinds of moves, see `plan.recovery`, that were held up since the robot last got on."""
+    """Kinds of recovery moves, see `plan.recovery`, held up since the robot last made progress."""
     evasion: Evasion = NO_EVASION
 
 
@@ -86,10 +86,10 @@ class Decision(NamedTuple):
     """The command U (49) [m/s, rad/s]."""
     tracking_v: float
     tracking_omega: float
-    """tau_c, the tracking law's command (15), or the escape's."""
+    """tau_c, the command of tracking (15), recovery or evasion."""
     operator_v: float
     operator_omega: float
-    """tau_h, the person's command (38)."""
+    """tau_h, the operator's command (38)."""
     nominal_v: float
     nominal_omega: float
     """tau, the blend (34)."""
@@ -110,88 +110,100 @@ class Decision(NamedTuple):
     verdict: int
     """See `law.verdict`."""
     limiting: int
-    """What held the nominal command back: discs, then segments, then points of the surroundings;
-    -1 for nothing (or the barrier's heading term, E6)."""
+    """The limiting obstacle: discs, then segments, then points; -1 for none (or the barrier's
+    heading term, E6)."""
     clearance_seen: float
-    """Smallest clearance of the outline that the guard saw; infinite with nothing near [m]."""
+    """Smallest clearance of the outline in the guard; infinite with no obstacle near [m]."""
     change: float
     """Distance of the command from the blend in the guard's metric [m/s]."""
     behavior: int
     """FOLLOWING, LED, ESCAPING or EVADING."""
     tau: float
-    """The course's clock [s]."""
+    """The path's clock [s]."""
     rate: float
     """d tau / d t, in [0, 1]."""
     waited: float
-    """How long the clock has stood still though the way was not over [s]."""
+    """How long the clock has stood still before the end of the path [s]."""
     x_d: float
     y_d: float
     psi_d: float
     u_d: float
     r_d: float
-    """What was tracked (7)(10)."""
+    """The desired pose, speed and yaw rate that were tracked (7)(10)."""
 
 
 @jit
 def pilot_step(
-    state: PilotState, pose: Pose, twist: Twist, stick: Stick, around: Surroundings, course: Course,
-    line: Floats, s: Settings, dt: float, sent: Floats, watched: Floats,
+    state: PilotState, pose: Pose, twist: Twist, stick: Stick, obstacles: Surroundings,
+    course: Course, line: Floats, s: Settings, dt: float, sent: Floats, mover_history: Floats,
 ) -> tuple[PilotState, Decision]:  # fmt: skip
-    """One step: where the robot will be, what it follows, what the person wants, what is let by.
+    """One step: delay compensation, evasion or tracking, blending, filter.
 
-    pose, twist: now; around: as of now; all in one frame. stick: deflections in [-1, 1]. line:
+    pose, twist: now; obstacles: as of now; all in one frame. stick: deflections in [-1, 1]. line:
     (m, 2), the route. dt: time since the step before [s]. sent: (d, 2), commands under way, d
-    whole control periods from command to wheels; this one is written into it. watched: from
-    `nobody_watched`, what `evade` remembers of those that move; written into too.
+    whole control periods from command to wheels; this one is written into it. mover_history: of
+    `evade`, from `empty_mover_history`; written into too.
     """
-    then, before = foreseen(pose, twist, s.rest, sent, state.k, s.limits, s.rules.dt)
+    pose_ahead, twist_ahead = predict_robot(
+        pose, twist, s.rest, sent, state.k, s.limits, s.rules.dt
+    )
     delay = len(sent) * s.rules.dt + s.rest
-    things = moved_on(around, delay)
+    obstacles_ahead = predict_obstacles(obstacles, delay)
 
-    hand = hand_of(stick, s.gains)
-    led = min(hand.share.x, hand.share.psi) < s.led_below
-    left = NO_MOVE if led else state.left
+    operator = operator_command(stick, s.gains)
+    operator_leads = min(operator.authority.x, operator.authority.psi) < s.led_below
+    left = NO_MOVE if operator_leads else state.left
     recovering = left.distance != 0.0 or left.turn != 0.0
 
     evasion = NO_EVASION
-    if s.guarded and s.evasion.horizon > 0.0 and not led:
+    if s.guarded and s.evasion.horizon > 0.0 and not operator_leads:
         evasion = evade(
-            state.evasion, then, before, things, course, state.clock, s.outline, s.limits, s.gains,
-            s.rules, s.pace, _capped(s.evasion, s.fastest), watched,
+            state.evasion, pose_ahead, twist_ahead, obstacles_ahead, course, state.clock,
+            s.outline, s.limits, s.gains,
+            s.rules, s.pace, _speed_limited(s.evasion, s.fastest), mover_history,
         )  # fmt: skip
-    clock, target = _reference(state, then, course, led or evasion.on, recovering, s, dt)
+    clock, target = _reference(
+        state, pose_ahead, course, operator_leads or evasion.on, recovering, s, dt
+    )
     if evasion.on:
         tau_c, left, recovering = Twist(evasion.v, evasion.omega), NO_MOVE, False
     elif recovering:
         tau_c = recovery_twist(left, s.recovery_speed, s.recovery_yaw_rate, s.rules.dt)
     else:
-        tau_c = track(then, target, s.gains)
+        tau_c = track(pose_ahead, target, s.gains)
     clearance, change = math.inf, 0.0
     if s.guarded:
-        tau = _slowed(blend(tau_c, hand.operator, hand.share), s.fastest)
-        asked = tau if hand.sound else Twist(math.nan, math.nan)  # not a centred stick: brake
-        rules = _nearer(s.rules) if recovering else s.rules
-        passed = guard(then, before, asked, things, s.outline, s.limits, rules, evasion.on)
-        clearance, change = passed.clearance, passed.change
-        u = Twist(passed.v - tau.v, passed.omega - tau.omega)
-        step = decided(
-            tau_c, hand, tau,
-            Avoidance(u, 0.0, 0.0, math.inf, passed.verdict, passed.limiting),
+        tau = _slowed(blend(tau_c, operator.twist, operator.authority), s.fastest)
+        nominal = tau if operator.valid else Twist(math.nan, math.nan)  # not a centred stick: brake
+        rules = _to_hard_margin(s.rules) if recovering else s.rules
+        filtered = guard(
+            pose_ahead, twist_ahead, nominal, obstacles_ahead, s.outline, s.limits, rules,
+            evasion.on,
         )  # fmt: skip
-        v, omega = passed.v, passed.omega  # also when a number was none: it brakes
+        clearance, change = filtered.clearance, filtered.change
+        u = Twist(filtered.v - tau.v, filtered.omega - tau.omega)
+        step = total_command(
+            tau_c, operator, tau,
+            Avoidance(u, 0.0, 0.0, math.inf, filtered.verdict, filtered.limiting),
+        )  # fmt: skip
+        v, omega = filtered.v, filtered.omega  # also for INVALID: it brakes
     else:
-        step = control_step(then, target, stick, things.discs, s.gains)
+        step = control_step(pose_ahead, target, stick, obstacles_ahead.discs, s.gains)
         v, omega = step.safe_v, step.safe_omega
     d = len(sent)
     if d > 0:
         sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
     if recovering:
         left = rest(left, Twist(v, omega), s.rules.dt)
-    left, held, refused = _given_up(state, left, Twist(v, omega), clock.rate, dt)
-    row = nearest_row(line, pose, state.row, max(state.row + _AHEAD, course.row))
-    behavior = LED if led else (EVADING if evasion.on else (ESCAPING if recovering else FOLLOWING))
-    after = PilotState(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion)
-    return after, Decision(
+    left, held, refused = _recovery_progress(state, left, Twist(v, omega), clock.rate, dt)
+    row = nearest_row(line, pose, state.row, max(state.row + _ROWS_AHEAD, course.row))
+    behavior = (
+        LED
+        if operator_leads
+        else (EVADING if evasion.on else (ESCAPING if recovering else FOLLOWING))
+    )
+    next_state = PilotState(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion)
+    return next_state, Decision(
         v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
         step.nominal_v, step.nominal_omega, step.avoid_v, step.avoid_omega,
         step.authority_x, step.authority_psi, step.intent_x, step.intent_psi,
@@ -202,9 +214,9 @@ def pilot_step(
 
 
 @jit_inline
-def _nearer(rules: Rules) -> Rules:
-    """Moves out of tight spots are shaped to keep no more than is certified: along a wall nothing
-    else would let a corner turn."""
+def _to_hard_margin(rules: Rules) -> Rules:
+    """Recovery moves are shaped to the hard margin only: along a wall a corner could not turn with
+    the soft one."""
     return Rules(
         rules.dt, rules.hard_margin, rules.hard_margin, rules.deceleration_fraction,
         rules.steer_weight,
@@ -212,17 +224,17 @@ def _nearer(rules: Rules) -> Rules:
 
 
 @jit
-def _slowed(asked: Twist, fastest: float) -> Twist:
-    """The same arc, no faster than that."""
-    if abs(asked.v) > fastest:
-        share = fastest / abs(asked.v)
-        return Twist(asked.v * share, asked.omega * share)
-    return asked
+def _slowed(nominal: Twist, fastest: float) -> Twist:
+    """The same arc, no faster than `fastest`."""
+    if abs(nominal.v) > fastest:
+        share = fastest / abs(nominal.v)
+        return Twist(nominal.v * share, nominal.omega * share)
+    return nominal
 
 
 @jit_inline
-def _capped(e: EvasionParams, fastest: float) -> EvasionParams:
-    """An evasion is no faster than anything else may be."""
+def _speed_limited(e: EvasionParams, fastest: float) -> EvasionParams:
+    """The same parameters, no faster than `fastest`."""
     return EvasionParams(
         e.horizon, e.period, min(e.speed, fastest), e.yaw_rate, e.clearance, e.standing_growth,
         e.moving_growth, e.growth_per_speed, e.most_growth, e.social_clearance, e.risk_weight,
@@ -233,25 +245,26 @@ def _capped(e: EvasionParams, fastest: float) -> EvasionParams:
 
 
 PATIENCE = 0.4
-"""A move held up for longer is given up [s]."""
-_STILL = 0.01  # slower than this it is held up [m/s, rad/s]
-_GETS_ON = 0.5  # from this rate of the clock on the robot gets on
-_AHEAD = 20  # rows of the route within which the nearest is looked for
+"""A recovery move held up for longer is given up [s]."""
+_STILL = 0.01  # a slower recovery move is held up [m/s, rad/s]
+_PROGRESS_RATE = 0.5  # rate of the clock above which the robot makes progress
+_ROWS_AHEAD = 20  # rows of the route searched for the nearest
 
 
 @jit_inline
 def still(command: Twist) -> bool:
-    """Whether it moves nothing."""
+    """Whether a command practically stands."""
     return abs(command.v) < _STILL and abs(command.omega) < _STILL
 
 
 @jit
-def _given_up(
+def _recovery_progress(
     state: PilotState, left: RecoveryMove, command: Twist, rate: float, dt: float
 ) -> tuple[RecoveryMove, float, int]:
-    """What is left of a move, how long it has been held up, and the kinds that led nowhere."""
+    """The rest of a recovery move, how long it has been held up, and the kinds that were given
+    up."""
     if left.distance == 0.0 and left.turn == 0.0:
-        return NO_MOVE, 0.0, 0 if rate > _GETS_ON else state.refused
+        return NO_MOVE, 0.0, 0 if rate > _PROGRESS_RATE else state.refused
     held = state.held + dt if still(command) else 0.0
     if held > PATIENCE:
         return NO_MOVE, 0.0, state.refused | kind(left)
@@ -260,19 +273,14 @@ def _given_up(
 
 @jit
 def _reference(
-    state: PilotState,
-    pose: Pose,
-    course: Course,
-    led: bool,
-    recovering: bool,
-    s: Settings,
-    dt: float,
-) -> tuple[CourseClock, Desired]:
-    """The clock one step on, and what is desired then."""
+    state: PilotState, pose: Pose, course: Course, operator_leads: bool, recovering: bool,
+    s: Settings, dt: float,
+) -> tuple[CourseClock, Desired]:  # fmt: skip
+    """The clock one step later, and the desired pose then."""
     if not s.guarded:
         time = state.time
         return CourseClock(time, 1.0, 0.0), desired(course.reference, time, s.spline_speed)
     clock = state.clock
     if not recovering:
-        clock = govern(clock, pose, course.reference, course.paced, led, s.pace, dt)
+        clock = govern(clock, pose, course.reference, course.paced, operator_leads, s.pace, dt)
     return clock, governed(course.reference, clock, pose, s.pace)

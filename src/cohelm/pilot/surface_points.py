@@ -1,4 +1,4 @@
-"""Samples all that is near the robot as points on its surfaces, for planners."""
+"""Samples all obstacles near the robot as points on their surfaces, for planners."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NEAR = 1.5  # the robot's centre to a disc's surface [m]
 
 
 def surface_points(around: Surroundings, pose: Pose, far: float, apart: float = _APART) -> Floats:
-    """All that is within `far` of the robot as points on its surfaces, (p, 2) [m].
+    """All obstacles within `far` of the robot as points on their surfaces, (p, 2) [m].
 
     apart: from one point on a wall to the next [m].
     """
@@ -26,7 +26,7 @@ def surface_points(around: Surroundings, pose: Pose, far: float, apart: float = 
 
 @jit_inline
 def _ring(disc: Floats, pose: Pose) -> int:
-    """How many points stand for a disc: where a corner may have to pass, their chords matter."""
+    """How many points sample a disc: more for a near one, where chord errors matter."""
     r = disc[RADIUS]
     if math.hypot(disc[X] - pose.x, disc[Y] - pose.y) - r > _NEAR:
         return _ROUND

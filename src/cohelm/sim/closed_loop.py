@@ -25,7 +25,7 @@ from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
 from cohelm.pilot.replanning import ReplanParams, Task, apart
 from cohelm.pilot.step import START, PilotState, Settings, pilot_step
 from cohelm.plan.course import Course, course
-from cohelm.plan.evasion.movers import nobody_watched
+from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.zones import Zoned, Zones
 from cohelm.robot.port import Odometry, Readings, Scan
@@ -132,7 +132,7 @@ def stretches(
     if given.zones is not None:
         zones = Zoned(given.zones, settings.outline, settings.gains.u_d)
     m = len(scene.around.discs)
-    queue, sent, watched = np.zeros((delay, 2)), np.zeros((delay, 2)), nobody_watched()
+    queue, sent, mover_history = np.zeros((delay, 2)), np.zeros((delay, 2)), empty_mover_history()
     period = max(round(given.period / dt), 1)
     thinking = min(round(given.thinking / dt), period - 1)
     now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, False, False)
@@ -173,7 +173,7 @@ def stretches(
         part = out.part(written, written + upto - k)
         now, done = _advance(
             k, dt, now, current, number, planner.route.line, limited, scene, walls, queue, sent,
-            watched, part.rows, part.h, part.discs,
+            mover_history, part.rows, part.h, part.discs,
         )  # fmt: skip
         now = now._replace(told=seen)
         k, written = k + done, written + done
@@ -286,7 +286,7 @@ def known(t: float, told: Surroundings, walls: Floats, scene: Scene) -> Surround
 def _advance(
     first: int, dt: float, now: Now, course: Course, number: int, line: Floats, settings: Settings,
     scene: Scene, walls: Floats, queue: Floats, sent: Floats,
-    watched: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
+    mover_history: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> tuple[Now, int]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were."""
     robot, pilot, person, told = now.robot, now.pilot, now.person, now.told
@@ -305,19 +305,13 @@ def _advance(
         else:
             stick = replayed(scene.hands, k * dt)
         pilot, d = pilot_step(
-            pilot, pose, before, stick, around, course, line, settings, dt, sent, watched
+            pilot, pose, before, stick, around, course, line, settings, dt, sent, mover_history
         )
         led = d.behavior == LED
         robot, saturated = moved(
-            k,
-            dt,
-            robot,
-            Twist(d.safe_v, d.safe_omega),
-            stick,
-            settings.gains,
-            settings.limits,
+            k, dt, robot, Twist(d.safe_v, d.safe_omega), stick, settings.gains, settings.limits,
             queue,
-        )
+        )  # fmt: skip
         away = math.hypot(pose.x - scene.goal[0], pose.y - scene.goal[1])
         arrived = away < scene.near and pilot.row >= scene.done
         row = rows[j]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.mutation import Target, main
 
 _SUM = "a sum or difference is a number exactly where all its parts are"
-_EDGE = "a thing exactly at the edge of what can matter does not matter"
+_EDGE = "an obstacle exactly at the edge of what can matter does not matter"
 _EQUAL = (
     ("approach.py", "approach_rows", "x + y", "x - y", _SUM),
     ("approach.py", "approach_rows", "x + y + vx", "x + y - vx", _SUM),
@@ -18,10 +18,10 @@ _EQUAL = (
     ("approach.py", "_within", "x * x + y * y < far * far", "x * x + y * y <= far * far", _EDGE),
     ("approach.py", "approach_rows", "if _within(ax, ay, bx, by, far + reach):", "if True:",
      "`_wall_rows` writes none for a wall as far away as that"),
-    ("certify.py", "_clears_still", "if g < floor + grain:", "if True:",
-     "looks more often than it must"),
-    ("certify.py", "_clears_mover", "closing * (m.stop - t) <= g - clear",
-     "closing * (m.stop - t) < g - clear", "the next look, at the stop, finds just enough"),
+    ("certify.py", "_clears_static", "if g < floor + grain:", "if True:",
+     "checks more often than it must"),
+    ("certify.py", "_clears_mover", "closing * (m.stop - t) <= g - hard_margin",
+     "closing * (m.stop - t) < g - hard_margin", "the next check, at the stop, finds just enough"),
     ("contact.py", "contact", "1e-12 < far < math.inf", "1e-12 <= far < math.inf",
      "a clearance of 1e-12 m is a touch or none"),
     ("contact.py", "wall_clearance", "0.0 < wx * ex + wy * ey < square",
@@ -33,7 +33,7 @@ _EQUAL = (
     ("certify.py", "in_the_way", "dx * dx + dy * dy < (far + radius) * (far + radius)",
      "dx * dx + dy * dy <= (far + radius) * (far + radius)", _EDGE),
     ("contact.py", "overlap", "-1.0", "1.0",
-     "the way out that is told where there is none, or before any is found"),
+     "the way out that is returned where there is none, or before any is found"),
     ("project.py", "_interval", "1e-12 * (abs(cx) + abs(cy))", "1e-12 / (abs(cx) + abs(cy))",
      "the normals of all bounds are about 1 long"),
     ("approach.py", "_wall_rows", "0.0 < wx * ex + wy * ey < square",

@@ -6,8 +6,8 @@ from hypothesis import assume, given, strategies as st
 
 from cohelm.core.types import Pose, Twist
 from cohelm.law.guard.bounds import brake_steps, braked, coasting
-from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
-from cohelm.law.guard.step import farthest
+from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
+from cohelm.law.guard.step import circumscribed_radius
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from tests.law.guard.scenes import (
     SALLY,
@@ -47,9 +47,9 @@ def stopped_after(twist, lim):
 
 
 def certificate(outline, twist, lim, around, clear=0.015):
-    reach = farthest(outline)
+    reach = circumscribed_radius(outline)
     m = manoeuvre(Pose(0.0, 0.0, 0.0), twist, lim, DT, reach)
-    return in_the_way(m, outline, reach, around, clear)
+    return blocking_obstacle(m, outline, reach, around, clear)
 
 
 @given(outlines(), commands(), still_things())
@@ -71,7 +71,7 @@ def test_what_is_refused_comes_near_the_thing_that_is_named(outline, command, ar
         nearest = min(
             clearances(outline, pose, around)[thing] for pose in stopped_after(twist, lim)
         )
-        pace = abs(twist.v) + abs(twist.omega) * farthest(outline)
+        pace = abs(twist.v) + abs(twist.omega) * circumscribed_radius(outline)
         assert nearest <= 0.015 + pace * DT / FINE
 
 
@@ -153,7 +153,9 @@ def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_m
     assume(max_acceleration > 0.0 or off > 0.0 or state[2:].any())  # else it rests
     around = somebody(*oncomer)
     least = min(worst_gaps(outline, twist, lim, *oncomer))
-    pace = abs(twist.v) + abs(twist.omega) * farthest(outline) + np.hypot(*state[2:]) + off
+    pace = (
+        abs(twist.v) + abs(twist.omega) * circumscribed_radius(outline) + np.hypot(*state[2:]) + off
+    )
     stops = DT * (1 + len(braking(twist, lim, DT)))
     between = (pace + max_acceleration * stops) * DT / FINE
     now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
@@ -233,10 +235,10 @@ def test_from_who_comes_on_faster_than_the_robot_can_leave_it_does_not_move():
 
 def test_who_is_being_left_does_not_come_nearer_than_half_of_clear_between_two_steps():
     """Steps of 0.1 s: the corner swings past somebody, who is as far off after it as before."""
-    reach, backing = farthest(SALLY), Twist(-0.945, 0.0)
+    reach, backing = circumscribed_radius(SALLY), Twist(-0.945, 0.0)
     passing = surroundings([[0.352572, -0.459795, 0.782436, 0.024635, 0.155611, 0.2]])
     m = manoeuvre(Pose(0.0, 0.0, 0.0), backing, SALLY_LIMITS, 0.1, reach)
-    assert in_the_way(m, SALLY, reach, passing, 0.015) == 0
+    assert blocking_obstacle(m, SALLY, reach, passing, 0.015) == 0
 
 
 @given(outlines(), commands(), oncomers())
@@ -304,10 +306,10 @@ def test_where_in_the_world_all_this_happens_makes_no_difference():
         kind = rng.integers(4)
         here = thing(ends, drift, kind)
         there = thing(ends @ turn + np.array(pose[:2]), drift @ turn, kind)
-        reach = farthest(SALLY)
+        reach = circumscribed_radius(SALLY)
         a = manoeuvre(Pose(0.0, 0.0, 0.0), twist, SALLY_LIMITS, DT, reach)
         b = manoeuvre(pose, twist, SALLY_LIMITS, DT, reach)
-        was = in_the_way(a, SALLY, reach, here, 0.015)
-        assert was == in_the_way(b, SALLY, reach, there, 0.015)
+        was = blocking_obstacle(a, SALLY, reach, here, 0.015)
+        assert was == blocking_obstacle(b, SALLY, reach, there, 0.015)
         told.append((kind, was == CLEAR))
     assert len(set(told)) == 8

@@ -9,11 +9,11 @@ from hypothesis import assume, example, given, strategies as st
 
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard import approach as approaching
-from cohelm.law.guard.approach import approach, approach_rows, most_rows
+from cohelm.law.guard.approach import approach, approach_rows, max_rows
 from cohelm.law.guard.bounds import brake_steps, coasting, wheel_rows
 from cohelm.law.guard.certify import _near, _travelled, manoeuvre
-from cohelm.law.guard.project import NOBODY
-from cohelm.law.guard.step import NOTHING, Rules, farthest, guard, prepared
+from cohelm.law.guard.project import NO_OBSTACLE
+from cohelm.law.guard.step import NOTHING, Rules, circumscribed_radius, guard, prepared
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.robot.limits import Limits, unlimited
@@ -97,7 +97,7 @@ def test_what_is_not_limited_has_no_bound():
 @given(twists(ALL))
 def test_the_wheels_bounds_are_those_of_speed_and_of_one_steps_change(before):
     rows = bounds_of(before, ALL)
-    assert (rows[:, 3] == NOBODY).all()
+    assert (rows[:, 3] == NO_OBSTACLE).all()
     half = ALL.track / 2
     wanted = []
     for a, b, most, change in (
@@ -113,7 +113,7 @@ def test_the_wheels_bounds_are_those_of_speed_and_of_one_steps_change(before):
 
 @given(outlines())
 def test_the_farthest_corner_is_the_farthest(outline):
-    assert farthest(outline) == pytest.approx(np.hypot(*outline.T).max())
+    assert circumscribed_radius(outline) == pytest.approx(np.hypot(*outline.T).max())
 
 
 @given(twists(ALL), st.floats(0.0, 1.0))
@@ -139,8 +139,8 @@ def test_from_far_off_even_the_fastest_may_come_straight_on(speed, a, margin):
 
 
 def rows_of(pose: Pose, before: Twist, around: Surroundings, outline: np.ndarray) -> np.ndarray:
-    rows = np.full((most_rows(around, outline) + 2, 4), math.nan)
-    reach = farthest(outline)
+    rows = np.full((max_rows(around, outline) + 2, 4), math.nan)
+    reach = circumscribed_radius(outline)
     n, least = approach_rows(rows, 2, pose, before, around, outline, reach, ALL, DT, 0.03, 0.7)
     near = clearances(outline, pose, around)
     if n > 2 and near.min() > 0.0:
@@ -184,7 +184,7 @@ def test_what_has_no_bound_is_out_of_reach(outline, around, before):
     assume((near > 1e-6).all())
     left_out = sorted(set(range(len(near))) - set(rows[:, 3].astype(int)))
     body = ALL
-    fast = approaching._fastest(before, body, farthest(outline), DT)
+    fast = approaching._fastest(before, body, circumscribed_radius(outline), DT)
     a = 0.7 * min(ALL.acceleration, ALL.wheel_acceleration)
     for i in left_out:
         assert approach(near[i] - 0.03, a, DT) >= fast - 1e-9
@@ -193,7 +193,7 @@ def test_what_has_no_bound_is_out_of_reach(outline, around, before):
 @given(outlines(), still_things())
 def test_there_is_room_for_every_bound_and_for_no_more(outline, around):
     most = len(around.discs) + len(around.points) + len(around.segments) * (2 + len(outline))
-    assert most_rows(around, outline) == most
+    assert max_rows(around, outline) == most
 
 
 NUMBERS = {

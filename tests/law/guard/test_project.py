@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cohelm.core.types import Twist
-from cohelm.law.guard.project import _SLACK, NOBODY, project
+from cohelm.law.guard.project import _SLACK, NO_OBSTACLE, project
 
 numbers = st.floats(-3.0, 3.0)
 twists = st.builds(Twist, numbers, numbers)
@@ -74,20 +74,20 @@ def test_the_order_of_the_bounds_does_not_matter(nominal, rows, weight):
 @given(twists, bounds(), weights)
 def test_an_allowed_wish_comes_back_to_the_last_bit(nominal, rows, weight):
     kept = rows[rows[:, :2] @ np.array(nominal) >= rows[:, 2]]
-    assert project(nominal, kept.copy(), len(kept), weight) == (nominal, True, NOBODY)
+    assert project(nominal, kept.copy(), len(kept), weight) == (nominal, True, NO_OBSTACLE)
 
 
 @given(twists, bounds(), weights)
 def test_it_names_a_bound_that_holds_the_answer(nominal, rows, weight):
     got = project(nominal, rows.copy(), len(rows), weight)
-    if not got.feasible or got.owner == NOBODY:
+    if not got.feasible or got.owner == NO_OBSTACLE:
         return
     a_v, a_omega, b, _ = rows[got.owner]
     assert a_v * got.twist.v + a_omega * got.twist.omega == pytest.approx(b, abs=1e-9)
 
 
 def test_a_contradiction_is_blamed_on_the_obstacle_not_on_the_wheels():
-    rows = np.array([[-1.0, 0.0, 0.1, 7.0], [1.0, 0.0, 0.4, NOBODY]])
+    rows = np.array([[-1.0, 0.0, 0.1, 7.0], [1.0, 0.0, 0.4, NO_OBSTACLE]])
     for order in (rows, rows[::-1]):
         got = project(Twist(1.0, 0.0), order.copy(), 2, 0.5)
         assert (got.feasible, got.owner) == (False, 7)
@@ -108,7 +108,7 @@ def test_the_obstacle_is_named_whatever_the_size_of_its_bound(most):
 
 
 def test_the_obstacle_is_named_where_the_wheels_hold_the_answer_too():
-    rows = np.array([[-1.0, -0.4, -0.5, 5.0], [0.0, -1.0, -0.5, NOBODY]])
+    rows = np.array([[-1.0, -0.4, -0.5, 5.0], [0.0, -1.0, -0.5, NO_OBSTACLE]])
     for order in (rows, rows[::-1]):
         got = project(Twist(2.0, 3.0), order.copy(), 2, 5.0)
         assert (got.twist, got.owner) == (pytest.approx(Twist(0.3, 0.5)), 5)

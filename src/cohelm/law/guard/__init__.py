@@ -1,6 +1,6 @@
 """The guard: the bounded, footprint-exact, certified filter from nominal command to wheels.
 
-`contact` where the outline is nearest to something; `bounds` what the wheels can do in one
-step; `project` the least change of the nominal command; `certify` whether the robot can still stop
-clear of everything; `step` the four in order.
+`contact` finds the nearest point of the outline, `bounds` and `approach` the velocity bounds,
+`project` the least change of the nominal command within them, `certify` whether the robot can still
+stop clear of everything; `step` runs them in order.
 """

@@ -1,4 +1,4 @@
-"""Velocity bounds from each obstacle: do not approach it faster than you can stop."""
+"""Velocity bounds from each obstacle: do not approach it faster than the robot can stop."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cohelm.robot.limits import Limits
 
 @jit
 def approach(h: float, deceleration: float, dt: float) -> float:
-    """alpha(h): the approach speed from which a clearance h [m] is enough to stop, one step on.
+    """alpha(h): the approach speed from which clearance h [m] is enough to stop, one step later.
 
     h = alpha T + alpha^2 / (2 a); without a limit of deceleration the whole clearance in one step.
     """
@@ -27,88 +27,92 @@ def approach(h: float, deceleration: float, dt: float) -> float:
 
 
 @jit
-def most_rows(around: Surroundings, outline: Floats) -> int:
-    """The most rows that `approach_rows` writes."""
-    return len(around.discs) + len(around.points) + len(around.segments) * (len(outline) + 2)
+def max_rows(obstacles: Surroundings, outline: Floats) -> int:
+    """Upper bound of the number of rows that `approach_rows` writes."""
+    return (
+        len(obstacles.discs) + len(obstacles.points) + len(obstacles.segments) * (len(outline) + 2)
+    )
 
 
 @jit
 def approach_rows(
-    rows: Floats, first: int, pose: Pose, before: Twist, around: Surroundings, outline: Floats,
-    reach: float, limits: Limits, dt: float, margin: float, caution: float,
+    rows: Floats, first: int, pose: Pose, before: Twist, obstacles: Surroundings, outline: Floats,
+    reach: float, limits: Limits, dt: float, margin: float, deceleration_fraction: float,
 ) -> tuple[int, float]:  # fmt: skip
-    """Append a row of `project` for each contact that could matter; how many rows there are
-    then, and the least clearance. -1 rows if a disc or segment is not a number.
+    """Append a row of `project` for each relevant contact; returns the number of rows then, and
+    the smallest clearance. -1 rows if a disc or segment is not finite.
 
     reach: the outline's farthest corner [m].
     """
-    a = caution * min(limits.acceleration, limits.wheel_acceleration)
+    a = deceleration_fraction * min(limits.acceleration, limits.wheel_acceleration)
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    fast = _fastest(before, limits, reach, dt)
-    n, least = first, math.inf
-    far = _far(fast, a, dt, margin)
-    discs = around.discs.shape[0]
+    outline_speed = _outline_speed(before, limits, reach, dt)
+    n, min_clearance = first, math.inf
+    far = _far(outline_speed, a, dt, margin)
+    discs = obstacles.discs.shape[0]
     for i in range(discs):
-        x, y, vx, vy, radius = _disc(around.discs, i)
-        off = around.velocity_error[i]
-        if not is_finite(x + y + vx + vy + radius + around.max_acceleration[i] + off):
+        x, y, vx, vy, radius = _disc(obstacles.discs, i)
+        velocity_error = obstacles.velocity_error[i]
+        if not is_finite(x + y + vx + vy + radius + obstacles.max_acceleration[i] + velocity_error):
             return -1, math.inf
         dx, dy = x - pose.x, y - pose.y
-        speed = math.sqrt(vx * vx + vy * vy) + off
-        reached = reach + radius + (far if speed == 0.0 else _far(fast + speed, a, dt, margin))
+        speed = math.sqrt(vx * vx + vy * vy) + velocity_error
+        reached = (
+            reach + radius + (far if speed == 0.0 else _far(outline_speed + speed, a, dt, margin))
+        )
         if dx * dx + dy * dy < reached * reached:
             p = contact(outline, c * dx + s * dy, -s * dx + c * dy)
             clearance = p.clearance - radius
-            least = min(least, clearance)
-            toward = p.nx * (c * vx + s * vy) + p.ny * (-s * vx + c * vy) + off
+            min_clearance = min(min_clearance, clearance)
+            toward = p.nx * (c * vx + s * vy) + p.ny * (-s * vx + c * vy) + velocity_error
             _row(rows, n, p, min(toward - approach(clearance - margin, a, dt), 0.0), i)
             n += 1
-    walls = around.segments
-    for i in range(walls.shape[0]):
-        if not is_finite(walls[i, 0] + walls[i, 1] + walls[i, 2] + walls[i, 3]):
+    segments = obstacles.segments
+    for i in range(segments.shape[0]):
+        if not is_finite(segments[i, 0] + segments[i, 1] + segments[i, 2] + segments[i, 3]):
             return -1, math.inf
-        dx, dy = walls[i, 0] - pose.x, walls[i, 1] - pose.y
-        ex, ey = walls[i, 2] - pose.x, walls[i, 3] - pose.y
+        dx, dy = segments[i, 0] - pose.x, segments[i, 1] - pose.y
+        ex, ey = segments[i, 2] - pose.x, segments[i, 3] - pose.y
         ax, ay = c * dx + s * dy, -s * dx + c * dy
         bx, by = c * ex + s * ey, -s * ex + c * ey
         if _within(ax, ay, bx, by, far + reach):
             last = n
             n = _wall_rows(rows, n, outline, ax, ay, bx, by, far, discs + i)
-            for k in range(last, n):  # they hold their clearance yet
-                least = min(least, rows[k, 2])
+            for k in range(last, n):  # column 2 still holds the clearance
+                min_clearance = min(min_clearance, rows[k, 2])
                 rows[k, 2] = -approach(rows[k, 2] - margin, a, dt)
-    points = discs + walls.shape[0]
+    points = discs + segments.shape[0]
     far += reach
-    for i in range(around.points.shape[0]):
-        dx, dy = around.points[i, 0] - pose.x, around.points[i, 1] - pose.y
+    for i in range(obstacles.points.shape[0]):
+        dx, dy = obstacles.points[i, 0] - pose.x, obstacles.points[i, 1] - pose.y
         if dx * dx + dy * dy < far * far:  # never for NaN
             p = contact(outline, c * dx + s * dy, -s * dx + c * dy)
-            least = min(least, p.clearance)
+            min_clearance = min(min_clearance, p.clearance)
             _row(rows, n, p, -approach(p.clearance - margin, a, dt), points + i)
             n += 1
-    return n, least
+    return n, min_clearance
 
 
 @jit_inline
 def _disc(discs: Floats, i: int) -> tuple[float, float, float, float, float]:
-    """One row, without a view of it, which would be counted."""
+    """One row, without a view of it, which would be reference-counted."""
     return discs[i, X], discs[i, Y], discs[i, VX], discs[i, VY], discs[i, RADIUS]
 
 
 @jit
-def _fastest(before: Twist, limits: Limits, reach: float, dt: float) -> float:
-    """The fastest any point of the outline can be one step on [m/s]."""
+def _outline_speed(before: Twist, limits: Limits, reach: float, dt: float) -> float:
+    """Largest speed of any point of the outline one step later [m/s]."""
     dv = min(limits.acceleration, limits.wheel_acceleration) * dt
     domega = min(limits.yaw_acceleration, 2.0 * limits.wheel_acceleration / limits.track) * dt
-    fast = min(abs(before.v) + dv, limits.speed, limits.wheel_speed)
+    outline_speed = min(abs(before.v) + dv, limits.speed, limits.wheel_speed)
     if reach > 0.0:  # 0 x inf
-        fast += reach * min(abs(before.omega) + domega, limits.yaw_rate)
-    return fast
+        outline_speed += reach * min(abs(before.omega) + domega, limits.yaw_rate)
+    return outline_speed
 
 
 @jit
 def _far(speed: float, a: float, dt: float, margin: float) -> float:
-    """The clearance beyond which nothing at this closing speed can break a bound [m]."""
+    """The clearance beyond which no obstacle at this closing speed can violate a bound [m]."""
     stopping = 0.0 if a == math.inf else speed * speed / (2.0 * a)
     return margin + speed * dt + stopping
 
@@ -127,8 +131,9 @@ def _wall_rows(
     rows: Floats, n: int, outline: Floats, ax: float, ay: float, bx: float, by: float, far: float,
     owner: int,
 ) -> int:  # fmt: skip
-    """A wall's two ends against the outline, and the outline's corners against the wall; if
-    they cross, the shortest way out. Rows with the clearance in place of b; how many there are."""
+    """Rows of a segment's ends against the outline and of the outline's corners against the
+    segment; if they cross, of the shortest way out. The clearance stands in place of b. Returns
+    the number of rows."""
     out = overlap(outline, ax, ay, bx, by)
     if out.clearance < 0.0:
         _row(rows, n, out, out.clearance, owner)

@@ -6,22 +6,22 @@ import math
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Twist
-from cohelm.law.guard.project import NOBODY
+from cohelm.law.guard.project import NO_OBSTACLE
 from cohelm.robot.achievable import braking_time
 from cohelm.robot.limits import Limits
 
 WHEEL_ROWS = 8
-"""The most rows that `wheel_rows` writes."""
+"""Upper bound of the number of rows that `wheel_rows` writes."""
 
-_INSIDE = 1.0 + 1e-12  # braking takes this much longer than it could, so that none rounds past
+_INSIDE = 1.0 + 1e-12  # braking takes longer by this factor, so that rounding exceeds no limit
 
 
 @jit
 def wheel_rows(rows: Floats, before: Twist, limits: Limits, dt: float) -> int:
     """Write the bounds on the next twist as rows a_v v + a_omega omega >= b of `project`.
 
-    Speed and acceleration of body, yaw and either wheel. Returns how many rows there are; what
-    is not limited has none.
+    Speed and acceleration of body, yaw and either wheel. Returns the number of rows; an infinite
+    limit has none.
     """
     half = 0.5 * limits.track
     left, right = before.v - half * before.omega, before.v + half * before.omega
@@ -36,27 +36,27 @@ def _pair(rows: Floats, n: int, a: float, b: float, now: float, most: float, cha
     """-most <= a v + b omega <= most, and within `change` of `now`."""
     low, high = max(-most, now - change), min(most, now + change)
     if low > -math.inf:
-        rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3] = a, b, low, NOBODY
+        rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3] = a, b, low, NO_OBSTACLE
         n += 1
     if high < math.inf:
-        rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3] = -a, -b, -high, NOBODY
+        rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3] = -a, -b, -high, NO_OBSTACLE
         n += 1
     return n
 
 
 @jit
 def brake_steps(twist: Twist, limits: Limits, dt: float) -> float:
-    """How many control steps of full braking on constant curvature it takes to stand still.
+    """Control steps of full braking at constant curvature until standstill.
 
-    Each step takes the same share of `twist` off both wheels, 1 / brake_steps; the last one
-    takes what is left. 0 without acceleration limits. After one step it is one less.
+    Each step reduces both wheels by the same share of `twist`, 1 / brake_steps; the last one by
+    the rest. 0 without acceleration limits. After one step it is one less.
     """
     return _INSIDE * braking_time(twist, limits) / dt
 
 
 @jit
 def braked(before: Twist, limits: Limits, dt: float) -> Twist:
-    """The twist one step of full braking after `before`, curvature kept."""
+    """The twist after one step of full braking from `before`, at constant curvature."""
     steps = brake_steps(before, limits, dt)
     if steps > 1.0:  # never for NaN
         share = 1.0 - 1.0 / steps
@@ -66,7 +66,7 @@ def braked(before: Twist, limits: Limits, dt: float) -> Twist:
 
 @jit
 def coasting(twist: Twist, limits: Limits, dt: float) -> float:
-    """How long `twist` would have to be held to go as far as braking from it does [s].
+    """How long `twist` would have to be held to travel the braking distance from it [s].
 
     Sum over the braking steps of dt (1 - k / n), k = 1, 2, ... while k < n.
     """

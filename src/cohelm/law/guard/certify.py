@@ -1,4 +1,4 @@
-"""The certificate: hold a twist for one step, then brake, and nothing is touched on the way."""
+"""The certificate: holding a twist for one step, then braking, touches nothing on the way."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps, coasting
 from cohelm.law.guard.contact import point_clearance, wall_clearance
-from cohelm.law.guard.surroundings import Surroundings, rests, strayed
+from cohelm.law.guard.surroundings import Surroundings, is_static, position_bound
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 
 CLEAR = -1
-"""Nothing is in the way."""
+"""No obstacle blocks the manoeuvre."""
 
-_MOST = 10_000  # looks along one manoeuvre; more is refused
+_MAX_CHECKS = 10_000  # along one manoeuvre; a manoeuvre that needs more is rejected
 
 
 class Manoeuvre(NamedTuple):
@@ -27,10 +27,10 @@ class Manoeuvre(NamedTuple):
     dt: float
     """How long the twist is held [s]."""
     length: float
-    """Time for which holding the twist would go as far as the whole manoeuvre [s]."""
+    """Time after which holding the twist would have travelled as far as the whole manoeuvre [s]."""
     steps: float
     """Control steps that the braking takes."""
-    pace: float
+    max_speed: float
     """Largest speed of any point of the outline while the twist is held [m/s]."""
     stop: float
     """When the robot stands [s]."""
@@ -38,7 +38,7 @@ class Manoeuvre(NamedTuple):
 
 @jit
 def manoeuvre(pose: Pose, twist: Twist, limits: Limits, dt: float, reach: float) -> Manoeuvre:
-    """The manoeuvre that a command is certified by. reach: the outline's farthest corner [m]."""
+    """The manoeuvre that certifies a command. reach: the outline's farthest corner [m]."""
     steps = brake_steps(twist, limits, dt)
     return Manoeuvre(
         pose, twist, dt, dt + coasting(twist, limits, dt), steps,
@@ -47,72 +47,76 @@ def manoeuvre(pose: Pose, twist: Twist, limits: Limits, dt: float, reach: float)
 
 
 @jit
-def in_the_way(
-    m: Manoeuvre, outline: Floats, reach: float, around: Surroundings, clear: float
+def blocking_obstacle(
+    m: Manoeuvre, outline: Floats, reach: float, obstacles: Surroundings, hard_margin: float
 ) -> int:
-    """The first thing that the manoeuvre does not stay clear of, or CLEAR.
+    """The first obstacle that the manoeuvre does not stay clear of, or CLEAR.
 
-    Counted as in `Surroundings`: discs, then segments, then points.
+    Numbered as in `Surroundings`: discs, then segments, then points.
 
-    Things are looked at by conservative advancement: a clearance g at one moment can not fall
-    below `clear` / 2 before the outline, at its largest pace, and the thing, at its own, have
-    covered g - clear / 2; that is where the next look is. So the clearance is at least `clear` / 2
-    at every instant of the manoeuvre, not only at sampled ones. What starts nearer than that may
-    come no nearer, if it rests; one that can move holds the robot where it stands.
-    """
-    if m.pace == 0.0:
-        return CLEAR  # standing still meets nothing that does not come to it
-    far = reach + m.pace * m.length + clear
-    discs = around.discs.shape[0]
+    Conservative advancement: a clearance g can not fall below hard_margin / 2 before outline and
+    obstacle, each at its largest speed, have covered g - hard_margin / 2; the next check is then.
+    So the clearance is at least hard_margin / 2 at every instant of the manoeuvre, not only at
+    sampled ones. A static obstacle that starts nearer must not come nearer; one that can move
+    keeps the robot at rest."""
+    if m.max_speed == 0.0:
+        return CLEAR  # a standing robot hits nothing
+    far = reach + m.max_speed * m.length + hard_margin
+    discs = obstacles.discs.shape[0]
     for i in range(discs):
-        x, y, radius = around.discs[i, X], around.discs[i, Y], around.discs[i, RADIUS]
-        vx, vy = around.discs[i, VX], around.discs[i, VY]
-        most, off = around.max_acceleration[i], around.velocity_error[i]
-        if rests(around, i):
+        x, y, radius = obstacles.discs[i, X], obstacles.discs[i, Y], obstacles.discs[i, RADIUS]
+        vx, vy = obstacles.discs[i, VX], obstacles.discs[i, VY]
+        max_acceleration, velocity_error = (
+            obstacles.max_acceleration[i],
+            obstacles.velocity_error[i],
+        )
+        if is_static(obstacles, i):
             dx, dy = x - m.pose.x, y - m.pose.y
             near = dx * dx + dy * dy < (far + radius) * (far + radius)
-            if near and not _clears_still(m, outline, x, y, x, y, radius, clear):
+            if near and not _clears_static(m, outline, x, y, x, y, radius, hard_margin):
                 return i
-        elif not _clears_mover(m, outline, reach, x, y, vx, vy, radius, most, off, clear):
+        elif not _clears_mover(
+            m, outline, reach, x, y, vx, vy, radius, max_acceleration, velocity_error, hard_margin
+        ):
             return i
-    for i in range(around.segments.shape[0]):
-        ax, ay = around.segments[i, 0], around.segments[i, 1]
-        bx, by = around.segments[i, 2], around.segments[i, 3]
+    for i in range(obstacles.segments.shape[0]):
+        ax, ay = obstacles.segments[i, 0], obstacles.segments[i, 1]
+        bx, by = obstacles.segments[i, 2], obstacles.segments[i, 3]
         near = _near(m.pose, ax, ay, bx, by, far)
-        if near and not _clears_still(m, outline, ax, ay, bx, by, 0.0, clear):
+        if near and not _clears_static(m, outline, ax, ay, bx, by, 0.0, hard_margin):
             return discs + i
-    for i in range(around.points.shape[0]):
-        x, y = around.points[i, 0], around.points[i, 1]
+    for i in range(obstacles.points.shape[0]):
+        x, y = obstacles.points[i, 0], obstacles.points[i, 1]
         dx, dy = x - m.pose.x, y - m.pose.y
         near = dx * dx + dy * dy < far * far  # never for NaN
-        if near and not _clears_still(m, outline, x, y, x, y, 0.0, clear):
-            return discs + around.segments.shape[0] + i
+        if near and not _clears_static(m, outline, x, y, x, y, 0.0, hard_margin):
+            return discs + obstacles.segments.shape[0] + i
     return CLEAR
 
 
 @jit
-def _clears_still(
+def _clears_static(
     m: Manoeuvre, outline: Floats, ax: float, ay: float, bx: float, by: float, radius: float,
-    clear: float,
+    hard_margin: float,
 ) -> bool:  # fmt: skip
-    """A thing at rest, a segment with a radius: only the arc matters, not when the robot is where.
+    """A static obstacle, a segment with a radius: only the arc matters, not the timing on it.
 
-    A look is no nearer to the last one than a grain of the outline's way. Between two looks a
-    grain apart the clearance can dip by half of that, so the floor lies that much above clear / 2;
-    and where that can be, there is also a look wherever the next command may come in. So every
-    command finds at least the floor, or what the first one found, and repeated ones can not
-    creep below. 1e-12 m is arithmetic.
+    Two checks are at least a grain of the outline's travel apart. Between them the clearance can
+    dip by half a grain, so the floor lies that much above hard_margin / 2; where this can happen,
+    the moments at which the next command may come in are checked too. So every command finds at
+    least the floor, or what the first one found, and repeated commands can not creep below it.
+    1e-12 m is rounding.
     """
-    grain = 0.125 * clear
-    floor = 0.5 * clear + 0.5 * grain
+    grain = 0.125 * hard_margin
+    floor = 0.5 * hard_margin + 0.5 * grain
     g = _clearance_at(m.pose, outline, ax, ay, bx, by) - radius
-    allowed = clear if g >= clear else min(floor, g)
+    allowed = hard_margin if g >= hard_margin else min(floor, g)
     s, k = 0.0, 1
-    for _ in range(_MOST):
+    for _ in range(_MAX_CHECKS):
         left = m.length - s
-        if left <= 0.0 or m.pace * left <= g - floor:
+        if left <= 0.0 or m.max_speed * left <= g - floor:
             return True
-        ahead = s + max(g - floor, grain) / m.pace
+        ahead = s + max(g - floor, grain) / m.max_speed
         if g < floor + grain:
             while _travelled(m, k * m.dt) <= s:
                 k += 1
@@ -127,7 +131,7 @@ def _clears_still(
 
 @jit
 def _travelled(m: Manoeuvre, t: float) -> float:
-    """How long the twist would have to be held to be where the manoeuvre is at time t [s]."""
+    """How long the twist would have to be held to travel as far as the manoeuvre by time t [s]."""
     if t <= m.dt:
         return t
     if t >= m.stop:
@@ -141,59 +145,69 @@ def _travelled(m: Manoeuvre, t: float) -> float:
 @jit
 def _clears_mover(
     m: Manoeuvre, outline: Floats, reach: float,
-    x0: float, y0: float, vx: float, vy: float, radius: float, most: float, off: float,
-    clear: float,
+    x0: float, y0: float, vx: float, vy: float, radius: float, max_acceleration: float,
+    velocity_error: float,
+    hard_margin: float,
 ) -> bool:  # fmt: skip
-    """A moving disc, until the robot stands: it keeps its velocity up to off t + most t^2 / 2.
+    """A moving disc, until the robot stands: it is within velocity_error t + max_acceleration
+    t^2 / 2 of its course.
 
-    Where the next command may come in while it is nearer than `clear`, there is a look too, so
-    that only a robot that stood finds one as near: see `_leaves`.
-    """
-    closing = m.pace + math.sqrt(vx * vx + vy * vy) + off + most * m.stop
+    The moments at which the next command may come in while it is nearer than hard_margin are
+    checked too, so that only a robot that stood finds one as near: see `_moves_away`."""
+    closing = (
+        m.max_speed + math.sqrt(vx * vx + vy * vy) + velocity_error + max_acceleration * m.stop
+    )
     g = _clearance_at(m.pose, outline, x0, y0, x0, y0) - radius
-    if g < clear:
-        if g < 0.5625 * clear:  # the floor of `_clears_still`
+    if g < hard_margin:
+        if g < 0.5625 * hard_margin:  # the floor of `_clears_static`
             return False
-        return _leaves(m, outline, x0, y0, vx, vy, radius, most, off, clear, g, closing)
+        return _moves_away(
+            m, outline, x0, y0, vx, vy, radius, max_acceleration, velocity_error, hard_margin, g,
+            closing,
+        )  # fmt: skip
     t = 0.0
-    for _ in range(_MOST):
-        grown = radius + strayed(off, most, t)
+    for _ in range(_MAX_CHECKS):
+        grown = radius + position_bound(velocity_error, max_acceleration, t)
         x, y = x0 + vx * t, y0 + vy * t
         pose = arc(m.pose, m.twist, _travelled(m, t))
         dx, dy = x - pose.x, y - pose.y
         g = math.sqrt(dx * dx + dy * dy) - reach - grown
-        if g < clear:  # the circle around the outline is too coarse
+        if g < hard_margin:  # the circle around the outline is too coarse
             g = _clearance_at(pose, outline, x, y, x, y) - grown
-        if g < clear:
+        if g < hard_margin:
             return False
-        if closing * (m.stop - t) <= g - clear:
+        if closing * (m.stop - t) <= g - hard_margin:
             return True
-        doubtful = math.ceil((t + (g - clear) / closing) / m.dt - 1e-9)
-        command = m.dt * max(doubtful, math.floor(t / m.dt + 1e-9) + 1)
-        t = min(t + (g - 0.5 * clear) / closing, command, m.stop)
+        soonest = math.ceil((t + (g - hard_margin) / closing) / m.dt - 1e-9)
+        command = m.dt * max(soonest, math.floor(t / m.dt + 1e-9) + 1)
+        t = min(t + (g - 0.5 * hard_margin) / closing, command, m.stop)
     return False
 
 
 @jit
-def _leaves(
+def _moves_away(
     m: Manoeuvre, outline: Floats,
-    x0: float, y0: float, vx: float, vy: float, radius: float, most: float, off: float,
-    clear: float, allowed: float, closing: float,
+    x0: float, y0: float, vx: float, vy: float, radius: float, max_acceleration: float,
+    velocity_error: float,
+    hard_margin: float, allowed: float, closing: float,
 ) -> bool:  # fmt: skip
-    """Whether a moving disc that is nearer than `clear`, by `allowed`, comes no nearer at any step.
+    """Whether a moving disc whose clearance `allowed` is below hard_margin comes no nearer at any
+    step.
 
-    Between two looks the clearance stays above clear / 2. Every step is a look, since the next
-    command may come in there, and finds what it finds.
+    Between two checks the clearance stays above hard_margin / 2. Every step is a check, since the
+    next command may come in there.
     """
     end = max(m.stop - m.dt, m.dt)  # in the last step of braking it stands
     t, k = 0.0, 1
-    for _ in range(_MOST):
-        g = _grown_clearance(m, outline, x0, y0, vx, vy, radius, most, off, t)
+    for _ in range(_MAX_CHECKS):
+        g = _grown_clearance(
+            m, outline, x0, y0, vx, vy, radius, max_acceleration, velocity_error, t
+        )
         if g < allowed - 1e-12:
             return False
         if t >= end:
             return True
-        t = min(t + (g - 0.5 * clear) / closing, end)
+        t = min(t + (g - 0.5 * hard_margin) / closing, end)
         if t >= k * m.dt:
             t, k = k * m.dt, k + 1
     return False
@@ -202,17 +216,21 @@ def _leaves(
 @jit
 def _grown_clearance(
     m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
-    most: float, off: float, t: float,
+    max_acceleration: float, velocity_error: float, t: float,
 ) -> float:  # fmt: skip
-    """The clearance to a moving disc at time t of the manoeuvre, at least [m]."""
+    """Lower bound of the clearance to a moving disc at time t of the manoeuvre [m]."""
     pose = arc(m.pose, m.twist, _travelled(m, t))
     x, y = x0 + vx * t, y0 + vy * t
-    return _clearance_at(pose, outline, x, y, x, y) - radius - strayed(off, most, t)
+    return (
+        _clearance_at(pose, outline, x, y, x, y)
+        - radius
+        - position_bound(velocity_error, max_acceleration, t)
+    )
 
 
 @jit
 def _near(pose: Pose, ax: float, ay: float, bx: float, by: float, far: float) -> bool:
-    """Whether a segment comes nearer to the robot's origin than `far`."""
+    """Whether a segment is nearer to the robot's origin than `far` [m]."""
     ex, ey = bx - ax, by - ay
     wx, wy = pose.x - ax, pose.y - ay
     square = ex * ex + ey * ey

@@ -14,10 +14,10 @@ from cohelm.core.types import Floats
 
 
 class NearestPoint(NamedTuple):
-    """The nearest point of the outline to something outside.
+    """The nearest point of the outline to an obstacle.
 
     clearance [m], negative inside. (qx, qy): the outline's point [m]. (nx, ny): unit vector from
-    the thing to the robot, the direction in which the robot gets away.
+    the obstacle to the robot, in which the clearance grows.
     """
 
     clearance: float
@@ -29,7 +29,7 @@ class NearestPoint(NamedTuple):
 
 @jit
 def contact(outline: Floats, px: float, py: float) -> NearestPoint:
-    """The contact with a point; inside, the way out is through the nearest edge."""
+    """The contact with a point; inside the outline, through the nearest edge."""
     k = outline.shape[0]
     best, qx, qy = math.inf, 0.0, 0.0
     dot = True

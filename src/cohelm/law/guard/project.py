@@ -8,17 +8,17 @@ from typing import NamedTuple
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Twist
 
-NOBODY = -1
-"""Owner of a bound that no obstacle sets: what the wheels can do."""
+NO_OBSTACLE = -1
+"""Owner of a bound that no obstacle sets: the wheels' own limits."""
 
-_SLACK = 1e-12  # of a bound that counts as kept
-_CONTRADICTION = 1e-9  # by which two bounds may miss each other
+_SLACK = 1e-12  # relative violation up to which a bound counts as kept
+_CONTRADICTION = 1e-9  # tolerance of two bounds that exclude each other
 
 
 class Projection(NamedTuple):
-    """The nearest allowed twist; feasible is False where the bounds contradict each other, and
-    then the twist is worth nothing. owner: the obstacle whose bound it lies on, or that is part of
-    the contradiction; NOBODY if it is the wheels alone."""
+    """The nearest allowed twist; not feasible where the bounds contradict each other, and the
+    twist is meaningless then. owner: the obstacle whose bound is active, or that is part of the
+    contradiction; NO_OBSTACLE if it is the wheels alone."""
 
     twist: Twist
     feasible: bool
@@ -29,20 +29,20 @@ class Projection(NamedTuple):
 def project(nominal: Twist, rows: Floats, n: int, steer_weight: float) -> Projection:
     """Minimise (v - v_w)^2 + w^2 (omega - omega_w)^2 subject to a_v v + a_omega omega >= b.
 
-    rows: (>= n, 4), the first n are used, and put in another order: a_v, a_omega, b, owner.
-    steer_weight: w > 0 [m]; large keeps the steering of the nominal command and gives way in
-    speed, small the reverse. A nominal command that is allowed comes back to the last bit.
+    rows: (>= n, 4), the first n are used, and reordered: a_v, a_omega, b, owner. steer_weight:
+    w > 0 [m]; large keeps the steering of the nominal command and reduces speed, small the
+    reverse. An allowed nominal command is returned bit for bit.
 
-    Seidel's incremental scheme, the most broken bound next: the answer for that bound and all
-    before it lies on its line, at the foot of the nominal command, cut to the interval that those
-    before leave. A handful of passes over the rows in practice.
+    Seidel's incremental scheme, the most violated bound next: the solution for that bound and all
+    before it is the projection of the nominal command onto its line, clipped to the interval that
+    those before leave. A handful of passes over the rows in practice.
     """
     v, omega = nominal.v, nominal.omega
     x0, y0 = nominal.v, nominal.omega * steer_weight  # the metric is Euclidean in (v, w omega)
     for m in range(n):
-        worst = _most_broken(rows, m, n, v, omega)
+        worst = _most_violated(rows, m, n, v, omega)
         if worst < 0:
-            return Projection(Twist(v, omega), True, _holder(rows, m, v, omega))
+            return Projection(Twist(v, omega), True, _active_owner(rows, m, v, omega))
         for column in range(4):
             rows[m, column], rows[worst, column] = rows[worst, column], rows[m, column]
         ax, ay, b = rows[m, 0], rows[m, 1] / steer_weight, rows[m, 2]
@@ -56,39 +56,39 @@ def project(nominal: Twist, rows: Floats, n: int, steer_weight: float) -> Projec
             return Projection(Twist(v, omega), False, _last_owner(rows, m))
         s = min(max(ax * y0 - ay * x0, low), high)
         v, omega = b * ax - s * ay, (b * ay + s * ax) / steer_weight
-    return Projection(Twist(v, omega), True, _holder(rows, n, v, omega))
+    return Projection(Twist(v, omega), True, _active_owner(rows, n, v, omega))
 
 
 @jit
-def _most_broken(rows: Floats, first: int, n: int, v: float, omega: float) -> int:
-    """The row from `first` on that (v, omega) breaks by the most, -1 if it keeps them all."""
-    worst, most = -1, 0.0
+def _most_violated(rows: Floats, first: int, n: int, v: float, omega: float) -> int:
+    """The row from `first` on that (v, omega) violates most, -1 if it satisfies all."""
+    worst, largest = -1, 0.0
     for i in range(first, n):
         b = rows[i, 2]
-        missing = b - rows[i, 0] * v - rows[i, 1] * omega
-        if missing > most and missing > _SLACK * (1.0 + abs(b)):
-            worst, most = i, missing
+        violation = b - rows[i, 0] * v - rows[i, 1] * omega
+        if violation > largest and violation > _SLACK * (1.0 + abs(b)):
+            worst, largest = i, violation
     return worst
 
 
 @jit
-def _holder(rows: Floats, m: int, v: float, omega: float) -> int:
-    """The obstacle among the first m rows whose bound the answer lies on."""
+def _active_owner(rows: Floats, m: int, v: float, omega: float) -> int:
+    """The obstacle among the first m rows whose bound is active."""
     for j in range(m - 1, -1, -1):
         b = rows[j, 2]
-        spare = rows[j, 0] * v + rows[j, 1] * omega - b
-        if rows[j, 3] != NOBODY and spare <= _CONTRADICTION * (1.0 + abs(b)):
+        slack = rows[j, 0] * v + rows[j, 1] * omega - b
+        if rows[j, 3] != NO_OBSTACLE and slack <= _CONTRADICTION * (1.0 + abs(b)):
             return int(rows[j, 3])
-    return NOBODY
+    return NO_OBSTACLE
 
 
 @jit
 def _last_owner(rows: Floats, m: int) -> int:
     """The last obstacle among the rows up to the m-th."""
     for j in range(m, -1, -1):
-        if rows[j, 3] != NOBODY:
+        if rows[j, 3] != NO_OBSTACLE:
             return int(rows[j, 3])
-    return NOBODY
+    return NO_OBSTACLE
 
 
 @jit
@@ -100,12 +100,12 @@ def _interval(
     for j in range(m):
         cx, cy = rows[j, 0], rows[j, 1] / steer_weight
         slope = cy * ax - cx * ay
-        missing = rows[j, 2] - b * (cx * ax + cy * ay)
+        violation = rows[j, 2] - b * (cx * ax + cy * ay)
         if abs(slope) <= 1e-12 * (abs(cx) + abs(cy)):  # parallel
-            if missing > _CONTRADICTION * (1.0 + abs(rows[j, 2])):
+            if violation > _CONTRADICTION * (1.0 + abs(rows[j, 2])):
                 return math.inf, -math.inf
         elif slope > 0.0:
-            low = max(low, missing / slope)
+            low = max(low, violation / slope)
         else:
-            high = min(high, missing / slope)
+            high = min(high, violation / slope)
     return low, high

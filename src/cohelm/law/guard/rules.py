@@ -1,4 +1,4 @@
-"""How careful the guard is, and what it is handed once: checked when it is made."""
+"""Parameters of the guard, and checks of its rules and outline."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from cohelm.robot.footprint import convex_outline
 
 
 class Rules(NamedTuple):
-    """How careful the guard is."""
+    """Parameters of the guard."""
 
     dt: float = 0.02
     """Time between two commands [s]."""
     soft_margin: float = 0.03
-    """Gap that the nominal command is shaped to keep [m]."""
+    """Clearance that the nominal command is shaped to keep [m]."""
     hard_margin: float = 0.015
-    """Gap that the certificate keeps at its looks, and half of it in between; greater than 0, at
-    most soft_margin, larger than the sensing error that is not in the obstacles' radii [m]."""
+    """Clearance that the certificate keeps at its checks, and half of it in between; greater than
+    0, at most soft_margin, larger than the sensing error that is not in the obstacles' radii
+    [m]."""
     deceleration_fraction: float = 0.7
     """Share of the full deceleration that shaping counts on, in (0, 1]."""
     steer_weight: float = 0.5
-    """How dear steering is beside speed in the least change [m]: large keeps the person's
+    """Weight of steering against speed in the least change [m]: large keeps the operator's
     steering and slows down, small the reverse."""
 
 
 def checked_rules(rules: Rules) -> Rules:
-    """The same rules, as floats. Raises CohelmError where one makes no sense."""
+    """The same rules, as floats. Raises CohelmError for a value out of range."""
     try:
         made = Rules._make(float(value) for value in rules)
     except (TypeError, ValueError) as error:
@@ -51,7 +52,7 @@ def checked_rules(rules: Rules) -> Rules:
 
 
 def checked_outline(corners: ArrayLike) -> Floats:
-    """As `convex_outline`; besides, a robot of no size: one corner, however often."""
+    """As `convex_outline`, and a point robot too: one corner, possibly repeated."""
     try:
         given = np.array(corners, dtype=np.float64)
     except (TypeError, ValueError):

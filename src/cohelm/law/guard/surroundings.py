@@ -1,4 +1,4 @@
-"""What the guard must not touch, in one tuple of arrays, all in one frame."""
+"""The obstacles that the guard keeps clear of: one tuple of arrays, all in one frame."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from cohelm.core.types import VX, VY, Floats
 
 
 class Surroundings(NamedTuple):
-    """Everything the robot could hit, in the frame that its pose is given in.
+    """All obstacles, in the frame of the robot's pose.
 
-    discs: (n, 6), columns as in `core.types`; a disc moves on with its velocity. max_acceleration:
-    (n,), the largest acceleration each disc is assumed to be capable of [m/s^2]; 0 for one that
-    surely keeps its velocity, a standing one with 0 will never move. velocity_error: (n,), by how
-    much its velocity may be another one already [m/s]: t later it is within velocity_error t +
-    max_acceleration t^2 / 2 of where that brings it. segments: (m, 4), walls x1, y1, x2, y2 [m].
-    points: (p, 2), such as LiDAR returns [m].
+    discs: (n, 6), columns as in `core.types`, each moving with its velocity. max_acceleration:
+    (n,), assumed largest acceleration of each disc [m/s^2]; 0 for one that keeps its velocity, so
+    a standing one with 0 never moves. velocity_error: (n,), error bound of its velocity [m/s]:
+    t later the disc is within velocity_error t + max_acceleration t^2 / 2 of its course.
+    segments: (m, 4), walls x1, y1, x2, y2 [m]. points: (p, 2), such as LiDAR returns [m].
 
-    A point that is not finite is a beam that hit nothing; a disc or wall that is not finite is
-    something wrong, and the guard brakes. Things are counted through: discs, segments, points.
+    A point that is not finite is a beam without a return; a disc or segment that is not finite is
+    an error, and the guard brakes. Obstacles are numbered: discs, then segments, then points.
     """
 
     discs: Floats
@@ -34,48 +33,45 @@ class Surroundings(NamedTuple):
 
 
 @jit_inline
-def rests(around: Surroundings, i: int) -> bool:
-    """Whether disc i stands, and surely will."""
-    still = around.discs[i, VX] == 0.0 and around.discs[i, VY] == 0.0
-    return still and around.max_acceleration[i] == 0.0 and around.velocity_error[i] == 0.0
+def is_static(obstacles: Surroundings, i: int) -> bool:
+    """Whether disc i stands, and will not move."""
+    still = obstacles.discs[i, VX] == 0.0 and obstacles.discs[i, VY] == 0.0
+    return still and obstacles.max_acceleration[i] == 0.0 and obstacles.velocity_error[i] == 0.0
 
 
 @jit_inline
-def strayed(off: float, most: float, t: float) -> float:
-    """How far from its course a disc may be t later, with that velocity_error and max_acceleration
-    [m]."""
-    return (off + 0.5 * most * t) * t
+def position_bound(velocity_error: float, max_acceleration: float, t: float) -> float:
+    """How far from its course a disc may be t later [m]."""
+    return (velocity_error + 0.5 * max_acceleration * t) * t
 
 
 def surroundings(
-    discs: ArrayLike | None = None,
-    max_acceleration: ArrayLike | None = None,
-    segments: ArrayLike | None = None,
-    points: ArrayLike | None = None,
+    discs: ArrayLike | None = None, max_acceleration: ArrayLike | None = None,
+    segments: ArrayLike | None = None, points: ArrayLike | None = None,
     velocity_error: ArrayLike | None = None,
-) -> Surroundings:
-    """Surroundings from what there is; discs without a given largest acceleration keep their
-    velocity, and without a given error have the stated one.
+) -> Surroundings:  # fmt: skip
+    """Surroundings from any of these; discs without max_acceleration keep their velocity, and
+    without velocity_error have exactly the stated one.
 
-    Raises CohelmError where the shapes do not fit: compiled code would read past the end.
+    Raises CohelmError for wrong shapes: compiled code would read past the end.
     """
     d = _rows("discs", discs, 6)
     return Surroundings(
-        d, _one_each("max_acceleration", max_acceleration, len(d)),
-        _one_each("velocity_error", velocity_error, len(d)),
+        d, _per_disc("max_acceleration", max_acceleration, len(d)),
+        _per_disc("velocity_error", velocity_error, len(d)),
         _rows("segments", segments, 4), _rows("points", points, 2),
     )  # fmt: skip
 
 
-def _one_each(name: str, given: ArrayLike | None, n: int) -> Floats:
-    made = np.zeros(n) if given is None else _array(given)
+def _per_disc(name: str, values: ArrayLike | None, n: int) -> Floats:
+    made = np.zeros(n) if values is None else _array(values)
     if made.shape != (n,):
         raise CohelmError(f"{name} needs one number per disc, {n}, got shape {made.shape}")
     return made
 
 
-def _rows(name: str, given: ArrayLike | None, width: int) -> Floats:
-    rows = np.empty((0, width)) if given is None else _array(given)
+def _rows(name: str, values: ArrayLike | None, width: int) -> Floats:
+    rows = np.empty((0, width)) if values is None else _array(values)
     if rows.size == 0:
         return rows.reshape(0, width)
     if rows.ndim != 2 or rows.shape[1] != width:
@@ -83,5 +79,5 @@ def _rows(name: str, given: ArrayLike | None, width: int) -> Floats:
     return rows
 
 
-def _array(given: ArrayLike) -> Floats:
-    return np.ascontiguousarray(given, dtype=np.float64)
+def _array(values: ArrayLike) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64)

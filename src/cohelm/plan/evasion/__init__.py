@@ -1,7 +1,7 @@
 """Evades moving obstacles: goes round, lets pass, backs off or steps aside.
 
-`params` what can be set and what is being done, `movers` who matters and how he goes on, `standing`
-the distance to what stands, `case` all that candidates are held against, `risk` how near movers
-will be, `candidates` the motions to choose from, `foretold` a motion foretold and its cost, `evade`
-the choice.
+`params` has the parameters and the state, `movers` the relevant movers and their accelerations,
+`static_obstacles` a grid of distances to static obstacles, `context` all that candidates are
+evaluated against, `risk` the risk near predicted movers, `candidates` the motions to choose from,
+`predicted_motion` the rollout of a motion and its cost, `evade` the choice.
 """

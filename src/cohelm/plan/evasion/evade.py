@@ -1,13 +1,12 @@
 """Evades moving obstacles: goes round, lets pass, backs off or steps aside, a few seconds ahead.
 
-The safety filter promises that the robot hits nothing while it moves, and stands where it can not
-promise that; so it can be walked into. Here the command that the filter is given is chosen such
-that this rarely comes to pass. First the course is foretold as it would be driven. Only if somebody
-would come near on it, motions of two pieces are sampled over forward, backward, turning and waiting
-(the dynamic window approach of Fox, Burgard and Thrun 1997, with time). Each is held against where
-everybody will be: with the acceleration that was seen to last, and with doubt that grows. The best
-one whose first step the filter certifies is asked for. It is a nominal command as any other: the
-filter has the last word.
+The safety filter guarantees that a moving robot hits nothing, and stands where it can not certify
+a motion; then it can be walked into. This chooses the nominal command such that this is rare. First
+path following is rolled out. Only if a mover comes near on it, motions of two pieces are sampled
+over forward, backward, turning and waiting (the dynamic window approach of Fox, Burgard and Thrun
+1997, with time). Each is evaluated against the predicted movers, with their estimated accelerations
+and growing uncertainty. The cheapest whose first step the filter certifies becomes the nominal
+command; the filter has the last word.
 """
 
 from __future__ import annotations
@@ -20,74 +19,77 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
-from cohelm.law.guard.certify import CLEAR, in_the_way, manoeuvre
-from cohelm.law.guard.step import Rules, farthest
+from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
+from cohelm.law.guard.step import Rules, circumscribed_radius
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.track import track
 from cohelm.plan.course import Course
-from cohelm.plan.evasion.candidates import candidates, fees_of, floors_of, twist_now
-from cohelm.plan.evasion.case import Case, case_at
-from cohelm.plan.evasion.foretold import Foretold, leg, whole
-from cohelm.plan.evasion.movers import foreseen, noted
+from cohelm.plan.evasion.candidates import candidates, extra_costs, first_twist, lower_bounds
+from cohelm.plan.evasion.context import EvasionContext, context_at
+from cohelm.plan.evasion.movers import relevant_movers, updated_history
 from cohelm.plan.evasion.params import STEP, Evasion, EvasionParams
+from cohelm.plan.evasion.predicted_motion import PredictedMotion, motion_cost, roll_out_piece
 from cohelm.plan.evasion.risk import clearance_at, spare_at, trajectories
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 
-_TRIES = 8  # so many of the best are tried for one that is certified
-_NEARLY = 0.4  # what is so much worse than the best is not looked at to its end [m]
+_TRIES = 8  # of the cheapest motions, until one is certified
+_COST_GAP = 0.4  # a motion worse than the best by this is abandoned [m]
 
 
 @jit
 def evade(
-    was: Evasion, pose: Pose, twist: Twist, around: Surroundings, course: Course,
+    last: Evasion, pose: Pose, twist: Twist, obstacles: Surroundings, course: Course,
     clock: CourseClock, outline: Floats, limits: Limits, gains: Gains, rules: Rules,
     pace: PaceParams, e: EvasionParams,
-    watched: Floats,
+    history: Floats,
 ) -> Evasion:  # fmt: skip
-    """What to do about moving obstacles, from now on for `e.period`.
+    """The evasion for the next `e.period`.
 
-    pose, twist: when the next command takes effect; around: as of then. watched: from
-    `nobody_watched`, written into.
+    pose, twist: when the next command takes effect; obstacles: as of then. history: from
+    `empty_mover_history`, written into.
     """
-    if was.left > 0:
-        return Evasion(was.on, was.v, was.omega, was.then, was.turns, was.after, was.left - 1)
-    reach = farthest(outline)
-    seen = noted(watched, around, e.period)
-    watched[: len(seen)] = seen
-    watched[len(seen) :] = math.nan
-    movers, who = foreseen(around, seen, pose, reach, limits, e)
+    if last.left > 0:
+        return Evasion(
+            last.on, last.v, last.omega, last.then, last.turns, last.after, last.left - 1,
+        )  # fmt: skip
+    reach = circumscribed_radius(outline)
+    updated = updated_history(history, obstacles, e.period)
+    history[: len(updated)] = updated
+    history[len(updated) :] = math.nan
+    movers, count = relevant_movers(obstacles, updated, pose, reach, limits, e)
     ahead = trajectories(movers, reach, e)
-    they, go = movers[:who], ahead[:, :who]
-    if who == 0 or _follows(
-        go, they, pose, twist, course, clock, outline, reach, limits, gains, pace, e
-    ):
-        return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, _steps(e, rules) - 1)
-    case = case_at(ahead, movers, around, pose, course, clock, outline, reach, limits, e)
-    return _best(was, case, pose, twist, around, limits, rules, e)
+    moving, moving_ahead = movers[:count], ahead[:, :count]
+    if count == 0 or _path_is_clear(
+        moving_ahead, moving, pose, twist, course, clock, outline, reach, limits, gains, pace, e,
+    ):  # fmt: skip
+        return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, _steps_per_period(e, rules) - 1)
+    context = context_at(ahead, movers, obstacles, pose, course, clock, outline, reach, limits, e)
+    return _cheapest(last, context, pose, twist, obstacles, limits, rules, e)
 
 
 @jit
-def _steps(e: EvasionParams, rules: Rules) -> int:
-    """Control steps from one look to the next."""
+def _steps_per_period(e: EvasionParams, rules: Rules) -> int:
+    """Control steps between two evaluations."""
     return max(int(e.period / rules.dt + 0.5), 1)
 
 
 @jit
-def _follows(
+def _path_is_clear(
     ahead: Floats, movers: Floats, pose: Pose, twist: Twist, course: Course, clock: CourseClock,
-    outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams, e: EvasionParams,
+    outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams,
+    e: EvasionParams,
 ) -> bool:  # fmt: skip
-    """Whether following the course as it is meets nobody who moves within the horizon."""
+    """Whether following the path keeps clear of all movers within the horizon."""
     t, k = 0.0, 0
     while t < e.horizon:
-        near = clearance_at(ahead[k], movers, outline, reach, pose, t, 9.0, 1.0, 0.0)
-        if near < e.social_clearance:
+        clearance = clearance_at(ahead[k], movers, outline, reach, pose, t, 9.0, 1.0, 0.0)
+        if clearance < e.social_clearance:
             return False
         if t <= e.certified_for:
-            spare = spare_at(ahead[k], movers, outline, reach, pose, twist, t, limits, e)
-            if spare <= e.static_clearance:
+            slack = spare_at(ahead[k], movers, outline, reach, pose, twist, t, limits, e)
+            if slack <= e.static_clearance:
                 return False
         clock = govern(clock, pose, course.reference, course.paced, False, pace, STEP)
         nominal = track(pose, governed(course.reference, clock, pose, pace), gains)
@@ -98,51 +100,61 @@ def _follows(
 
 
 @jit
-def _best(
-    was: Evasion, case: Case, pose: Pose, twist: Twist, around: Surroundings,
+def _cheapest(
+    last: Evasion, context: EvasionContext, pose: Pose, twist: Twist, obstacles: Surroundings,
     limits: Limits, rules: Rules, e: EvasionParams,
 ) -> Evasion:  # fmt: skip
-    """The cheapest motion that the filter lets begin.
+    """The cheapest motion whose first step the filter passes.
 
-    Those that promise most are looked at first; what can not come near the best so far is not
-    looked at at all.
+    In order of their lower bounds; motions that can not come near the best so far are skipped.
     """
-    motions, firsts = candidates(was, limits, e)
-    fees = fees_of(motions, was.on, e)
-    floors = floors_of(case, pose, twist, motions, firsts, was.on, limits, e) + fees
+    motions, firsts = candidates(last, limits, e)
+    extras = extra_costs(motions, last.on, e)
+    bounds = lower_bounds(context, pose, twist, motions, firsts, last.on, limits, e) + extras
     costs = np.full(len(motions), math.inf)
-    start = Foretold(pose, twist, 0.0, 0.0, -1.0)
-    ways: list[Foretold] = [start] * len(motions)
-    known, best = np.zeros(len(motions), dtype=np.bool_), math.inf
-    order: Ints = np.argsort(floors)
+    start = PredictedMotion(pose, twist, 0.0, 0.0, -1.0)
+    first_motions: list[PredictedMotion] = [start] * len(motions)
+    computed, best = np.zeros(len(motions), dtype=np.bool_), math.inf
+    order: Ints = np.argsort(bounds)
     for j in range(len(order)):
         i = int(order[j])
-        most, k, m = best + _NEARLY - floors[i], int(firsts[i]), motions[i]
-        if most < 0.0:
+        cost_limit, k, m = best + _COST_GAP - bounds[i], int(firsts[i]), motions[i]
+        if cost_limit < 0.0:
             break
-        if not known[k]:
-            ways[k] = leg(case, start, Twist(m[0], m[1]), m[4], limits, e, most)
-            known[k] = True
-        costs[i] = whole(case, ways[k], Twist(m[2], m[3]), limits, e, most) + fees[i]
+        if not computed[k]:
+            first_motions[k] = roll_out_piece(
+                context, start, Twist(m[0], m[1]), m[4], limits, e, cost_limit
+            )
+            computed[k] = True
+        costs[i] = (
+            motion_cost(context, first_motions[k], Twist(m[2], m[3]), limits, e, cost_limit)
+            + extras[i]
+        )
         best = min(best, costs[i])
-    chosen = _certified(costs, motions, pose, twist, case, around, limits, rules)
-    now, row = twist_now(motions[chosen]), motions[chosen]
-    return Evasion(True, now.v, now.omega, row[3], row[4], row[2], _steps(e, rules) - 1)
+    chosen = _certified(costs, motions, pose, twist, context, obstacles, limits, rules)
+    command, row = first_twist(motions[chosen]), motions[chosen]
+    return Evasion(
+        True, command.v, command.omega, row[3], row[4], row[2], _steps_per_period(e, rules) - 1
+    )
 
 
 @jit
 def _certified(
-    costs: Floats, motions: Floats, pose: Pose, twist: Twist, case: Case, around: Surroundings,
+    costs: Floats, motions: Floats, pose: Pose, twist: Twist, context: EvasionContext,
+    obstacles: Surroundings,
     limits: Limits, rules: Rules,
 ) -> int:  # fmt: skip
-    """The cheapest motion of the best few whose first step the filter lets pass; where there is
-    none, the cheapest of all. Overwrites the costs."""
+    """The cheapest of the best few motions whose first step the filter certifies, else the
+    cheapest of all. Overwrites the costs."""
     first = int(np.argmin(costs))
     for _ in range(_TRIES):
         i = int(np.argmin(costs))
-        command = achievable(twist_now(motions[i]), twist, limits, rules.dt)
-        m = manoeuvre(pose, command, limits, rules.dt, case.reach)
-        if in_the_way(m, case.outline, case.reach, around, rules.hard_margin) == CLEAR:
+        command = achievable(first_twist(motions[i]), twist, limits, rules.dt)
+        m = manoeuvre(pose, command, limits, rules.dt, context.reach)
+        if (
+            blocking_obstacle(m, context.outline, context.reach, obstacles, rules.hard_margin)
+            == CLEAR
+        ):
             return i
         costs[i] = math.inf
     return first

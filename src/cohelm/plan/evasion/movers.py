@@ -1,4 +1,4 @@
-"""Remembers how movers change their velocities, and gathers those that matter for a horizon."""
+"""Estimates the accelerations of movers, and selects those that matter within the horizon."""
 
 from __future__ import annotations
 
@@ -9,153 +9,164 @@ import numpy as np
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps
-from cohelm.law.guard.surroundings import Surroundings, rests
+from cohelm.law.guard.surroundings import Surroundings, is_static
 from cohelm.plan.evasion.params import STEP, EvasionParams
 from cohelm.robot.limits import Limits
 
-_WATCHED = 64  # movers are watched at most
-_SLOW = 0.05  # nobody makes way for who is slower; as in `plan.prediction` [m/s]
-_SAME = 0.5  # who is farther from where he should be by now is somebody else [m]
-_LASTS = 0.5  # of a change of velocity, share that is taken from the newest look
-_WALKS, _LATELY = 0.3, 1.0  # who was faster so lately may set off again at any moment [m/s, s]
-_KNOWN = 0.5  # who has walked for less may be noise, and none of whom to expect it [s]
-_HARD = 0.5  # of what he is capable of, from which on who slows down is taken to stop
-_AGREE = 0.8  # two accelerations, as a share of the larger one, that are no noise
-_FASTER = 2.0  # times as fast as he was ever seen may who sets off become
-_NOTICED = 0.3  # until it is seen that somebody sets off: three looks [s]
+_MAX_MOVERS = 64
+_SLOW = 0.05  # slower movers cause no evasion; as in `plan.prediction` [m/s]
+_GATE = 0.5  # association gate: distance from the predicted position [m]
+_GAIN = 0.5  # of the exponential filter of accelerations
+_WALKING_SPEED = 0.3  # a mover that was faster than this within
+_RECENT = 1.0  # this time may set off again at any moment [m/s, s]
+_MIN_WALKING_TIME = 0.5  # one that has walked for less may be noise [s]
+_STRONG = 0.5  # share of max_acceleration above which a braking mover is predicted to stop
+_AGREE = 0.8  # agreement of two successive accelerations, as a share of the larger one
+_TOP_SPEED_FACTOR = 2.0  # of the largest observed speed: speed that a mover may reach
+_DETECTION_TIME = 0.3  # until a mover that sets off is detected: three scans [s]
 
 
-def nobody_watched() -> Floats:
-    """Memory of how movers change their velocities, for `evade`: (64, 12), as many rows of x, y,
-    vx, vy, ax, ay, the mean square of what they were taken from (-1: not known yet), the largest
-    speed so far, the time since he was last faster than `_WALKS`, for how long he has been, and
-    the acceleration since the last look but one, as there were movers at the last look, then NaN.
-    """
-    return np.full((_WATCHED, 12), math.nan)
+def empty_mover_history() -> Floats:
+    """History of movers, for `evade`: (64, 12), a row for each mover at the last evaluation, then
+    NaN: x, y, vx, vy, mean ax, ay, mean square acceleration (-1: unknown), largest speed so far,
+    time since it was last faster than `_WALKING_SPEED`, for how long it has been in all, and the
+    newest ax, ay."""
+    return np.full((_MAX_MOVERS, 12), math.nan)
 
 
 @jit
-def noted(seen: Floats, around: Surroundings, period: float) -> Floats:
-    """Those that move, and how they change their velocities, as `nobody_watched` says."""
-    found = np.empty((min(len(around.discs), _WATCHED), 12))
+def updated_history(history: Floats, obstacles: Surroundings, period: float) -> Floats:
+    """The moving discs with their accelerations, columns as in `empty_mover_history`."""
+    out = np.empty((min(len(obstacles.discs), _MAX_MOVERS), 12))
     n = 0
-    for i in range(len(around.discs)):
-        d = around.discs[i]
-        if n == len(found) or not math.hypot(d[VX], d[VY]) > 0.0:  # nor for NaN
+    for i in range(len(obstacles.discs)):
+        d = obstacles.discs[i]
+        if n == len(out) or not math.hypot(d[VX], d[VY]) > 0.0:  # nor for NaN
             continue
-        one = found[n]
-        one[0], one[1], one[2], one[3] = d[X], d[Y], d[VX], d[VY]
-        one[4], one[5], one[6], one[7] = 0.0, 0.0, -1.0, math.hypot(d[VX], d[VY])
-        walks = one[7] > _WALKS
-        one[8], one[9] = (0.0, period) if walks else (math.inf, 0.0)
-        one[10], one[11] = 0.0, 0.0
-        best, before = _SAME, -1
-        for j in range(len(seen)):
+        row = out[n]
+        row[0], row[1], row[2], row[3] = d[X], d[Y], d[VX], d[VY]
+        row[4], row[5], row[6], row[7] = 0.0, 0.0, -1.0, math.hypot(d[VX], d[VY])
+        walks = row[7] > _WALKING_SPEED
+        row[8], row[9] = (0.0, period) if walks else (math.inf, 0.0)
+        row[10], row[11] = 0.0, 0.0
+        best, match = _GATE, -1
+        for j in range(len(history)):
             far = math.hypot(
-                seen[j, 0] + period * seen[j, 2] - d[X], seen[j, 1] + period * seen[j, 3] - d[Y]
+                history[j, 0] + period * history[j, 2] - d[X],
+                history[j, 1] + period * history[j, 3] - d[Y],
             )
             if far < best:
-                best, before = far, j
-        if before >= 0:
-            most = max(around.max_acceleration[i], 0.0)
-            ax, ay = (d[VX] - seen[before, 2]) / period, (d[VY] - seen[before, 3]) / period
-            push = math.hypot(ax, ay)
-            share = min(1.0, most / push) if push > 0.0 else 1.0
+                best, match = far, j
+        if match >= 0:
+            most = max(obstacles.max_acceleration[i], 0.0)
+            ax, ay = (
+                (d[VX] - history[match, 2]) / period,
+                (d[VY] - history[match, 3]) / period,
+            )
+            magnitude = math.hypot(ax, ay)
+            share = min(1.0, most / magnitude) if magnitude > 0.0 else 1.0
             ax, ay = ax * share, ay * share
-            new = 1.0 if seen[before, 6] < 0.0 or _turned(seen[before], ax, ay, most) else _LASTS
-            one[10], one[11] = ax, ay
-            one[4] = seen[before, 4] + new * (ax - seen[before, 4])
-            one[5] = seen[before, 5] + new * (ay - seen[before, 5])
-            one[6] = max(seen[before, 6], 0.0)
-            one[6] += new * (ax * ax + ay * ay - one[6])
-            one[7] = max(one[7], seen[before, 7])
-            one[8] = min(one[8], seen[before, 8] + period)
-            one[9] += seen[before, 9]
+            gain = (
+                1.0
+                if history[match, 6] < 0.0 or _new_manoeuvre(history[match], ax, ay, most)
+                else _GAIN
+            )
+            row[10], row[11] = ax, ay
+            row[4] = history[match, 4] + gain * (ax - history[match, 4])
+            row[5] = history[match, 5] + gain * (ay - history[match, 5])
+            row[6] = max(history[match, 6], 0.0)
+            row[6] += gain * (ax * ax + ay * ay - row[6])
+            row[7] = max(row[7], history[match, 7])
+            row[8] = min(row[8], history[match, 8] + period)
+            row[9] += history[match, 9]
         n += 1
-    return found[:n]
+    return out[:n]
 
 
 @jit_inline
-def _turned(was: Floats, ax: float, ay: float, most: float) -> bool:
-    """Whether who is known to walk accelerates as he did a look ago, and hard: what he did before
-    says no more what he will do. most: of what he is capable [m/s^2]."""
-    larger = max(ax * ax + ay * ay, was[10] * was[10] + was[11] * was[11])
-    hard = larger > _HARD * _HARD * most * most
-    agree = ax * was[10] + ay * was[11] > _AGREE * larger
-    return was[9] > _KNOWN and was[8] < _LATELY and hard and agree
+def _new_manoeuvre(previous: Floats, ax: float, ay: float, most: float) -> bool:
+    """Whether a known walker accelerates strongly and as at the evaluation before, which makes
+    older accelerations obsolete. most: its max_acceleration [m/s^2]."""
+    larger = max(ax * ax + ay * ay, previous[10] * previous[10] + previous[11] * previous[11])
+    strong = larger > _STRONG * _STRONG * most * most
+    agree = ax * previous[10] + ay * previous[11] > _AGREE * larger
+    return previous[9] > _MIN_WALKING_TIME and previous[8] < _RECENT and strong and agree
 
 
 @jit
-def foreseen(
-    around: Surroundings, seen: Floats, pose: Pose, reach: float, limits: Limits, e: EvasionParams
-) -> tuple[Floats, int]:
-    """Those that could matter within the horizon, and how many of them come first because they
-    move, or did lately; the others may set off."""
-    found = np.empty((2 * len(around.discs), 13))
-    n = _gathered(found, 0, True, around, seen, pose, reach, limits, e)
-    return found[: _gathered(found, n, False, around, seen, pose, reach, limits, e)], n
+def relevant_movers(
+    obstacles: Surroundings, history: Floats, pose: Pose, reach: float, limits: Limits,
+    e: EvasionParams,
+) -> tuple[Floats, int]:  # fmt: skip
+    """(m, 13), columns as in `EvasionContext.movers`: discs that matter within the horizon; and how
+    many of them, the first ones, move or did recently. The others may set off."""
+    out = np.empty((2 * len(obstacles.discs), 13))
+    n = _write(out, 0, True, obstacles, history, pose, reach, limits, e)
+    return out[: _write(out, n, False, obstacles, history, pose, reach, limits, e)], n
 
 
 @jit
-def _gathered(
-    found: Floats, n: int, moving: bool, around: Surroundings, seen: Floats, pose: Pose,
+def _write(
+    out: Floats, n: int, moving: bool, obstacles: Surroundings, history: Floats, pose: Pose,
     reach: float, limits: Limits, e: EvasionParams,
 ) -> int:  # fmt: skip
-    """Write those that move, or those that do not, from row n on; one past the last row."""
+    """Write the moving discs, or the others, from row n on; returns one past the last row."""
     k = 0
-    fast = min(e.speed, limits.speed)
-    stops = brake_steps(Twist(fast, 0.0), limits, STEP) * STEP
-    for i in range(len(around.discs)):
-        d = around.discs[i]
+    robot_speed = min(e.speed, limits.speed)
+    stopping_time = brake_steps(Twist(robot_speed, 0.0), limits, STEP) * STEP
+    for i in range(len(obstacles.discs)):
+        d = obstacles.discs[i]
         vx, vy = d[VX], d[VY]
-        max_acceleration = around.max_acceleration[i]
+        most = obstacles.max_acceleration[i]
         speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
-        top, lately, turning = 0.0, speed > _SLOW, e.turning
+        top_speed, recently, turning = 0.0, speed > _SLOW, e.turning
         if speed > 0.0:
-            if k < len(seen):
-                lasts = 0.0
-                if seen[k, 6] > 0.0:  # what does not last was noise
-                    lasts = min((seen[k, 4] ** 2 + seen[k, 5] ** 2) / seen[k, 6], 1.0)
-                known = seen[k, 9] > _KNOWN
-                top = seen[k, 7] if known else 0.0
-                lately = lately or (known and seen[k, 8] < _LATELY)
-                ax, ay = lasts * seen[k, 4], lasts * seen[k, 5]
+            if k < len(history):
+                lasting = 0.0
+                if history[k, 6] > 0.0:  # close to 1 for a steady acceleration, small for noise
+                    lasting = min((history[k, 4] ** 2 + history[k, 5] ** 2) / history[k, 6], 1.0)
+                walker = history[k, 9] > _MIN_WALKING_TIME
+                top_speed = history[k, 7] if walker else 0.0
+                recently = recently or (walker and history[k, 8] < _RECENT)
+                ax, ay = lasting * history[k, 4], lasting * history[k, 5]
             k += 1
-        if rests(around, i):
+        if is_static(obstacles, i):
             continue
-        if lately != moving:
+        if recently != moving:
             continue
         far = math.hypot(d[X] - pose.x, d[Y] - pose.y) - d[RADIUS] - reach
         if not far < (speed + e.speed) * e.horizon + e.social_clearance:
             continue
-        if speed > 0.0:  # who slows down, stops; he does not go back
-            brakes = -(ax * vx + ay * vy) / speed
-            straight = max(_HARD * max_acceleration, 0.9 * math.hypot(ax, ay))
-            if brakes > straight:
-                turning = speed / brakes
-                ax, ay = -brakes * vx / speed, -brakes * vy / speed
-            elif -brakes > straight:  # who gets faster does so for as long as he may
-                turning = max((_FASTER * top - speed) / -brakes, turning)
+        if speed > 0.0:  # a braking mover stops; it does not reverse
+            braking = -(ax * vx + ay * vy) / speed
+            threshold = max(_STRONG * most, 0.9 * math.hypot(ax, ay))
+            if braking > threshold:
+                turning = speed / braking
+                ax, ay = -braking * vx / speed, -braking * vy / speed
+            elif -braking > threshold:  # an accelerating one continues up to its top speed
+                turning = max((_TOP_SPEED_FACTOR * top_speed - speed) / -braking, turning)
             else:
-                back = min(speed / e.turning - brakes, 0.0) / speed
+                back = min(speed / e.turning - braking, 0.0) / speed
                 ax, ay = ax - back * vx, ay - back * vy
-        found[n, 0], found[n, 1], found[n, 2], found[n, 3] = d[X], d[Y], vx, vy
-        found[n, 4], found[n, 5], found[n, 12] = (
-            d[RADIUS], max_acceleration, around.velocity_error[i],
+        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = d[X], d[Y], vx, vy
+        out[n, 4], out[n, 5], out[n, 12] = (
+            d[RADIUS], most, obstacles.velocity_error[i],
         )  # fmt: skip
-        found[n, 6] = e.standing_growth
+        out[n, 6] = e.standing_growth
         if moving:
-            found[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
-        found[n, 7], found[n, 8], found[n, 9], found[n, 10] = ax, ay, turning, _FASTER * top
-        gains = min(max_acceleration, e.sets_off_acceleration)
-        way = reach + d[RADIUS] + 0.5 * gains * stops * stops
-        found[n, 11] = min(_NOTICED + way / max(fast, 1e-3) + 0.5 * stops, e.horizon)
+            out[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
+        out[n, 7], out[n, 8], out[n, 9], out[n, 10] = ax, ay, turning, _TOP_SPEED_FACTOR * top_speed
+        set_off_acceleration = min(most, e.sets_off_acceleration)
+        distance = reach + d[RADIUS] + 0.5 * set_off_acceleration * stopping_time * stopping_time
+        out[n, 11] = min(
+            _DETECTION_TIME + distance / max(robot_speed, 1e-3) + 0.5 * stopping_time, e.horizon
+        )
         n += 1
         if e.pass_right > 0.0 and far < math.inf:
-            found[n] = found[n - 1]
+            out[n] = out[n - 1]
             away = math.hypot(d[X] - pose.x, d[Y] - pose.y)
             share = e.pass_right / max(away, 1e-9)
-            found[n, 0] -= share * (d[Y] - pose.y)
-            found[n, 1] += share * (d[X] - pose.x)
+            out[n, 0] -= share * (d[Y] - pose.y)
+            out[n, 1] += share * (d[X] - pose.x)
             n += 1
     return n

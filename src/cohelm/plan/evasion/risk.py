@@ -1,4 +1,4 @@
-"""How near movers will be: clearance, what the filter has to spare, and how uneasy it is."""
+"""Clearance to predicted movers, the filter's slack, and the risk beside them."""
 
 from __future__ import annotations
 
@@ -10,131 +10,139 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law.guard.bounds import brake_steps, coasting
 from cohelm.law.guard.contact import point_clearance
-from cohelm.law.guard.surroundings import strayed
-from cohelm.plan.evasion.case import Case
+from cohelm.law.guard.surroundings import position_bound
+from cohelm.plan.evasion.context import EvasionContext
 from cohelm.plan.evasion.params import STEP, EvasionParams
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 
-_ROUNDING = 1e-9  # more than what is lost in a few sums [m]
+_ROUNDING = 1e-9  # bound of rounding errors [m]
 
 
 @jit
 def trajectories(movers: Floats, reach: float, e: EvasionParams) -> Floats:
-    """(k, m, 7): the movers after 0, 1, ... steps, past the horizon: x, y, velocity, speed by the
-    acceleration that it is capable of [s], how near to it anything is uneasy [m], and farther than
-    what from the robot's origin it is nowhere near [m]."""
+    """(k, m, 7): the movers after 0, 1, ... steps, past the horizon: x, y, velocity, time to stop
+    with its max_acceleration [s], clearance below which it causes risk [m], and distance from the
+    robot's origin beyond which it causes none [m]."""
     n = int(e.horizon / STEP) + 3
     ahead = np.empty((n, len(movers), 7))
     t = 0.0
     for k in range(n):
         for i in range(len(movers)):
-            m, one = movers[i], ahead[k, i]
+            m, prediction = movers[i], ahead[k, i]
             until = min(t, m[9])
-            goes = until * (t - 0.5 * until)
-            one[0] = m[0] + m[2] * t + m[7] * goes
-            one[1] = m[1] + m[3] * t + m[8] * goes
-            one[2], one[3] = m[2] + m[7] * until, m[3] + m[8] * until
-            walks = m[5] > 0.0 and m[10] > 0.0 and e.sets_off_weight > 0.0 < e.risk_weight
-            one[4] = (
-                math.hypot(one[2], one[3]) / min(m[5], e.sets_off_acceleration)
-                if walks
+            acceleration_time = until * (t - 0.5 * until)
+            prediction[0] = m[0] + m[2] * t + m[7] * acceleration_time
+            prediction[1] = m[1] + m[3] * t + m[8] * acceleration_time
+            prediction[2], prediction[3] = m[2] + m[7] * until, m[3] + m[8] * until
+            may_set_off = m[5] > 0.0 and m[10] > 0.0 and e.sets_off_weight > 0.0 < e.risk_weight
+            prediction[4] = (
+                math.hypot(prediction[2], prediction[3]) / min(m[5], e.sets_off_acceleration)
+                if may_set_off
                 else math.inf
             )
-            one[5] = e.clearance + m[6] * t
-            far = one[5] + e.ahead * math.hypot(m[2], m[3])
-            one[6] = max(far, _comes(m, one[4], 1.0, e)) + reach + m[4] + _ROUNDING
+            prediction[5] = e.clearance + m[6] * t
+            far = prediction[5] + e.ahead * math.hypot(m[2], m[3])
+            prediction[6] = (
+                max(far, _reachable_distance(m, prediction[4], 1.0, e)) + reach + m[4] + _ROUNDING
+            )
         t += STEP
     return ahead
 
 
 @jit_inline
 def clearance_at(
-    then: Floats, movers: Floats, outline: Floats, reach: float, pose: Pose, t: float, most: float,
-    growth: float, agile: float,
+    movers_then: Floats, movers: Floats, outline: Floats, reach: float, pose: Pose, t: float,
+    cap: float, growth: float, since: float,
 ) -> float:  # fmt: skip
-    """Least clearance of the outline to where the movers will be after t, at most `most` [m].
+    """Smallest clearance of the outline to the predicted movers after t, at most `cap` [m].
 
-    then: as they are foretold, `agile` before t [s]; since then they have kept their velocity, and
-    may have done anything else that they are capable of. growth: share of the doubt that they are
-    larger by.
+    movers_then: predicted to `since` [s] before t; from there on with constant velocity, grown by
+    velocity_error and max_acceleration. growth: share of the position uncertainty added.
     """
-    least = most
+    smallest = cap
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    for i in range(len(then)):
-        dx = then[i, 0] + then[i, 2] * agile - pose.x
-        dy = then[i, 1] + then[i, 3] * agile - pose.y
-        r = movers[i, 4] + strayed(movers[i, 12], movers[i, 5], agile)
+    for i in range(len(movers_then)):
+        dx = movers_then[i, 0] + movers_then[i, 2] * since - pose.x
+        dy = movers_then[i, 1] + movers_then[i, 3] * since - pose.y
+        r = movers[i, 4] + position_bound(movers[i, 12], movers[i, 5], since)
         r += growth * movers[i, 6] * t
-        far = least + reach + r
+        far = smallest + reach + r
         if dx * dx + dy * dy < far * far:
-            least = min(least, point_clearance(outline, c * dx + s * dy, -s * dx + c * dy) - r)
-    return least
+            smallest = min(
+                smallest, point_clearance(outline, c * dx + s * dy, -s * dx + c * dy) - r
+            )
+    return smallest
 
 
 @jit_inline
 def spare_at(
-    then: Floats, movers: Floats, outline: Floats, reach: float, pose: Pose, twist: Twist, t: float,
+    movers_then: Floats, movers: Floats, outline: Floats, reach: float, pose: Pose, twist: Twist,
+    t: float,
     limits: Limits, e: EvasionParams,
 ) -> float:  # fmt: skip
-    """What is left between robot and movers when it has stopped from there, whatever they did of
-    what the filter takes them to be capable of [m]."""
-    takes = brake_steps(twist, limits, STEP) * STEP
+    """Clearance left to the movers after a stop from there, by the filter's assumptions [m]."""
+    braking_time = brake_steps(twist, limits, STEP) * STEP
     there = arc(pose, twist, coasting(twist, limits, STEP))
     growth = e.certified_growth
-    return clearance_at(then, movers, outline, reach, there, t + takes, 1.0, growth, takes)
+    return clearance_at(
+        movers_then, movers, outline, reach, there, t + braking_time, 1.0, growth, braking_time
+    )
 
 
 @jit_inline
-def _comes(mover: Floats, stops: float, turns: float, e: EvasionParams) -> float:
-    """How far a mover could come, if it turned on the robot, before the robot is away [m].
+def _reachable_distance(mover: Floats, stops: float, turns: float, e: EvasionParams) -> float:
+    """Distance that a mover could cover, if it turned on the robot, before the robot is away [m].
 
-    stops: how long it takes to stop first [s]. The robot gets away to the front or to the back:
-    from who is ahead or behind, after turning by so much of a radian. Nobody is faster than
-    `_FASTER` lets him be; who is not known to walk does not count.
+    stops: time until the mover has stopped first [s]. The robot leaves forward or backward, after
+    turning by up to a radian from a mover ahead or behind. The mover's speed is bounded (column
+    10); one that is not known to walk covers nothing.
     """
-    left = mover[11] + turns / e.yaw_rate - stops
-    if not left > 0.0:
+    time_left = mover[11] + turns / e.yaw_rate - stops
+    if not time_left > 0.0:
         return 0.0
-    most = min(mover[5], e.sets_off_acceleration)
-    top = min(mover[10], most * left)
-    return top * left - 0.5 * top * top / most
+    max_acceleration = min(mover[5], e.sets_off_acceleration)
+    top_speed = min(mover[10], max_acceleration * time_left)
+    return top_speed * time_left - 0.5 * top_speed * top_speed / max_acceleration
 
 
 @jit_inline
-def risk_at(case: Case, pose: Pose, k: int, e: EvasionParams) -> tuple[float, float]:
-    """How uneasy it is to be there after k steps, and the least clearance to where the movers are.
+def risk_at(context: EvasionContext, pose: Pose, k: int, e: EvasionParams) -> tuple[float, float]:
+    """Risk rate of being there after k steps, and the smallest clearance to the movers.
 
-    Each counts (1 - clearance / d)^2 below d = `e.clearance` and the doubt of where he is by then;
-    of those that stand only the nearest, as they may be many points of one thing. Who has been seen
-    to move counts besides by how much nearer he is than `_comes`.
+    Each mover adds (1 - clearance / d)^2 below d, `e.clearance` plus the position uncertainty by
+    then; of standing ones only the nearest, as they may be points of one object. A known walker
+    adds risk where it is nearer than `_reachable_distance`.
     """
-    risk, stands, least = 0.0, 0.0, 9.0
+    risk, static_risk, smallest = 0.0, 0.0, 9.0
     weight = e.sets_off_weight / e.risk_weight if e.risk_weight > 0.0 else 0.0
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    for i in range(len(case.movers)):
-        one, mover = case.ahead[k, i], case.movers[i]
-        dx, dy = one[0] - pose.x, one[1] - pose.y
-        if not dx * dx + dy * dy < one[6] * one[6]:  # nor for NaN
+    for i in range(len(context.movers)):
+        prediction, mover = context.ahead[k, i], context.movers[i]
+        dx, dy = prediction[0] - pose.x, prediction[1] - pose.y
+        if not dx * dx + dy * dy < prediction[6] * prediction[6]:  # nor for NaN
             continue
-        near, r = one[5], mover[4]
-        g = point_clearance(case.outline, c * dx + s * dy, -s * dx + c * dy) - r
-        least = min(least, g)
+        near, r = prediction[5], mover[4]
+        clearance = point_clearance(context.outline, c * dx + s * dy, -s * dx + c * dy) - r
+        smallest = min(smallest, clearance)
         beside = abs(c * dy - s * dx) / max(math.hypot(dx, dy), 1e-9)
-        zone = _comes(mover, one[4], 1.0 - beside, e)
-        if zone > 0.0 and g < zone:
-            share = 1.0 - max(g, 0.0) / zone
+        reachable = _reachable_distance(mover, prediction[4], 1.0 - beside, e)
+        if reachable > 0.0 and clearance < reachable:
+            share = 1.0 - max(clearance, 0.0) / reachable
             risk += weight * share * share
-        if e.ahead > 0.0:  # in front of somebody it is worse than behind him
+        if e.ahead > 0.0:  # in front of a mover it is worse than behind it
             dx += mover[2] * e.ahead
             dy += mover[3] * e.ahead
-            far = near + case.reach + r
+            far = near + context.reach + r
             if dx * dx + dy * dy < far * far:
-                g = min(g, point_clearance(case.outline, c * dx + s * dy, -s * dx + c * dy) - r)
-        if g < near:
-            share = 1.0 - max(g, 0.0) / near
+                clearance = min(
+                    clearance,
+                    point_clearance(context.outline, c * dx + s * dy, -s * dx + c * dy) - r,
+                )
+        if clearance < near:
+            share = 1.0 - max(clearance, 0.0) / near
             if mover[2] == 0.0 and mover[3] == 0.0:
-                stands = max(stands, share * share)
+                static_risk = max(static_risk, share * share)
             else:
                 risk += share * share
-    return risk + stands, least
+    return risk + static_risk, smallest

@@ -1,4 +1,4 @@
-"""Distances to what stands, on a grid around the robot, and the outline held against it."""
+"""Distances to static obstacles on a grid around the robot, and points of the outline."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
-from cohelm.law.guard.surroundings import Surroundings, rests
+from cohelm.law.guard.surroundings import Surroundings, is_static
 
-CELL = 0.06  # of the grid of what stands [m]
-_SIDE, _ACROSS = 0.95 * CELL, 0.95 * CELL * math.sqrt(2.0)  # at most 5 % too far, so [m]
-_EDGE = 0.08  # between two points of the outline that are held against it [m]
+CELL = 0.06  # of the grid [m]
+# steps of the chamfer distance, at most 5 % too far [m]
+_SIDE, _ACROSS = 0.95 * CELL, 0.95 * CELL * math.sqrt(2.0)
+_EDGE = 0.08  # between two points of the outline [m]
 
 
-class Field(NamedTuple):
-    """Distance to what stands, on a grid around the robot."""
+class DistanceField(NamedTuple):
+    """Distance to static obstacles on a grid around the robot."""
 
     distance: Floats
     """(n, n), row along y [m]."""
@@ -27,16 +28,16 @@ class Field(NamedTuple):
 
 
 @jit
-def field_about(around: Surroundings, pose: Pose, half: float) -> Field:
-    """Distances to what stands, by two sweeps over the grid (Borgefors 1986)."""
+def distance_field_around(obstacles: Surroundings, pose: Pose, half: float) -> DistanceField:
+    """The distance field, by two sweeps over the grid (Borgefors 1986)."""
     n = int(2.0 * half / CELL) + 1
     x0, y0 = pose.x - half, pose.y - half
     d = np.full((n, n), 1e3)
-    for i in range(len(around.points)):
-        _mark(d, around.points[i, 0] - x0, around.points[i, 1] - y0)
-    for i in range(len(around.segments)):
-        ax, ay = around.segments[i, 0], around.segments[i, 1]
-        bx, by = around.segments[i, 2], around.segments[i, 3]
+    for i in range(len(obstacles.points)):
+        _mark(d, obstacles.points[i, 0] - x0, obstacles.points[i, 1] - y0)
+    for i in range(len(obstacles.segments)):
+        ax, ay = obstacles.segments[i, 0], obstacles.segments[i, 1]
+        bx, by = obstacles.segments[i, 2], obstacles.segments[i, 3]
         length = math.hypot(bx - ax, by - ay)
         if not length < 1e6:
             continue
@@ -45,23 +46,26 @@ def field_about(around: Surroundings, pose: Pose, half: float) -> Field:
         for j in range(int(max(high - low, 0.0) / (0.7 * CELL)) + 1):
             s = min(low + 0.7 * CELL * j, length) / max(length, 1e-9)
             _mark(d, ax + s * (bx - ax) - x0, ay + s * (by - ay) - y0)
-    for i in range(len(around.discs)):
-        disc, r = around.discs[i], around.discs[i, RADIUS]
-        if rests(around, i) and math.hypot(disc[X] - pose.x, disc[Y] - pose.y) < 1.5 * half + r:
+    for i in range(len(obstacles.discs)):
+        disc, r = obstacles.discs[i], obstacles.discs[i, RADIUS]
+        if (
+            is_static(obstacles, i)
+            and math.hypot(disc[X] - pose.x, disc[Y] - pose.y) < 1.5 * half + r
+        ):
             m = int(2.0 * math.pi * r / (0.7 * CELL)) + 3
             for j in range(m):
                 a = 2.0 * math.pi * j / m
                 _mark(d, disc[X] + r * math.cos(a) - x0, disc[Y] + r * math.sin(a) - y0)
     _spread(d, 0, n, 1)
     _spread(d, n - 1, -1, -1)
-    return Field(d, x0, y0)
+    return DistanceField(d, x0, y0)
 
 
 @jit
 def _spread(d: Floats, first: int, end: int, step: int) -> None:
     """One sweep, row after row, each from the one before it and from one side to the other.
 
-    Two loops: of the first no cell needs another, so it is done some at a time.
+    Two loops: the cells of the first are independent, so the compiler vectorizes it.
     """
     n = len(d)
     before, mixed = np.full(n + 2, 1e3), np.empty(n)
@@ -85,8 +89,8 @@ def _mark(d: Floats, x: float, y: float) -> None:
 
 
 @jit_inline
-def distance_at(f: Field, x: float, y: float) -> float:
-    """Of a point from what stands, by the cell that it is in, or the nearest one [m]."""
+def distance_at(f: DistanceField, x: float, y: float) -> float:
+    """Distance of a point to static obstacles, of its cell or the nearest one [m]."""
     n = len(f.distance)
     i, j = int((y - f.y) / CELL), int((x - f.x) / CELL)
     return f.distance[min(max(i, 0), n - 1), min(max(j, 0), n - 1)]
@@ -94,7 +98,7 @@ def distance_at(f: Field, x: float, y: float) -> float:
 
 @jit
 def outline_points(outline: Floats) -> Floats:
-    """(e, 2), points all along an outline."""
+    """(e, 2), points along an outline [m]."""
     k = len(outline)
     n = 0
     for i in range(k):
