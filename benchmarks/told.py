@@ -110,7 +110,9 @@ def sampled(way: Way, seed: int, care: TrackerParams | None = None) -> Iterator[
     """What perception told on the way."""
     around, outline = way.setup.around, way.setup.outline
     lidar = LIDAR.lidar()
-    eyes = Perception(SALLY, watching=care or TrackerParams(max_acceleration=MAX_ACCELERATION))
+    eyes = Perception(
+        SALLY, tracker_params=care or TrackerParams(max_acceleration=MAX_ACCELERATION)
+    )
     last = np.full(len(around.discs), -math.inf)  # in view for the third scan in a row
     runs = np.zeros(len(around.discs), np.int64)
     number = None
@@ -124,7 +126,7 @@ def sampled(way: Way, seed: int, care: TrackerParams | None = None) -> Iterator[
         number = scan.number
         discs = at(around, moment.now)
         things = told(seen, moment.truth)
-        ground = things[len(things) - seen.blind :]
+        ground = things[len(things) - seen.unobserved :]
         beams = in_view(moment.truth, lidar, discs, around.walls)
         far = np.maximum(distances(moment.truth, lidar, discs), discs[:, RADIUS])
         whole = 2.0 * np.arcsin(discs[:, RADIUS] / far) / lidar.step

@@ -137,7 +137,7 @@ def test_while_lost_no_zone_is_placed(tmp_path):
         lost = seen._replace(lost=True)
         assert len(driver.obstacles(seen).points) > len(seen.points)
         assert (
-            driver.clearance(seen.pose, driver.obstacles(seen), seen.blind) > 0.5
+            driver.clearance(seen.pose, driver.obstacles(seen), seen.unobserved) > 0.5
         )  # of what is seen
         assert len(driver.obstacles(lost).points) == len(lost.points)
         assert driver.speed_zone_cap(

@@ -57,25 +57,17 @@ def looped(model, setup, steps: int) -> np.ndarray:
     settings, pilot = setup.pilot.settings, setup.pilot
     plant = Kinematic(model, setup.start, setup.around, seed=setup.seed, step=DT)
     driver_pilot = Pilot(
-        setup.reference,
-        settings,
-        delay=setup.delay,
-        path_params=pilot.path_params,
+        setup.reference, settings, delay=setup.delay, path_params=pilot.path_params,
         replan_params=pilot.replan_params,
-    )
+    )  # fmt: skip
     planning = InProcessPlanner(driver_pilot.planner, pilot.thinking)
     driver = Driver(driver_pilot, settings, setup.delay, planning)
-    perception = Perception(model, watching=pilot.watching)
+    perception = Perception(model, tracker_params=pilot.tracker_params)
     gated = LocalGatedRobot(plant, rules(model, DT))
     loop = Loop(
-        gated,
-        perception,
-        driver,
-        NullOperator(),
-        RecordLine(None),
-        LoopParams(period=DT),
+        gated, perception, driver, NullOperator(), RecordLine(None), LoopParams(period=DT),
         has_map=False,
-    )
+    )  # fmt: skip
     rows = []
 
     def until(loop: Loop) -> bool:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.clusters import Look
+from cohelm.perceive.scan.clusters import PosedScan
 from cohelm.perceive.track.departed import departed, out_of_view
-from cohelm.perceive.track.potentially_dynamic import Wary
+from cohelm.perceive.track.potentially_dynamic import PotentiallyDynamicParams
 from cohelm.perceive.track.track import (
     COLUMNS,
     MISSED,
@@ -28,7 +28,7 @@ from cohelm.scenario.load import robot
 
 LIDAR = robot("sally").lidar.lidar()
 EDGE = LIDAR.first + (len(LIDAR.beams) - 1) * LIDAR.step
-DT, AGILE, WARY = 0.1, 1.0, Wary()
+DT, AGILE, WARY = 0.1, 1.0, PotentiallyDynamicParams()
 NOBODY, NOTHING = no_tracks(), np.empty((0, 3))
 
 
@@ -36,10 +36,10 @@ def at(far: float, bearing: float) -> tuple[float, float]:
     return far * math.cos(bearing), far * math.sin(bearing)
 
 
-def looks(*headings: float) -> tuple[Look, ...]:
+def looks(*headings: float) -> tuple[PosedScan, ...]:
     """Sweeps by a LiDAR at the origin, `DT` apart."""
     return tuple(
-        Look(np.full(len(LIDAR.beams), np.inf), Pose(0.0, 0.0, psi), DT * k)
+        PosedScan(np.full(len(LIDAR.beams), np.inf), Pose(0.0, 0.0, psi), DT * k)
         for k, psi in enumerate(headings)
     )
 
@@ -63,7 +63,7 @@ def rim(place: tuple[float, float], stood: float = 0.0) -> Floats:
     return np.column_stack((x, y, np.full(16, stood)))
 
 
-def after(before: Floats, came: Floats, loose: Floats, sweeps: tuple[Look, ...]) -> Floats:
+def after(before: Floats, came: Floats, loose: Floats, sweeps: tuple[PosedScan, ...]) -> Floats:
     return departed(before, NOBODY, came, loose, LIDAR, sweeps, DT, AGILE, WARY)
 
 

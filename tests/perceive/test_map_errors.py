@@ -253,8 +253,8 @@ def test_switched_on_along_a_corridor_no_place_is_held_to_where_it_was_found(map
     occupied, free, cell, origin = dotted(map_, length=40.0)
     perception = Perception(load.robot("sally").model_copy(update={"lidar": LIDAR}),
                             known(occupied, free, cell, origin))  # fmt: skip
-    assert perception._locator is not None
-    followed = perception._locator._hypotheses
+    assert perception._localizer is not None
+    followed = perception._localizer._hypotheses
     followed._belief.caution = C._replace(certain=math.inf)  # they are followed all the way
     poses, twists = along([(start + 0.7 * k, 0.05 * (-1) ** k) for k in range(7)])
     off = math.inf

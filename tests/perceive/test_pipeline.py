@@ -11,7 +11,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize import global_search as search, localization_map as known_
 from cohelm.perceive.localize.localization_map import known
 from cohelm.perceive.match import scan_matching as match
-from cohelm.perceive.pipeline import Perception, rehearse, seen_from
+from cohelm.perceive.pipeline import Perception, in_odom, rehearse
 from cohelm.perceive.scan import deskew as sweep
 from cohelm.perceive.track import tracker as movers
 from cohelm.robot.kinematics import arc
@@ -87,7 +87,7 @@ def test_a_pose_of_the_map_is_found_again_in_the_odometry_frame(lab, tour):
     perception = Perception(SALLY, lab, START)
     for moment in drive(tour[0][:60], tour[1][:60], 0):
         seen = perception.take(moment.now, moment.readings)
-    back = seen_from(seen, seen.pose)
+    back = in_odom(seen, seen.pose)
     assert back == pytest.approx(seen.odometry)
 
 

@@ -11,7 +11,7 @@ import pytest
 from cohelm.core.types import RADIUS, Pose, Twist
 from cohelm.perceive.localize.hypothesis import Hypothesis
 from cohelm.perceive.localize.localization_map import judge, known
-from cohelm.perceive.localize.localizer import Locator
+from cohelm.perceive.localize.localizer import Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
 from cohelm.robot.kinematics import arc
@@ -400,7 +400,7 @@ def test_a_pose_is_given_up_for_the_same_place_found_twice_not_for_two():
     the robot has gone on with, too, may be where it is."""
 
     def held(*places):
-        locator = Locator(known(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
+        locator = Localizer(known(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
         here, check, kept = locator.located.pose, locator._check, []
         poor = locator._judge.judge(here, np.full(LIDAR.beams, 1.0))
         check.begin(False, -20.0)

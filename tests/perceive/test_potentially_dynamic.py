@@ -9,9 +9,13 @@ from cohelm.core.frames import compose, inverse
 from cohelm.core.types import RADIUS, VX, VY, Pose, Twist, X, Y, disc, discs
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
-from cohelm.perceive.scan.clusters import Look
-from cohelm.perceive.space.free_space_memory import came, noted, unknown
-from cohelm.perceive.track.potentially_dynamic import Wary, spread, wild
+from cohelm.perceive.scan.clusters import PosedScan
+from cohelm.perceive.space.free_space_memory import appeared, empty_memory, with_scan
+from cohelm.perceive.track.potentially_dynamic import (
+    PotentiallyDynamicParams,
+    discs_of_points,
+    grown,
+)
 from cohelm.scenario import load
 from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
 
@@ -130,45 +134,47 @@ NOTHING = np.empty((0, 2))
 def test_ground_keeps_what_was_free_and_when():
     lidar = LIDAR.lidar()
     n = len(lidar.beams)
-    open_ = Look(np.full(n, 3.0), Pose(0.0, 0.0, 0.0), 1.0)
-    walled = Look(np.full(n, 1.0), Pose(0.0, 0.0, 0.0), 5.0)
-    ground = noted(unknown(), lidar, open_, NOTHING, 1.0)
-    assert came(ground, 1.5, 0.0, 0.5)
-    assert not came(ground, 1.5, 0.0, 1.5)
-    assert not came(ground, -1.5, 0.0, 0.5)
-    later = noted(ground, lidar, walled, NOTHING, 5.0)
-    assert came(later, 1.5, 0.0, 0.5)
-    assert not came(later, 1.5, 0.0, 2.0)
-    assert came(later, 0.5, 0.0, 2.0)
-    far = noted(later, lidar, Look(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0)
-    assert not came(far, 1.5, 0.0, 0.5)
+    open_ = PosedScan(np.full(n, 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    walled = PosedScan(np.full(n, 1.0), Pose(0.0, 0.0, 0.0), 5.0)
+    free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0)
+    assert appeared(free_space, 1.5, 0.0, 0.5)
+    assert not appeared(free_space, 1.5, 0.0, 1.5)
+    assert not appeared(free_space, -1.5, 0.0, 0.5)
+    later = with_scan(free_space, lidar, walled, NOTHING, 5.0)
+    assert appeared(later, 1.5, 0.0, 0.5)
+    assert not appeared(later, 1.5, 0.0, 2.0)
+    assert appeared(later, 0.5, 0.0, 2.0)
+    far = with_scan(
+        later, lidar, PosedScan(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0
+    )
+    assert not appeared(far, 1.5, 0.0, 0.5)
 
 
 def test_what_stood_before_its_ground_was_seen_free_has_not_come():
     """Not even where it was seen free by looking along it; after a while it is forgotten."""
     lidar = LIDAR.lidar()
-    open_ = Look(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    open_ = PosedScan(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
     wall = np.array([[1.5, 0.0]])
-    short = Look(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
-    ground = unknown()
+    short = PosedScan(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
+    free_space = empty_memory()
     for k in range(9):
-        ground = noted(ground, lidar, short, wall, 1.0 + 0.1 * k)
-    ground = noted(ground, lidar, open_, NOTHING, 2.0)
-    assert not came(ground, 1.5, 0.0, 0.5)
-    assert not came(ground, 1.55, 0.05, 0.5)
-    assert came(ground, 1.5, 0.2, 0.5)
-    ground = noted(ground, lidar, open_, NOTHING, 12.5)
-    assert came(ground, 1.5, 0.0, 2.5)
+        free_space = with_scan(free_space, lidar, short, wall, 1.0 + 0.1 * k)
+    free_space = with_scan(free_space, lidar, open_, NOTHING, 2.0)
+    assert not appeared(free_space, 1.5, 0.0, 0.5)
+    assert not appeared(free_space, 1.55, 0.05, 0.5)
+    assert appeared(free_space, 1.5, 0.2, 0.5)
+    free_space = with_scan(free_space, lidar, open_, NOTHING, 12.5)
+    assert appeared(free_space, 1.5, 0.0, 2.5)
 
 
 def test_who_walks_through_a_cell_has_not_stood_there():
     lidar = LIDAR.lidar()
-    open_ = Look(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
-    short = Look(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
-    ground = noted(unknown(), lidar, open_, NOTHING, 1.0)
+    open_ = PosedScan(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    short = PosedScan(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
+    free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0)
     for k in range(3):
-        ground = noted(ground, lidar, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k)
-    assert came(noted(ground, lidar, open_, NOTHING, 2.0), 1.5, 0.0, 0.5)
+        free_space = with_scan(free_space, lidar, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k)
+    assert appeared(with_scan(free_space, lidar, open_, NOTHING, 2.0), 1.5, 0.0, 0.5)
 
 
 def test_a_thin_wall_that_is_driven_through_by_its_door_has_not_come():
@@ -183,17 +189,19 @@ def test_a_thin_wall_that_is_driven_through_by_its_door_has_not_come():
 
 def test_the_spread_of_a_disc_covers_every_velocity_and_acceleration():
     rng = np.random.default_rng(0)
-    wary = Wary()
+    dynamic = PotentiallyDynamicParams()
     for _ in range(200):
-        speed, push = rng.uniform(0.0, wary.fastest), rng.uniform(0.0, 1.0)
+        speed, push = rng.uniform(0.0, dynamic.fastest), rng.uniform(0.0, 1.0)
         age, after = rng.uniform(0.0, 0.3), rng.uniform(0.0, 1.0)
-        more, off = spread(np.array([speed]), push, age)
+        more, off = grown(np.array([speed]), push, age)
         strayed = speed * (age + after) + 0.5 * push * (age + after) ** 2
         assert strayed == pytest.approx(more[0] + off[0] * after + 0.5 * push * after**2)
 
 
 def test_what_has_stood_is_told_smaller_and_slower():
     points = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 1.0]])
-    found, off = wild(points, 0.1, 1.0, Wary())
+    found, off = discs_of_points(points, 0.1, 1.0, PotentiallyDynamicParams())
     assert found[0, RADIUS] > 2.0 * found[1, RADIUS]
-    assert off == pytest.approx([Wary().fastest + 0.1, Wary().creeping + 0.1])
+    assert off == pytest.approx(
+        [PotentiallyDynamicParams().fastest + 0.1, PotentiallyDynamicParams().creeping + 0.1]
+    )

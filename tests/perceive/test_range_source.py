@@ -89,7 +89,7 @@ def test_it_stands_beside_what_the_lidar_sees_moves_for_nobody_and_vouches_for_n
 
     with_it, without = seen(Perception(model), 2.0), seen(Perception(sally), None)
     assert len(with_it.points) == len(without.points) + n
-    assert with_it.blind == without.blind > 0
+    assert with_it.unobserved == without.unobserved > 0
     assert len(with_it.mobile) == 0
     assert with_it.points[:n, 0].max() == pytest.approx(-0.3 - 1.02 * math.cos(math.radians(15)))
     assert seen(Perception(model), None).scan_stamp == -math.inf

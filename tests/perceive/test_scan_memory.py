@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, disc, discs
-from cohelm.perceive.scan.range_filter import steadied
+from cohelm.perceive.scan.range_filter import filtered_ranges
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew, smoothed
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID
@@ -129,7 +129,7 @@ def lost_end(aside, seed):
         pose = Pose(-0.6 - ahead * y, y, rng.uniform(-0.01, 0.01))
         ranges = np.empty(ROUND.beams)
         scan(pose, lidar, discs(), SHEET, NO_GRID, seed, k, ranges)
-        points = renew(points, pose, lidar, steadied(ranges, lidar.noise), CARE)
+        points = renew(points, pose, lidar, filtered_ranges(ranges, lidar.noise), CARE)
         if y < 0.2:
             worst = max(worst, float(np.hypot(*points.T).min(initial=9.0)))
     return worst
@@ -150,7 +150,7 @@ def left_behind(seed):
         ranges = np.empty(ROUND.beams)
         at = at + 0.1 * speed * along
         scan(AT, lidar, discs(disc(*at, radius)), np.empty((0, 4)), NO_GRID, seed, k, ranges)
-        points = renew(points, AT, lidar, steadied(ranges, lidar.noise), CARE)
+        points = renew(points, AT, lidar, filtered_ranges(ranges, lidar.noise), CARE)
     return float(np.hypot(*(points - at).T).max(initial=0.0)) - radius
 
 

@@ -42,13 +42,13 @@ def test_somebody_who_comes_from_behind_is_seen():
 
 
 def test_no_ground_is_unseen_where_two_lidars_look_all_round_together():
-    assert stood(FRONT_ONLY, seconds=0.3).blind > 0
-    assert stood(REAR, seconds=0.3).blind == 0
+    assert stood(FRONT_ONLY, seconds=0.3).unobserved > 0
+    assert stood(REAR, seconds=0.3).unobserved == 0
 
 
 def test_before_the_rear_lidar_has_looked_the_ground_behind_may_hold_anything():
     seen = stood(REAR, seconds=0.3, told=lambda readings: readings._replace(further=()))
-    assert seen.blind > 0
+    assert seen.unobserved > 0
     assert seen.scan_stamp == -math.inf
 
 

@@ -21,21 +21,17 @@ WALLS = np.array([[-4.0, -3.0, 4.0, -3.0], [-4.0, 3.0, 4.0, 3.0]])
 
 
 def driven(
-    poses: list[Pose],
-    discs: np.ndarray | None = None,
-    model=SALLY,
+    poses: list[Pose], discs: np.ndarray | None = None, model=SALLY,
     velocity: ArrayLike = (0.0, 0.0),
-) -> Seen:
+) -> Seen:  # fmt: skip
     """What is known after a scan from each pose, 0.1 s apart; discs go with a velocity."""
     return watched(poses, discs, model, velocity)[-1]
 
 
 def watched(
-    poses: list[Pose],
-    discs: np.ndarray | None = None,
-    model=SALLY,
+    poses: list[Pose], discs: np.ndarray | None = None, model=SALLY,
     velocity: ArrayLike = (0.0, 0.0),
-) -> list[Seen]:
+) -> list[Seen]:  # fmt: skip
     """What is known after each of these scans."""
     eyes = Perception(model)
     seen: list[Seen] = []
@@ -56,7 +52,7 @@ def ahead(way: float, speed: float = 0.05) -> list[Pose]:
 
 
 def blind(seen: Seen) -> np.ndarray:
-    return seen.points[len(seen.points) - seen.blind :]
+    return seen.points[len(seen.points) - seen.unobserved :]
 
 
 def in_view(points: np.ndarray, lidar: Lidar, pose: Pose) -> np.ndarray:
@@ -100,7 +96,7 @@ def test_what_stands_in_the_ground_that_was_seen_hides_no_hole_in_it():
     seen = driven(ahead(2.5), post)
     near = np.hypot(*(blind(seen) - (0.8, 0.7)).T) < 0.3
     assert not near.any()
-    standing = seen.points[: len(seen.points) - seen.blind]
+    standing = seen.points[: len(seen.points) - seen.unobserved]
     assert (np.hypot(*(standing - (0.8, 0.7)).T) < 0.06).any()
 
 
@@ -230,7 +226,7 @@ def test_a_look_ends_the_doubt():
 
 
 def test_a_lidar_that_looks_all_round_leaves_nothing_blind():
-    assert driven(ahead(1.0), model=carried("sally", "twin-all-round")).blind == 0
+    assert driven(ahead(1.0), model=carried("sally", "twin-all-round")).unobserved == 0
 
 
 def test_a_lidar_of_unknown_carrier_tells_no_ground():
@@ -238,4 +234,4 @@ def test_a_lidar_of_unknown_carrier_tells_no_ground():
     eyes = Perception(SALLY.lidar.lidar())
     ranges = np.full(len(eyes.lidar.beams), 3.0)
     here = Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
-    assert eyes.take(0.0, Readings(here, Scan(0.0, 0, ranges, 0.0), None, None)).blind == 0
+    assert eyes.take(0.0, Readings(here, Scan(0.0, 0, ranges, 0.0), None, None)).unobserved == 0

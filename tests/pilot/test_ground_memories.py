@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.perceive.scan.clusters import Look
+from cohelm.perceive.scan.clusters import PosedScan
 from cohelm.perceive.space.cell_window import cell, holds
-from cohelm.perceive.space.unobserved import KEPT, VOUCHED, looked_at, nothing, vouched
+from cohelm.perceive.space.unobserved import ASSUMED_FREE, KEPT, assumed_free, no_cells, with_scan
 from cohelm.robot.collision_monitor.free_space import CELL, CORNER, HALF, STEADY, FreeSpace
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.sweep import outline
@@ -50,12 +50,12 @@ def test_what_the_filter_takes_for_known_ground_the_monitor_lets_the_robot_have(
         0.02, 10.0, 0.0, 0.0,
     )  # fmt: skip
     monitors, ranges = FreeSpace(sensor, SHAPE, WITHIN), np.full(len(LIDAR.beams), math.inf)
-    filters = vouched(nothing(), 0.0, 0.0, SHAPE.reach + VOUCHED)
+    filters = assumed_free(no_cells(), 0.0, 0.0, SHAPE.reach + ASSUMED_FREE)
     wrong, psi = 0, 0.0
     for pose in DRIVES[drive]:
         c, s = math.cos(pose.psi), math.sin(pose.psi)
         eye = Pose(pose.x + c * LIDAR.mount.x, pose.y + s * LIDAR.mount.x, pose.psi)
-        filters = looked_at(filters, LIDAR, Look(ranges, eye, 0.0))
+        filters = with_scan(filters, LIDAR, PosedScan(ranges, eye, 0.0))
         monitors.look(ranges, pose, 0.0, 0.0)
         turns, psi = pose.psi != psi, pose.psi
         for x, y in () if turns else monitors.unknown.points:

@@ -116,7 +116,7 @@ class Driver:
         """The obstacles in the map frame, by the present pose: when localisation jumps, pose and
         obstacles jump together, and nothing comes nearer. The points of keep-out zones follow
         those seen, unless the robot is lost."""
-        self._unobserved = seen.blind
+        self._unobserved = seen.unobserved
         key = (seen.points, seen.map_odom)
         if key[0] is not self._map[0] or key[1] != self._map[1]:
             self._map, self._points = key, placed(seen.points, seen.map_odom)

@@ -216,7 +216,7 @@ class Loop:
         caps = [NO_CAP, driver.speed_zone_cap(seen), supervisor.docking.cap]
         if supervisor.delay > UNCAPPED_DELAY or seen.lost:
             clearance, settings = (
-                driver.clearance(seen.pose, obstacles, seen.blind),
+                driver.clearance(seen.pose, obstacles, seen.unobserved),
                 driver.settings,
             )
             caps += [latency_cap(supervisor.delay, clearance, settings)]

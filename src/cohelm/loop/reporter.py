@@ -66,7 +66,7 @@ class Reporter:
             discs = Discs(new[0].number, self._discs(seen))
             self._operator.show(discs)
             self._log.show(discs)
-        clearance = driver.clearance(seen.pose, driver.obstacles(seen), seen.blind)
+        clearance = driver.clearance(seen.pose, driver.obstacles(seen), seen.unobserved)
         return PeriodReport(
             now, readings, seen, stick_state, decision, applied, self._progress(), clearance
         )

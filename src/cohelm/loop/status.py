@@ -182,7 +182,7 @@ def hidden_reason(r: PeriodReport, nominal: Twist) -> str:
     """Why the guard holds the robot back for nothing visible: unobserved space, or a keep-out zone;
     empty: it does not."""
     d, seen, applied = r.decision, r.seen, r.applied
-    if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.blind:
+    if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.unobserved:
         return ""
     if abs(nominal.v - applied.v) < _TOLERANCE and abs(nominal.omega - applied.omega) < _TOLERANCE:
         return ""

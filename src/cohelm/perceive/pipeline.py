@@ -13,7 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose, inverse
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
-from cohelm.perceive.localize.localizer import Located, Locator
+from cohelm.perceive.localize.localizer import Localization, Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.scan.deskew import DeskewedScan, all_round
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
@@ -21,28 +21,33 @@ from cohelm.perceive.source.contact_memory import ContactMemory
 from cohelm.perceive.source.observation_source import NOTHING, ObservationSource
 from cohelm.perceive.source.range_source import RangeSource
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
-from cohelm.perceive.space.unobserved import Blind, UnwatchedFloor
-from cohelm.perceive.track.tracker import TrackerParams, bodies, hidden, strays
+from cohelm.perceive.space.unobserved import UnobservedFloor, UnobservedSpace
+from cohelm.perceive.track.tracker import (
+    TrackerParams,
+    mover_discs,
+    movers_out_of_view,
+    potentially_dynamic_discs,
+)
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
-_NOBODY = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
-_ON_WALL = 0.1  # what ends as near to a wall of the map as this stands [m]
+_NO_DISCS = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
+_ON_WALL = 0.1  # a return as near to a wall of the map as this is on it [m]
 
 
 class Seen(NamedTuple):
-    """What is known at one instant. Two frames: `odom`, which is smooth, drifts, and never
-    jumps, for keeping clear of things; and the map's, for following a reference."""
+    """The result of perception at one instant. Two frames: `odom`, which is smooth, drifts, and
+    never jumps, for obstacle avoidance; and the map's, for following a reference."""
 
     stamp: float
-    """The instant, of the robot's clock [s]; all poses and discs are foretold to it."""
+    """The instant, of the robot's clock [s]; all poses and discs are predicted to it."""
     pose: Pose
     """Of the body in the map. Without a map, and when lost from the start, as in `odom`."""
     covariance: Floats
     """(3, 3) of `pose`, in x, y, psi."""
     share: float
-    """Of the beams that agree with the map, in [0, 1]."""
+    """Share of the beams that agree with the map, in [0, 1]."""
     lost: bool
     """Whether `pose` must not be relied on."""
     reason: str
@@ -54,43 +59,42 @@ class Seen(NamedTuple):
     map_odom: Pose
     """The pose of `odom` in the map: compose(map_odom, p) puts a pose of `odom` on the map."""
     points: Floats
-    """Standing things, and behind them where ground begins that may hold anything, as nothing looks
-    there, (p, 2), in `odom` [m]."""
-    blind: int
-    """How many of the points are such ground."""
+    """Static points, and behind them the border of unobserved space, (p, 2), in `odom` [m]."""
+    unobserved: int
+    """How many of the points are that border."""
     discs: Floats
-    """Moving things, (n, 6) as in `core.types`, in `odom`."""
+    """Movers, (n, 6) as in `core.types`, in `odom`."""
     mobile: Floats
-    """What the guard is told to move: `discs`, and behind them, as small discs that may go
-    anywhere, what may set off though nobody knows that it moves, (m, 6), in `odom`."""
+    """Discs for the guard: `discs`, and behind them small ones for potentially dynamic points,
+    (m, 6), in `odom`."""
     mobile_max_acceleration: Floats
-    """(m,), how fast each of those may change its velocity [m/s^2]."""
+    """(m,), largest acceleration of each of those [m/s^2]."""
     mobile_velocity_error: Floats
-    """(m,), by how much the velocity of each may be another one already [m/s]."""
+    """(m,), bound of the velocity error of each [m/s]."""
     odometry_stamp: float
     """Of the newest odometry [s]; -inf before the first."""
     scan_stamp: float
-    """Of the newest scan's last beam [s]; of several LiDARs, of the one that is longest ago; -inf
-    before the first."""
+    """Of the newest scan's last beam [s], of several LiDARs the oldest of these; -inf before the
+    first."""
 
 
 class Perception:
-    """Takes in readings as they come, in order; one for each robot.
+    """Perception of one robot: takes readings in order.
 
-    `known`: the map to localise on; without, the pose in the map is that of the odometry and
-    never lost. `start`: where the robot is on the map; without, it is looked for.
+    `known`: the map to localize on; without, the pose in the map is that of the odometry and
+    never lost. `start`: pose on the map; without, it is searched for.
     """
 
     def __init__(
         self, model: RobotModel | Lidar, known: LocalizationMap | None = None,
         start: Pose | None = None,
-        remembering: ScanMemoryParams | None = None, watching: TrackerParams | None = None,
+        memory_params: ScanMemoryParams | None = None, tracker_params: TrackerParams | None = None,
         outline: Floats | None = None, further: Sequence[LidarModel] = (),
     ) -> None:  # fmt: skip
         """Of a robot, or of LiDARs alone. Raises CohelmError for a robot without a LiDAR.
 
-        outline: with a LiDAR alone, (k, 2) of what it is on [m]; without, ground that may hold
-        anything is not told. further: LiDARs beside that one.
+        outline: with a LiDAR alone, (k, 2) of the robot [m]; without, unobserved space is not
+        reported. further: LiDARs beside that one.
         """
         if isinstance(model, Lidar):
             self.lidar = model
@@ -98,231 +102,230 @@ class Perception:
             raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
         else:
             self.lidar, outline, further = model.lidar.lidar(), model.outline, model.further_lidars
-        care, self._watching = remembering or ScanMemoryParams(), watching or TrackerParams()
-        self._first = ObservationSource(self.lidar, "", care, self._watching)
+        memory = memory_params or ScanMemoryParams()
+        self._tracker_params = tracker_params or TrackerParams()
+        self._first = ObservationSource(self.lidar, "", memory, self._tracker_params)
         self._further = tuple(
             RangeSource(one) if one.range_sensor
-            else ObservationSource(one.lidar(), one.name, care, self._watching)
+            else ObservationSource(one.lidar(), one.name, memory, self._tracker_params)
             for one in further
         )  # fmt: skip
         self._sources = (self._first, *self._further)
-        self._blind = None
+        self._unobserved_space = None
         looking = [one for one in self._sources if isinstance(one, ObservationSource)]
         if outline is not None and not any(all_round(source.lidar) for source in looking):
-            self._blind = Blind(outline)
+            self._unobserved_space = UnobservedSpace(outline)
         floors = [one.lidar for one in looking if one.lidar.floor_from > 0.0]
-        self._floor = None
+        self._floor_space = None
         if outline is not None and floors:
-            self._floor = UnwatchedFloor(outline, floors)
-        self._unwatched = NOTHING
-        self._touched = None
+            self._floor_space = UnobservedFloor(outline, floors)
+        self._unobserved_floor = NOTHING
+        self._contact_memory = None
         if isinstance(model, RobotModel) and model.contacts:
-            self._touched = ContactMemory(model.contacts)
+            self._contact_memory = ContactMemory(model.contacts)
         self.known = known
-        """The map to localise on, if there is one."""
-        self._locator = Locator(known, self.lidar, start) if known is not None else None
-        self._trail = EMPTY
+        """The map to localize on, if any."""
+        self._localizer = Localizer(known, self.lidar, start) if known is not None else None
+        self._odometry_buffer = EMPTY
         self._twist = Twist(0.0, 0.0)
-        self._points = self._unobserved = self._told = NOTHING
+        self._points = self._unobserved = self._reported = NOTHING
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
         self._placed = start is None
-        self._located: Located | None = None
+        self._localization: Localization | None = None
         self._matched = Pose(0.0, 0.0, 0.0)  # odometry pose of the newest scan
 
     def place(self, pose: Pose, sigma: float = 0.3) -> None:
-        """A person says where the robot is on the map, within about sigma [m]."""
-        if self._locator is not None:
-            self._locator.place(pose, sigma)
+        """Set the pose on the map, as a person does, within about sigma [m]."""
+        if self._localizer is not None:
+            self._localizer.place(pose, sigma)
 
     def reshape(self, outline: Floats) -> None:
-        """The robot has another outline, (k, 2) [m], from the next scan on: no ground is doubtful
-        where it is itself."""
-        for one in (self._blind, self._floor):
+        """Use another outline, (k, 2) [m], from the next scan on, for unobserved space."""
+        for one in (self._unobserved_space, self._floor_space):
             if one is not None:
                 one.reshape(outline)
 
     def take(self, now: float, readings: Readings) -> Seen:
-        """What is known at `now` [s], with these newest readings; may be called at any rate.
+        """Process the newest readings; returns the result at `now` [s]. May be called at any rate.
 
-        A reading seen before adds nothing; a scan that is older than all odometry is left out.
+        A reading received before adds nothing; a scan older than all odometry is ignored.
         """
-        self.hear(now, readings)
+        self.receive(now, readings)
         return self.seen(now)
 
-    def hear(self, now: float, readings: Readings) -> None:
-        """Take readings in, without asking yet what is known: `seen` tells. Those from
-        the future are left out: nothing that comes once the clock is right would be newer."""
+    def receive(self, now: float, readings: Readings) -> None:
+        """Process readings, without a result yet: that is `seen`. Readings from the future are
+        ignored: nothing received once the clock is right would be newer."""
         readings = not_ahead(readings, now)
         if readings.odometry is not None:
             self._odometry(readings.odometry)
-        if len(self._trail):
+        if len(self._odometry_buffer):
             for source in self._further:
                 scan = readings.of_lidar(source.sensor)
                 if scan is not None and source.new(scan):
-                    self._look(source, scan)
-            self._feel(now, readings.contacts)
+                    self._take_scan(source, scan)
+            self._take_contacts(now, readings.contacts)
         scan = readings.scan
-        if scan is not None and self._first.new(scan) and len(self._trail):
-            self._look(self._first, scan)
-        elif self._locator is not None and self._located is not None:
-            self._located = self._locator.think()
-            if not self._located.lost and len(self._trail):
-                self._map_odom = compose(self._located.pose, inverse(self._matched))
+        if scan is not None and self._first.new(scan) and len(self._odometry_buffer):
+            self._take_scan(self._first, scan)
+        elif self._localizer is not None and self._localization is not None:
+            self._localization = self._localizer.think()
+            if not self._localization.lost and len(self._odometry_buffer):
+                self._map_odom = compose(self._localization.pose, inverse(self._matched))
 
     def _odometry(self, odometry: Odometry) -> None:
-        self._trail = extended(self._trail, odometry)
+        self._odometry_buffer = extended(self._odometry_buffer, odometry)
         if all(map(math.isfinite, odometry.twist)):
             self._twist = odometry.twist
-        if not self._placed and len(self._trail):
-            first = Pose(*self._trail[-1, 1:4].tolist())
+        if not self._placed and len(self._odometry_buffer):
+            first = Pose(*self._odometry_buffer[-1, 1:4].tolist())
             self._map_odom = compose(self._map_odom, inverse(first))
             self._placed = True
 
-    def _look(self, source: ObservationSource | RangeSource, scan: Scan) -> None:
+    def _take_scan(self, source: ObservationSource | RangeSource, scan: Scan) -> None:
         if isinstance(source, RangeSource):
-            source.take(scan, self._trail)
-            self._points = self._standing()
+            source.take(scan, self._odometry_buffer)
+            self._points = self._static_points()
         else:
-            found = source.take(scan, self._trail, self._mapped)
+            found = source.take(scan, self._odometry_buffer, self._on_walls)
             if found is None:
                 return
             seen, pose = found
-            self._points = self._standing()
-            self._look_at_ground(source, pose)
-            if source is self._first and self._locator is not None:
-                self._located = self._locator.correct(seen, pose, source.stamp)
-                self._map_odom = compose(self._located.pose, inverse(pose))
+            self._points = self._static_points()
+            self._update_unobserved(source, pose)
+            if source is self._first and self._localizer is not None:
+                self._localization = self._localizer.correct(seen, pose, source.stamp)
+                self._map_odom = compose(self._localization.pose, inverse(pose))
                 self._matched = pose
-        self._tell()
+        self._join_points()
 
-    def _feel(self, now: float, contacts: Sequence[Contact]) -> None:
-        if self._touched is None:
+    def _take_contacts(self, now: float, contacts: Sequence[Contact]) -> None:
+        if self._contact_memory is None:
             return
-        if self._touched.take(now, contacts, pose_at(self._trail, now)):
-            self._points = self._standing()
-            self._tell()
+        if self._contact_memory.take(now, contacts, pose_at(self._odometry_buffer, now)):
+            self._points = self._static_points()
+            self._join_points()
 
-    def _tell(self) -> None:
-        self._told = self._points
-        if len(self._unobserved) or len(self._unwatched):
-            self._told = np.vstack((self._points, self._unobserved, self._unwatched))
+    def _join_points(self) -> None:
+        self._reported = self._points
+        if len(self._unobserved) or len(self._unobserved_floor):
+            self._reported = np.vstack((self._points, self._unobserved, self._unobserved_floor))
 
-    def _look_at_ground(self, source: ObservationSource, pose: Pose) -> None:
-        """Which ground nobody looks at any more, and which floor nobody has seen, as a LiDAR has
-        looked from a pose."""
-        if source.look is None:
+    def _update_unobserved(self, source: ObservationSource, pose: Pose) -> None:
+        """Update unobserved space and floor after a scan of a LiDAR from a pose."""
+        if source.last_scan is None:
             return
-        if self._floor is not None and source.lidar.floor_from > 0.0:
-            self._unwatched = self._floor.points(source.lidar, source.look, pose)
-        if self._blind is None:
+        if self._floor_space is not None and source.lidar.floor_from > 0.0:
+            self._unobserved_floor = self._floor_space.points(source.lidar, source.last_scan, pose)
+        if self._unobserved_space is None:
             return
         sources = [one for one in self._sources if isinstance(one, ObservationSource)]
-        looking = [(one.lidar, one.look) for one in sources if one.look is not None]
-        out = np.vstack([hidden(one.movers, self._watching) for one in sources])
-        self._unobserved = self._blind.points(
-            source.lidar, source.look, looking, pose, out, self._watching.wary.fastest
+        looking = [(one.lidar, one.last_scan) for one in sources if one.last_scan is not None]
+        out = np.vstack([movers_out_of_view(one.movers, self._tracker_params) for one in sources])
+        self._unobserved = self._unobserved_space.points(
+            source.lidar, source.last_scan, looking, pose, out, self._tracker_params.dynamic.fastest
         )
-        doubtful = self._blind.doubtful(pose)
+        doubtful = self._unobserved_space.doubtful(pose)
         for one in sources:
-            one.doubt(doubtful)
+            one.mark_possibly_occupied(doubtful)
 
-    def _standing(self) -> Floats:
-        """Points that any LiDAR sees standing, or remembers, and that a bumper has met."""
+    def _static_points(self) -> Floats:
+        """Static points of all LiDARs, and of contacts of bumpers."""
         parts = [source.points for source in self._sources]
-        if self._touched is not None:
-            parts.append(self._touched.points)
+        if self._contact_memory is not None:
+            parts.append(self._contact_memory.points)
         return parts[0] if len(parts) == 1 else np.vstack(parts)
 
-    def _mapped(self, seen: DeskewedScan, pose: Pose) -> NDArray[np.bool_] | None:
-        """Which points are on the map's walls, where the robot knows its place on it."""
-        located, known = self._located, self.known
+    def _on_walls(self, seen: DeskewedScan, pose: Pose) -> NDArray[np.bool_] | None:
+        """Which points are on the map's walls, if localized."""
+        located, known = self._localization, self.known
         if known is None or located is None or located.lost:
             return None
         return on_walls(known, compose(self._map_odom, pose), seen.points, _ON_WALL)
 
     def seen(self, now: float) -> Seen:
-        """What is known at `now` [s] from all that was heard."""
-        if len(self._trail):
-            here = pose_at(self._trail, now)
-            stamp = float(self._trail[-1, 0])
+        """The result at `now` [s] of all readings received."""
+        if len(self._odometry_buffer):
+            here = pose_at(self._odometry_buffer, now)
+            stamp = float(self._odometry_buffer[-1, 0])
         else:
             here, stamp = Pose(0.0, 0.0, 0.0), -math.inf
-        located = self._located
-        if located is None and self._locator is not None:
-            located = self._locator.located._replace(
+        located = self._localization
+        if located is None and self._localizer is not None:
+            located = self._localizer.located._replace(
                 lost=True, reason="no scan has been matched yet"
             )
         if located is None:
-            located = Located(here, np.zeros((3, 3)), 1.0, False, "")
+            located = Localization(here, np.zeros((3, 3)), 1.0, False, "")
         discs, mobile, velocity_error = self._mobile(now)
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
-            twist=self._twist, map_odom=self._map_odom, points=self._told,
-            blind=self.blind, discs=discs,
+            twist=self._twist, map_odom=self._map_odom, points=self._reported,
+            unobserved=self.unobserved, discs=discs,
             mobile=mobile,
-            mobile_max_acceleration=np.full(len(mobile), self._watching.max_acceleration),
+            mobile_max_acceleration=np.full(len(mobile), self._tracker_params.max_acceleration),
             mobile_velocity_error=velocity_error, odometry_stamp=stamp,
             scan_stamp=min(source.stamp for source in self._sources),
         )  # fmt: skip
 
     @property
-    def blind(self) -> int:
-        """How many of the points that are told are ground that may hold anything; see `Seen`."""
-        return len(self._told) - len(self._points)
+    def unobserved(self) -> int:
+        """How many of the reported points are the border of unobserved space; see `Seen`."""
+        return len(self._reported) - len(self._points)
 
     def _mobile(self, now: float) -> tuple[Floats, Floats, Floats]:
-        """Movers, all that may move, and by how much the velocities of these may be off, foretold
-        to now."""
-        told = [_movers(source, now, self._watching) for source in self._sources]
-        if len(told) == 1:
-            return told[0]
-        discs, mobile, velocity_error = zip(*told, strict=True)
+        """Movers, all discs for the guard, and bounds of their velocity errors, predicted to
+        now."""
+        parts = [_movers(source, now, self._tracker_params) for source in self._sources]
+        if len(parts) == 1:
+            return parts[0]
+        discs, mobile, velocity_error = zip(*parts, strict=True)
         return np.vstack(discs), np.vstack(mobile), np.concatenate(velocity_error)
 
 
 def _movers(
-    source: ObservationSource | RangeSource, now: float, watching: TrackerParams
+    source: ObservationSource | RangeSource, now: float, tracker_params: TrackerParams
 ) -> tuple[Floats, Floats, Floats]:
     """The same of one LiDAR."""
-    if not len(source.movers.tracks) and not len(source.movers.loose):
-        return _NOBODY
-    discs, off = bodies(source.movers, now, watching)
-    loose, fast = strays(source.movers, now, watching)
-    return discs, np.vstack((discs, loose)), np.concatenate((off, fast))
+    if not len(source.movers.tracks) and not len(source.movers.potentially_dynamic_points):
+        return _NO_DISCS
+    discs, off = mover_discs(source.movers, now, tracker_params)
+    potentially_dynamic_points, fast = potentially_dynamic_discs(source.movers, now, tracker_params)
+    return discs, np.vstack((discs, potentially_dynamic_points)), np.concatenate((off, fast))
 
 
-def seen_from(seen: Seen, pose: Pose) -> Pose:
-    """A pose of the map as it is in `odom`, by what is known now."""
+def in_odom(seen: Seen, pose: Pose) -> Pose:
+    """A pose of the map in `odom`."""
     return between(seen.map_odom, pose)
 
 
 def rehearse(model: RobotModel, mapped: bool) -> None:
-    """Run all of it once, so that nothing is left to compile when it has to be in time.
+    """Warm up: run all of it once, so that nothing is left to compile in real time.
 
-    mapped: whether there will be a map; a small room stands for it.
+    mapped: whether there will be a map; a small room is used for it.
     """
     corner = np.array([[-2, -2, 2, -2], [2, -2, 2, 2], [2, 2, -2, 2], [-2, 2, -2, -2]], np.float64)
     here = Pose(0.0, 0.0, 0.0)
-    nowhere = Perception(model, map_from_geometry(corner, here) if mapped else None)
+    perception = Perception(model, map_from_geometry(corner, here) if mapped else None)
     for k in range(14):
         t = 0.1 * k
         odometry = Odometry(t + 0.05, Pose(0.02 * k, 0.0, 0.01 * k), Twist(0.2, 0.1))
-        scan = Scan(t, k, _in_a_room(nowhere.lidar, k), 0.05)
+        scan = Scan(t, k, _in_a_room(perception.lidar, k), 0.05)
         further = tuple(
             Scan(t, k, _in_a_room(one.lidar(), k), 0.05, one.name) for one in model.further_lidars
         )
-        for _ in range(20):  # a search is a slice of work at every call
-            none = untouched(model, t)
-            nowhere.take(t + 0.05, Readings(odometry, scan, None, None, further, none))
+        for _ in range(20):  # a search works in slices, one for each call
+            contacts = untouched(model, t)
+            perception.take(t + 0.05, Readings(odometry, scan, None, None, further, contacts))
         if k == 9:
-            nowhere.place(here)
-    alone = ObservationSource(nowhere.lidar, "", ScanMemoryParams(), TrackerParams())
-    alone.doubt(np.zeros((1, 2)))  # nobody has left the view above
+            perception.place(here)
+    alone = ObservationSource(perception.lidar, "", ScanMemoryParams(), TrackerParams())
+    alone.mark_possibly_occupied(np.zeros((1, 2)))  # no mover has left the view above
 
 
 def _in_a_room(lidar: Lidar, k: int) -> Floats:
-    """Ranges of scan k in a small room in which somebody walks."""
+    """Ranges of scan k in a small room with a walker."""
     n = len(lidar.beams)
     bearings = np.arctan2(lidar.beams[:, 1], lidar.beams[:, 0])
     room = 2.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))

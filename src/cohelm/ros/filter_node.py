@@ -171,7 +171,7 @@ class FilterNode:
         """Take in what the sensors have seen since: between two commands, so that none waits."""
         self._looked = time.monotonic()
         self._readings = self._gated.read()
-        self._perception.hear(self._gated.now(), self._readings)
+        self._perception.receive(self._gated.now(), self._readings)
 
     def _drive(self, nominal: Nominal, fault: str) -> None:
         """Enables the base as soon as a controller is there and nothing is wrong."""

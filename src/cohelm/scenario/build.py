@@ -48,27 +48,17 @@ def setup(scenario: Scenario) -> Setup:
     scenery = alone.scenery()
     bodies = alone.bodies(scenery)
     made = Setup(
-        start=_start(alone, reference),
-        reference=reference,
-        outline=robot.outline,
-        limits=limits,
-        gains=gains,
-        spline_speed=alone.reference.feed_forward == "spline",
+        start=_start(alone, reference), reference=reference, outline=robot.outline, limits=limits,
+        gains=gains, spline_speed=alone.reference.feed_forward == "spline",
         around=alone.around(scenery),
-        names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names),
-        hands=hands,
-        operator=operator,
-        dt=alone.simulation.step_s,
-        duration=alone.simulation.duration_s,
-        delay=alone.simulation.delay_s,
-        seed=alone.simulation.seed,
-        grid=scenery.grid,
+        names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names), hands=hands,
+        operator=operator, dt=alone.simulation.step_s, duration=alone.simulation.duration_s,
+        delay=alone.simulation.delay_s, seed=alone.simulation.seed, grid=scenery.grid,
         barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
         near=alone.reference.arrive_m or REACHED,
-        pilot=_piloted(alone, robot, limits, bodies, reference),
-        twin=_twinned(alone, robot),
+        pilot=_piloted(alone, robot, limits, bodies, reference), twin=_twinned(alone, robot),
         scenario=dump(alone),
-    )
+    )  # fmt: skip
     _check_length(made, alone)
     _check_start(made, alone)
     return made
@@ -103,12 +93,9 @@ def pilot(scenario: Scenario) -> Pilot:
     limits = robot.bounds(enforced=alone.simulation.wheel_limits)
     law = alone.law
     return Pilot(
-        alone.reference.spline(),
-        _settings(alone, robot, limits),
-        delay=alone.simulation.delay_s,
-        path_params=law.path_params(),
-        replan_params=law.replan_params(),
-    )
+        alone.reference.spline(), _settings(alone, robot, limits), delay=alone.simulation.delay_s,
+        path_params=law.path_params(), replan_params=law.replan_params(),
+    )  # fmt: skip
 
 
 def _twinned(alone: Scenario, robot: RobotModel) -> Twinned | None:
@@ -148,7 +135,7 @@ def _piloted(
         lidar=None if lidar is None else lidar.lidar(),
         rate=10.0 if lidar is None else lidar.rate_hz,
         further=() if lidar is None else robot.further_lidars,
-        watching=TrackerParams(max_acceleration=law.guard.obstacle_acceleration_mps2),
+        tracker_params=TrackerParams(max_acceleration=law.guard.obstacle_acceleration_mps2),
         path_params=law.path_params(),
         replan_params=law.replan_params(),
         period=law.plan.period_s,

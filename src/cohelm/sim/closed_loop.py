@@ -53,7 +53,7 @@ class Piloted:
     """Scans per second."""
     further: tuple[LidarModel, ...] = ()
     """What it sees with besides."""
-    watching: TrackerParams = field(default_factory=TrackerParams)
+    tracker_params: TrackerParams = field(default_factory=TrackerParams)
     """How things that move are told by the LiDAR."""
     path_params: PathParams = field(default_factory=PathParams)
     replan_params: ReplanParams = field(default_factory=ReplanParams)
@@ -122,7 +122,7 @@ def stretches(
         if given.lidar is None
         else Perception(
             given.lidar,
-            watching=given.watching,
+            tracker_params=given.tracker_params,
             outline=settings.outline,
             further=given.further,
         )
@@ -154,7 +154,7 @@ def stretches(
             walls = near_walls(scene.around.walls, now.robot.pose)
             told = known(k * dt, now.told, walls, scene)
             end = len(seen.points)
-            told, unseen = apart(told, end - (0 if eyes is None else eyes.blind), end)
+            told, unseen = apart(told, end - (0 if eyes is None else eyes.unobserved), end)
             task = Task(
                 now.pilot, now.robot.pose, now.robot.applied, told, current, (k - since) * dt,
                 now.led, unseen=unseen,

@@ -103,7 +103,7 @@ def with_pilot(
         made = replace(
             made,
             rate=lidar.rate_hz,
-            watching=TrackerParams(max_acceleration=max_acceleration),
+            tracker_params=TrackerParams(max_acceleration=max_acceleration),
             further=further,
         )
     return replace(setup, pilot=made)

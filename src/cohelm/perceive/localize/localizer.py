@@ -40,7 +40,7 @@ from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
 
-class Located(NamedTuple):
+class Localization(NamedTuple):
     """pose: of the body in the map at the sweep's instant. covariance: (3, 3). share: of beams
     that agree with the map. reason: why it is lost, empty if it is not."""
 
@@ -52,7 +52,7 @@ class Located(NamedTuple):
 
 
 @dataclass
-class Locator:
+class Localizer:
     """Follows one robot on one map. `start` None: it may be anywhere."""
 
     known: LocalizationMap
@@ -80,7 +80,7 @@ class Locator:
         self._wheels = Wheels()
         self._joint: Floats = joined(wide, UNKNOWN)
         self._told_joint: Floats = self._joint  # of what errs independently only: what is told
-        self.located = Located(pose, wide, 0.0, lost, reason)
+        self.located = Localization(pose, wide, 0.0, lost, reason)
 
     def place(self, pose: Pose, sigma: float = 0.3) -> None:
         """Somebody says where the robot is, within about sigma [m].
@@ -97,7 +97,7 @@ class Locator:
         self._believe(pose, wide, 0.0, 0.0)
         self._hypotheses.before, self._judge.usual, self._told = before, usual, True
 
-    def correct(self, sweep: DeskewedScan, odometry: Pose, stamp: float) -> Located:
+    def correct(self, sweep: DeskewedScan, odometry: Pose, stamp: float) -> Localization:
         """Take in a sweep. odometry: the odometry pose at its instant, `stamp` [s]."""
         step = between(self._odometry, odometry) if self._odometry else Pose(0.0, 0.0, 0.0)
         self._odometry = odometry
@@ -121,7 +121,7 @@ class Locator:
             self._track(step, sweep, points, across)
         return self.located
 
-    def think(self) -> Located:
+    def think(self) -> Localization:
         """Use a moment for the search, where one is going on; about 3 ms."""
         if self._hypotheses.think(self.located.lost):
             self._settle()
@@ -172,21 +172,21 @@ class Locator:
             why = "what the LiDAR sees is not what the map shows here"
             self._hypotheses.left = Departure(foretold, told, check.trust, check.knew)
             self._joint = self._told_joint = joint
-            self.located = Located(foretold, told[:3, :3].copy(), judged.agree, True, why)
+            self.located = Localization(foretold, told[:3, :3].copy(), judged.agree, True, why)
             self._seek(points, across, sweep)
             if jumped:
                 self._hypotheses.add(fit.pose)
             return
         if not movable and off > c.refused:
             self._joint, self._told_joint = joint, told
-            self.located = Located(foretold, told[:3, :3].copy(), judged.agree, False, "")
+            self.located = Localization(foretold, told[:3, :3].copy(), judged.agree, False, "")
         else:
             self._wheels = self._wheels.learnt(joint, innovation)
             self._judge.learn_surfaces(fit, way)
             self._joint = updated(joint, fit.information)
             new = 1.0 if self._told else min(1.0, max(way / care.correlated, 0.02))
             self._told_joint = updated(told, new * own)
-            self.located = Located(
+            self.located = Localization(
                 fit.pose, self._told_joint[:3, :3].copy(), judged.agree, False, ""
             )
         self._alarm.fall(judged.log)
@@ -230,7 +230,7 @@ class Locator:
         if best is None:
             self.located = self.located._replace(lost=True, reason=why)
         elif why:
-            self.located = Located(best.pose, best.covariance, best.judged.agree, True, why)
+            self.located = Localization(best.pose, best.covariance, best.judged.agree, True, why)
         else:
             self._forget()
             self._believe(best.pose, best.covariance, best.judged.agree, lead, proven)
@@ -268,7 +268,7 @@ class Locator:
         self._alarm.reset()
         self._hypotheses.believed()
         self._check.believed(lead, proven)
-        self.located = Located(pose, covariance, share, False, "")
+        self.located = Localization(pose, covariance, share, False, "")
 
     def _forget(self) -> None:
         self._hypotheses.forget()

@@ -14,20 +14,20 @@ from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
 from cohelm.robot.sensors import Lidar
 
-CX, CY, SIZE, HIDDEN, FRESH, FIRST, LAST, AGE = range(8)
-"""Columns of clusters: centre of the disc it may be [m], its radius [m], whether something nearer
-hides a part of it, share of its points where it was free before, first and last point, how long
-before the sweep's instant its middle beam was measured [s]."""
+CX, CY, SIZE, OCCLUDED, FRESH, FIRST, LAST, AGE = range(8)
+"""Columns of clusters: centre of the disc it may be [m], its radius [m], whether a part of it is
+occluded, share of its points where space was free before, first and last point, age of its middle
+beam at the sweep's stamp [s]."""
 
-_JUMP = 0.12  # neighbouring ends farther apart are of different things [m]
-_WIDEST = 1.1  # a wider thing is no body [m]
-_FARTHEST = 8.0  # and a farther one too few beams [m]
+_JUMP = 0.12  # neighbouring ends farther apart are on different objects [m]
+_WIDEST = 1.1  # largest size of a cluster [m]
+_FARTHEST = 8.0  # largest range of a cluster, beyond which beams are too few [m]
 _FEWEST = 3
-FREE = 0.15  # so far before a beam's end it was free [m]
+FREE = 0.15  # space is free up to so far before a beam's end [m]
 
 
-class Look(NamedTuple):
-    """ranges: (n,) of a sweep. sensor: pose of the LiDAR then, in `odom`. stamp [s]."""
+class PosedScan(NamedTuple):
+    """Ranges (n,) of a sweep, with the pose of the LiDAR then, in `odom`, and its stamp [s]."""
 
     ranges: Floats
     sensor: Pose
@@ -38,11 +38,11 @@ class Look(NamedTuple):
 def clusters(
     lidar: Lidar, sweep: DeskewedScan, pose: Pose, farthest: float, fixed: NDArray[np.bool_]
 ) -> Floats:
-    """The things in a sweep from an `odom` pose that may be bodies, (k, 8), in `odom`.
+    """Clusters of a sweep from an `odom` pose, (k, 8), in `odom`.
 
-    fixed: (m,) points of what surely stands: they belong to no body, and part those beside it.
-    The centre is put behind what is seen of a disc: the mean of its visible side is pi/4 of the
-    radius in front of it. FRESH is left 0.
+    fixed: (m,) points of walls of a map: they belong to no cluster, and separate clusters. The
+    centre is behind the visible side of a disc, whose mean is pi/4 of the radius in front of it.
+    FRESH is left 0.
     """
     points, beams = sweep.points, sweep.beams
     m = len(points)
@@ -72,7 +72,7 @@ def clusters(
                 bx, by = x + 0.785 * size * dx, y + 0.785 * size * dy
                 out[k, CX], out[k, CY] = pose.x + c * bx - s * by, pose.y + s * bx + c * by
                 out[k, SIZE] = size
-                out[k, HIDDEN] = 1.0 if _hidden(lidar, points, beams, a, b, far) else 0.0
+                out[k, OCCLUDED] = 1.0 if _occluded(lidar, points, beams, a, b, far) else 0.0
                 out[k, FIRST], out[k, LAST] = a, b
                 later = len(lidar.beams) - 1 - 0.5 * (beams[a] + beams[b - 1])
                 out[k, AGE] = beam_s * later
@@ -83,7 +83,7 @@ def clusters(
 
 @jit
 def _joined(lidar: Lidar, points: Floats, beams: Ints, i: int) -> bool:
-    """Whether point i is on the same thing as the one before."""
+    """Whether point i is on the same object as the one before."""
     if beams[i] - beams[i - 1] > 3:
         return False
     dx, dy = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
@@ -93,8 +93,8 @@ def _joined(lidar: Lidar, points: Floats, beams: Ints, i: int) -> bool:
 
 
 @jit
-def _hidden(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: float) -> bool:
-    """Whether the view ends beside points a:b, or something nearer stands there."""
+def _occluded(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: float) -> bool:
+    """Whether the view ends beside points a:b, or a nearer object occludes it there."""
     if beams[a] == 0 or beams[b - 1] == len(lidar.beams) - 1:
         return True
     for i in (a - 1, b):
@@ -107,23 +107,26 @@ def _hidden(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: floa
 
 
 @jit
-def was_free(lidar: Lidar, look: Look, x: float, y: float, beside: float) -> bool:
-    """Whether a sweep saw through an `odom` point, and `beside` it on either side [m], by a beam
-    at least."""
-    wx, wy = x - look.sensor.x, y - look.sensor.y
-    c, s = math.cos(look.sensor.psi), math.sin(look.sensor.psi)
+def was_free(lidar: Lidar, scan: PosedScan, x: float, y: float, beside: float) -> bool:
+    """Whether a sweep saw past an `odom` point, and past `beside` [m] on either side of it, at
+    least by a beam."""
+    wx, wy = x - scan.sensor.x, y - scan.sensor.y
+    c, s = math.cos(scan.sensor.psi), math.sin(scan.sensor.psi)
     sx, sy = c * wx + s * wy, -s * wx + c * wy
     far = math.hypot(sx, sy)
     beam = beam_at(lidar, sx, sy)
     aside = max(1, math.ceil(beside / (max(far, 0.1) * lidar.step)))
-    if not aside <= beam < len(look.ranges) - aside or far > lidar.range_max - FREE:
+    if not aside <= beam < len(scan.ranges) - aside or far > lidar.range_max - FREE:
         return False
-    return look.ranges[beam - aside : beam + aside + 1].min() > far + FREE
+    return scan.ranges[beam - aside : beam + aside + 1].min() > far + FREE
 
 
 @jit
-def freshen(lidar: Lidar, found: Floats, sweep: DeskewedScan, pose: Pose, look: Look) -> None:
-    """Raise FRESH of each cluster to the share of its points where the earlier look was free."""
+def update_freshness(
+    lidar: Lidar, found: Floats, sweep: DeskewedScan, pose: Pose, scan: PosedScan
+) -> None:
+    """Raise FRESH of each cluster to the share of its points where an earlier scan saw free
+    space."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     for k in range(len(found)):
         a, b = int(found[k, FIRST]), int(found[k, LAST])
@@ -131,11 +134,11 @@ def freshen(lidar: Lidar, found: Floats, sweep: DeskewedScan, pose: Pose, look: 
         for i in range(a, b):
             x = pose.x + c * sweep.points[i, 0] - s * sweep.points[i, 1]
             y = pose.y + s * sweep.points[i, 0] + c * sweep.points[i, 1]
-            if was_free(lidar, look, x, y, 0.0):
+            if was_free(lidar, scan, x, y, 0.0):
                 free += 1
         found[k, FRESH] = max(found[k, FRESH], free / (b - a))
 
 
-def looked(lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float) -> Look:
-    """Keep a sweep from an `odom` pose for later."""
-    return Look(sweep.ranges, Pose(*compose(pose, lidar.mount)), stamp)
+def posed_scan(lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float) -> PosedScan:
+    """The ranges of a sweep from an `odom` pose."""
+    return PosedScan(sweep.ranges, Pose(*compose(pose, lidar.mount)), stamp)

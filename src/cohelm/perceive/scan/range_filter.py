@@ -14,7 +14,7 @@ _EDGE = 10.0  # and what sees so much farther than the beam beside it sees past 
 
 
 @jit
-def steadied(ranges: Floats, noise: float) -> Floats:
+def filtered_ranges(ranges: Floats, noise: float) -> Floats:
     """Each range replaced by the median of it and two beams on either side [m].
 
     A range that differs from that by more than noise explains stays: a thin leg in front of a

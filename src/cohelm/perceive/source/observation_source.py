@@ -1,5 +1,5 @@
-"""What one LiDAR has shown: points that stand, and what moves. Each forgets only what it sees gone
-itself, as another may look over it or past it."""
+"""Observation source: the static points and movers of one LiDAR. Each clears only what it sees gone
+itself, as another may look over or past it."""
 
 from __future__ import annotations
 
@@ -10,93 +10,103 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.clusters import Look, looked
+from cohelm.perceive.scan.clusters import PosedScan, posed_scan
 from cohelm.perceive.scan.deskew import DeskewedScan, sweep
 from cohelm.perceive.scan.odometry_buffer import pose_at
-from cohelm.perceive.scan.range_filter import steadied
-from cohelm.perceive.space.free_space_memory import doubted
+from cohelm.perceive.scan.range_filter import filtered_ranges
+from cohelm.perceive.space.free_space_memory import with_possibly_occupied
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
 from cohelm.perceive.track.track import MOVES, RADIUS, TX, TY
-from cohelm.perceive.track.tracker import NONE, TrackerParams, follow
+from cohelm.perceive.track.tracker import EMPTY_STATE, TrackerParams, update_tracker
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import Lidar
 
 NOTHING: Floats = np.empty((0, 2))
-_APART = 0.06  # sweeps nearer in time are not asked who moves: too little has happened [s]
+_APART = 0.06  # minimum time between two updates of the tracker [s]
 
 OnMap = Callable[[DeskewedScan, Pose], NDArray[np.bool_] | None]
-"""Which points of a sweep from an `odom` pose are on the map's walls; None where nobody knows."""
+"""Which points of a sweep from an `odom` pose are on the map's walls; None if not localized."""
 
 
 class ObservationSource:
-    """One LiDAR and its memory."""
+    """One LiDAR with its scan memory and tracker."""
 
     def __init__(
-        self, lidar: Lidar, sensor: str, remembering: ScanMemoryParams, watching: TrackerParams
-    ) -> None:
+        self, lidar: Lidar, sensor: str, memory_params: ScanMemoryParams,
+        tracker_params: TrackerParams,
+    ) -> None:  # fmt: skip
         """sensor: as its scans name it."""
         self.lidar, self.sensor = lidar, sensor
-        self._care, self._watching = remembering, watching
+        self._memory_params, self._tracker_params = memory_params, tracker_params
         self.points = NOTHING
-        """Standing things, (p, 2), in `odom` [m]."""
-        self.movers = NONE
-        self.look: Look | None = None
+        """Static points, (p, 2), in `odom` [m]."""
+        self.movers = EMPTY_STATE
+        self.last_scan: PosedScan | None = None
         """The newest sweep."""
         self.stamp = -math.inf
         """Of its last beam [s]."""
         self._number: int | None = None
 
     def new(self, scan: Scan) -> bool:
-        """Whether it is another one than the last."""
+        """Whether a scan is not the last one."""
         return scan.number != self._number
 
     def take(self, scan: Scan, trail: Floats, on_map: OnMap) -> tuple[DeskewedScan, Pose] | None:
-        """A new scan: its sweep without what moves, and the `odom` pose that it is from; None for
-        what is no scan of this LiDAR."""
+        """Take a new scan. Returns its deskewed scan without movers, and the `odom` pose of it;
+        None for what is no scan of this LiDAR."""
         self._number = scan.number
         if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(scan.stamp):
             return None
         ranges = np.asarray(scan.ranges, dtype=np.float64)
-        seen = whole = sweep(self.lidar, ranges, scan.stamp, scan.duration, trail)
+        scan_points = deskewed = sweep(self.lidar, ranges, scan.stamp, scan.duration, trail)
         self.stamp = scan.stamp + scan.duration
         pose = pose_at(trail, self.stamp)
         if self.stamp - self.movers.stamp > _APART:
-            may_move = np.ones(len(seen.points), dtype=np.bool_)
-            things = seen
-            if scan.edges is not None:  # no edge of a floor moves, whatever noise makes of it
-                may_move = ~scan.edges[seen.beams]
-                ranges = np.where(scan.edges, math.nan, seen.ranges)
-                things = DeskewedScan(
-                    seen.points[may_move], seen.beams[may_move], ranges, seen.duration
+            may_move = np.ones(len(scan_points.points), dtype=np.bool_)
+            trackable = scan_points
+            if scan.edges is not None:  # the edge of a floor does not move, whatever the noise
+                may_move = ~scan.edges[scan_points.beams]
+                ranges = np.where(scan.edges, math.nan, scan_points.ranges)
+                trackable = DeskewedScan(
+                    scan_points.points[may_move],
+                    scan_points.beams[may_move],
+                    ranges,
+                    scan_points.duration,
                 )
-            self.movers = follow(
-                self.movers, self.lidar, things, pose, self.stamp, self._watching,
-                on_map(things, pose),
+            self.movers = update_tracker(
+                self.movers, self.lidar, trackable, pose, self.stamp, self._tracker_params,
+                on_map(trackable, pose),
             )  # fmt: skip
-            if self.movers.mine.any():
-                may_move[may_move] = self.movers.mine
-                seen = self._without(seen, may_move)
-        calm = steadied(seen.ranges, self.lidar.noise)
-        points = renew(self.points, pose, self.lidar, calm, self._care)
+            if self.movers.of_movers.any():
+                may_move[may_move] = self.movers.of_movers
+                scan_points = self._without(scan_points, may_move)
+        filtered = filtered_ranges(scan_points.ranges, self.lidar.noise)
+        points = renew(self.points, pose, self.lidar, filtered, self._memory_params)
         self.points = self._outside(points)
-        self.look = looked(self.lidar, whole, pose, self.stamp)
-        return seen, pose
+        self.last_scan = posed_scan(self.lidar, deskewed, pose, self.stamp)
+        return scan_points, pose
 
-    def doubt(self, places: Floats) -> None:
-        """Somebody may be at these places in `odom`, (p, 2), where nothing looks: whoever is seen
-        there next may move."""
+    def mark_possibly_occupied(self, places: Floats) -> None:
+        """A mover out of view may occupy these places in `odom`, (p, 2): a return there next may be
+        a mover."""
         if len(places):
-            ground = doubted(self.movers.ground, places, self.movers.worn)
-            self.movers = self.movers._replace(ground=ground)
+            free_space = with_possibly_occupied(self.movers.free_space, places, self.movers.clock)
+            self.movers = self.movers._replace(free_space=free_space)
 
-    def _without(self, seen: DeskewedScan, mine: NDArray[np.bool_]) -> DeskewedScan:
-        """The sweep without the points of movers: they tell nothing about what stands."""
-        ranges = seen.ranges.copy()
-        ranges[_shadow(self.lidar, seen.points[mine])] = math.nan
-        return DeskewedScan(seen.points[~mine], seen.beams[~mine], ranges, seen.duration)
+    def _without(self, scan_points: DeskewedScan, of_movers: NDArray[np.bool_]) -> DeskewedScan:
+        """The sweep without the points of movers."""
+        ranges = scan_points.ranges.copy()
+        ranges[_shadow(self.lidar, scan_points.points[of_movers])] = math.nan
+        return DeskewedScan(
+            scan_points.points[~of_movers],
+            scan_points.beams[~of_movers],
+            ranges,
+            scan_points.duration,
+        )
 
     def _outside(self, points: Floats) -> Floats:
-        """Points that no mover covers: what was remembered of it before it was known to move."""
+        """Points outside of movers: points of them from before they were known to move are
+        deleted."""
         for x, y, radius in self.movers.tracks[self.movers.tracks[:, MOVES] > 0][
             :, [TX, TY, RADIUS]
         ]:
@@ -105,7 +115,7 @@ class ObservationSource:
 
 
 def _shadow(lidar: Lidar, points: Floats) -> NDArray[np.int64]:
-    """The beams that body-frame points are seen in."""
+    """The beams of body-frame points."""
     c, s = math.cos(lidar.mount.psi), math.sin(lidar.mount.psi)
     dx, dy = points[:, 0] - lidar.mount.x, points[:, 1] - lidar.mount.y
     bearing = np.arctan2(-s * dx + c * dy, c * dx + s * dy) - lidar.first

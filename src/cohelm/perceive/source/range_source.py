@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cohelm.core.frames import inverse, placed
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.scan.odometry_buffer import pose_at
-from cohelm.perceive.track.tracker import NONE
+from cohelm.perceive.track.tracker import EMPTY_STATE
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import LidarModel
 
@@ -33,7 +33,7 @@ class RangeSource:
         """Standing things, (p, 2), in `odom` [m]."""
         self._seen: Floats = np.empty(0)
         """When each was seen, (p,) [s]."""
-        self.movers = NONE
+        self.movers = EMPTY_STATE
         self.stamp = -math.inf
         """Of the newest measurement [s]."""
         self._number: int | None = None

@@ -1,7 +1,6 @@
 """A window of grid cells that moves with the robot, in `odom`; indices are modulo its side.
 
-`which`, (SIDE, SIDE, 2), tells the cell that each entry of the window is of; of any other cell an
-entry says nothing.
+`which`, (SIDE, SIDE, 2), has the cell that each entry of the window belongs to.
 """
 
 from __future__ import annotations
@@ -20,18 +19,18 @@ SIDE = 128
 
 
 def nowhere() -> Ints:
-    """The `which` of a window whose entries are of no cell yet."""
+    """The `which` of an empty window."""
     return np.full((SIDE, SIDE, 2), np.iinfo(np.int64).min, np.int64)
 
 
 @jit_inline
 def cell(x: float) -> int:
-    """The row, or column, that a coordinate is in."""
+    """The row or column of a coordinate."""
     return math.floor(x / CELL)
 
 
 @jit_inline
 def holds(which: Ints, i: int, j: int) -> bool:
-    """Whether the entry that a cell would have is of this cell."""
+    """Whether the window has an entry of this cell."""
     a, b = i % SIDE, j % SIDE
     return which[a, b, 0] == i and which[a, b, 1] == j

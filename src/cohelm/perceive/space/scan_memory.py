@@ -1,4 +1,4 @@
-"""Remembers the surroundings: the last scan's points, and earlier ones that it could not see."""
+"""Scan memory: the points of the last scan, and earlier ones that it could not see."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from cohelm.robot.sensors import Lidar
 _MOST = 12  # beams on either side that a range is averaged with
 _JUMP = 0.06  # neighbouring beams that differ by more than this are on different surfaces [m]
 
-_AROUND = 0.5  # how a surface lies is asked of what is so near [m]
-_LONG = 0.07  # and is told where that is spread so far, one standard deviation: 25 cm [m]
+_AROUND = 0.5  # neighbourhood that defines the direction of a surface [m]
+_LONG = 0.07  # its minimum extent, one standard deviation, for 25 cm [m]
 
 
 class ScanMemoryParams(NamedTuple):
-    """What is kept of a scan, and for how long."""
+    """Parameters of the scan memory."""
 
     half_width: float = 0.02
     """How far to either side, on the same surface, ranges are averaged: near surfaces, where
     beams are dense, become precise, and far ones are not rounded off [m]."""
     spacing: float = 0.01
-    """Points of one scan nearer to each other than this are one [m]."""
+    """Points of one scan nearer to each other than this are merged [m]."""
     behind: float = 0.10
-    """A remembered point this far behind what is seen now is hidden, not gone [m]."""
+    """A remembered point this far behind a return is occluded, not gone [m]."""
     keep: float = 8.0
     """Farther than this from the robot, points are forgotten [m]."""
 
@@ -64,12 +64,12 @@ def renew(
 ) -> Floats:
     """The points after a scan from `pose`, world frame, (p, 2) [m].
 
-    All that the scan sees is replaced by what it sees; what it can not see, outside the field of
-    view or hidden, is remembered. A beam without a return (inf) has seen that nothing is there, if
-    its neighbours saw no less: single ones are drop-outs; NaN has seen nothing. What is too near to
-    be measured (-inf) is put at the least range. Nearer than `whole_from` beams may go past above
-    what stands: it is remembered, unless they end where it is. A thin wall that points at the
-    sensor hides between two beams: beams that pass along it have not seen that it is gone.
+    Points in view are replaced by the scan; points outside the field of view or occluded are kept.
+    A beam without a return (inf) clears its points if its neighbours saw as far: single ones are
+    drop-outs; NaN clears nothing. A range below the minimum (-inf) is put at the minimum. Nearer
+    than `whole_from` beams may pass above an obstacle: its points are kept, unless beams end there.
+    A thin wall that points at the sensor lies between two beams: beams that pass along it do not
+    clear it.
     """
     n = len(ranges)
     c, s = math.cos(pose.psi), math.sin(pose.psi)
@@ -102,7 +102,7 @@ def renew(
         far = math.sqrt(square)
         reach = _reaches(ranges, beam) if 0 <= beam < n else -math.inf
         if 0 <= beam < n and reach == -math.inf and abs(far - lidar.range_min) < care.behind:
-            continue  # it has been put there anew
+            continue  # it has been added anew
         if reach + care.behind >= far and (far >= lidar.whole_from or reach < far + care.behind):
             thin = far * lidar.step + 0.5 * lidar.noise
             past = reach > far + lidar.noise
@@ -115,7 +115,7 @@ def renew(
 
 @jit
 def _reaches(ranges: Floats, beam: int) -> float:
-    """How far a beam has seen [m]: not farther than its neighbours, if it did not return."""
+    """How far a beam has seen [m]: without a return, no farther than its neighbours."""
     reach = ranges[beam]
     if reach == math.inf:
         for other in range(max(beam - 1, 0), min(beam + 2, len(ranges))):
@@ -125,9 +125,9 @@ def _reaches(ranges: Floats, beam: int) -> float:
 
 @jit
 def _edge_on(points: Floats, i: int, ux: float, uy: float, thin: float) -> bool:
-    """Whether point i is of a surface that runs along the beam (ux, uy), between it and the next.
+    """Whether point i is on a surface parallel to the beam (ux, uy), between it and the next.
 
-    So it is where the points around are spread far along the beam, and across it less than `thin`
+    This is so if the points around extend far along the beam, and across it by less than `thin`
     [m], one standard deviation: a leg or a body is not as long, or not as thin.
     """
     n, a, aa, b, bb = 0, 0.0, 0.0, 0.0, 0.0

@@ -1,1 +1,1 @@
-"""Who moves, and what may."""
+"""Tracking of moving obstacles, and points that may begin to move."""

@@ -1,8 +1,7 @@
-"""Who has left the view of a LiDAR that does not look all round.
+"""Remembers movers that have left the view of a LiDAR that does not look all round.
 
-He is remembered as a track that nobody sees: where he is going, and how sure that is, are foretold
-as for any other. He is forgotten when somebody comes out of where nothing looks, near enough to be
-him, or after a while.
+Each is a track without measurements, predicted as any other. It is deleted when a mover comes out
+of unobserved ground near enough to be the same object, or after a while.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.clusters import Look
+from cohelm.perceive.scan.clusters import PosedScan
 from cohelm.perceive.scan.deskew import all_round, beam_at
-from cohelm.perceive.track.potentially_dynamic import LX, LY, STOOD, Wary
+from cohelm.perceive.track.potentially_dynamic import LX, LY, STOOD, PotentiallyDynamicParams
 from cohelm.perceive.track.track import (
     COLUMNS,
     MISSED,
@@ -29,91 +28,94 @@ from cohelm.perceive.track.track import (
     TX,
     TY,
     VV,
-    predicted,
+    predict,
 )
 from cohelm.robot.sensors import Lidar
 
-KEPT = 10.0
-"""Who left the view is remembered for so long [s]."""
+KEEP = 10.0
+"""A mover out of view is remembered for so long [s]."""
 
 HX, HY, HVX, HVY, REACH, UNSEEN = range(6)
-"""Columns of those who may be out of view: place [m] and velocity [m/s] that are foretold, how far
-from that place he may be, with his own radius, whatever he has done since of what he is capable of
-[m], time since he was in view [s]."""
+"""Columns of movers out of view: predicted position [m] and velocity [m/s], bound of the distance
+from that position, with uncertainty, acceleration and radius [m], time since it was in view [s]."""
 
 BX, BY, B_HALF, B_EDGE, B_STOOD = range(5)
-"""Columns of bodies of loose points: middle and half the extent [m], how far its nearest point is
-from the edge of the view [m], whether all of it has stood (1) or not (0)."""
+"""Columns of clusters of potentially dynamic points: middle and half the extent [m], distance of
+the nearest point from the edge of the view [m], whether all of it has stood (1) or not (0)."""
 
-_DEVIATIONS = 2.0  # a foretold place may be off by so many standard deviations
-_EDGE = 0.15  # who is as near to where nothing looks may be there at the next scan [m]
-_SAME = 0.3  # what is loose is the same as a scan before if it is as near to it [m]
+_DEVIATIONS = 2.0  # standard deviations of a predicted position
+_EDGE = 0.15  # an object as near to the edge of the view may be out of it at the next scan [m]
+_SAME = 0.3  # association gate of clusters between scans [m]
 
 
 def departed(
-    before: Floats, lost: Floats, came: Floats, loose: Floats, lidar: Lidar,
-    looks: tuple[Look, ...], dt: float, max_acceleration: float, wary: Wary,
+    before: Floats, dropped: Floats, new_movers: Floats, points: Floats, lidar: Lidar,
+    scans: tuple[PosedScan, ...], dt: float, max_acceleration: float,
+    dynamic: PotentiallyDynamicParams,
 ) -> Floats:  # fmt: skip
-    """Those out of view after a sweep, tracks as in `track` that nobody sees (g, COLUMNS).
+    """Movers out of view after a sweep, (g, COLUMNS), as in `track`.
 
-    before: those at the sweep before, dt [s] ago. lost, came: tracks that were dropped at this
-    sweep, and those that were found to move at it. loose: as in `potentially_dynamic`. looks: the
+    before: those after the sweep before, dt [s] ago. dropped, new_movers: tracks that were dropped
+    at this sweep, and tracks found to move at it. points: as in `potentially_dynamic`. scans: the
     newest sweeps, oldest first.
     """
-    if not (len(before) or len(lost) or len(loose)):
+    if not (len(before) or len(dropped) or len(points)):
         return before
-    stamps = np.array([look.stamp for look in looks])
-    sensors = np.array([look.sensor for look in looks])
-    return _departed(before, lost, came, loose, lidar, stamps, sensors, dt, max_acceleration, wary)
+    stamps = np.array([scan.stamp for scan in scans])
+    sensors = np.array([scan.sensor for scan in scans])
+    return _departed(
+        before, dropped, new_movers, points, lidar, stamps, sensors, dt, max_acceleration, dynamic
+    )
 
 
 @jit
 def _departed(
-    before: Floats, lost: Floats, came: Floats, loose: Floats, lidar: Lidar, stamps: Floats,
-    sensors: Floats, dt: float, max_acceleration: float, wary: Wary,
+    before: Floats, dropped: Floats, new_movers: Floats, points: Floats, lidar: Lidar,
+    stamps: Floats,
+    sensors: Floats, dt: float, max_acceleration: float, dynamic: PotentiallyDynamicParams,
 ) -> Floats:  # fmt: skip
     sensor = Pose(sensors[-1, 0], sensors[-1, 1], sensors[-1, 2])
-    bodies = _bodies(loose, lidar, sensor)
-    out = np.zeros((len(before) + len(lost) + len(bodies), COLUMNS))
+    clusters = _clusters(points, lidar, sensor)
+    out = np.zeros((len(before) + len(dropped) + len(clusters), COLUMNS))
     n = 0
     for i in range(len(before)):
-        if before[i, MISSED] + dt < KEPT and not _again(before[i], bodies):
+        if before[i, MISSED] + dt < KEEP and not _seen_again(before[i], clusters):
             out[n] = before[i]
-            predicted(out[n], dt, max_acceleration)
+            predict(out[n], dt, max_acceleration)
             out[n, MISSED] += dt
             n += 1
-    for i in range(len(lost)):
-        if within_view(lidar, sensor, lost[i, TX], lost[i, TY]) < lost[i, RADIUS] + _EDGE:
-            out[n] = lost[i]
+    for i in range(len(dropped)):
+        if within_view(lidar, sensor, dropped[i, TX], dropped[i, TY]) < dropped[i, RADIUS] + _EDGE:
+            out[n] = dropped[i]
             out[n, MOVES] = 1.0
             n += 1
-    stays = np.ones(len(out), np.bool_)
-    for j in range(len(came)):
+    kept = np.ones(len(out), np.bool_)
+    for j in range(len(new_movers)):
         for i in range(n):
-            stays[i] = stays[i] and not _his(out[i], came[j], dt)
-        who = _emerged(out[:n], stays, came[j], lidar, stamps, sensors, dt)
-        if who >= 0:
-            stays[who] = False
-    for k in range(len(bodies)):
-        if bodies[k, B_EDGE] < _EDGE:
-            speed = wary.creeping if bodies[k, B_STOOD] > 0.0 else wary.fastest
-            out[n, TX], out[n, TY], out[n, MOVES] = bodies[k, BX], bodies[k, BY], 1.0
-            out[n, PP] = (bodies[k, B_HALF] / _DEVIATIONS) ** 2
+            kept[i] = kept[i] and not _same_object(out[i], new_movers[j], dt)
+        index = _reappeared(out[:n], kept, new_movers[j], lidar, stamps, sensors, dt)
+        if index >= 0:
+            kept[index] = False
+    for k in range(len(clusters)):
+        if clusters[k, B_EDGE] < _EDGE:
+            speed = dynamic.creeping if clusters[k, B_STOOD] > 0.0 else dynamic.fastest
+            out[n, TX], out[n, TY], out[n, MOVES] = clusters[k, BX], clusters[k, BY], 1.0
+            out[n, PP] = (clusters[k, B_HALF] / _DEVIATIONS) ** 2
             out[n, VV] = (speed / _DEVIATIONS) ** 2
             n += 1
-    return out[:n][stays[:n]]
+    return out[:n][kept[:n]]
 
 
 @jit
-def _bodies(loose: Floats, lidar: Lidar, sensor: Pose) -> Floats:
-    """The loose points of a sweep by bodies, (b, 5) as `BX` and so on: those side by side that are
-    no farther apart than `_SAME`."""
-    out, n = np.empty((len(loose), 5)), 0
+def _clusters(points: Floats, lidar: Lidar, sensor: Pose) -> Floats:
+    """The potentially dynamic points of a sweep in clusters, (b, 5), columns from `BX` on:
+    neighbours no farther apart than `_SAME`."""
+    out, n = np.empty((len(points), 5)), 0
     low, high = np.zeros(2), np.zeros(2)
-    for k in range(len(loose)):
-        x, y, stood = loose[k, LX], loose[k, LY], loose[k, STOOD]
+    for k in range(len(points)):
+        x, y, stood = points[k, LX], points[k, LY], points[k, STOOD]
         edge = within_view(lidar, sensor, x, y)
-        if k > 0 and math.hypot(x - loose[k - 1, LX], y - loose[k - 1, LY]) < _SAME:
+        if k > 0 and math.hypot(x - points[k - 1, LX], y - points[k - 1, LY]) < _SAME:
             edge, stood = min(edge, out[n - 1, B_EDGE]), min(stood, out[n - 1, B_STOOD])
         else:
             low[0] = high[0] = x
@@ -128,60 +130,63 @@ def _bodies(loose: Floats, lidar: Lidar, sensor: Pose) -> Floats:
 
 
 @jit_inline
-def _his(one: Floats, came: Floats, dt: float) -> bool:
-    """Whether it was the loose points of who is found to move: he was in view when they were."""
-    far = math.hypot(one[TX] - came[TX], one[TY] - came[TY])
-    near = far < _reach(one) + came[RADIUS]
-    return near and one[RADIUS] == 0.0 and one[MISSED] < came[SEEN] * dt
+def _same_object(track: Floats, new_movers: Floats, dt: float) -> bool:
+    """Whether a remembered cluster belongs to a new mover, which was in view at the same time."""
+    distance = math.hypot(track[TX] - new_movers[TX], track[TY] - new_movers[TY])
+    near = distance < _reach(track) + new_movers[RADIUS]
+    return near and track[RADIUS] == 0.0 and track[MISSED] < new_movers[SEEN] * dt
 
 
 @jit_inline
-def _again(one: Floats, bodies: Floats) -> bool:
-    """Whether it is something loose that is seen again."""
-    if one[RADIUS] > 0.0:
+def _seen_again(track: Floats, clusters: Floats) -> bool:
+    """Whether a remembered cluster is seen again."""
+    if track[RADIUS] > 0.0:
         return False
-    for k in range(len(bodies)):
-        far = math.hypot(bodies[k, BX] - one[TX], bodies[k, BY] - one[TY])
-        if far < bodies[k, B_HALF] + _SAME:
+    for k in range(len(clusters)):
+        distance = math.hypot(clusters[k, BX] - track[TX], clusters[k, BY] - track[TY])
+        if distance < clusters[k, B_HALF] + _SAME:
             return True
     return False
 
 
 @jit
-def _emerged(
-    gone: Floats, stays: NDArray[np.bool_], came: Floats, lidar: Lidar, stamps: Floats,
+def _reappeared(
+    departed_tracks: Floats, kept: NDArray[np.bool_], new_movers: Floats, lidar: Lidar,
+    stamps: Floats,
     sensors: Floats, dt: float,
 ) -> int:  # fmt: skip
-    """Which of those out of view the one may be that is found to move: the nearest that it may be,
-    if it was first seen at the edge of the view, or came into it as the robot turned; -1 for
-    nobody."""
-    ago = came[SEEN] * dt
-    x, y = came[TX] - ago * came[TVX], came[TY] - ago * came[TVY]
-    who, best = -1, 1.0
+    """The index of the mover out of view that a new mover is taken for: the nearest within its
+    bound, if the new one was first seen at the edge of the view, or came into view as the robot
+    turned; else -1."""
+    ago = new_movers[SEEN] * dt
+    x, y = new_movers[TX] - ago * new_movers[TVX], new_movers[TY] - ago * new_movers[TVY]
+    index, best = -1, 1.0
     k = int(np.argmin(np.abs(stamps - (stamps[-1] - ago))))
     edge = math.inf
     for j in range(max(k - 1, 0), k + 1):
         then = Pose(sensors[j, 0], sensors[j, 1], sensors[j, 2])
         edge = min(edge, within_view(lidar, then, x, y))
-    if edge > came[RADIUS] + 2.0 * _EDGE:
-        return who
-    for i in range(len(gone)):
-        far = math.hypot(gone[i, TX] - x, gone[i, TY] - y) / (_reach(gone[i]) + came[RADIUS])
-        if stays[i] and far < best:
-            who, best = i, far
-    return who
+    if edge > new_movers[RADIUS] + 2.0 * _EDGE:
+        return index
+    for i in range(len(departed_tracks)):
+        distance = math.hypot(departed_tracks[i, TX] - x, departed_tracks[i, TY] - y) / (
+            _reach(departed_tracks[i]) + new_movers[RADIUS]
+        )
+        if kept[i] and distance < best:
+            index, best = i, distance
+    return index
 
 
 @jit_inline
-def _reach(one: Floats) -> float:
-    """How far from its place a track may be, its radius included [m]."""
-    return one[RADIUS] + _DEVIATIONS * math.sqrt(one[PP])
+def _reach(track: Floats) -> float:
+    """Bound of the distance of a track from its position, with its radius [m]."""
+    return track[RADIUS] + _DEVIATIONS * math.sqrt(track[PP])
 
 
-def out_of_view(tracks: Floats, gone: Floats, max_acceleration: float) -> Floats:
-    """Those who may be where nothing looks, (h, 6): tracks (t, COLUMNS) that move or perhaps do,
-    and who departed."""
-    those = np.vstack((tracks, gone))
+def out_of_view(tracks: Floats, departed_tracks: Floats, max_acceleration: float) -> Floats:
+    """Movers that may be on unobserved ground, (h, 6), columns from `HX` on: of tracks
+    (t, COLUMNS) that move or may, and of departed ones."""
+    those = np.vstack((tracks, departed_tracks))
     out = np.empty((len(those), 6))
     out[:, HX : HVY + 1] = those[:, TX : TVY + 1]
     out[:, UNSEEN] = those[:, MISSED]
@@ -192,7 +197,7 @@ def out_of_view(tracks: Floats, gone: Floats, max_acceleration: float) -> Floats
 
 @jit_inline
 def in_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> bool:
-    """Whether a beam points at an `odom` point, whatever it ends on."""
+    """Whether a beam points at an `odom` point, occluded or not."""
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     wx, wy = x - sensor.x, y - sensor.y
     return 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < len(lidar.beams)
@@ -200,7 +205,7 @@ def in_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> bool:
 
 @jit_inline
 def within_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> float:
-    """How far an `odom` point is from the edge of a LiDAR's view; 0 where no beam points [m]."""
+    """Distance of an `odom` point from the edge of a LiDAR's view; 0 outside of it [m]."""
     if all_round(lidar):
         return math.inf
     if not in_view(lidar, sensor, x, y):

@@ -1,4 +1,4 @@
-"""Proof that a tracked thing moves: it is where it was free, or where it was is free now."""
+"""Motion test of a track by free-space violation (Petrovskaya and Thrun 2009)."""
 
 from __future__ import annotations
 
@@ -6,53 +6,54 @@ import math
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats
-from cohelm.perceive.scan.clusters import FRESH, Look, was_free
+from cohelm.perceive.scan.clusters import FRESH, PosedScan, was_free
 from cohelm.perceive.track.track import (
-    CALM,
-    ENDS,
+    AT_REST,
+    ENDS_AGE,
+    ENDS_AT,
     MOVES,
+    N_ENDS,
     PROOF,
     SEEN,
-    SINCE,
     TVX,
     TVY,
-    WHERE,
-    noted_ends,
+    set_ends,
     set_moving,
     set_resting,
 )
 from cohelm.robot.sensors import Lidar
 
-_SCATTERS = 3.0  # so many standard deviations a beam's end may lie off, seen from elsewhere
-_ANCHORED = 1.2  # where it stood is remembered for so long [s]
+_SIGMAS = 3.0  # of the range, tolerance of a beam's end seen from elsewhere
+_ENDS_KEPT = 1.2  # how long the reference ends are kept [s]
 
 
 @jit
-def prove(
-    one: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: Look, slowest: float, proof: int,
+def update_proof(
+    track: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: PosedScan, slowest: float,
+    proof: int,
     calm: float, max_acceleration: float,
 ) -> None:  # fmt: skip
-    """Weigh whether the track moves, from what was free then and what is free now."""
-    moves = math.hypot(one[TVX], one[TVY]) > slowest
-    if moves and one[SEEN] >= 3.0 and (cluster[FRESH] >= 0.5 or _left(one, lidar, now)):
-        one[PROOF] = min(one[PROOF] + 1.0, 2.0 * proof)
+    """Update the proof that a track moves: it is where space was free, or where it was is free."""
+    moves = math.hypot(track[TVX], track[TVY]) > slowest
+    if moves and track[SEEN] >= 3.0 and (cluster[FRESH] >= 0.5 or _seen_through(track, lidar, now)):
+        track[PROOF] = min(track[PROOF] + 1.0, 2.0 * proof)
     else:
-        one[PROOF] = max(one[PROOF] - 1.0, 0.0)
-    if one[PROOF] >= proof:
-        set_moving(one, max_acceleration)
-    elif one[PROOF] == 0.0 and one[CALM] > calm and one[MOVES] > 0.0:
-        set_resting(one)
-    if one[SINCE] > _ANCHORED:
-        noted_ends(one, seen)
+        track[PROOF] = max(track[PROOF] - 1.0, 0.0)
+    if track[PROOF] >= proof:
+        set_moving(track, max_acceleration)
+    elif track[PROOF] == 0.0 and track[AT_REST] > calm and track[MOVES] > 0.0:
+        set_resting(track)
+    if track[ENDS_AGE] > _ENDS_KEPT:
+        set_ends(track, seen)
 
 
 @jit
-def _left(one: Floats, lidar: Lidar, now: Look) -> bool:
-    """Whether half of where beams ended on it a while ago is seen through now. The disc that a
-    part of it was taken for is not asked: where that was may have been free all the time."""
+def _seen_through(track: Floats, lidar: Lidar, now: PosedScan) -> bool:
+    """Whether beams now pass half of the places in which beams ended on it a while ago. The fitted
+    disc is not used: of a partly visible object its place may have been free all the time."""
     free = 0
-    for i in range(ENDS):
-        x, y = one[WHERE + 2 * i], one[WHERE + 2 * i + 1]
-        if was_free(lidar, now, x, y, _SCATTERS * lidar.noise):
+    for i in range(N_ENDS):
+        x, y = track[ENDS_AT + 2 * i], track[ENDS_AT + 2 * i + 1]
+        if was_free(lidar, now, x, y, _SIGMAS * lidar.noise):
             free += 1
-    return 2 * free >= ENDS
+    return 2 * free >= N_ENDS

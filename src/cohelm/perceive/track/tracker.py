@@ -1,7 +1,7 @@
 """Tracks moving obstacles from scan to scan, with their velocities.
 
-A thing moves if it stands where it was free to see a moment ago, or if where it stood can be seen
-free now. A change of shape, as of a corner that comes into view, does neither.
+An object moves if it stands where space was seen free a moment ago, or if the space where it stood
+is seen free now. A change of shape, as of a corner that comes into view, is neither.
 """
 
 from __future__ import annotations
@@ -21,39 +21,45 @@ from cohelm.perceive.scan.clusters import (
     FIRST,
     LAST,
     SIZE,
-    Look,
+    PosedScan,
     clusters,
-    freshen,
-    looked,
+    posed_scan,
+    update_freshness,
     was_free,
 )
 from cohelm.perceive.scan.deskew import DeskewedScan
-from cohelm.perceive.space.free_space_memory import PERHAPS, SURELY, Ground, noted, unknown
+from cohelm.perceive.space.free_space_memory import (
+    CERTAINLY,
+    POSSIBLY,
+    FreeSpaceMemory,
+    empty_memory,
+    with_scan,
+)
 from cohelm.perceive.track.departed import departed, out_of_view
 from cohelm.perceive.track.potentially_dynamic import (
     NEAR,
-    Wary,
-    came_by_itself,
-    covers,
-    loose,
-    spread,
-    wild,
+    PotentiallyDynamicParams,
+    discs_of_points,
+    grown,
+    is_covered,
+    potentially_dynamic_points,
+    which_appeared,
 )
-from cohelm.perceive.track.proof import prove
+from cohelm.perceive.track.proof import update_proof
 from cohelm.perceive.track.rim_fit import rim_distance
 from cohelm.perceive.track.track import (
-    CALM,
+    AT_REST,
     COLUMNS,
-    GONE,
+    ENDS_AGE,
+    INITIAL_VARIANCE,
     MISSED,
     MOVES,
-    NEW,
     PP,
     PROOF,
     RADIUS,
     RR,
     SEEN,
-    SINCE,
+    SEEN_EMPTY,
     TAX,
     TAY,
     TVX,
@@ -62,244 +68,277 @@ from cohelm.perceive.track.track import (
     TY,
     VV,
     no_tracks,
-    noted_ends,
-    predicted,
+    predict,
+    set_ends,
 )
-from cohelm.perceive.track.update import UNSURE, centre_variance, is_rim, known, then, updated
+from cohelm.perceive.track.update import (
+    RADIUS_SIGMA,
+    centre_variance,
+    is_rim,
+    position_at,
+    radius_known,
+    update_track,
+)
 from cohelm.robot.sensors import Lidar
 
-_BLIND = Look(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
+_NO_SCAN = PosedScan(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
 
 
 class TrackerParams(NamedTuple):
-    """How movers are told."""
+    """Parameters of the tracker."""
 
     max_acceleration: float = 1.0
-    """How fast they may change their velocity [m/s^2], for the filter and for the guard."""
+    """Largest acceleration of a mover [m/s^2], for the Kalman filter and for the guard."""
     scatter: float = 0.05
     """Standard deviation of a cluster's centre [m]."""
     slowest: float = 0.1
-    """What moves slower, stands [m/s]."""
+    """A slower track is at rest [m/s]."""
     proof: int = 3
-    """Scans that must prove it moves; up to twice as many are remembered."""
+    """Scans that must prove motion; up to twice as many are counted."""
     calm: float = 3.0
-    """Who has moved, and stands, may walk on, and stays a mover for so long [s]; whose radius is
-    known, `wary.keep`."""
+    """A mover at rest stays a mover for so long [s]; with known radius, for `dynamic.keep`."""
     keep: float = 1.5
-    """Hidden, a mover is foreseen for so long [s]."""
-    back: tuple[float, ...] = (0.45, 0.95, 1.4)
-    """Sweeps so old are asked what was free then [s]."""
-    wider: float = 0.03
+    """An occluded mover is predicted for so long [s]."""
+    lookback: tuple[float, ...] = (0.45, 0.95, 1.4)
+    """Ages of the earlier sweeps used by the motion test [s]."""
+    radius_margin: float = 0.03
     """Added to a mover's radius, beside one standard deviation of its place [m]."""
-    body: float = 0.12
-    """What is wider than this is told from the first scan that proves it [m, radius]."""
-    unsure: float = 1.0
-    """So many standard deviations its velocity may be off."""
-    wary: Wary = Wary()
-    """Of things that may set off."""
+    min_body_radius: float = 0.12
+    """A larger object is reported from the first scan that proves motion [m]."""
+    velocity_sigmas: float = 1.0
+    """Standard deviations of the reported velocity error."""
+    dynamic: PotentiallyDynamicParams = PotentiallyDynamicParams()
+    """Of objects that may begin to move."""
 
 
-class Movers(NamedTuple):
-    """tracks: (t, n) as in `track`. looks: earlier sweeps, oldest first. mine: (m,) of the newest
-    sweep's points, whether it belongs to a mover. ground: near the robot. worn: its clock [s].
-    loose: (l, 3) as in `potentially_dynamic`. covered: whether somebody is within the LiDAR's
-    least range. gone: who has left the view, as in `departed`."""
+class TrackerState(NamedTuple):
+    """tracks: (t, n) as in `track`. scans: earlier sweeps, oldest first. of_movers: (m,) of the
+    newest sweep's points, whether it belongs to a mover. free_space: near the robot. clock: its
+    clock [s]. potentially_dynamic_points: (l, 3). covered: whether an object is within the LiDAR's
+    minimum range. departed_tracks: movers out of view, as in `departed`."""
 
     tracks: Floats
-    looks: tuple[Look, ...]
+    scans: tuple[PosedScan, ...]
     stamp: float
-    mine: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    ground: Ground
-    worn: float
-    loose: Floats
+    of_movers: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    free_space: FreeSpaceMemory
+    clock: float
+    potentially_dynamic_points: Floats
     covered: bool
-    gone: Floats
+    departed_tracks: Floats
 
 
-NONE = Movers(
-    no_tracks(), (), -math.inf, np.zeros(0, np.bool_), unknown(), 0.0, np.empty((0, 3)),
+EMPTY_STATE = TrackerState(
+    no_tracks(), (), -math.inf, np.zeros(0, np.bool_), empty_memory(), 0.0, np.empty((0, 3)),
     False, no_tracks(),
 )  # fmt: skip
 
 
-def follow(
-    before: Movers, lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float,
-    care: TrackerParams,
+def update_tracker(
+    before: TrackerState, lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float,
+    params: TrackerParams,
     fixed: NDArray[np.bool_] | None = None,
-) -> Movers:  # fmt: skip
-    """The movers after a sweep from an `odom` pose at `stamp` [s].
+) -> TrackerState:  # fmt: skip
+    """The state after a sweep from an `odom` pose at `stamp` [s].
 
-    fixed: (m,) which of its points are on what surely stands, as a map says: who walks past that
-    is not taken for one thing with it.
+    fixed: (m,) which of its points are on walls of a map: they are not merged with a mover that
+    passes.
     """
     if fixed is None:
         fixed = np.zeros(len(sweep.points), np.bool_)
-    dt = min(max(stamp - before.stamp, 0.0), 1.0) if before.looks else 0.0
+    dt = min(max(stamp - before.stamp, 0.0), 1.0) if before.scans else 0.0
     found = clusters(lidar, sweep, pose, lidar.range_max, fixed)
-    for back in care.back:
-        earlier = _look(before.looks, stamp - back)
+    for lookback in params.lookback:
+        earlier = _scan_at(before.scans, stamp - lookback)
         if earlier is not None:
-            freshen(lidar, found, sweep, pose, earlier)
-    now = looked(lidar, sweep, pose, stamp)
+            update_freshness(lidar, found, sweep, pose, earlier)
+    now = posed_scan(lidar, sweep, pose, stamp)
     places = placed(sweep.points, pose)
-    tracks, whose, lost, came = _followed(before.tracks, found, places, lidar, now, dt, care)
-    mine = _owned(tracks, whose, found, sweep, pose) & ~fixed
-    kept = tuple(look for look in before.looks if stamp - look.stamp < max(care.back) + 0.2)
-    covered = any(covers(lidar, now, look, before.covered) for look in (*kept, _BLIND))
-    first, second = (_look(before.looks, stamp - back) or _BLIND for back in care.back[-2:])
-    wary, worn = care.wary, before.worn + dt
-    if before.looks:
-        way = math.dist(before.looks[-1].sensor[:2], now.sensor[:2])
-        worn += way * wary.keep / wary.vouched
-    near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~mine & ~fixed
-    since = worn - wary.keep
-    there = came_by_itself(places, near, before.ground, since, now, lidar.noise)
-    ground = noted(before.ground, lidar, now, places[~mine & (there == 0)], worn)
-    may = loose(lidar, places, there >= PERHAPS, first, second)
-    leaves = loose(lidar, places, there == SURELY, first, second)
+    tracks, track_of, dropped, new_movers = _updated_tracks(
+        before.tracks, found, places, lidar, now, dt, params
+    )
+    of_movers = _mover_points(tracks, track_of, found, sweep, pose) & ~fixed
+    kept = tuple(scan for scan in before.scans if stamp - scan.stamp < max(params.lookback) + 0.2)
+    covered = any(is_covered(lidar, now, scan, before.covered) for scan in (*kept, _NO_SCAN))
+    first, second = (
+        _scan_at(before.scans, stamp - lookback) or _NO_SCAN for lookback in params.lookback[-2:]
+    )
+    dynamic, clock = params.dynamic, before.clock + dt
+    if before.scans:
+        way = math.dist(before.scans[-1].sensor[:2], now.sensor[:2])
+        clock += way * dynamic.keep / dynamic.vouched
+    near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~of_movers & ~fixed
+    since = clock - dynamic.keep
+    appearance = which_appeared(places, near, before.free_space, since, now, lidar.noise)
+    free_space = with_scan(
+        before.free_space, lidar, now, places[~of_movers & (appearance == 0)], clock
+    )
+    dynamic_points = potentially_dynamic_points(
+        lidar, places, appearance >= POSSIBLY, first, second
+    )
+    certain_points = potentially_dynamic_points(
+        lidar, places, appearance == CERTAINLY, first, second
+    )
     if covered:
         here = (now.sensor.x, now.sensor.y, 1.0)
-        may, leaves = np.vstack((may, here)), np.vstack((leaves, here))
+        dynamic_points, certain_points = (
+            np.vstack((dynamic_points, here)),
+            np.vstack((certain_points, here)),
+        )
     kept = (*kept, now)
-    # a wall where somebody may be does not leave the view as somebody: the doubt would never end
-    gone = departed(before.gone, lost, came, leaves, lidar, kept, dt, care.max_acceleration, wary)
-    return Movers(tracks, kept, stamp, mine, ground, worn, may, covered, gone)
+    # a wall on possibly occupied ground is not remembered as a mover: that would never end
+    departed_tracks = departed(
+        before.departed_tracks, dropped, new_movers, certain_points, lidar, kept, dt,
+        params.max_acceleration, dynamic,
+    )  # fmt: skip
+    return TrackerState(
+        tracks, kept, stamp, of_movers, free_space, clock, dynamic_points, covered, departed_tracks
+    )
 
 
-def _look(looks: tuple[Look, ...], when: float) -> Look | None:
-    """The sweep of about that time, if there is one."""
-    if not looks:
+def _scan_at(scans: tuple[PosedScan, ...], when: float) -> PosedScan | None:
+    """The sweep of about that time, if any."""
+    if not scans:
         return None
-    nearest = min(looks, key=lambda look: abs(when - look.stamp))
+    nearest = min(scans, key=lambda scan: abs(when - scan.stamp))
     return nearest if abs(when - nearest.stamp) < 0.2 else None
 
 
-def bodies(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
-    """The moving discs (n, 6) foretold to `now` [s], in `odom`, and by how much their velocities
-    may be off (n,) [m/s].
+def mover_discs(movers: TrackerState, now: float, params: TrackerParams) -> tuple[Floats, Floats]:
+    """Discs of the movers (n, 6), predicted to `now` [s], in `odom`, and bounds of their velocity
+    errors (n,) [m/s].
 
-    With bodies that perhaps move, by one scan so far: those are told in good time, and count as
-    standing as well; edges and noise are thinner.
+    With objects that may move, by one scan so far, unless they are as thin as edges and noise;
+    those count as static as well.
     """
-    t = _moving(movers.tracks, care)
+    t = _moving(movers.tracks, params)
     if not len(t):
         return np.empty((0, 6)), np.empty(0)
-    ahead = _ahead(movers, now)
+    ahead = _prediction_time(movers, now)
     discs = np.zeros((len(t), 6))
     push = t[:, TAX : TAY + 1]
     discs[:, :2] = t[:, TX : TY + 1] + ahead * t[:, TVX : TVY + 1] + 0.5 * ahead * ahead * push
     discs[:, 2:4] = t[:, TVX : TVY + 1] + ahead * push
-    off = np.minimum(care.unsure * np.sqrt(t[:, VV]), care.wary.fastest)
-    more, off = spread(off, care.max_acceleration, ahead)
-    discs[:, 4] = t[:, RADIUS] + care.wider + np.minimum(np.sqrt(t[:, PP]), 0.3) + more
+    velocity_error = np.minimum(params.velocity_sigmas * np.sqrt(t[:, VV]), params.dynamic.fastest)
+    more, velocity_error = grown(velocity_error, params.max_acceleration, ahead)
+    discs[:, 4] = t[:, RADIUS] + params.radius_margin + np.minimum(np.sqrt(t[:, PP]), 0.3) + more
     discs[:, 5] = discs[:, 4]
-    return discs, off
+    return discs, velocity_error
 
 
 @jit
-def _moving(tracks: Floats, care: TrackerParams) -> Floats:
-    """Those that move, and those that perhaps do."""
-    may = np.zeros(len(tracks), np.bool_)
+def _moving(tracks: Floats, params: TrackerParams) -> Floats:
+    """The tracks that move or may move."""
+    dynamic_points = np.zeros(len(tracks), np.bool_)
     for i in range(len(tracks)):
-        may[i] = _may_move(tracks[i], care)
-    return tracks[may]
+        dynamic_points[i] = _may_move(tracks[i], params)
+    return tracks[dynamic_points]
 
 
 @jit_inline
-def _may_move(one: Floats, care: TrackerParams) -> bool:
-    """Whether it moves, or perhaps does and is no edge or noise."""
-    return one[MOVES] > 0.0 or (one[PROOF] > 0.0 and one[RADIUS] > care.body)
+def _may_move(track: Floats, params: TrackerParams) -> bool:
+    """Whether it moves, or may and is larger than edges and noise."""
+    return track[MOVES] > 0.0 or (track[PROOF] > 0.0 and track[RADIUS] > params.min_body_radius)
 
 
-def hidden(movers: Movers, care: TrackerParams) -> Floats:
-    """Who may be where the LiDAR does not look, at the newest sweep, as `out_of_view` tells."""
-    return out_of_view(_moving(movers.tracks, care), movers.gone, care.max_acceleration)
+def movers_out_of_view(movers: TrackerState, params: TrackerParams) -> Floats:
+    """Movers that may be out of view at the newest sweep, see `out_of_view`."""
+    return out_of_view(
+        _moving(movers.tracks, params), movers.departed_tracks, params.max_acceleration
+    )
 
 
-def strays(movers: Movers, now: float, care: TrackerParams) -> tuple[Floats, Floats]:
-    """What is loose at `now` [s]: discs that may go anywhere, (l, 6), and how fast (l,) [m/s]."""
-    if not len(movers.loose):
+def potentially_dynamic_discs(
+    movers: TrackerState, now: float, params: TrackerParams
+) -> tuple[Floats, Floats]:
+    """Potentially dynamic points at `now` [s] as discs (l, 6), and bounds of their velocities (l,)
+    [m/s]."""
+    if not len(movers.potentially_dynamic_points):
         return np.empty((0, 6)), np.empty(0)
-    return wild(movers.loose, _ahead(movers, now), care.max_acceleration, care.wary)
+    return discs_of_points(
+        movers.potentially_dynamic_points,
+        _prediction_time(movers, now),
+        params.max_acceleration,
+        params.dynamic,
+    )
 
 
-def _ahead(movers: Movers, now: float) -> float:
-    """How far from the newest sweep on is foretold [s]."""
-    return min(max(now - movers.stamp, 0.0), 1.0) if movers.looks else 0.0
+def _prediction_time(movers: TrackerState, now: float) -> float:
+    """Prediction time from the newest sweep to `now` [s]."""
+    return min(max(now - movers.stamp, 0.0), 1.0) if movers.scans else 0.0
 
 
 @jit
-def _followed(
-    tracks: Floats, found: Floats, places: Floats, lidar: Lidar, now: Look, dt: float,
-    care: TrackerParams,
+def _updated_tracks(
+    tracks: Floats, found: Floats, places: Floats, lidar: Lidar, now: PosedScan, dt: float,
+    params: TrackerParams,
 ) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
     """The tracks after these clusters of a sweep's points in `odom`, `places`; the track of each
-    cluster (k,); tracks that moved, or perhaps did, and are dropped; and those that are found to
-    move by this sweep."""
+    cluster (k,); dropped tracks that moved or may have; and tracks found to move by this sweep."""
     t, k = len(tracks), len(found)
     out = np.zeros((t + k, COLUMNS))
     out[:t] = tracks
     for i in range(t):
-        one = out[i]
-        predicted(one, dt, care.max_acceleration)
-        one[MISSED] += dt
-        one[SINCE] += dt
-        one[CALM] += dt
-    whose = np.full(k, -1.0)
-    taken = np.zeros(t, np.bool_)
+        track = out[i]
+        predict(track, dt, params.max_acceleration)
+        track[MISSED] += dt
+        track[ENDS_AGE] += dt
+        track[AT_REST] += dt
+    track_of = np.full(k, -1.0)
+    assigned = np.zeros(t, np.bool_)
     while True:
         best, bi, bj = 9.0, -1, -1
         for j in range(k):
-            if whose[j] >= 0.0:
+            if track_of[j] >= 0.0:
                 continue
             for i in range(t):
-                if taken[i]:
+                if assigned[i]:
                     continue
-                x, y = then(out[i], found[j])
+                x, y = position_at(out[i], found[j])
                 d = math.hypot(found[j, CX] - x, found[j, CY] - y)
                 if d > 0.6:
                     continue
                 if is_rim(out[i], found[j]):
                     d = rim_distance(_seen(places, found[j]), x, y, out[i, RADIUS])
-                    cost = d * d / (care.scatter * care.scatter + out[i, PP])
+                    cost = d * d / (params.scatter * params.scatter + out[i, PP])
                 else:
-                    wide = centre_variance(found[j], care.scatter) + out[i, PP]
+                    wide = centre_variance(found[j], params.scatter) + out[i, PP]
                     cost = d * d / wide + 4.0 * abs(found[j, SIZE] - out[i, RADIUS])
                 if cost < best:
                     best, bi, bj = cost, i, j
         if bi < 0:
             break
-        whose[bj], taken[bi] = bi, True
+        track_of[bj], assigned[bi] = bi, True
         seen = _seen(places, found[bj])
-        updated(
-            out[bi], found[bj], seen, lidar, now, care.scatter, care.max_acceleration
+        update_track(
+            out[bi], found[bj], seen, lidar, now, params.scatter, params.max_acceleration
         )  # fmt: skip
-        calm = care.wary.keep if known(out[bi]) else care.calm
-        prove(
-            out[bi], found[bj], seen, lidar, now, care.slowest, care.proof, calm,
-            care.max_acceleration,
+        calm = params.dynamic.keep if radius_known(out[bi]) else params.calm
+        update_proof(
+            out[bi], found[bj], seen, lidar, now, params.slowest, params.proof, calm,
+            params.max_acceleration,
         )  # fmt: skip
     n = t
     for j in range(k):
-        if whose[j] < 0.0 and not _within_mover(out, t, found[j]):
+        if track_of[j] < 0.0 and not _within_mover(out, t, found[j]):
             out[n, TX], out[n, TY], out[n, RADIUS] = found[j, CX], found[j, CY], found[j, SIZE]
-            out[n, PP], out[n, VV] = centre_variance(found[j], care.scatter), NEW
+            out[n, PP], out[n, VV] = centre_variance(found[j], params.scatter), INITIAL_VARIANCE
             out[n, SEEN] = 1.0
-            noted_ends(out[n], _seen(places, found[j]))
-            out[n, RR] = UNSURE * UNSURE
-            whose[j] = n
+            set_ends(out[n], _seen(places, found[j]))
+            out[n, RR] = RADIUS_SIGMA * RADIUS_SIGMA
+            track_of[j] = n
             n += 1
-    kept, lost, came = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    kept, dropped, new_movers = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     for i in range(n):
-        kept[i] = _stays(out[i], lidar, now, care)
-        lost[i] = not kept[i] and _may_move(out[i], care)
-        came[i] = out[i, MOVES] > 0.0 and (i >= t or tracks[i, MOVES] == 0.0)
+        kept[i] = _is_kept(out[i], lidar, now, params)
+        dropped[i] = not kept[i] and _may_move(out[i], params)
+        new_movers[i] = out[i, MOVES] > 0.0 and (i >= t or tracks[i, MOVES] == 0.0)
     number = np.cumsum(kept) - 1
     for j in range(k):
-        if whose[j] >= 0.0:
-            i = int(whose[j])
-            whose[j] = number[i] if kept[i] else -1.0
-    return out[:n][kept], whose, out[:n][lost], out[:n][came]
+        if track_of[j] >= 0.0:
+            i = int(track_of[j])
+            track_of[j] = number[i] if kept[i] else -1.0
+    return out[:n][kept], track_of, out[:n][dropped], out[:n][new_movers]
 
 
 @jit
@@ -310,7 +349,7 @@ def _seen(places: Floats, cluster: Floats) -> Floats:
 
 @jit
 def _within_mover(tracks: Floats, t: int, cluster: Floats) -> bool:
-    """Whether a cluster without a track is a piece of a mover."""
+    """Whether a cluster without a track lies within a mover."""
     for i in range(t):
         if tracks[i, MOVES] > 0.0:
             d = math.hypot(cluster[CX] - tracks[i, TX], cluster[CY] - tracks[i, TY])
@@ -320,39 +359,40 @@ def _within_mover(tracks: Floats, t: int, cluster: Floats) -> bool:
 
 
 @jit
-def _stays(one: Floats, lidar: Lidar, now: Look, care: TrackerParams) -> bool:
-    """Whether a track is kept: seen now, or a mover that may be hidden."""
-    if one[MISSED] == 0.0:
+def _is_kept(track: Floats, lidar: Lidar, now: PosedScan, params: TrackerParams) -> bool:
+    """Whether a track is kept: seen now, or a mover that may be occluded."""
+    if track[MISSED] == 0.0:
         return True
-    if one[MOVES] == 0.0:
-        return one[MISSED] < 0.25
-    wx, wy = one[TX] - now.sensor.x, one[TY] - now.sensor.y
+    if track[MOVES] == 0.0:
+        return track[MISSED] < 0.25
+    wx, wy = track[TX] - now.sensor.x, track[TY] - now.sensor.y
     far = max(math.hypot(wx, wy), 1e-6)
-    beyond = 1.0 + (one[RADIUS]) / far
+    beyond = 1.0 + (track[RADIUS]) / far
     if was_free(lidar, now, now.sensor.x + beyond * wx, now.sensor.y + beyond * wy, 0.0):
-        one[GONE] += 1.0
-    return one[GONE] < 3.0 and one[MISSED] < care.keep
+        track[SEEN_EMPTY] += 1.0
+    return track[SEEN_EMPTY] < 3.0 and track[MISSED] < params.keep
 
 
 @jit
-def _owned(
-    tracks: Floats, whose: Floats, found: Floats, sweep: DeskewedScan, pose: Pose
+def _mover_points(
+    tracks: Floats, track_of: Floats, found: Floats, sweep: DeskewedScan, pose: Pose
 ) -> np.ndarray:  # fmt: skip
-    """Which points of the sweep are a mover's: those of its cluster, and any within its disc."""
-    mine = np.zeros(len(sweep.points), np.bool_)
+    """Which points of the sweep belong to movers: those of their clusters, and within their
+    discs."""
+    of_movers = np.zeros(len(sweep.points), np.bool_)
     for j in range(len(found)):
-        i = int(whose[j])
+        i = int(track_of[j])
         if i >= 0 and tracks[i, MOVES] > 0.0:
-            mine[int(found[j, FIRST]) : int(found[j, LAST])] = True
+            of_movers[int(found[j, FIRST]) : int(found[j, LAST])] = True
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     for i in range(len(tracks)):
         if tracks[i, MOVES] == 0.0:
             continue
         reach = tracks[i, RADIUS] + 0.05
-        for p in range(len(mine)):
+        for p in range(len(of_movers)):
             x = pose.x + c * sweep.points[p, 0] - s * sweep.points[p, 1]
             y = pose.y + s * sweep.points[p, 0] + c * sweep.points[p, 1]
             dx, dy = x - tracks[i, TX], y - tracks[i, TY]
             if dx * dx + dy * dy < reach * reach:
-                mine[p] = True
-    return mine
+                of_movers[p] = True
+    return of_movers

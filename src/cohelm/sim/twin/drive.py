@@ -229,7 +229,7 @@ class _Told(TwinRun):
             return
         if k % self.period == 0:
             self.walls = near_walls(self.setup.around.walls, pose)
-            blind = 0 if self.perception is None else self.perception.blind
+            blind = 0 if self.perception is None else self.perception.unobserved
             self.waiting = self.pilot.plan(pose, twist, *apart(seen, end - blind, end))
         if self.waiting is not None and k % self.period == self.thinking:
             self.pilot.take(self.waiting, pose, twist)
