@@ -115,7 +115,14 @@ def test_a_map_without_walls_is_refused():
 @pytest.mark.parametrize("mapped", [True, False])
 def test_a_rehearsal_leaves_nothing_to_compile(lab, mapped):
     rehearse(SALLY, mapped)
-    parts = (match.align, known_.judge, search._look, search._apart, movers._followed, sweep.sweep)
+    parts = (
+        match.align,
+        known_.judge,
+        search._look,
+        search._apart,
+        movers._updated_tracks,
+        sweep.sweep,
+    )
     before = [len(part.signatures) for part in parts]
     assert all(before) or not mapped
     perception = Perception(SALLY, lab if mapped else None)

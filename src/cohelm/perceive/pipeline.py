@@ -225,9 +225,9 @@ class Perception:
         self._unobserved = self._unobserved_space.points(
             source.lidar, source.last_scan, looking, pose, out, self._tracker_params.dynamic.fastest
         )
-        doubtful = self._unobserved_space.doubtful(pose)
+        occupied = self._unobserved_space.possibly_occupied(pose)
         for one in sources:
-            one.mark_possibly_occupied(doubtful)
+            one.mark_possibly_occupied(occupied)
 
     def _static_points(self) -> Floats:
         """Static points of all LiDARs, and of contacts of bumpers."""

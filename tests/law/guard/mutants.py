@@ -30,7 +30,7 @@ _EQUAL = (
      "of two corners as deep, either may be named"),
     ("certify.py", "_near", "gx * gx + gy * gy < far * far", "gx * gx + gy * gy <= far * far",
      _EDGE),
-    ("certify.py", "in_the_way", "dx * dx + dy * dy < (far + radius) * (far + radius)",
+    ("certify.py", "blocking_obstacle", "dx * dx + dy * dy < (far + radius) * (far + radius)",
      "dx * dx + dy * dy <= (far + radius) * (far + radius)", _EDGE),
     ("contact.py", "overlap", "-1.0", "1.0",
      "the way out that is returned where there is none, or before any is found"),

@@ -64,7 +64,7 @@ def test_a_manoeuvre_has_gone_as_far_as_its_steps_add_up_to(twist, share):
     assert _travelled(m, t) == pytest.approx(gone if n > 0 else min(t, DT), abs=1e-12)
     assert m.length == pytest.approx(DT * sum(parts), abs=1e-12)
     assert m.stop == pytest.approx(DT * (1 + math.ceil(n)))
-    assert m.pace == pytest.approx(abs(twist.v) + 0.5 * abs(twist.omega))
+    assert m.max_speed == pytest.approx(abs(twist.v) + 0.5 * abs(twist.omega))
 
 
 @given(limits(), st.data())
@@ -121,14 +121,14 @@ def test_no_point_of_the_outline_can_be_faster_than_the_fastest(before, reach):
     body = ALL._replace(wheel_speed=math.inf, wheel_acceleration=math.inf)
     v = min(abs(before.v) + ALL.acceleration * DT, ALL.speed)
     omega = min(abs(before.omega) + ALL.yaw_acceleration * DT, ALL.yaw_rate)
-    fast = approaching._fastest(before, body, reach, DT)
+    fast = approaching._outline_speed(before, body, reach, DT)
     assert fast == pytest.approx(v + reach * omega)
     wheels = unlimited(0.45)._replace(wheel_speed=1.3, wheel_acceleration=2.9)
     v = min(abs(before.v) + 2.9 * DT, 1.3)
     omega = abs(before.omega) + 2 * 2.9 / 0.45 * DT
-    fast = approaching._fastest(before, wheels, reach, DT)
+    fast = approaching._outline_speed(before, wheels, reach, DT)
     assert fast == pytest.approx(v + reach * omega)
-    assert approaching._fastest(before, unlimited(0.45), 0.0, DT) == math.inf
+    assert approaching._outline_speed(before, unlimited(0.45), 0.0, DT) == math.inf
 
 
 @given(st.floats(0.0, 3.0), st.floats(0.5, 20.0), st.floats(0.0, 0.1))
@@ -184,7 +184,7 @@ def test_what_has_no_bound_is_out_of_reach(outline, around, before):
     assume((near > 1e-6).all())
     left_out = sorted(set(range(len(near))) - set(rows[:, 3].astype(int)))
     body = ALL
-    fast = approaching._fastest(before, body, circumscribed_radius(outline), DT)
+    fast = approaching._outline_speed(before, body, circumscribed_radius(outline), DT)
     a = 0.7 * min(ALL.acceleration, ALL.wheel_acceleration)
     for i in left_out:
         assert approach(near[i] - 0.03, a, DT) >= fast - 1e-9
