@@ -26,7 +26,12 @@ from benchmarks import intel, killian_edges  # noqa: E402
 from cohelm.core.frames import between, compose, inverse  # noqa: E402
 from cohelm.core.scalars import wrap  # noqa: E402
 from cohelm.core.types import Floats, Pose, Twist, disc  # noqa: E402
-from cohelm.perceive.localize.localization_map import LocalizationMap, free_at, gap_at, known  # noqa: E402
+from cohelm.perceive.localize.localization_map import (  # noqa: E402
+    LocalizationMap,
+    free_at,
+    gap_at,
+    map_from_occupancy,
+)
 from cohelm.perceive.map.glimpses import glimpses  # noqa: E402
 from cohelm.perceive.map.mapper import Survey, Surveyed  # noqa: E402
 from cohelm.perceive.map.raster import raster  # noqa: E402
@@ -59,7 +64,7 @@ def main() -> None:
         print(__doc__)
         return
     console = Console()
-    truth = known(*lab_map())
+    truth = map_from_occupancy(*lab_map())
     rehearse(SALLY, mapped=True)
     wanted = [a for a in sys.argv[1:] if not a.startswith("-")]
     some = not wanted or {"mapping", "localisation"} & set(wanted)

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the drives are t
 
 from benchmarks.lab import drive
 from benchmarks.perceive import localised, pushed, surveyed
-from cohelm.perceive.localize.localization_map import known
+from cohelm.perceive.localize.localization_map import map_from_occupancy
 from tests.perceive.drives import lab_map
 
 
@@ -35,7 +35,7 @@ def main() -> None:
     heads = ("map, seed", "rms", "99 %", "largest", "heading", "ms median", "99 %")
     show(console, "localisation", heads, list(localised({"the robot's own": made})))
     heads = ("of 1-2 m", "found again", "median", "last", "believed wrongly after 1 s")
-    show(console, "pushed aside", heads, list(pushed(known(*lab_map()), 30)))
+    show(console, "pushed aside", heads, list(pushed(map_from_occupancy(*lab_map()), 30)))
 
     heads = (
         "scenario, seed", "arrived", "free", "path rms", "99 %", "place rms", "99 %", "heading",

@@ -20,7 +20,7 @@ from shapely.affinity import rotate
 from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.localization_map import LocalizationMap, known
+from cohelm.perceive.localize.localization_map import LocalizationMap, map_from_occupancy
 from cohelm.perceive.map.glimpses import Glimpse
 from cohelm.perceive.scan.deskew import sweep
 from cohelm.robot.sensors import Lidar, LidarModel
@@ -199,7 +199,7 @@ def drawing(free, walls, how, rng):
     ly = low[1] + (y.ravel() + 0.5) * how.resolution
     inside = contains_xy(free, c * lx - s * ly, s * lx + c * ly).reshape(occupied.shape)
     origin = Pose(float(c * low[0] - s * low[1]), float(s * low[0] + c * low[1]), angle)
-    return known(occupied, inside & ~occupied, how.resolution, origin)
+    return map_from_occupancy(occupied, inside & ~occupied, how.resolution, origin)
 
 
 def _clearance(free, side=0.1):

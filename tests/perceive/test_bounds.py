@@ -9,7 +9,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.localize.localization_map import MOST_BORDER, known
+from cohelm.perceive.localize.localization_map import MOST_BORDER, map_from_occupancy
 from cohelm.perceive.map.glimpses import glimpses
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.match.surfaces import MOST_CELLS, surfaces
@@ -32,7 +32,7 @@ def test_a_map_of_noise_is_refused_within_seconds_and_little_memory():
     solid = noise(5000)
     begun, before = time.monotonic(), peak_gib()
     with pytest.raises(CohelmError, match="to localise by: clear it of noise"):
-        known(solid, ~solid, 0.05, HERE)
+        map_from_occupancy(solid, ~solid, 0.05, HERE)
     with pytest.raises(CohelmError, match="a world may have: clear it of noise"):
         borders(grid(solid, 0.05, HERE))
     assert time.monotonic() - begun < 60.0
@@ -44,7 +44,7 @@ def test_a_noisy_map_within_the_bound_is_used_within_its_time_and_memory():
     solid = noise(900)
     assert 0.5 * MOST_BORDER < np.count_nonzero(solid) <= MOST_BORDER
     begun, before = time.monotonic(), peak_gib()
-    made = known(solid, ~solid, 0.05, HERE)
+    made = map_from_occupancy(solid, ~solid, 0.05, HERE)
     assert len(made.surfaces.points) > 1000
     assert time.monotonic() - begun < 120.0
     assert peak_gib() - before < 2.0

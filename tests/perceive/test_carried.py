@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.caution import LocalizerParams
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
-from cohelm.perceive.localize.localization_map import Judgement, known
+from cohelm.perceive.localize.localization_map import Judgement, map_from_occupancy
 from cohelm.perceive.localize.scan_judge import ScanJudge
 from cohelm.perceive.localize.verdict import rivals
 from tests.perceive.drives import LIDAR
@@ -19,7 +19,7 @@ from tests.perceive.test_places import room
 
 NOWHERE = Pose(0.0, 0.0, 0.0)
 AWAY = Pose(HERE.x + 2.0, HERE.y, 0.0)
-C = Caution()
+C = LocalizerParams()
 
 
 def after(scans, every=0.1, lost=True):
@@ -52,13 +52,13 @@ def test_under_a_cover_and_without_scans_it_may_be_carried_as_well():
     assert after([seen(HERE), seen(HERE, 1)], every=4.0).carried == pytest.approx(4.0)
 
 
-def lost_at(pose, odds=0.0, knew=True):
+def lost_at(pose, odds=0.0, was_known=True):
     """What is followed by a robot that became lost there."""
     drawn, free = room(0.05)
-    lidar, made = LIDAR.lidar(), known(drawn, free, 0.05, NOWHERE)
+    lidar, made = LIDAR.lidar(), map_from_occupancy(drawn, free, 0.05, NOWHERE)
     judge, alarm = ScanJudge(made, lidar, C), KidnapAlarm(lidar, C)
     found = Hypotheses(made, lidar, C, judge, alarm, False)
-    found.left = Departure(pose, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, odds, knew)
+    found.left = Departure(pose, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, odds, was_known)
     found.everywhere = True
     return found
 
@@ -76,7 +76,7 @@ def test_a_place_to_which_nobody_can_have_carried_it_is_unlikely():
 
 
 def test_who_did_not_know_where_it_was_may_be_anywhere():
-    assert found_ranked(lost_at(NOWHERE, knew=False), at(9.0, -5.0))[0].prior == 0.0
+    assert found_ranked(lost_at(NOWHERE, was_known=False), at(9.0, -5.0))[0].prior == 0.0
 
 
 def found_ranked(found, *places):
@@ -108,7 +108,7 @@ def along_a_wall(x, log):
 def test_along_a_wall_who_left_off_is_known_as_well_as_odometry_knows():
     """A third of the map is gone, the match slides, and what is 0.6 m on is the same place. It
     stands, and no scan tells it more."""
-    found = lost_at(NOWHERE, odds=C.unmoved, knew=False)
+    found = lost_at(NOWHERE, odds=C.unmoved, was_known=False)
     found.left = found.left._replace(joint=np.diag([0.09, 0.09, 0.05, 0.01, 0.01]) ** 2)
     found._whole = True
     own, beside, far = along_a_wall(0.1, -3.2), along_a_wall(-0.55, -4.0), at(5.0, 5.0, 1.0, 105)
@@ -122,7 +122,7 @@ def test_along_a_wall_who_left_off_is_known_as_well_as_odometry_knows():
 
 
 def test_a_place_far_off_that_looks_better_than_where_it_left_off_by_as_much_keeps_it_lost():
-    found = lost_at(NOWHERE, odds=C.unmoved, knew=False)
+    found = lost_at(NOWHERE, odds=C.unmoved, was_known=False)
     found._whole = True
     own, far = along_a_wall(0.1, -3.2), at(5.0, 8.0, 1.0, 105)
     for one in (own, far):
@@ -137,7 +137,7 @@ def test_people_about_speak_no_less_against_where_it_stands_than_against_its_twi
     found = lost_at(here)
     own, other = at(2.0, -1.0), at(4.0, -1.0)
     own.pose, other.pose = here, Pose(3.0, 1.0, math.pi)
-    own.witnessed = -17.5
+    own.keyframe_log = -17.5
     found.all = [other, own]
     assert found.ranked()[0] is own
 

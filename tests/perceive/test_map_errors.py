@@ -8,12 +8,12 @@ import pytest
 
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.caution import LocalizerParams
 from cohelm.perceive.localize.hypothesis import Hypothesis, sigma
-from cohelm.perceive.localize.localization_map import Judgement, known
-from cohelm.perceive.localize.map_errors import Charges, charged
+from cohelm.perceive.localize.localization_map import Judgement, map_from_occupancy
+from cohelm.perceive.localize.map_errors import MapErrorCosts, new_errors
 from cohelm.perceive.localize.scan_judge import ScanJudge
-from cohelm.perceive.localize.verdict import Belief, Circumstances
+from cohelm.perceive.localize.verdict import Belief, SearchContext
 from cohelm.perceive.pipeline import Perception
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
@@ -24,7 +24,7 @@ from tests.perceive.test_places import NO_WALLS, dotted, room
 
 AT = Pose(3.0, 2.9, 0.3)
 CELL = 0.05
-C = Caution()
+C = LocalizerParams()
 
 
 def seen(drawn, pose, model=LIDAR, number=0):
@@ -55,23 +55,23 @@ def standing(*, more=False, less=False, post=False, box=False, nearer=False):
 def charge(ranges, pose, charges=None, model=LIDAR, every=1, stamp=0.0, made=None):
     """What the map has wrong, what may walk, how closely the rest fits, and what is narrow and
     wrong, by one view."""
-    made = made or known(*room(CELL), CELL, Pose(0.0, 0.0, 0.0))
-    own = charges or Charges()
+    made = made or map_from_occupancy(*room(CELL), CELL, Pose(0.0, 0.0, 0.0))
+    own = charges or MapErrorCosts()
     care = 0.5 * CELL, 0.05, own.cells, own.off, stamp
-    told = charged(made, model.lidar(), pose, ranges, every, *care)
+    told = new_errors(made, model.lidar(), pose, ranges, every, *care)
     own.take(told)
     return told
 
 
 def test_where_the_map_is_right_nothing_is_charged():
-    log, doubt, closer, narrow = charge(seen(standing(), AT), AT)
-    assert log == doubt == narrow == 0.0
+    log, in_view, closer, narrow = charge(seen(standing(), AT), AT)
+    assert log == in_view == narrow == 0.0
     assert closer > 0.0
 
 
 @pytest.mark.parametrize("how", [{"more": True}, {"less": True}])
 def test_a_wall_that_the_map_has_wrong_is_charged_once_however_often_it_is_seen(how):
-    world, charges, logs = standing(**how), Charges(), []
+    world, charges, logs = standing(**how), MapErrorCosts(), []
     for k in range(5):
         there = Pose(AT.x + 0.05 * k, AT.y + 0.02 * k, AT.psi + 0.02 * k)
         logs.append(charge(seen(world, there, number=k), there, charges)[0])
@@ -97,7 +97,7 @@ def test_what_may_be_an_edge_that_is_seen_past_is_charged_to_nobody():
 
 def test_what_is_narrow_and_wrong_in_every_view_counts_once_and_an_edge_seen_past_fades():
     """A post on no map, seen from ten places; and one that is there in the first view alone."""
-    always, once = Charges(), Charges()
+    always, once = MapErrorCosts(), MapErrorCosts()
     for k in range(10):
         there = Pose(AT.x - 0.15 * k, AT.y, AT.psi)
         charge(seen(standing(post=True), there, number=k), there, always)
@@ -118,11 +118,11 @@ def test_a_wall_on_no_map_is_as_rare_as_one_that_is_gone_and_a_box_is_not():
 
 
 def test_what_may_be_a_person_is_charged_for_good_once_it_has_stood():
-    world, charges = standing(box=True), Charges()
+    world, charges = standing(box=True), MapErrorCosts()
     logs = []
     for k in range(10):
         charge(seen(world, AT, number=k), AT, charges, stamp=0.3 * k)
-        logs.append((charges.errors, charges.errors + charges.doubt))
+        logs.append((charges.errors, charges.errors + charges.in_view))
     assert logs[0][0] == 0.0  # he may walk away
     assert logs[-1][0] < -1.5
     assert all(-3.0 < whole < -1.5 for _, whole in logs)  # it speaks against the place all along
@@ -130,15 +130,15 @@ def test_what_may_be_a_person_is_charged_for_good_once_it_has_stood():
 
 def test_who_walks_past_is_charged_to_nobody_for_longer_than_he_is_in_view():
     """A person of 0.4 m, who crosses the room at 0.7 m/s."""
-    charges, drawn = Charges(), standing()
+    charges, drawn = MapErrorCosts(), standing()
     for k in range(12):
         world = drawn.copy()
         at = 40 + round(0.7 * 0.3 * k / CELL)
         world[at : at + 8, 90:98] = True
         charge(seen(world, AT, number=k), AT, charges, stamp=0.3 * k)
-        assert charges.doubt < -1.5
+        assert charges.in_view < -1.5
     charge(seen(drawn, AT), AT, charges, stamp=4.0)
-    assert charges.errors == charges.doubt == 0.0
+    assert charges.errors == charges.in_view == 0.0
 
 
 def test_a_wall_beside_where_it_is_drawn_is_an_error_from_near_by():
@@ -148,7 +148,7 @@ def test_a_wall_beside_where_it_is_drawn_is_an_error_from_near_by():
 
 
 def test_a_map_that_is_wrong_once_is_likelier_wrong_again():
-    costs = [Charges(errors=-3.0 * k).log for k in range(4)]
+    costs = [MapErrorCosts(errors=-3.0 * k).log for k in range(4)]
     steps = [a - b for a, b in pairwise(costs)]
     assert costs[0] == 0.0
     assert steps[0] > 3.5 > 2.5 > steps[1] > steps[2] > 2.0
@@ -160,7 +160,7 @@ def test_a_wall_where_nobody_has_looked_is_no_error_as_a_wall_that_is_gone_is():
     blank = drawn.copy()
     blank[45:75, -3] = False
     ranges = seen(drawn, AT)
-    made = known(blank, free & ~drawn, CELL, Pose(0.0, 0.0, 0.0))
+    made = map_from_occupancy(blank, free & ~drawn, CELL, Pose(0.0, 0.0, 0.0))
     log, _, closer, _ = charge(ranges, AT, made=made)
     gone, _, nearer, _ = charge(seen(standing(less=True), AT), AT)
     assert gone + 2.0 < log < 0.0
@@ -169,7 +169,7 @@ def test_a_wall_where_nobody_has_looked_is_no_error_as_a_wall_that_is_gone_is():
 
 
 def test_how_closely_ends_lie_on_a_wall_tells_once_however_long_one_looks():
-    charges, told = Charges(), []
+    charges, told = MapErrorCosts(), []
     for k in range(20):
         charge(seen(standing(), AT, number=k), AT, charges)
         told.append(charges.closer)
@@ -178,7 +178,7 @@ def test_how_closely_ends_lie_on_a_wall_tells_once_however_long_one_looks():
 
 def test_each_wall_that_comes_into_view_tells_how_closely_it_fits():
     """On the mean over the way, what a place does not fit hid behind the corridor that it does."""
-    charges = Charges()
+    charges = MapErrorCosts()
     narrow = LIDAR.model_copy(update={"field_of_view_deg": 90.0, "beams": 240})
     told = []
     for psi in (0.0, 0.5 * math.pi, math.pi):
@@ -190,7 +190,7 @@ def test_each_wall_that_comes_into_view_tells_how_closely_it_fits():
 
 
 def test_a_place_that_has_everything_wrong_is_charged_without_end():
-    charges, rng = Charges(), np.random.default_rng(1)
+    charges, rng = MapErrorCosts(), np.random.default_rng(1)
     for _ in range(60):
         there = Pose(*rng.uniform(0.5, 5.5, 2), rng.uniform(-math.pi, math.pi))
         charge(rng.uniform(0.2, 9.0, LIDAR.beams).repeat(4)[: LIDAR.beams], there, charges)
@@ -212,8 +212,8 @@ def test_switched_on_it_believes_no_place_where_another_explains_better_what_it_
 
 
 def verdict(kept):
-    judge = ScanJudge(known(*room(CELL), CELL, Pose(0.0, 0.0, 0.0)), LIDAR.lidar(), C)
-    about = Circumstances(True, True, True, True, False, 9, True, None, None)
+    judge = ScanJudge(map_from_occupancy(*room(CELL), CELL, Pose(0.0, 0.0, 0.0)), LIDAR.lidar(), C)
+    about = SearchContext(True, True, True, True, False, 9, True, None, None)
     return Belief(C, judge, LIDAR.beams).verdict(kept, about)
 
 
@@ -252,7 +252,7 @@ def test_switched_on_along_a_corridor_no_place_is_held_to_where_it_was_found(map
     """Every beam of every scan made it surer: to 9 mm, and it was 6 cm off."""
     occupied, free, cell, origin = dotted(map_, length=40.0)
     perception = Perception(load.robot("sally").model_copy(update={"lidar": LIDAR}),
-                            known(occupied, free, cell, origin))  # fmt: skip
+                            map_from_occupancy(occupied, free, cell, origin))  # fmt: skip
     assert perception._localizer is not None
     followed = perception._localizer._hypotheses
     followed._belief.caution = C._replace(certain=math.inf)  # they are followed all the way

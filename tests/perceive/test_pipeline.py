@@ -9,7 +9,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize import global_search as search, localization_map as known_
-from cohelm.perceive.localize.localization_map import known
+from cohelm.perceive.localize.localization_map import map_from_occupancy
 from cohelm.perceive.match import scan_matching as match
 from cohelm.perceive.pipeline import Perception, in_odom, rehearse
 from cohelm.perceive.scan import deskew as sweep
@@ -25,7 +25,7 @@ SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
 
 @pytest.fixture(scope="module")
 def lab():
-    return known(*lab_map())
+    return map_from_occupancy(*lab_map())
 
 
 @pytest.fixture(scope="module")
@@ -107,9 +107,9 @@ def test_a_robot_without_a_lidar_is_refused():
 def test_a_map_without_walls_is_refused():
     nothing = np.zeros((4, 4), bool)
     with pytest.raises(CohelmError, match="no occupied cell"):
-        known(nothing, ~nothing, 0.05, Pose(0.0, 0.0, 0.0))
+        map_from_occupancy(nothing, ~nothing, 0.05, Pose(0.0, 0.0, 0.0))
     with pytest.raises(CohelmError, match="no free cell"):
-        known(~nothing, nothing, 0.05, Pose(0.0, 0.0, 0.0))
+        map_from_occupancy(~nothing, nothing, 0.05, Pose(0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("mapped", [True, False])
@@ -118,8 +118,8 @@ def test_a_rehearsal_leaves_nothing_to_compile(lab, mapped):
     parts = (
         match.align,
         known_.judge,
-        search._look,
-        search._apart,
+        search._score_blocks,
+        search._separated,
         movers._updated_tracks,
         sweep.sweep,
     )

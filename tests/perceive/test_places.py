@@ -10,7 +10,7 @@ import pytest
 
 from cohelm.core.types import RADIUS, Pose, Twist
 from cohelm.perceive.localize.hypothesis import Hypothesis
-from cohelm.perceive.localize.localization_map import judge, known
+from cohelm.perceive.localize.localization_map import judge, map_from_occupancy
 from cohelm.perceive.localize.localizer import Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
@@ -76,8 +76,9 @@ def test_on_a_ragged_corridor_nobody_is_taken_to_have_been_moved():
     occupied, free, cell, origin = dotted()
     poses, twists = along([(2.0 + 0.7 * k, 0.05 * (-1) ** k) for k in range(29)])
     rows = followed(
-        known(occupied, free, cell, origin), poses, twists, 1, grid=grid(occupied, cell, origin)
-    )
+        map_from_occupancy(occupied, free, cell, origin), poses, twists, 1,
+        grid=grid(occupied, cell, origin),
+    )  # fmt: skip
     assert rows[:, 1].mean() < 0.05
     assert rows[rows[:, 1] == 0.0, 0].max() < 0.15
 
@@ -98,7 +99,7 @@ def test_of_a_thick_wall_each_side_is_where_it_is_seen():
     cell, thick = 0.05, 3
     occupied, free = np.zeros((60, 80), dtype=bool), np.ones((60, 80), dtype=bool)
     occupied[30 : 30 + thick, 5:75] = True
-    made = known(occupied, free & ~occupied, cell, Pose(0.0, 0.0, 0.0)).surfaces
+    made = map_from_occupancy(occupied, free & ~occupied, cell, Pose(0.0, 0.0, 0.0)).surfaces
     middle = (made.points[:, 0] > 0.6) & (made.points[:, 0] < 3.4)
     up = made.normals[:, 1] > 0.9
     below, above = made.points[middle & ~up, 1], made.points[middle & up, 1]
@@ -136,7 +137,7 @@ def test_where_a_wall_is_drawn_within_its_cells_is_learnt(drawn):
     (a, b), (c, d) = low * cell, high * cell
     walls = np.array([[a, b, c, b], [c, b, c, d], [c, d, a, d], [a, d, a, b]])
     poses, twists = along([(1.6, 1.8), (3.0, 1.9), (5.0, 2.4), (6.0, 3.0)])
-    made = known(occupied, free, cell, Pose(0.0, 0.0, 0.0))
+    made = map_from_occupancy(occupied, free, cell, Pose(0.0, 0.0, 0.0))
     rows = followed(made, poses, twists, 3, walls)
     assert not rows[:, 1].any()
     assert math.sqrt((rows[20:, 0] ** 2).mean()) < 0.008
@@ -156,7 +157,7 @@ def test_walls_that_free_ground_was_not_drawn_up_to_are_matched_like_others():
     """Two of four walls: an unknown cell lies between them and where the robot can be."""
     drawn, free = room(0.1)
     free[3, :] = free[:, 3] = False
-    made = known(drawn, free, 0.1, Pose(0.0, 0.0, 0.0)).surfaces
+    made = map_from_occupancy(drawn, free, 0.1, Pose(0.0, 0.0, 0.0)).surfaces
     for across in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
         assert np.count_nonzero(made.normals @ np.array(across) > 0.9) > 40
 
@@ -169,7 +170,7 @@ def test_how_coarse_the_cells_are_speaks_against_no_place_once_it_is_learnt(cell
     ranges = np.empty(len(lidar.beams))
     world = grid(drawn, cell, Pose(0.0, 0.0, 0.0))
     cast(here, lidar, NO_DISCS, NO_WALLS, world, 0, 0, ranges)
-    made = known(drawn, free, cell, Pose(0.0, 0.0, 0.0))
+    made = map_from_occupancy(drawn, free, cell, Pose(0.0, 0.0, 0.0))
     right = judge(made, lidar, here, ranges, 1, 0.5 * cell, 0.02)
     beside = judge(made, lidar, Pose(3.06, 2.9, 0.3), ranges, 1, 0.5 * cell, 0.02)
     assert right.agree > 0.99
@@ -187,7 +188,7 @@ def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
     free[41:160, 41:160] = True
     free[41:160, 165:175] = True  # and a strip beside it, of which no more was seen
     drawn[41:160, 164] = True
-    made = known(drawn, free, cell, Pose(0.0, 0.0, 0.0))
+    made = map_from_occupancy(drawn, free, cell, Pose(0.0, 0.0, 0.0))
     stands = drawn.copy()
     stands[50:90, 160] = False
     lidar = LIDAR.lidar()
@@ -213,7 +214,7 @@ def test_told_its_start_beside_niches_that_are_on_no_map_it_is_not_turned_round(
         stands[102, first : first + 40] = stands[100:103, [first - 1, first + 40]] = True
     here = Pose(5.5, 3.2, 0.5 * math.pi)
     rows = followed(
-        known(drawn, free, cell, origin), [here] * 101, [Twist(0.0, 0.0)] * 100, 1,
+        map_from_occupancy(drawn, free, cell, origin), [here] * 101, [Twist(0.0, 0.0)] * 100, 1,
         grid=grid(stands, cell, origin),
     )  # fmt: skip
     assert not rows[1:, 1].any()
@@ -225,7 +226,7 @@ def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(st
     """More places look like this one than can be followed: what is left of some is no proof."""
     occupied, free, cell, origin = dotted(4, length=60.0)
     poses, twists = along([(start + 0.7 * k, 0.05 * (-1) ** k) for k in range(8)])
-    perception = Perception(SALLY, known(occupied, free, cell, origin))
+    perception = Perception(SALLY, map_from_occupancy(occupied, free, cell, origin))
     for moment in drive(
         poses, twists, start, NO_DISCS, NO_WALLS, grid=grid(occupied, cell, origin)
     ):
@@ -241,8 +242,8 @@ def test_pushed_along_a_long_corridor_it_does_not_stay_sure_of_its_old_place(sta
     occupied, free, cell, origin = dotted(4, length=60.0)
     poses, twists = along([(start + 0.7 * k, 0.0) for k in range(6)])
     rows = followed(
-        known(occupied, free, cell, origin), poses, twists, 1, grid=grid(occupied, cell, origin),
-        pushes=((2.0, (2.0, 0.0, 0.0)),),
+        map_from_occupancy(occupied, free, cell, origin), poses, twists, 1,
+        grid=grid(occupied, cell, origin), pushes=((2.0, (2.0, 0.0, 0.0)),),
     )  # fmt: skip
     late = rows[28:]  # 0.8 s after it
     assert (late[:, 1] + (late[:, 0] < 0.2)).all()
@@ -254,7 +255,7 @@ def test_put_down_beside_the_start_that_was_told_it_is_never_sure_of_a_wrong_pla
     occupied, free, cell, origin = dotted(4, length=60.0)
     poses, twists = along([(14.0 + 0.7 * k, 0.0) for k in range(3)])
     told = Pose(poses[0].x + 0.8, poses[0].y + 0.5, poses[0].psi - 0.35)
-    perception = Perception(SALLY, known(occupied, free, cell, origin), told)
+    perception = Perception(SALLY, map_from_occupancy(occupied, free, cell, origin), told)
     seen = None
     for moment in drive(poses, twists, 1, NO_DISCS, NO_WALLS, grid=grid(occupied, cell, origin)):
         seen = perception.take(moment.now, moment.readings)
@@ -306,7 +307,7 @@ def test_boxes_on_no_map_where_it_begins_send_it_to_no_place_that_looks_alike(st
     ])  # fmt: skip
     poses, twists = along([(start + 0.7 * k, 0.0) for k in range(8)])
     rows = followed(
-        known(occupied, free, cell, origin), poses, twists, 5, walls,
+        map_from_occupancy(occupied, free, cell, origin), poses, twists, 5, walls,
         grid=grid(occupied, cell, origin),
     )  # fmt: skip
     assert rows[:, 1].mean() < 0.1
@@ -323,7 +324,7 @@ def standing_without_a_third(start, steps, seed=4, lidar=LIDAR, beside=0.0):
         grid=grid(gone(occupied, 0.35, seed + 2), cell, origin), model=lidar,
     )  # fmt: skip
     robot = SALLY.model_copy(update={"lidar": lidar})
-    return Perception(robot, known(occupied, free, cell, origin), here), moments
+    return Perception(robot, map_from_occupancy(occupied, free, cell, origin), here), moments
 
 
 @pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0]))
@@ -400,7 +401,7 @@ def test_a_pose_is_given_up_for_the_same_place_found_twice_not_for_two():
     the robot has gone on with, too, may be where it is."""
 
     def held(*places):
-        locator = Localizer(known(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
+        locator = Localizer(map_from_occupancy(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
         here, check, kept = locator.located.pose, locator._check, []
         poor = locator._judge.judge(here, np.full(LIDAR.beams, 1.0))
         check.begin(False, -20.0)
@@ -418,7 +419,7 @@ def test_one_scan_does_not_outweigh_what_a_pose_was_believed_for():
     later one scan fitted 1.2 m farther on by 6.1 nats better, and it went there."""
 
     def left(lead):
-        locator = Locator(known(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
+        locator = Localizer(map_from_occupancy(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
         here, check = locator.located.pose, locator._check
         seen = locator._judge.judge(here, np.full(LIDAR.beams, 1.0))
         fits = seen._replace(agree=0.99, short=0.005, through=0.005, log=-2.0)

@@ -169,7 +169,7 @@ class Perception:
         if scan is not None and self._first.new(scan) and len(self._odometry_buffer):
             self._take_scan(self._first, scan)
         elif self._localizer is not None and self._localization is not None:
-            self._localization = self._localizer.think()
+            self._localization = self._localizer.search_step()
             if not self._localization.lost and len(self._odometry_buffer):
                 self._map_odom = compose(self._localization.pose, inverse(self._matched))
 

@@ -1,4 +1,4 @@
-"""When a pose on the map is believed, and when no more: the numbers by which it is judged."""
+"""Thresholds of the localizer: when a pose on the map is believed, and when it is given up."""
 
 from __future__ import annotations
 
@@ -6,117 +6,116 @@ import math
 from typing import NamedTuple
 
 
-class Caution(NamedTuple):
-    """When a pose is believed, and when no more."""
+class LocalizerParams(NamedTuple):
+    """Thresholds of the localizer. Log likelihoods in nats."""
 
     fair: float = 0.8
-    """A pose is doubted where fewer beams agree, of those nothing stands in front of,"""
+    """A pose is doubtful if a smaller share of the unblocked beams agrees,"""
     blocked: float = 0.75
-    """or where more beams than this are blocked by what is not on the map,"""
+    """or if a larger share of the beams is blocked by unmapped objects,"""
     unlikely: float = -20.0
-    """or where the scan's log likelihood is less."""
+    """or if the log likelihood of the scan is less."""
     patience: int = 3
-    """So many doubtful scans in a row mean lost."""
+    """Doubtful scans in a row that mean lost."""
     odd: float = -4.0
-    """As many scans less likely than this: is there a place near by that fits better?"""
+    """As many scans less likely than this start a check of places near by,"""
     drop: float = 0.4
-    """Or less likely by this than they were. A place near by that fits by so much better,"""
+    """or less likely by this than before. A place near by that fits better by this,"""
     alike: float = 0.5
-    """and no more than this worse than the old one did, makes it doubtful whether the robot was
-    moved."""
+    """and at most this worse than the pose did before, makes a move of the robot likely."""
     settled: int = 5
-    """After as many scans with no other place that comes near, it was. As many that contradict the
-    one before, and the pose is checked."""
+    """Scans without a competing place, after which it was moved; and contradicting scans after
+    which the pose is checked."""
     pause: int = 8
-    """Which is asked again after so many scans."""
+    """Scans between two checks."""
     contradicted: float = -1.2
-    """A scan this unlikely after the one before, by the odometry between them: one thing at least
-    is not where it was."""
+    """Log likelihood of a scan given the keyframe and odometry, below which it contradicts: at
+    least one object is not where it was."""
     jolts: int = 2
-    """So many such scans in a row, and the robot may have been moved;"""
+    """Contradicting scans in a row that raise the alarm;"""
     frozen: int = 10
-    """For so many, no newer keyframe is taken, and"""
+    """scans for which no newer keyframe is taken then, and"""
     alarmed: int = 30
-    """for so many scans a better place may be that to which."""
+    """scans for which the alarm lasts."""
     aged: int = 100
-    """A keyframe is no older than so many scans: a gyro that drifts by 0.05 deg/s has turned by
-    what scans are compared to by then."""
+    """Largest age of a keyframe in scans: a gyro drift of 0.05 deg/s reaches the tolerance by
+    then."""
     proven: float = 1.0
-    """A pose that has fitted for this way [m] is not given up for what the map shows wrong, while
-    scans agree with each other,"""
+    """A pose that has fitted for this distance [m] is not given up for map errors while scans
+    agree with each other,"""
     unheld: float = 5.0
-    """before it has been so for this way [m]: then the whole map is searched for a better place,"""
+    """until it has not fitted for this distance [m]: then the whole map is searched,"""
     elsewhere: int = 2
-    """and the same one must be better in so many searches in a row."""
+    """and the same place must be better in so many searches in a row."""
     poor: float = 0.25
-    """Where less than this share of what is unblocked fits, there is no map to speak of: then no
-    search is needed to be lost, and none is enough to be found."""
+    """Share of the unblocked beams below which the map is useless: the robot is lost without a
+    search, and no search can find it."""
     rivals: int = 4
-    """Nor for another place, unless that fitted better by `margin` in so many checks in a row,"""
+    """Nor is it given up for another place, unless that is better by `margin` in so many checks in
+    a row,"""
     rivalled: float = 1.5
-    """over this way [m]."""
+    """over this distance [m]."""
     refused: float = 16.0
-    """A match this unlikely by what was foretold, as squared sigmas, is not believed."""
+    """Squared Mahalanobis distance from the prediction beyond which a match is rejected."""
     good: float = 0.9
-    """A new pose is believed only where as many beams agree, of those unblocked,"""
+    """A new pose is believed only if this share of the unblocked beams agrees,"""
     seen: float = 0.5
     """and this share of all,"""
     margin: float = 6.0
-    """and no other pose comes within this of its log likelihood,"""
+    """and it leads any other in log likelihood by this,"""
     travelled: float = 0.5
-    """or, with half that margin, after this way [m] or twice the angle [rad]."""
+    """or by half of it after this distance [m] or twice the angle [rad],"""
     steady: int = 10
-    """or with half of it through as many scans: a robot that stands would else be lost for ever.
-    Where two places differ by less, one thing, neither is ruled out: a map errs by as much."""
+    """or by half of it in so many scans, since a standing robot would else stay lost. Less, one
+    object, is within the map's errors."""
     certain: float = math.log(99.0)
-    """Switched on with no idea where it is, it believes a place that is 99 times as likely as all
-    others together,"""
+    """Cold start: a place is believed if it is 99 times as likely as all others together,"""
     views: int = 4
-    """and has held from so many places some way apart."""
+    """and has held in so many separate views."""
     view: float = 0.5
-    """Until then views so far apart [m, rad] are kept,"""
+    """Until then views this far apart [m, rad] are kept,"""
     kept: int = 6
-    """so many, and what is found must fit them as well."""
+    """so many, which new places must fit as well."""
     remembered: int = 8
-    """While it is lost, a place that is found later must fit so many scans from before."""
+    """Earlier scans that a place found later must fit."""
     whole: float = 0.75
-    """Far from where it was, or with no idea where that was, this share of all beams must agree:
-    people near by hide less than a quarter of what is around,"""
+    """Far from the last pose, and at a cold start, this share of all beams must agree: people near
+    by occlude less than a quarter of the view,"""
     least: float = -12.0
-    """and this log likelihood, which allows for some four things that are not on the map,"""
+    """and the log likelihood must exceed this, some four unmapped objects."""
     sure: float = 0.1
-    """Nor is a pose believed less certain than this standard deviation [m]."""
+    """Largest standard deviation of a pose that is believed [m]."""
     drawn: float = 0.5
-    """How far a map's surfaces lie from the middle of its cells is learnt over this way [m]."""
+    """Distance over which the surface offset of the map is estimated [m]."""
     unmoved: float = 12.0
-    """Log odds that a robot is where it was told to start, or where its pose has fitted for
-    `proven`: once in e^12, some hundred thousand, it is moved without scans that contradict each
-    other."""
+    """Prior log odds that the robot was not moved without contradicting scans, at its start or
+    after `proven`: once in e^12, some hundred thousand."""
     put: float = 0.5
-    """Where it does not look as told at the start, it may have been put down so far beside, one
-    sigma [m], and turned by half of that [rad]."""
+    """Standard deviation of a start pose that does not fit [m], and half of that in heading
+    [rad]."""
     turned: float = 0.5
-    """Who is pushed or dragged is turned by this, one sigma [rad]; where he was turned farther, a
-    place must make up for it by a quarter of `margin`, as of some five one is carried."""
+    """Standard deviation of the heading change of a pushed robot [rad]; costs at most a quarter of
+    `margin`, since some one in five is carried."""
     pace: float = 1.6
-    """Nobody carries the robot faster than a man walks: ISO 13855's speed of approach [m/s]."""
+    """Largest speed at which the robot is carried: walking speed of ISO 13855 [m/s]."""
     gap: float = 0.5
-    """In so long without a scan it may have been carried as well [s]."""
+    """Longest time between scans in which it can not have been carried [s]."""
     near: float = 3.0
-    """After having been lost, the robot is looked for within this first [m]."""
+    """Radius of the first search around the last pose [m]."""
     hypotheses: int = 40
-    """So many places of a search near by are matched, best first, and"""
+    """Places matched of a search near by, best first, and"""
     everywhere: int = 160
-    """of a search of the whole map. Where one of the last"""
+    """of a search of the whole map. If one of the last"""
     last: int = 10
-    """fits, there were more."""
+    """fits, there may be more."""
     followed: int = 64
-    """So many are followed,"""
+    """Hypotheses that are followed,"""
     judged: int = 8
-    """so many at each scan, in turn. Where more are left out that are not"""
+    """so many at each scan, in turn."""
     refuted: float = 20.0
-    """less likely than the best by this, as log likelihood, nothing far off is believed."""
+    """Log likelihood below the best at which a place is refuted. Nothing far off is believed while
+    a place that is left out may be less than this worse."""
     places: int = 80
-    """Places looked at in one slice."""
+    """Places scored in one slice."""
     points: int = 360
     """Points of a sweep that are matched, at most."""

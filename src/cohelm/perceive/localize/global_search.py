@@ -1,4 +1,4 @@
-"""Searches the whole map for the robot, in slices that a control loop can afford."""
+"""Branch and bound search of the map for the robot's pose, in slices of a few milliseconds."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.surfaces import moved
 
 _POINTS = 64
-_EACH = 0.2  # of which each square has one: a wall tells by its length, not by its beams [m]
+_EACH = 0.2  # one point for each square: a wall counts by its length, not by its beams [m]
 _TURNS = 120
 _BEST = 4  # headings kept of each block
-_TOLERANCE = 0.2  # of a point from its wall, at the raster of places and headings [m]
-_BLOCK = 0.4  # places in one square of this side are looked at as one, at first [m];
-_WITHIN = 0.15  # none is farther from the middle of its block [m]
-_SHARE, _LEAST = 0.15, 200  # of blocks and headings, so many are looked at place by place
-_AT_ONCE = 10  # of which so many take the time of a block
-_APART, _TURNED = 0.35, 0.3  # candidates nearer to each other than both are one [m, rad]
+_TOLERANCE = 0.2  # of a point from its wall, at the spacing of places and headings [m]
+_BLOCK = 0.4  # side of a block of places that is scored as one at first [m]
+_WITHIN = 0.15  # distance of a place from the middle of its block [m]
+_SHARE, _LEAST = 0.15, 200  # share, and least number, of blocks and headings that are refined
+_AT_ONCE = 10  # refined in the time of a block
+_APART, _TURNED = 0.35, 0.3  # candidates nearer to each other than both are merged [m, rad]
 
 
 class Search(NamedTuple):
     """points: (t, p, 2), a sweep turned by each heading. places: (n, 2) still as on the map, by
     blocks: those of block b are first[b] up to first[b + 1]. middles: (k, 2). scores: (k, 4) of the
-    best headings of each block, turns: (k, 4) which ones. done: blocks looked at so far. best:
-    (m,), which of those scores are looked at place by place, found: (m, 4) score, x, y, heading of
-    the best there, refined: how many so far. The arrays are filled in as it goes."""
+    best headings of each block, turns: (k, 4) which ones. done: blocks scored so far. best: (m,),
+    which of those scores are refined, found: (m, 4) score, x, y, heading of the best place there,
+    refined: how many so far. The arrays are filled in place."""
 
     points: Floats
     places: Floats
@@ -45,13 +45,13 @@ class Search(NamedTuple):
 
     @property
     def over(self) -> bool:
-        """Whether all has been looked at."""
+        """Whether the search is complete."""
         return self.done == len(self.middles) and self.refined == len(self.best)
 
 
 def search(points: Floats, places: Floats, by_length: bool) -> Search:
-    """Begin. points: (m, 2) of a sweep in the body frame; places: (k, 2) to look at.
-    by_length: each piece of wall counts alike, however many beams fall on it."""
+    """Begin a search. points: (m, 2) of a sweep in the body frame; places: (k, 2) to score.
+    by_length: walls count by their length, not by their beams."""
     if by_length:
         squares = np.floor(points / _EACH).astype(np.int64)
         _, alone = np.unique(squares @ np.array([1 << 20, 1]), return_index=True)
@@ -75,11 +75,13 @@ def search(points: Floats, places: Floats, by_length: bool) -> Search:
     )  # fmt: skip
 
 
-def looked(state: Search, known: LocalizationMap, count: int) -> Search:
-    """Look at the next `count` blocks, or at as many of the best place by place."""
+def search_blocks(state: Search, known: LocalizationMap, count: int) -> Search:
+    """Score the next `count` blocks, or refine as many of the best."""
     if state.done < len(state.middles):
         end = min(state.done + count, len(state.middles))
-        _look(state.points, state.middles, known, state.done, end, state.scores, state.turns)
+        _score_blocks(
+            state.points, state.middles, known, state.done, end, state.scores, state.turns
+        )
         state = state._replace(done=end)
         if end == len(state.middles):
             flat = state.scores.ravel()
@@ -94,12 +96,12 @@ def looked(state: Search, known: LocalizationMap, count: int) -> Search:
 
 
 @jit
-def _look(
+def _score_blocks(
     points: Floats, middles: Floats, known: LocalizationMap, first: int, end: int, scores: Floats,
     turns: Ints,
 ) -> None:  # fmt: skip
-    """What no place of a block can exceed by much: a distance to walls changes by no more than the
-    place does."""
+    """Upper bounds of the scores of blocks, approximately: a distance to walls changes by no more
+    than the place does."""
     headings = points.shape[0]
     sums, likely, cells = np.empty(headings), _likelihoods(_WITHIN), _cells(points, known)
     for k in range(first, end):
@@ -119,7 +121,7 @@ def _look(
 
 @jit
 def _refine(state: Search, known: LocalizationMap, first: int, end: int) -> None:
-    """The best place and heading of a block, near the heading that the whole of it had."""
+    """The best place and heading of a block, near its best heading."""
     headings = state.points.shape[0]
     likely, cells = _likelihoods(0.0), _cells(state.points, known)
     for i in range(first, end):
@@ -137,7 +139,7 @@ def _refine(state: Search, known: LocalizationMap, first: int, end: int) -> None
 
 @jit
 def _likelihoods(nearer: float) -> Floats:
-    """Of a point by its distance to a wall, in 64ths of a metre, taken to be so much nearer."""
+    """Likelihood of a point by its distance to a wall in 64ths of a metre, less `nearer` [m]."""
     likely = np.empty(64)
     for k in range(64):
         likely[k] = math.exp(-0.5 * (max(k / 64.0 - nearer, 0.0) / _TOLERANCE) ** 2)
@@ -146,7 +148,7 @@ def _likelihoods(nearer: float) -> Floats:
 
 @jit
 def _cells(points: Floats, known: LocalizationMap) -> Floats:
-    """All in cells of the map from its corner: this is looked up half a million times a slice."""
+    """The points in cells of the map: looked up half a million times a slice."""
     c, s = (
         math.cos(known.origin.psi) / known.resolution,
         math.sin(known.origin.psi) / known.resolution,
@@ -163,7 +165,7 @@ def _cells(points: Floats, known: LocalizationMap) -> Floats:
 def _score(
     cells: Floats, t: int, x: float, y: float, known: LocalizationMap, likely: Floats
 ) -> float:
-    """Mean likelihood of a sweep's points from a place, turned by heading t."""
+    """Mean likelihood of a sweep's points at a place, with heading t."""
     c, s = (
         math.cos(known.origin.psi) / known.resolution,
         math.sin(known.origin.psi) / known.resolution,
@@ -182,13 +184,13 @@ def _score(
 
 
 def candidates(state: Search, count: int) -> list[Pose]:
-    """The best poses found, best first, each some way from all better ones."""
+    """The best poses found, best first, each apart from all better ones."""
     found = state.found[np.argsort(-state.found[:, 0])]
-    return [Pose(*row) for row in _apart(found[:, 1:].copy(), count).tolist()]
+    return [Pose(*row) for row in _separated(found[:, 1:].copy(), count).tolist()]
 
 
 @jit
-def _apart(poses: Floats, count: int) -> Floats:
+def _separated(poses: Floats, count: int) -> Floats:
     kept = np.empty((count, 3))
     m = 0
     for i in range(len(poses)):

@@ -1,8 +1,8 @@
-"""Searches the map for a robot and follows the places where it may be, until one can be believed.
+"""Searches the map for the robot's pose, and follows the hypotheses until one can be believed.
 
-All the map is searched, nearest places first, a slice at a time. What is found are hypotheses.
-Each is followed as the robot moves, and one is believed only when no other explains what was seen
-nearly as well (`verdict`): two rooms alike are not guessed between.
+The map is searched nearest places first, a slice at a time. Each hypothesis found is followed as
+the robot moves, and one is believed only when no other explains the scans nearly as well
+(`verdict`): two equal rooms are not guessed between.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import numpy as np
 from cohelm.core.frames import compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import Caution
-from cohelm.perceive.localize.global_search import Search, candidates, looked, search
+from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize.global_search import Search, candidates, search, search_blocks
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, twin
 from cohelm.perceive.localize.keyframe import usable
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, free_at
 from cohelm.perceive.localize.past_views import NEAR, LastMetres, SinceLost
 from cohelm.perceive.localize.scan_judge import ScanJudge
-from cohelm.perceive.localize.verdict import Belief, Circumstances, PlaceVerdict
+from cohelm.perceive.localize.verdict import Belief, PlaceVerdict, SearchContext
 from cohelm.perceive.match.odometry_covariance import UNKNOWN, inverted, joined, moved, updated
 from cohelm.perceive.match.scan_matching import align, independent
 from cohelm.perceive.match.surfaces import moved as shifted
@@ -31,355 +31,364 @@ from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
 _BESIDE: Floats = np.diag([0.1, 0.1, 0.03]) ** 2
-"""A match along a corridor may end so far beside; the next one is not held to it. Switched on, this
-is so of what a search finds, and no more: else places slide to where they fit better. Who was moved
-may be moved on."""
+"""Covariance of a match's error along a corridor, added at each match; at a cold start once only,
+else hypotheses slide to where they fit better. A robot that was moved may be moved further."""
 _NOWHERE = Pose(0.0, 0.0, 0.0)
 
 
 @dataclass
 class Hypotheses:
-    """Of one robot on one map. cold: it may be anywhere."""
+    """The hypotheses of one robot on one map. cold_start: without a start pose."""
 
     known: LocalizationMap
     lidar: Lidar
-    caution: Caution
+    caution: LocalizerParams
     judge: ScanJudge
     alarm: KidnapAlarm
-    cold: bool
+    cold_start: bool
 
     def __post_init__(self) -> None:
         c = self.caution
         self.all: list[Hypothesis] = []
-        self.everywhere = self.cold  # whether it is the whole map that is searched
-        self.before: Departure | None = None  # where it was until somebody said where it is
-        self.moved = False  # whether a check has found one that fits as it used to
+        self.whole_map = self.cold_start  # whether the whole map is searched
+        self.before: Departure | None = None  # the pose before one was set
+        self.moved = False  # whether a check has found one that fits as the pose did before
         self.left: Departure | None = None  # where it was when it became lost
         self._belief = Belief(c, self.judge, len(self.lidar.beams))
         self._last = LastMetres(c.view, c.kept)
         self._since = SinceLost(c.remembered, np.empty(0))
         self._search: Search | None = None
         self._searched: tuple[Floats, Floats, Floats] | None = None
-        self._found: list[tuple[Pose, Floats | None]] = []
-        self._base = _NOWHERE  # odometry pose of the sweep that is searched with
-        self._answered = False  # whether places are those of a whole search,
+        self._candidates: list[tuple[Pose, Floats | None]] = []
+        self._base = _NOWHERE  # odometry step since the sweep of the search
+        self._answered = False  # whether `all` is the result of a complete search,
         self._whole = False  # and of the whole map,
-        self._jolted = False  # and scans that contradicted what was seen came since
-        self._tried: list[float] = []  # likelihoods of all that were matched
-        self._full = False  # whether there may have been more
-        self._left_out = -math.inf  # likelihood that none exceeds which is not followed
-        self._again = False  # whether what explains little was searched for anew
+        self._jolted = False  # and contradicting scans came since
+        self._tried_logs: list[float] = []  # of all candidates that were matched
+        self._full = False  # whether there may be more candidates
+        self._left_out = -math.inf  # bound of the log likelihood of all that are not followed
+        self._searched_again = False  # whether the search was repeated as the best explains little
         self._waited = 0  # scans since then
-        self._stamp = self._sought = 0.0  # of the newest sweep, and of the one searched with [s]
+        self._stamp = self._search_stamp = (
+            0.0  # of the newest sweep, and of the one searched with [s]
+        )
 
     def forget(self) -> None:
-        """Drop all places and any search."""
-        self._search, self._searched, self._found, self.all = None, None, [], []
+        """Drop all hypotheses and any search."""
+        self._search, self._searched, self._candidates, self.all = None, None, [], []
         self._answered = False
         self.moved = False
         self._belief.forget()
 
     def drop(self) -> None:
-        """A check has ended: what it found is of no use any more."""
+        """A check has ended: drop its hypotheses."""
         self.all, self.before = [], None
 
     def believed(self) -> None:
-        """A place is believed: where the robot was before counts no more."""
-        self.cold, self.before = False, None
+        """A pose is believed: forget the earlier ones."""
+        self.cold_start, self.before = False, None
         self.left = None
         self._last.forget()
 
     def add(self, pose: Pose) -> None:
-        """One more place for a search that goes on."""
+        """Add a candidate to the current search."""
         if self.searching:
-            self._found += [(pose, None)]
+            self._candidates += [(pose, None)]
 
     @property
     def searching(self) -> bool:
-        """Whether a search goes on."""
+        """Whether a search is running."""
         return self._searched is not None
 
     @property
-    def answered(self) -> bool:
-        """Whether there are places of a search that has come to its end."""
+    def has_results(self) -> bool:
+        """Whether a complete search has left hypotheses."""
         return self._answered and bool(self.all)
 
     @property
-    def tired(self) -> bool:
-        """Whether it is time to search anew."""
-        if self.searching or (self.cold and self.all and self._complete(self.all)):
-            return False  # all that can be are followed
+    def search_due(self) -> bool:
+        """Whether a new search is due."""
+        if self.searching or (self.cold_start and self.all and self._complete(self.all)):
+            return False  # all candidates are followed
         return not self.all or self._waited >= self.caution.pause
 
     def led_on(self, step: Pose) -> None:
-        """The robot has moved by a step, by its odometry."""
+        """Apply an odometry step."""
         self._base = compose(self._base, step)
         self.before = self.before.led_on(step) if self.before else None
         self.left = self.left.led_on(step) if self.left else None
 
-    def compared(self) -> None:
-        """The newest scan was compared with those before."""
+    def alarm_updated(self) -> None:
+        """The alarm has been updated with the newest scan."""
         if self.left and self.alarm.raised:
             self.left = self.left._replace(odds=0.0)
-        self._jolted = self._jolted or self.alarm.jolted
+        self._jolted = self._jolted or self.alarm.contradicting
 
     def carried(self, step: Pose, joint: Floats) -> None:
-        """Lead places that a check has found on by odometry, and no more. joint: covariance of the
-        tracked pose and of what the wheels get wrong."""
-        for one in self.all:
-            one.pose, own = moved(one.pose, joined(one.covariance, joint[3:, 3:]), step)
-            one.covariance = own[:3, :3]
+        """Predict the hypotheses of a check by odometry only. joint: covariance of the tracked pose
+        and of the odometry errors."""
+        for hypothesis in self.all:
+            hypothesis.pose, own = moved(
+                hypothesis.pose, joined(hypothesis.covariance, joint[3:, 3:]), step
+            )
+            hypothesis.covariance = own[:3, :3]
 
-    def look_back(self, step: Pose, sweep: DeskewedScan, stamp: float) -> None:
-        """Keep the views of the last metres while it may be anywhere: a place that is thought of
-        only now must fit them. stamp: of the sweep [s]."""
+    def keep_view(self, step: Pose, sweep: DeskewedScan, stamp: float) -> None:
+        """At a cold start, keep the views of the last metres: hypotheses found later must fit them.
+        stamp: of the sweep [s]."""
         self._stamp = stamp
-        if not self.cold:
+        if not self.cold_start:
             return
         self._last.led_on(step)
         if usable(self.lidar, sweep.ranges):
             self._last.add(sweep.points, sweep.ranges, stamp)
 
-    def seek(
+    def begin_search(
         self, points: Floats, across: Floats, sweep: DeskewedScan, here: Pose, joint: Floats
     ) -> None:  # fmt: skip
-        """Begin a search: near by at first, then everywhere. here, joint: where it is taken to be,
-        and how sure that is."""
+        """Begin a search, near by at first, then everywhere. here, joint: the predicted pose and
+        its covariance."""
         places = self.known.places
         own = self.left.pose if self.left else here
-        if not self.everywhere:
-            # not by the likeliest of what was found, which may be anywhere
+        if not self.whole_map:
+            # not around the likeliest hypothesis, which may be anywhere
             near = np.hypot(places[:, 0] - own.x, places[:, 1] - own.y) < self.caution.near
             places = places[near]
-        all_ = [sweep.points, *(shifted(v.back, v.points, True) for v in self._last.use())]
-        self._search = search(np.vstack(all_), places, self.cold)
-        # where it is taken to be competes with all others
-        known = [] if self.cold else [here]
+        views = [sweep.points, *(shifted(v.back, v.points, True) for v in self._last.use())]
+        self._search = search(np.vstack(views), places, self.cold_start)
+        # the predicted pose is a candidate too
+        known = [] if self.cold_start else [here]
         known += [self.left.pose] if self.left else []
-        self._found = [(pose, None) for pose in known]
-        # where odometry leads is not looked for half a metre beside
+        self._candidates = [(pose, None) for pose in known]
+        # with odometry as prior
         led = [(own, self.left.joint if self.left else joint)] if known else []
         led += [(self.before.pose, self.before.joint)] if self.before else []
-        self._found += [(pose, inverted(sure[:3, :3])) for pose, sure in led]
+        self._candidates += [(pose, inverted(sure[:3, :3])) for pose, sure in led]
         self._searched = (points, across, sweep.ranges)
-        self._tried, self._sought = [], self._stamp
-        self._again = self.cold and bool(self.all)
+        self._tried_logs, self._search_stamp = [], self._stamp
+        self._searched_again = self.cold_start and bool(self.all)
         self._base = _NOWHERE
         if not self.all:
             self._since = SinceLost(self.caution.remembered, sweep.ranges)
 
-    def think(self, lost: bool) -> bool:
-        """Use a moment for the search, where one is going on; about 3 ms. Whether that ended it."""
+    def search_step(self, lost: bool) -> bool:
+        """One slice of the search, if any; about 3 ms. Returns whether that ended it."""
         if self._searched is None:
             return False
         points, across, ranges = self._searched
         if self._search is not None:
-            self._search = looked(self._search, self.known, self.caution.places)
+            self._search = search_blocks(self._search, self.known, self.caution.places)
             if self._search.over:
                 c = self.caution
-                most = c.everywhere if self.everywhere else c.hypotheses
+                most = c.whole_map if self.whole_map else c.hypotheses
                 found = candidates(self._search, most)
                 self._full = len(found) == most
-                self._found += [(pose, None) for pose in found]
+                self._candidates += [(pose, None) for pose in found]
                 self._search = None
             return False
-        for pose, prior in self._found[:4]:
-            self._tried.append(self._consider(pose, prior, points, across, ranges, lost))
-        self._found = self._found[4:]
-        if self._found:
+        for pose, prior in self._candidates[:4]:
+            self._tried_logs.append(self._consider(pose, prior, points, across, ranges, lost))
+        self._candidates = self._candidates[4:]
+        if self._candidates:
             return False
         self._searched, self._answered, self._waited = None, True, 0
-        # places of the whole map are followed on, unless the robot may have been carried on
-        self._whole = self.everywhere or (self._whole and bool(self.all) and not self._jolted)
-        self._jolted = self._jolted and not self.everywhere
-        if self.cold:
+        # earlier hypotheses of the whole map remain, unless the robot may have been carried since
+        self._whole = self.whole_map or (self._whole and bool(self.all) and not self._jolted)
+        self._jolted = self._jolted and not self.whole_map
+        if self.cold_start:
             self._since.views = max(self._since.views, len(self._last.used))
-        # more places were found than were tried, where the last of them fit as well as the best
-        last = max(self._tried[-self.caution.last :]) if self._full else -math.inf
-        self._left_out = self._near(last, max(self._tried))
-        if self.cold and self.all:
+        # more candidates exist if the last ones tried fit as well as the best
+        last = max(self._tried_logs[-self.caution.last :]) if self._full else -math.inf
+        self._left_out = self._near(last, max(self._tried_logs))
+        if self.cold_start and self.all:
             self._left_out -= max(self.all, key=lambda h: h.log).charges.closer
         return True
 
     def widen(self) -> None:
-        """Where nothing that is followed may well be the place, look near by and everywhere in
-        turn."""
+        """If no hypothesis is plausible, search near by and everywhere in turn."""
         if not any(self.judge.plausible(h.judged) for h in self.all):
-            self.everywhere = self.cold or not self.everywhere
+            self.whole_map = self.cold_start or not self.whole_map
 
     def follow(
         self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats, joint: Floats
     ) -> None:  # fmt: skip
-        """Lost: move all hypotheses along, and see which still hold. joint: as led on already."""
-        since, care = self._since, self.judge.care
+        """Lost: predict all hypotheses, and match and judge some. joint: predicted already."""
+        since, match_params = self._since, self.judge.match_params
         off = since.led_on(step)
-        # a scan from the same spot says nothing new
+        # a scan from the same place adds no information
         fresh = off > NEAR and not any(h.stale for h in self.all)
         oldest = sorted(self.all, key=lambda h: -h.age)[: self.caution.judged]
-        # what the map gets wrong is wrong alike for some way
-        share = min(1.0, off / care.correlated)
+        # map errors are correlated over some distance
+        share = min(1.0, off / match_params.correlated)
         if fresh and self.all:
             since.keep(step, share)
         since.ranges = sweep.ranges
-        for one in self.all:
-            one.age += 1
+        for hypothesis in self.all:
+            hypothesis.age += 1
             if fresh:
-                one.log, one.stale = one.log + share * one.latest, True
-            foretold, own = moved(one.pose, joined(one.covariance, joint[3:, 3:]), step)
-            one.pose, one.covariance = foretold, own[:3, :3].copy()
-        for one in oldest:
-            held = self.cold or one.led
-            prior = inverted(one.covariance if held else one.covariance + _BESIDE)
-            fit = align(self.known.surfaces, points, across, one.pose, prior, care)
-            own = joined(one.covariance, joint[3:, 3:])
-            # what is followed for long must not be held to where it began: each wall tells once
-            told = independent(self.known.surfaces, points, across, fit.pose, care, fit.rms)
-            told = (since.share if one.stale else 0.0) * told
-            one.pose, one.covariance = fit.pose, updated(own, told)[:3, :3]
-            one.judged = self.judge.judge(fit.pose, sweep.ranges)
-            if not self.cold:
-                new = self.judge.weighed(one.judged)
-                one.latest = new if one.stale else max(0.9 * one.latest + 0.1 * new, new)
-            elif one.stale:
-                self.judge.charge(one.pose, sweep.ranges, self._stamp, one.charges)
-                one.log = one.charges.log
-            one.witnessed = self.alarm.witnessed(one.pose)
-            one.age, one.stale = 0, False
+                hypothesis.log, hypothesis.stale = hypothesis.log + share * hypothesis.latest, True
+            predicted, own = moved(
+                hypothesis.pose, joined(hypothesis.covariance, joint[3:, 3:]), step
+            )
+            hypothesis.pose, hypothesis.covariance = predicted, own[:3, :3].copy()
+        for hypothesis in oldest:
+            held = self.cold_start or hypothesis.led
+            prior = inverted(hypothesis.covariance if held else hypothesis.covariance + _BESIDE)
+            fit = align(self.known.surfaces, points, across, hypothesis.pose, prior, match_params)
+            own = joined(hypothesis.covariance, joint[3:, 3:])
+            # each wall counts once, so that a hypothesis is not held to where it began
+            information = independent(
+                self.known.surfaces, points, across, fit.pose, match_params, fit.rms
+            )
+            information = (since.share if hypothesis.stale else 0.0) * information
+            hypothesis.pose, hypothesis.covariance = fit.pose, updated(own, information)[:3, :3]
+            hypothesis.judged = self.judge.judge(fit.pose, sweep.ranges)
+            if not self.cold_start:
+                new = self.judge.weighed(hypothesis.judged)
+                hypothesis.latest = (
+                    new if hypothesis.stale else max(0.9 * hypothesis.latest + 0.1 * new, new)
+                )
+            elif hypothesis.stale:
+                self.judge.charge(hypothesis.pose, sweep.ranges, self._stamp, hypothesis.charges)
+                hypothesis.log = hypothesis.charges.log
+            hypothesis.keyframe_log = self.alarm.keyframe_log(hypothesis.pose)
+            hypothesis.age, hypothesis.stale = 0, False
         if fresh:
             since.go_on()
         self._waited += 1
 
     def ranked(self) -> list[Hypothesis]:
-        """Drop what is refuted; all that can be, the likeliest first."""
+        """Drop refuted hypotheses; returns the others, the likeliest first."""
         stayed = [h for h in self.all if self.left is not None and self.left.held(h)]
-        for one in self.all:
-            own = next((h for h in stayed if twin(one, h, self.caution)), None)
-            one.prior = self._prior(one, own is not None)
-            if own is not None:  # people about speak no less against it than against its twin
-                one.witnessed = min(one.witnessed, own.witnessed)
+        for hypothesis in self.all:
+            own = next((h for h in stayed if twin(hypothesis, h, self.caution)), None)
+            hypothesis.prior = self._prior(hypothesis, own is not None)
+            if own is not None:  # people near by contradict it no less than its twin
+                hypothesis.keyframe_log = min(hypothesis.keyframe_log, own.keyframe_log)
         alive = [h for h in self.all if self._possible(h.pose, h.judged)]
         alive.sort(key=lambda h: -h.total)
         kept: list[Hypothesis] = []
-        for one in alive:
-            unlikely = kept and kept[0].total - one.total > self.caution.refuted
-            # people may speak against where it was, as long as the map fits there
-            possible = not unlikely or any(one is own for own in stayed)
-            if possible and not any(same(one.pose, other.pose) for other in kept):
-                kept.append(one)
-        if not kept:  # what is found from now on has held from no place, and beside no other, yet
+        for hypothesis in alive:
+            unlikely = kept and kept[0].total - hypothesis.total > self.caution.refuted
+            # people may contradict the earlier place, as long as the map fits there
+            possible = not unlikely or any(hypothesis is own for own in stayed)
+            if possible and not any(same(hypothesis.pose, other.pose) for other in kept):
+                kept.append(hypothesis)
+        if not kept:  # hypotheses found from now on have no views yet
             self._since.views, self._whole = 0, False
         self.all = kept[: self.caution.followed]
-        for one in kept[self.caution.followed :][:1]:
-            own = one.charges.most - kept[0].charges.closer
-            self._left_out = max(self._left_out, own if self.cold else math.inf)
+        for hypothesis in kept[self.caution.followed :][:1]:
+            own = hypothesis.charges.most - kept[0].charges.closer
+            self._left_out = max(self._left_out, own if self.cold_start else math.inf)
         return kept
 
     def _near(self, last: float, best: float) -> float:
-        """Likelihood that no place exceeds of which the last that was tried is so likely. What a
-        place of a robot that may be anywhere is charged for only grows; else one that comes near
-        may come nearer."""
-        if self.cold:
+        """Bound of the log likelihood of the candidates not tried, of which the last one tried has
+        `last`. At a cold start costs only grow; else one that comes near may improve."""
+        if self.cold_start:
             return last
         return math.inf if last >= best - 2.0 * self.caution.margin else -math.inf
 
     def _complete(self, kept: list[Hypothesis]) -> bool:
-        """Whether no place that is not followed comes near the best. Of a robot that may be
-        anywhere, where the best of the first search leaves more than some four things unexplained,
-        there may be one."""
+        """Whether no place that is not followed comes near the best. At a cold start one may, if
+        the best of the first search leaves more than some four objects unexplained."""
         c = self.caution
-        # what is not followed is taken to lie on what was seen since as closely as the best
+        # a place that is not followed is assumed to fit the later views as closely as the best
         own = kept[0].total - kept[0].charges.closer
-        if self.cold and own < c.least and not self._again:
+        if self.cold_start and own < c.least and not self._searched_again:
             return False
         return own - self._left_out >= c.margin
 
     def verdict(self, kept: list[Hypothesis]) -> PlaceVerdict:
-        """Whether the best of those that are ranked can be believed."""
+        """Whether the best of the ranked hypotheses can be believed."""
         c, since = self.caution, self._since
         driven = since.way >= c.travelled or since.turned >= 2.0 * c.travelled
-        about = Circumstances(
-            self.cold, self._whole, bool(kept) and self._complete(kept), self.everywhere,
+        about = SearchContext(
+            self.cold_start, self._whole, bool(kept) and self._complete(kept), self.whole_map,
             self.moved, since.views, driven, self.left,
             self.before.pose if self.before else None,
         )  # fmt: skip
         found = self._belief.verdict(kept, about)
         if found.best is None and self._searched is None:
-            self.all, self._whole = [], False  # else what is found so far is kept for its end
+            self.all, self._whole = [], False  # else keep them until the search ends
         return found
 
     def _consider(
         self, guess: Pose, prior: Floats | None, points: Floats, across: Floats, ranges: Floats,
         lost: bool,
     ) -> float:  # fmt: skip
-        """Match a candidate, and keep it as a hypothesis where it fits. prior: (3, 3), how well it
-        is known, as information; None: hardly. How likely it is."""
-        care, led = self.judge.care, prior is not None
+        """Match a candidate, and keep it as a hypothesis if it fits. prior: (3, 3), its information
+        matrix; None: weak. Returns its log likelihood."""
+        match_params, led = self.judge.match_params, prior is not None
         wide = np.diag([0.3, 0.3, 0.1]) ** 2 if prior is None else inverted(prior)
         if prior is None:
-            prior, care = np.diag([1.0, 1.0, 4.0]), care._replace(reach=0.6, rounds=30)
-        fit = align(self.known.surfaces, points, across, guess, prior, care)
+            prior, match_params = (
+                np.diag([1.0, 1.0, 4.0]),
+                match_params._replace(reach=0.6, rounds=30),
+            )
+        fit = align(self.known.surfaces, points, across, guess, prior, match_params)
         judged = self.judge.judge(fit.pose, ranges)
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):
             return -1e3
         joint = joined(wide, UNKNOWN)
-        told = independent(self.known.surfaces, points, across, fit.pose, care, fit.rms)
-        covariance = updated(joint, told)[:3, :3]
+        information = independent(
+            self.known.surfaces, points, across, fit.pose, match_params, fit.rms
+        )
+        covariance = updated(joint, information)[:3, :3]
         pose = compose(fit.pose, self._base)
         new = self.judge.weighed(judged)
         for other in self.all:
             if same(other.pose, pose):
-                # what odometry knows of a place counts against what one scan says
+                # the odometry prior counts against one scan
                 least = other.latest + (0.5 * self.caution.margin if other.led else 0.0)
-                if new > least and not self.cold:
+                if new > least and not self.cold_start:
                     other.pose, other.covariance, other.led = pose, covariance, led
                     other.latest, other.judged = new, judged
-                return -1e3  # nothing new
-        # it must fit what was seen from the places before: to come late is no advantage
+                return -1e3  # known already
+        # it must fit the earlier views as well
         before = self._since.likely(pose, self._weighed)
         found = Hypothesis(pose, covariance, before, new, judged, led=led)
-        if self.cold:
+        if self.cold_start:
             for view in self._last.used:
                 at = compose(fit.pose, view.back)
                 self.judge.charge(at, view.ranges, view.stamp, found.charges, 2)
-            self.judge.charge(fit.pose, ranges, self._sought, found.charges)
+            self.judge.charge(fit.pose, ranges, self._search_stamp, found.charges)
             found.log, found.latest = found.charges.log, 0.0
             before, new = found.charges.most, 0.0
             found.covariance = covariance + _BESIDE
-        # only once it is lost: a keyframe may have been taken while somebody pushed, and before
-        # that the map is asked
-        found.witnessed = self.alarm.witnessed(pose) if lost else 0.0
+        # only once it is lost: a keyframe may have been taken during a push
+        found.keyframe_log = self.alarm.keyframe_log(pose) if lost else 0.0
         self.all.append(found)
         return before + new
 
     def _weighed(self, pose: Pose, ranges: Floats) -> float:
-        """How likely a scan is at a pose, by every other beam."""
+        """Log likelihood of a scan at a pose, by every other beam."""
         return self.judge.weighed(self.judge.judge(pose, ranges, 2))
 
     def _possible(self, pose: Pose, judged: Judgement, more: float = 0.0) -> bool:
-        """Whether the robot may be there, by one scan alone; where it last was, the map may be
-        wrong. more: that is asked of a new one."""
+        """Whether a pose is possible by one scan; near the last pose the map may be wrong. more:
+        stricter, for a new one."""
         here = self.left is not None and self.left.away(pose) < 0.5
         if here and judged.agree > self.caution.poor:
-            return True  # a wall that is gone may be driven through
+            return True  # a mapped wall may be gone
         fits = judged.agree > 0.35 + more and judged.through < 0.4 - more
         return fits and free_at(self.known, pose.x, pose.y)
 
-    def _prior(self, one: Hypothesis, turned_round: bool = False) -> float:
-        """What where the robot was says to a hypothesis: that it stayed, that nobody carries it far
-        in no time, and that who is pushed or dragged is hardly turned round. turned_round: whether
-        it is the twin of one where it was."""
+    def _prior(self, hypothesis: Hypothesis, turned_round: bool = False) -> float:
+        """Log prior of a hypothesis given the last known pose: not moved, carried no faster than
+        walking, hardly turned. turned_round: whether it is the twin of one at that pose."""
         c, left = self.caution, self.left
         if left is None:
             return 0.0
         if left.odds > 0.0:
-            return -min(0.5 * left.strayed(one), left.odds)
+            return -min(0.5 * left.mahalanobis(hypothesis), left.odds)
         carried = 0.0
-        if left.knew:
-            beyond = left.away(one.pose) - (c.near + 0.5 + c.pace * self.alarm.carried)
+        if left.was_known:
+            beyond = left.away(hypothesis.pose) - (c.near + 0.5 + c.pace * self.alarm.carried)
             carried = min(0.5 * (max(beyond, 0.0) / c.put) ** 2, c.unmoved)
         if turned_round:
             carried = c.unmoved
-        if self.everywhere:
+        if self.whole_map:
             return -carried
-        turned = wrap(one.pose.psi - left.pose.psi) / c.turned
+        turned = wrap(hypothesis.pose.psi - left.pose.psi) / c.turned
         return -carried - min(0.5 * turned**2, 0.25 * c.margin)

@@ -1,4 +1,4 @@
-"""A place where the robot may be, and what is known of it; where the robot was when it got lost."""
+"""Hypotheses of the robot's pose, and the pose at which it became lost."""
 
 from __future__ import annotations
 
@@ -10,113 +10,113 @@ import numpy as np
 
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.caution import LocalizerParams
 from cohelm.perceive.localize.localization_map import Judgement
-from cohelm.perceive.localize.map_errors import Charges
+from cohelm.perceive.localize.map_errors import MapErrorCosts
 from cohelm.perceive.match.odometry_covariance import moved
 
 
 @dataclass
 class Hypothesis:
-    """A place where the robot may be."""
+    """A pose that the robot may have."""
 
     pose: Pose
     covariance: Floats
     """(3, 3)"""
     log: float
-    """Likelihood of all scans before, from places some way apart, weighed."""
+    """Log likelihood of all earlier scans, from separate views, weighted."""
     latest: float
-    """And of the newest."""
+    """Log likelihood of the newest scan."""
     judged: Judgement
     prior: float = 0.0
-    """What where the robot was says to it."""
-    witnessed: float = 0.0
-    """And what was seen before scans began to contradict each other."""
+    """Log prior given the last known pose."""
+    keyframe_log: float = 0.0
+    """Log likelihood of the newest scan given the keyframe from before the alarm."""
     age: int = 0
     """Scans since it was judged."""
     stale: bool = False
-    """Whether it has not been judged from here, where others have."""
+    """Whether others have been judged in this view, and this one not yet."""
     led: bool = False
-    """Whether it is where odometry leads, matched as that is known."""
-    charges: Charges = field(default_factory=Charges)
-    """What the map would have wrong; for a robot that may be anywhere."""
+    """Whether it is the odometry prediction, matched with its covariance as prior."""
+    charges: MapErrorCosts = field(default_factory=MapErrorCosts)
+    """Map errors that it implies; at a cold start only."""
 
     @property
     def total(self) -> float:
-        """Likelihood of all scans, and of its having come there."""
-        return self.log + self.latest + self.prior + self.witnessed
+        """Log posterior."""
+        return self.log + self.latest + self.prior + self.keyframe_log
 
     @property
     def explained(self) -> float:
-        """Beams of the scan that end where the map lets them, as many as it tells about."""
+        """Number of beams that agree with the map."""
         return self.judged.agree * self.judged.told
 
 
 def same(a: Pose, b: Pose) -> bool:
-    """Whether two hypotheses are one place."""
+    """Whether two poses are the same place."""
     return math.hypot(a.x - b.x, a.y - b.y) < 0.25 and abs(wrap(a.psi - b.psi)) < 0.2
 
 
 class Departure(NamedTuple):
-    """Where a robot left off when it became lost, led on by odometry since then.
+    """The pose at which the robot became lost, moved on by odometry since then.
 
-    joint: covariance of that and of what the wheels get wrong. odds: log odds that it is still
-    there; none where scans contradicted each other. knew: whether it knew that place.
+    joint: covariance of it and of the odometry errors. odds: log odds that it was not moved; 0
+    after contradicting scans. was_known: whether the pose was known.
     """
 
     pose: Pose
     joint: Floats
     odds: float
-    knew: bool
+    was_known: bool
 
     def led_on(self, step: Pose) -> Departure:
         """The robot has moved by a step, by its odometry."""
         pose, joint = moved(self.pose, self.joint, step)
         return self._replace(pose=pose, joint=joint)
 
-    def strayed(self, one: Hypothesis) -> float:
-        """How far a place is from where the robot would be had nobody moved it, as squared
-        sigmas."""
-        at, here = one.pose, self.pose
+    def mahalanobis(self, hypothesis: Hypothesis) -> float:
+        """Squared Mahalanobis distance of a hypothesis from this pose."""
+        at, here = hypothesis.pose, self.pose
         off = np.array([at.x - here.x, at.y - here.y, wrap(at.psi - here.psi)])
-        spread = self.joint[:3, :3] + one.covariance + np.diag([0.1, 0.1, 0.05]) ** 2
+        spread = self.joint[:3, :3] + hypothesis.covariance + np.diag([0.1, 0.1, 0.05]) ** 2
         return float(off @ np.linalg.solve(spread, off))
 
-    def held(self, one: Hypothesis) -> bool:
-        """Whether a place is where the robot would be had nobody moved it."""
-        return self.strayed(one) < 9.0
+    def held(self, hypothesis: Hypothesis) -> bool:
+        """Whether a hypothesis is consistent with this pose (3 sigma)."""
+        return self.mahalanobis(hypothesis) < 9.0
 
-    def stays(self, one: Hypothesis) -> bool:
-        """Whether it is such a place, and no scan shows that somebody moved it."""
-        return self.odds > 0.0 and self.held(one)
+    def stays(self, hypothesis: Hypothesis) -> bool:
+        """Whether it is consistent, and no scan shows that the robot was moved."""
+        return self.odds > 0.0 and self.held(hypothesis)
 
-    def known(self, one: Hypothesis) -> Hypothesis:
-        """A place where the robot left off, as well as its match and odometry tell it together:
-        along a wall, a match tells nothing."""
-        if one.led:  # it was matched so
-            return one
-        own, led, at, here = one.covariance, self.joint[:3, :3], one.pose, self.pose
+    def known(self, hypothesis: Hypothesis) -> Hypothesis:
+        """A hypothesis fused with this pose: along a wall, a match alone is uncertain."""
+        if hypothesis.led:  # already matched with it as prior
+            return hypothesis
+        own, led, at, here = hypothesis.covariance, self.joint[:3, :3], hypothesis.pose, self.pose
         off = np.array([here.x - at.x, here.y - at.y, wrap(here.psi - at.psi)])
         gain = own @ np.linalg.inv(own + led)
         x, y, psi = (gain @ off).tolist()
         pose = Pose(at.x + x, at.y + y, at.psi + psi)
-        return replace(one, pose=pose, covariance=own - gain @ own)
+        return replace(hypothesis, pose=pose, covariance=own - gain @ own)
 
     def away(self, pose: Pose) -> float:
-        """How far off a place is [m]."""
+        """Distance of a pose from this one [m]."""
         return math.hypot(pose.x - self.pose.x, pose.y - self.pose.y)
 
 
-def sigma(one: Hypothesis) -> float:
-    """Standard deviation of a place, in the direction that is least known [m]."""
-    return math.sqrt(float(np.linalg.eigvalsh(one.covariance[:2, :2])[-1]))
+def sigma(hypothesis: Hypothesis) -> float:
+    """Standard deviation of a position, in the least certain direction [m]."""
+    return math.sqrt(float(np.linalg.eigvalsh(hypothesis.covariance[:2, :2])[-1]))
 
 
-def twin(one: Hypothesis, own: Hypothesis, caution: Caution) -> bool:
-    """Whether a place is turned from where the robot was, and looks no more like the newest scan
-    than that does, as the other end of a hall. Who carries a robot and turns it round puts it down
-    just there by a chance of a few centimetres and degrees among metres; not where a place is not
-    one, but all along a corridor."""
-    turned = abs(wrap(one.pose.psi - own.pose.psi)) > 2.0 * caution.turned
-    better = one.latest - own.latest > 0.5 * caution.margin  # than by one thing that the map lacks
-    return turned and not better and sigma(one) < caution.sure
+def twin(hypothesis: Hypothesis, own: Hypothesis, caution: LocalizerParams) -> bool:
+    """Whether a hypothesis is a turned look-alike of the robot's own place, as the other end of a
+    symmetric hall: it fits the newest scan no better. A robot that is carried and turned is
+    unlikely to be put down exactly there. Along a corridor, where the position is uncertain, it is
+    no twin."""
+    turned = abs(wrap(hypothesis.pose.psi - own.pose.psi)) > 2.0 * caution.turned
+    better = (
+        hypothesis.latest - own.latest > 0.5 * caution.margin
+    )  # by more than one unmapped object
+    return turned and not better and sigma(hypothesis) < caution.sure

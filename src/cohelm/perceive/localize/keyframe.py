@@ -1,8 +1,7 @@
-"""Detects that the robot was moved: its scan contradicts those from just before, on any map.
+"""Detects that the robot was moved, without a map: its scan contradicts a keyframe.
 
-The odometry knows the way from a place a moment ago, the *keyframe*. What stands now where the
-keyframe saw free ground, and what stood there and can be looked through now, contradicts it. A
-map with errors does not: it is not asked.
+The *keyframe* is a scan from a moment ago, at a known odometry step. A return where the keyframe
+saw free space, and a beam that passes where it had a return, contradict it.
 """
 
 from __future__ import annotations
@@ -18,16 +17,16 @@ from cohelm.core.types import Floats, Pose
 from cohelm.perceive.scan.deskew import beam_at
 from cohelm.robot.sensors import Lidar
 
-_NEAR = 0.15  # what is nearer to each other than this is the same [m]
-_TURNED = 0.01  # and the odometry's error in heading, seen from afar [rad]
-_BESIDE, _APART = 2, 0.05  # so many beams to either side, or so wide, count as well [m]
-_MOST = 12  # beams, however near
-_RUN, _NARROW = 3, 0.06  # fewer neighbouring beams, or less wide, are an edge, not a thing [m]
-_EDGE, _THING, _WIDE = -0.1, -1.5, -0.02  # log likelihoods, as of a map's errors
+_NEAR = 0.15  # tolerance of a range [m]
+_TURNED = 0.01  # and of the odometry's heading [rad]
+_BESIDE, _APART = 2, 0.05  # beams to either side that are checked too, or width [m]
+_MOST = 12  # beams at most
+_RUN, _NARROW = 3, 0.06  # fewer beams, or a smaller width, are an edge, not an object [m]
+_EDGE, _THING, _WIDE = -0.1, -1.5, -0.02  # log likelihoods: an edge, an object, each of its beams
 
 
 class Keyframe(NamedTuple):
-    """odometry: pose of the body then. ranges: (n,) of its deskewed scan [m]."""
+    """Odometry pose of the body then, and ranges (n,) of its deskewed scan [m]."""
 
     odometry: Pose
     ranges: Floats
@@ -45,8 +44,8 @@ def agreement(lidar: Lidar, before: Floats, now: Floats, step: Pose) -> float:
 
 @jit
 def _appeared(lidar: Lidar, seen: Floats, free: Floats, step: Pose) -> float:
-    """Things of a scan, whose sensor is at `step` from that of `free`, that stand where the latter
-    saw nothing."""
+    """Log likelihood of the returns of a scan, whose sensor is at `step` from that of `free`, where
+    the latter saw free space."""
     c, s = math.cos(step.psi), math.sin(step.psi)
     n = len(seen)
     log, run, wide = 0.0, 0, 0.0
@@ -67,7 +66,7 @@ def _appeared(lidar: Lidar, seen: Floats, free: Floats, step: Pose) -> float:
             if not math.isnan(free[b]):
                 first, last = min(first, b), b
                 least = min(least, free[b])
-        # on either side: a wall along which the last beam looks goes on where none told
+        # on both sides: a wall along the last beam continues beyond the view
         told = first < beam < last
         new = told and d < 0.9 * lidar.range_max and least > d + _NEAR + _TURNED * d
         if new:
@@ -87,5 +86,5 @@ def _cost(run: int, wide: float) -> float:
 
 
 def usable(lidar: Lidar, ranges: Floats) -> bool:
-    """Whether a scan tells enough to be a keyframe."""
+    """Whether a scan has enough returns to be a keyframe."""
     return int(np.count_nonzero(np.isfinite(ranges))) >= 0.1 * len(lidar.beams)

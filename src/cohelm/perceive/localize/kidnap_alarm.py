@@ -1,7 +1,8 @@
-"""Raises the alarm that the robot may have been moved, and keeps what was seen before it.
+"""Raises the alarm that the robot may have been moved (kidnapped), and keeps the keyframe before
+it.
 
-Scans that contradict the keyframe from a moment ago raise it (`keyframe`), and a map that fits
-much worse all at once does: along a corridor, scans before and after a push agree.
+Scans that contradict the keyframe raise it (`keyframe`), and a sudden drop of the likelihood on the
+map does: along a corridor, scans before and after a push agree.
 """
 
 from __future__ import annotations
@@ -11,35 +12,35 @@ from dataclasses import dataclass
 
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.caution import LocalizerParams
 from cohelm.perceive.localize.keyframe import Keyframe, agreement, usable
 from cohelm.robot.sensors import Lidar
 
 
 @dataclass
 class KidnapAlarm:
-    """Of one robot; it asks no map."""
+    """The alarm of one robot; it needs no map."""
 
     lidar: Lidar
-    caution: Caution
+    caution: LocalizerParams
 
     def __post_init__(self) -> None:
         self._ranges: Floats  # of the newest scan
-        self._there = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
+        self._keyframe_pose = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
         self._aged = 0  # scans since then
         self.reset()
 
     def reset(self) -> None:
-        """A pose is believed anew: nothing that was seen before says anything."""
+        """A new pose is believed: forget all earlier scans."""
         self._keyframe: Keyframe | None = None
         self._older: tuple[Keyframe, Pose] | None = None  # the one before, and its pose
-        self._witness: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
+        self._reference: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
         self._left = 0  # scans for which the alarm lasts
         self._jolts = 0  # scans in a row that contradict the keyframe
         self.carried = 0.0  # how long nothing shows that the robot was not being moved [s]
         self._stamp = math.nan  # of the newest scan [s]
-        self._fallen = 0  # scans in a row that are much less likely on the map than those before,
-        self._level = -math.inf  # and the log likelihood of those
+        self._unlikely = 0  # scans in a row that are much less likely on the map than those before,
+        self._usual_log = -math.inf  # and the log likelihood of those
 
     @property
     def raised(self) -> bool:
@@ -47,20 +48,20 @@ class KidnapAlarm:
         return self._left > 0
 
     @property
-    def shaken(self) -> bool:
-        """Whether scans go on to contradict what was seen, or the map since all at once."""
-        return self._jolts >= self.caution.settled or self._fallen >= self.caution.patience
+    def persistent(self) -> bool:
+        """Whether scans keep contradicting the keyframe, or the likelihood stays low."""
+        return self._jolts >= self.caution.settled or self._unlikely >= self.caution.patience
 
     @property
-    def jolted(self) -> bool:
-        """Whether the newest scan contradicts what was seen."""
+    def contradicting(self) -> bool:
+        """Whether the newest scan contradicts the keyframe."""
         return self._jolts > 0
 
     def compare(
         self, odometry: Pose, stamp: float, ranges: Floats, moved_by: Pose, pose: Pose, lost: bool
     ) -> None:  # fmt: skip
-        """Ask whether this scan contradicts the keyframe; take a newer one where it does not.
-        moved_by: since the scan before. pose: that was believed there."""
+        """Compare this scan with the keyframe, and replace that where they agree. moved_by:
+        odometry step since the scan before. pose: believed pose at that scan."""
         self._ranges = ranges
         key, c = self._keyframe, self.caution
         step = between(key.odometry, odometry) if key else Pose(0.0, 0.0, 0.0)
@@ -68,24 +69,24 @@ class KidnapAlarm:
             log = agreement(self.lidar, key.ranges, ranges, step)
             self._jolts = self._jolts + 1 if log < c.contradicted else 0
             if not self._left and self._jolts >= c.jolts:
-                # where a lost robot is, nobody knows: what it saw there is no witness
-                self._witness = None if lost else (key, self._there)
+                # the pose of a lost robot is unknown, so its keyframe is no reference
+                self._reference = None if lost else (key, self._keyframe_pose)
             elif not self._left and not lost:
-                self._witness = None
+                self._reference = None
             self._left = c.alarmed if self._jolts >= c.jolts else max(self._left - 1, 0)
-        self._carry(stamp, lost)
+        self._update_carried(stamp, lost)
         self._aged += 1
         near = math.hypot(step.x, step.y) < 0.3 and abs(step.psi) < 0.3
         gone = key is None or not near or self._aged > c.aged
         held = 0 < self._jolts < c.frozen
         if gone and not held and usable(self.lidar, ranges):
-            self._older = (key, self._there) if key is not None else None
+            self._older = (key, self._keyframe_pose) if key is not None else None
             self._keyframe = Keyframe(odometry, ranges)
-            self._there = compose(pose, moved_by)
+            self._keyframe_pose = compose(pose, moved_by)
             self._jolts = self._aged = 0
 
-    def _carry(self, stamp: float, lost: bool) -> None:
-        """Whoever is carried sees scans that contradict each other, nothing, or has no scans."""
+    def _update_carried(self, stamp: float, lost: bool) -> None:
+        """While carried, the robot has contradicting scans, empty ones, or none."""
         gap = 0.0 if math.isnan(self._stamp) else stamp - self._stamp
         self._stamp = stamp
         if self._jolts or gap > self.caution.gap or not usable(self.lidar, self._ranges):
@@ -94,40 +95,40 @@ class KidnapAlarm:
             self.carried = 0.0
 
     def fall(self, log: float) -> None:
-        """Scans that are much less likely on the map, all at once: a robot that was moved along a
-        corridor sees no contradiction. What was seen before decides as after others. log: the
-        newest scan's log likelihood at the tracked pose."""
+        """Raise the alarm for a sudden drop of the scan likelihood: a robot moved along a corridor
+        has no contradicting scans. log: the newest scan's log likelihood at the tracked pose."""
         c = self.caution
         key = self._keyframe
-        least = self._level - c.margin * (0.5 if self._level > c.odd else 2.0)
-        self._fallen = self._fallen + 1 if log < least else 0
-        if self._fallen > c.patience or self._level == -math.inf:
-            self._level = log
-        elif self._fallen == 0:
-            self._level += 0.1 * (log - self._level)
-        elif self._fallen == c.patience:
+        least = self._usual_log - c.margin * (0.5 if self._usual_log > c.odd else 2.0)
+        self._unlikely = self._unlikely + 1 if log < least else 0
+        if self._unlikely > c.patience or self._usual_log == -math.inf:
+            self._usual_log = log
+        elif self._unlikely == 0:
+            self._usual_log += 0.1 * (log - self._usual_log)
+        elif self._unlikely == c.patience:
             if not self._left and key is not None:
-                self._witness = (key, self._there) if self._aged > c.patience else self._older
+                self._reference = (
+                    (key, self._keyframe_pose) if self._aged > c.patience else self._older
+                )
             self._left = c.alarmed
-            self.carried = math.inf  # it may have been pushed for long, along what looks alike
+            self.carried = math.inf  # it may have been pushed far along a uniform corridor
 
     def refuted(self, pose: Pose) -> bool:
-        """Whether the newest scan contradicts what was seen before the alarm, at a pose; nobody
-        knows where that is not known. What does not was not moved: it is the map that is wrong.
-        """
-        return self._witness is None or self.witnessed(pose) < self.caution.contradicted
+        """Whether the newest scan at a pose contradicts the keyframe before the alarm, or there is
+        none. If not, the robot was not moved, and the map is wrong."""
+        return self._reference is None or self.keyframe_log(pose) < self.caution.contradicted
 
-    def witnessed(self, pose: Pose) -> float:
-        """What was seen before the alarm says to the newest scan, had the robot been moved to this
-        pose, as log likelihood: it stood there without the map, however poor that is."""
-        if self._witness is None:
+    def keyframe_log(self, pose: Pose) -> float:
+        """Log likelihood of the newest scan at a pose given the keyframe before the alarm, without
+        the map."""
+        if self._reference is None:
             return 0.0
-        key, there = self._witness
+        key, there = self._reference
         return agreement(self.lidar, key.ranges, self._ranges, between(there, pose))
 
     def gained(self, pose: Pose, here: Pose) -> float:
-        """By how much likelier the newest scan is after what was seen before the alarm, had the
-        robot been moved to this pose, than `here`, where it takes itself to be."""
+        """By how much likelier the newest scan is at a pose than `here`, at the believed one, given
+        the keyframe before the alarm."""
         if not self.raised:
             return 0.0
-        return self.witnessed(pose) - self.witnessed(here)
+        return self.keyframe_log(pose) - self.keyframe_log(here)

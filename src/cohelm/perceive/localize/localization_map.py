@@ -1,4 +1,4 @@
-"""A map for localization: surfaces to match against, free space to be in, walls to expect."""
+"""A map for localization: wall surfaces, free space, distance field, and expected ranges."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from cohelm.core.types import Floats, Pose
 from cohelm.perceive.match.surfaces import Surfaces, surfaces, thinned
 from cohelm.robot.sensors import Lidar
 
-_FARTHEST = 2.0  # distances to walls are not told beyond this [m]
+_FARTHEST = 2.0  # cap of the distances to walls [m]
 _REACH = 0.6  # surfaces are found from as far as this [m]
-_SIDE = 0.2  # raster of the places where the robot may be looked for [m]
+_SIDE = 0.2  # spacing of the places for the search [m]
 _ROOM = 0.2  # and their least distance to a wall [m]
 MOST_BORDER = 500_000
-"""Occupied cells beside free ones: 12 km of wall, seen from both sides, at 5 cm. As many take some
-seconds and a GB; noise, in which every other cell is one, would take hours."""
+"""Limit of occupied cells beside free ones: 12 km of wall, seen from both sides, at 5 cm. As many
+take some seconds and a GB; a noisy map, in which every other cell is one, would take hours."""
 
 
 class LocalizationMap(NamedTuple):
     """surfaces: of all walls, world frame. gap: (rows, columns), distance of a cell's centre to
-    the nearest occupied one's, 2 m at most [m]. unknown: (rows, columns), nobody has seen the
-    cell. resolution [m]; origin: world pose of the outer corner of cell (0, 0). places: (k, 2),
-    where the robot may be looked for, world frame [m]."""
+    the nearest occupied one's, 2 m at most [m]. unknown: (rows, columns), unobserved
+    cells. resolution [m]; origin: world pose of the outer corner of cell (0, 0). places: (k, 2),
+    candidate positions for the search, world frame [m]."""
 
     surfaces: Surfaces
     gap: NDArray[np.float32]
@@ -39,16 +39,15 @@ class LocalizationMap(NamedTuple):
     places: Floats
 
 
-def known(
+def map_from_occupancy(
     occupied: NDArray[np.bool_], free: NDArray[np.bool_], resolution: float, origin: Pose
 ) -> LocalizationMap:
     """From the cells of an occupancy map, (rows, columns), row 0 at the smallest y.
 
-    Surfaces are where occupied cells border on free ones, put on the line through those of their
-    neighbours that face the same way: each side of a wall that can be seen from both is its own
-    surface, with a normal towards where it is seen from. Raises CohelmError where nothing is
-    occupied, nothing free, or more than MOST_BORDER cells are on a border.
-    """
+    Surfaces are where occupied cells border on free ones, on a line fitted to neighbours that face
+    the same way: each side of a wall is its own surface, with a normal towards its free side.
+    Raises CohelmError where nothing is occupied, nothing free, or more than MOST_BORDER cells are
+    on a border."""
     if not occupied.any():
         raise CohelmError("the map has no occupied cell, so nothing to localise by: map it again")
     if not free.any():
@@ -63,7 +62,7 @@ def known(
             "the most to localise by: clear it of noise, or make it coarser"
         )
     cells, facing = _faces(occupied, free)
-    if 2 * len(cells) < found:  # what is free was not drawn up to half of the walls
+    if 2 * len(cells) < found:  # free space does not reach half of the walls
         beside = scipy.ndimage.binary_dilation(free, iterations=3, mask=~occupied)
         cells, facing = _faces(occupied, beside)
     points, across = _lined(cells * resolution, facing, max(0.15, 3.0 * resolution))
@@ -97,8 +96,8 @@ def _faces(occupied: NDArray[np.bool_], free: NDArray[np.bool_]) -> tuple[Floats
 
 
 def _lined(points: Floats, facing: Floats, reach: float) -> tuple[Floats, Floats]:
-    """Points put on the line through those neighbours within `reach` [m] that do not face the other
-    way, and its normal, to the side that they face."""
+    """Points on the line fitted to neighbours within `reach` [m] that do not face the other way,
+    and its normal, to the side that they face."""
     pairs = scipy.spatial.cKDTree(points).query_pairs(reach, output_type="ndarray")
     pairs = pairs[np.einsum("ij,ij->i", facing[pairs[:, 0]], facing[pairs[:, 1]]) > -0.5]
     return _fitted(points, facing, np.vstack((pairs, pairs[:, ::-1])))
@@ -183,7 +182,7 @@ def on_walls(known: LocalizationMap, pose: Pose, points: Floats, near: float) ->
 def expected(
     known: LocalizationMap, x: float, y: float, dx: float, dy: float, reach: float
 ) -> float:
-    """How far the map lets one see from a world point in a direction [m].
+    """Expected range from a world point in a direction, by ray casting [m].
 
     inf if beyond `reach`; NaN where unknown cells, or the map's end, come before.
     """
@@ -209,16 +208,15 @@ def expected(
 
 
 class Judgement(NamedTuple):
-    """How well a whole scan agrees with the map, as shares of the beams the map tells about.
+    """How well a whole scan agrees with the map, as shares of the beams in known space.
 
-    agree: ends at a wall. short: something is in front of it, a person perhaps. through: it
-    passed where the map has a wall, or did not return from one. log: how likely the scan is, by
-    the number of things that contradict, not of their beams: one wide wall is one error of the
-    map, three are a wrong place. told: number of beams. weighed: log as it compares with that of
-    other places: where the map knows nothing, a wall is as likely as none, by the metre. closer:
-    log likelihood by which ends of beams lie closer to their surfaces than is usual: the right
-    place needs no more, but of two that fit it tells one.
-    passed: number of walls that were looked through, which nobody who walks about explains.
+    agree: ends at a wall. short: blocked by an object, perhaps a person. through: passed a mapped
+    wall, or did not return from one. log: log likelihood of the scan, by the number of
+    contradicting objects, not of their beams: one wide wall is one error of the map, three are a
+    wrong place. told: number of beams. weighed: log for comparison with other places: in unknown
+    space a wall is as likely as none, by the metre. closer: log likelihood of beam ends closer to
+    their surfaces than is usual, which separates two places that fit. passed: number of mapped
+    walls that beams passed, which no walker explains.
     """
 
     agree: float
@@ -232,14 +230,17 @@ class Judgement(NamedTuple):
 
 
 NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
-INDEPENDENT = 15.0  # beams of a scan, as far as their distances go; each of them tells
-USUAL, _MOST = 0.5, 1.5  # so much less than is usual at the right place, and no more than this
-RUN = 3  # fewer neighbouring beams are an edge, not a thing
+INDEPENDENT = 15.0  # effective number of independent distances in a scan
+USUAL, _MOST = (
+    0.5,
+    1.5,
+)  # usual negative log likelihood of a distance at the right place, and its cap
+RUN = 3  # fewer neighbouring beams are an edge, not an object
 _EDGE = -0.2  # log likelihoods: of such an edge,
-_SHORT, _WIDE_SHORT = -1.5, -0.02  # a thing that is not on the map, and each of its beams,
-_THROUGH, _WIDE_THROUGH = -3.0, -0.05  # a wall that is not there, and each beam through it
-_UNKNOWN = -1.0  # a thing seen where the map knows nothing,
-UNDRAWN = -0.7  # and each metre of it: nobody has seen whether a wall stands: as likely as not
+_SHORT, _WIDE_SHORT = -1.5, -0.02  # an unmapped object, and each of its beams,
+_THROUGH, _WIDE_THROUGH = -3.0, -0.05  # a missing wall, and each beam through it
+_UNKNOWN = -1.0  # an object in unknown space,
+UNDRAWN = -0.7  # and each metre of it: a wall is as likely as none
 AGREE, IN_FRONT, BEHIND, SILENT, BEYOND = 0, 1, 2, 3, 4
 
 
@@ -250,8 +251,8 @@ def judge(
 ) -> Judgement:  # fmt: skip
     """Compare every `every`-th beam of a scan from a body pose with what the map expects.
 
-    offset: by which ends of beams lie before their surface in truth; spread: their standard
-    deviation from there [m].
+    offset: of beam ends in front of their surface; spread: their standard deviation from there
+    [m].
     """
     x, y, c, s = eye(lidar, pose)
     counts = np.zeros(5, np.int64)
@@ -288,7 +289,7 @@ def judge(
 
 @jit_inline
 def eye(lidar: Lidar, pose: Pose) -> tuple[float, float, float, float]:
-    """Where a LiDAR is whose body has a pose, and cosine and sine of its heading."""
+    """Position of a LiDAR by the pose of its body, and cosine and sine of its heading."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     x = pose.x + c * lidar.mount.x - s * lidar.mount.y
     y = pose.y + s * lidar.mount.x + c * lidar.mount.y
@@ -300,8 +301,8 @@ def read(
     known: LocalizationMap, x: float, y: float, dx: float, dy: float, r: float, farthest: float,
     near: float, offset: float, spread: float,
 ) -> tuple[int, float, float]:  # fmt: skip
-    """What a beam says to the map, how far off, and, where it agrees, how unlikely its distance
-    from what it sees is, as negative log likelihood."""
+    """The kind of a beam, the range of what it shows, and, if it agrees, the negative log
+    likelihood of its distance from the surface."""
     gap = gap_at(known, x + r * dx, y + r * dy) if r < math.inf else math.nan
     if gap < near:
         off = _off(known, x + r * dx, y + r * dy, dx, dy, offset)
@@ -314,7 +315,7 @@ def read(
 
 @jit
 def _off(known: LocalizationMap, x: float, y: float, dx: float, dy: float, offset: float) -> float:
-    """How far a beam's end is off the surface that it sees; NaN where there is none [m]."""
+    """Distance of a beam's end from its surface; NaN where there is none [m]."""
     made = known.surfaces
     u, v = (x - made.x) / made.resolution, (y - made.y) / made.resolution
     rows, columns = made.nearest.shape
@@ -331,7 +332,7 @@ def _off(known: LocalizationMap, x: float, y: float, dx: float, dy: float, offse
 
 @jit
 def _against(wall: float, r: float, farthest: float) -> int:
-    """What a beam says that did not end near a wall; wall: how far it should have come [m]."""
+    """The kind of a beam that did not end near a wall; wall: its expected range [m]."""
     if math.isnan(wall):
         return SILENT if r == math.inf else BEYOND
     if r == math.inf:
@@ -341,7 +342,7 @@ def _against(wall: float, r: float, farthest: float) -> int:
 
 @jit
 def _cost(verdict: int, run: int, every: int) -> float:
-    """The log likelihood of neighbouring beams that say the same."""
+    """The log likelihood of a run of neighbouring beams of one kind."""
     if verdict in (AGREE, SILENT):
         return 0.0
     if run * every < RUN:
@@ -355,6 +356,6 @@ def _cost(verdict: int, run: int, every: int) -> float:
 
 @jit
 def free_at(known: LocalizationMap, x: float, y: float) -> bool:
-    """Whether the map shows free ground at a world point."""
+    """Whether a world point is in free space of the map."""
     row, column = _cell(known, x, y)
     return row >= 0 and known.gap[row, column] > 0.0 and not known.unknown[row, column]

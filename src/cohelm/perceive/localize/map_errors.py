@@ -1,11 +1,10 @@
-"""Counts what a map would have wrong, were the robot at a place: each piece of wall once.
+"""Costs of the map errors that a hypothesis implies at a cold start: each error once.
 
-A map errs by things that stand or that do not stand, and each errs for as long as it is looked at,
-by however many beams. So a place is charged for a contradiction where it is first seen, by its
-length and not by its beams, and never again for the same stretch of the map. What is narrower
-than two things may lie apart and be one may be an edge that a pose a little beside sees past, from
-some views: it counts in the mean over those of the last metre. What may be a person is charged
-while he is in view, and for good once it has stood.
+An error of the map, a missing or an unmapped object, persists as long as it is in view, by however
+many beams. So a hypothesis pays for it when it is first seen, by its length and not by its beams,
+and never again for the same stretch of the map. A narrow error may be an edge that a slightly
+different pose sees past: it counts in the mean over the views of the last metre. What may be a
+person counts while it is in view, and for good once it has stood.
 """
 
 from __future__ import annotations
@@ -33,26 +32,26 @@ from cohelm.perceive.localize.localization_map import (
 )
 from cohelm.robot.sensors import Lidar
 
-_SIDE = 0.25  # of the cells in which what the map has wrong is kept: one, and all beside it [m]
-_SLOTS = 2048  # of them, in a table of hashes; a place that needs more has been refuted long ago
-_FILLED = 1800  # so that looking for a free one ends soon
-_CLOSE = 0.08  # an end as near to a wall agrees, what the map rounds and the LiDAR scatters [m],
-_TURNED = 0.01  # and a pose's error in heading, seen from afar [rad]
-_BROAD = 1.0  # longer than this and straight it is a wall, no person and no cupboard [m],
-_LINE = 0.1  # within so much of a line, a poor LiDAR's scatter twice [m]
-_SHORT = -1.5  # log likelihoods: of a thing on no map,
-_THROUGH = -3.0  # of a wall that is not there, or that is on no map,
-_WIDE = -1.0  # and of each metre, for maps err alike along so much (`MatchParams.correlated`)
-_RIGHT = -2.0  # of a map that is wrong here at all, for most of what is in view is right;
-_AGAIN = 0.7  # where it is wrong once, it is likelier wrong again
+_SIDE = 0.25  # of the cells in which map errors are stored [m]
+_SLOTS = 2048  # of the hash table; a place that needs more has been refuted before
+_FILLED = 1800  # limit, so that probing is short
+_CLOSE = 0.08  # an end as near to a wall agrees: cell size and LiDAR noise [m],
+_TURNED = 0.01  # and the heading error of a pose [rad]
+_BROAD = 1.0  # a longer straight object is a wall, no person and no cupboard [m],
+_LINE = 0.1  # tolerance of a straight line, twice the noise of a poor LiDAR [m]
+_SHORT = -1.5  # log likelihoods: of an unmapped object,
+_THROUGH = -3.0  # of a missing or an unmapped wall,
+_WIDE = -1.0  # and of each metre, the correlation length of map errors (`MatchParams.correlated`)
+_RIGHT = -2.0  # of a map that is wrong here at all;
+_AGAIN = 0.7  # further errors are likelier after a first one
 _AROUND = ((0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1))
-_VIEWS = 7  # of a metre, along which maps err alike: views are 15 cm apart (`past_views.NEAR`)
-_STOOD = 2.3  # who walks, at 0.5 m/s, has left a cell and those beside it, 0.4 m wide himself [s]
-_WALL, _PERHAPS = 5, 6  # beside the kinds of `read`: what is in front and is a wall, or may walk
+_VIEWS = 7  # of a metre, 15 cm apart (`past_views.NEAR`)
+_STOOD = 2.3  # a walker 0.4 m wide at 0.5 m/s has left a cell and its neighbours [s]
+_WALL, _PERHAPS = 5, 6  # kinds beside those of `read`: in front and a wall, or possibly a person
 
 
 def _nothing() -> Ints:
-    """Nothing seen yet: slot 0 counts the others, each a cell and a kind."""
+    """An empty table: slot 0 has the number of entries, each a cell and a kind."""
     return np.zeros(_SLOTS + 1, dtype=np.int64)
 
 
@@ -61,62 +60,62 @@ def _nowhere() -> Floats:
 
 
 @dataclass
-class Charges:
-    """What all views so far say to a place."""
+class MapErrorCosts:
+    """Costs of one hypothesis, over all views so far."""
 
     cells: Ints = field(default_factory=_nothing)
-    """What was seen of the map, and what it would have wrong,"""
+    """Cells of the map that were seen, and cells with an error;"""
     off: Floats = field(default_factory=_nowhere)
-    """of each by how much ends of beams lie closer to it than is usual, summed over so much wall,
-    and how much [m]; of what may walk, since when it is there, and when it last was [s]."""
+    """of each, by how much beam ends lie closer to it than is usual, summed over the length of
+    wall, and that length [m]; of a possible person, since when it is there, and when it last was
+    [s]."""
     errors: float = 0.0
-    """How likely what is wrong is, as log likelihood,"""
-    doubt: float = 0.0
-    """of what is in the newest view and may walk away,"""
+    """Log likelihood of the errors,"""
+    in_view: float = 0.0
+    """of possible persons in the newest view,"""
     closer: float = 0.0
-    """and by how much ends of beams lie closer to what is drawn than is usual, over all of it."""
+    """and of how much closer than usual beam ends lie to walls."""
     edges: float = 0.0
-    """Log likelihood of what is narrow and wrong, in the mean over the views of the last metre."""
+    """Log likelihood of narrow errors, in the mean over the views of the last metre."""
     views: int = 0
 
     def take(self, told: tuple[float, float, float, float]) -> None:
-        """What one more view tells (`charged`)."""
+        """Add one more view (`new_errors`)."""
         self.errors += told[0]
-        self.doubt = told[1]
+        self.in_view = told[1]
         self.closer += told[2]
         self.views += 1
         self.edges += (told[3] - self.edges) / min(self.views, _VIEWS)
 
     @property
     def log(self) -> float:
-        """Log likelihood of all of it. How a wall is drawn tells once, however long one looks at
-        it: two rooms alike are not told apart by it."""
-        return _wrong(self.errors + self.doubt) + self.closer + self.edges
+        """Log likelihood of all of it. The closeness to a wall counts once, however long it is in
+        view: it does not separate two equal rooms."""
+        return _wrong(self.errors + self.in_view) + self.closer + self.edges
 
     @property
     def most(self) -> float:
-        """And what it may come to, where all that may walk walks away."""
+        """Upper bound of `log`, if all possible persons leave."""
         return _wrong(self.errors) + self.closer + self.edges
 
 
 def _wrong(errors: float) -> float:
-    """Log likelihood of a map that has so much wrong, each error on its own."""
+    """Log likelihood of a map with these errors, each of which alone has its own."""
     return _RIGHT * (1.0 - math.exp(errors)) + _AGAIN * errors
 
 
 @jit
-def charged(
+def new_errors(
     known: LocalizationMap, lidar: Lidar, pose: Pose, ranges: Floats, every: int, offset: float,
     spread: float, seen: Ints, lies: Floats, stamp: float,
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """Log likelihoods of what every `every`-th beam of a scan from a body pose shows for the first
-    time to be wrong on the map, and of what does so but may walk; and by how much it changes that
-    of how closely the others end at what is drawn; and log likelihood of all that is too narrow to
-    be charged. Each metre of wall counts once, with the mean of all that ended there; one that
-    nobody has drawn counts as those that are do.
+    """Log likelihoods by every `every`-th beam of a scan from a body pose: of map errors seen for
+    the first time; of possible persons; change of that of the closeness of beam ends to walls; and
+    of narrow errors. Each metre of wall counts once, with the mean of all that ended there; an
+    unmapped one with the mean of the mapped.
 
-    seen, lies: of the place (`Charges.cells`, `off`), to which it is added. stamp: of the scan [s].
-    """
+    seen, lies: of the place (`MapErrorCosts.cells`, `off`), to which it is added. stamp: of the
+    scan [s]."""
     x, y, c, s = eye(lidar, pose)
     kinds, cells = np.empty(len(ranges), np.int64), np.empty((len(ranges), 2), np.int64)
     fars, ends = np.empty(len(ranges)), np.empty((len(ranges), 2))
@@ -145,7 +144,7 @@ def charged(
                 near += wide * (USUAL - off)
                 lain += wide
         n += 1
-    log, doubt, narrow, begin = 0.0, 0.0, 0.0, 0
+    log, in_view, narrow, begin = 0.0, 0.0, 0.0, 0
     while begin < n:
         end = begin + 1
         while end < n and kinds[end] == kinds[begin]:
@@ -162,19 +161,19 @@ def charged(
             new, again = _first(seen, lies, cells[begin:end], kind, stamp, stood)
             log += _cost(kind, new, again)
             if not stood and new == 0 and not again:
-                doubt += _SHORT + _WIDE * beams * lidar.step * nearest
+                in_view += _SHORT + _WIDE * beams * lidar.step * nearest
             if kind == BEYOND and lain > 0.0:
                 closer += 2.0 * _SIDE * new * near / lain
             if wall:
                 new, again = _first(seen, lies, cells[begin:end], _WALL, stamp, True)
                 log += _THROUGH - _SHORT if new > 0 and not again else 0.0
         begin = end
-    return log, doubt, closer, narrow
+    return log, in_view, closer, narrow
 
 
 @jit
 def _kept(seen: Ints, u: int, v: int, kind: int) -> int:
-    """The slot of a cell, or of one beside it that covers it, from now on; 0 if none is free."""
+    """The slot of a cell, or of a stored neighbour; stored if new; 0 if the table is full."""
     for du, dv in _AROUND:
         at = _slot(seen, _key(u + du, v + dv, kind))
         if seen[at] != 0:
@@ -184,8 +183,8 @@ def _kept(seen: Ints, u: int, v: int, kind: int) -> int:
 
 @jit
 def _closer(lies: Floats, at: int, off: float, wide: float) -> float:
-    """One more end of a beam in a slot, on so much of the wall [m]: by how much that changes what
-    the slot tells."""
+    """Add a beam end to a slot, on a length of wall [m]. Returns the change of its log
+    likelihood."""
     if at == 0:
         return 0.0
     before = _told(lies[at, 0], lies[at, 1])
@@ -196,7 +195,7 @@ def _closer(lies: Floats, at: int, off: float, wide: float) -> float:
 
 @jit
 def _told(sum_: float, wide: float) -> float:
-    """Of a cell on which beams have covered so much wall, many times perhaps."""
+    """Log likelihood of a cell, whose wall may have been covered many times."""
     return sum_ * min(1.0, 2.0 * _SIDE / wide) if wide > 0.0 else 0.0
 
 
@@ -204,9 +203,9 @@ def _told(sum_: float, wide: float) -> float:
 def _first(
     seen: Ints, lies: Floats, cells: Ints, kind: int, stamp: float, stood: bool
 ) -> tuple[int, bool]:
-    """Keep the cells (n, 2) of a thing that the map has wrong: how many of them are new, and
-    whether it is more of a thing from before. stood: whether it surely stands; else it may be
-    who walks, and only those cells are kept in which something has stood for a while."""
+    """Store the cells (n, 2) of a map error. Returns how many are new, and whether it continues an
+    earlier error. stood: whether it is static; else it may be a person, and only cells in which
+    something has stood for a while are stored."""
     again, new = False, 0
     for k in range(len(cells)):
         u, v = cells[k, 0], cells[k, 1]
@@ -223,7 +222,7 @@ def _first(
 
 @jit
 def _stands(seen: Ints, lies: Floats, u: int, v: int, stamp: float) -> bool:
-    """Whether something has been in a cell, or beside it, for long enough to stand there."""
+    """Whether a cell, or a neighbour, has been occupied for long enough to be static."""
     at = _kept(seen, u, v, _PERHAPS)
     if at == 0:
         return True
@@ -235,8 +234,8 @@ def _stands(seen: Ints, lies: Floats, u: int, v: int, stamp: float) -> bool:
 
 @jit
 def _straight(ends: Floats) -> float:
-    """Length of a wall among ends (n, 2) of neighbouring beams: the longer part each time, where
-    they do not lie on a line, is looked at on its own [m]."""
+    """Length of a straight wall among ends (n, 2) of neighbouring beams, by splitting at the
+    farthest point and keeping the longer part [m]."""
     begin, end = 0, len(ends) - 1
     while end - begin >= 2:
         dx, dy = ends[end, 0] - ends[begin, 0], ends[end, 1] - ends[begin, 1]
@@ -259,7 +258,7 @@ def _straight(ends: Floats) -> float:
 
 @jit
 def _cost(kind: int, new: int, again: bool) -> float:
-    """Of so many cells that are seen for the first time. again: more of a thing from before."""
+    """Log likelihood of new cells of an error. again: it continues an earlier one."""
     wide = 2.0 * _SIDE * new
     if wide == 0.0:
         return 0.0
@@ -276,7 +275,7 @@ def _key(u: int, v: int, kind: int) -> int:
 
 @jit
 def _slot(seen: Ints, key: int) -> int:
-    """Where a key is, or would be."""
+    """The slot of a key, or where it would be stored."""
     n = len(seen) - 1
     h = (key * 2654435761) % n
     while seen[1 + h] != 0 and seen[1 + h] != key:
@@ -286,7 +285,7 @@ def _slot(seen: Ints, key: int) -> int:
 
 @jit
 def _beside(seen: Ints, u: int, v: int, kind: int, reach: int) -> bool:
-    """Whether one of that kind is kept within so many cells."""
+    """Whether an entry of that kind is stored within so many cells."""
     if seen[0] == 0:
         return False
     for du in range(-reach, reach + 1):
@@ -299,7 +298,7 @@ def _beside(seen: Ints, u: int, v: int, kind: int, reach: int) -> bool:
 
 @jit
 def _put(seen: Ints, key: int) -> int:
-    """Where a key is kept from now on; 0 if no slot is free."""
+    """Store a key. Returns its slot; 0 if the table is full."""
     at = _slot(seen, key)
     if seen[at] == 0:
         if seen[0] >= _FILLED:

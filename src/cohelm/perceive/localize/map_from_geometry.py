@@ -1,4 +1,4 @@
-"""Makes a localization map from walls and discs that are known, as if measured by tape."""
+"""Makes a localization map from known walls and discs."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.localization_map import LocalizationMap, known
+from cohelm.perceive.localize.localization_map import LocalizationMap, map_from_occupancy
 
 _CELL = 0.025  # [m]
 _NO_DISCS: Floats = np.empty((0, 3))
 
 
 def map_from_geometry(walls: Floats, inside: Pose, discs: Floats = _NO_DISCS) -> LocalizationMap:
-    """The map of what stands: what can be reached from `inside` is free.
+    """The map of these: what can be reached from `inside` is free.
 
     walls: (s, 4) segments [m]. discs: (n, 3), x, y, radius of round things [m]. Raises
     CohelmError where there is no wall to localise by.
@@ -40,7 +40,7 @@ def map_from_geometry(walls: Floats, inside: Pose, discs: Floats = _NO_DISCS) ->
         occupied |= np.hypot(x + low[0] - cx, y + low[1] - cy) <= radius
     origin = Pose(float(low[0]) - 0.5 * _CELL, float(low[1]) - 0.5 * _CELL, 0.0)
     free = _reached(occupied, inside.y - origin.y, inside.x - origin.x)
-    return known(occupied, free, _CELL, origin)
+    return map_from_occupancy(occupied, free, _CELL, origin)
 
 
 def _reached(occupied: NDArray[np.bool_], y: float, x: float) -> NDArray[np.bool_]:

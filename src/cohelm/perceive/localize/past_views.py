@@ -1,4 +1,4 @@
-"""What was seen from the places before: one that is thought of only now must fit it as well."""
+"""Earlier views, which a hypothesis that is found later must fit as well."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from cohelm.core.frames import compose, inverse
 from cohelm.core.types import Floats, Pose
 
 NEAR = 0.15
-"""What was seen from nearer by than this [m], or half of it in rad, says nothing more."""
+"""Views nearer to each other than this, half the angle [rad] added, are not independent [m]."""
 _HERE = Pose(0.0, 0.0, 0.0)
 
 
 class PastView(NamedTuple):
-    """A scan from where the robot was, `back` from where it is now: points in the body frame then,
-    the whole scan's ranges, and its time [s]."""
+    """An earlier scan, whose body pose is `back` as seen from now: points in the body frame then,
+    ranges of the whole scan, and its stamp [s]."""
 
     back: Pose
     points: Floats
@@ -27,13 +27,13 @@ class PastView(NamedTuple):
 
 @dataclass
 class LastMetres:
-    """Views some way apart, for as long as the robot may be anywhere, the newest last."""
+    """Separate views during a cold start, the newest last."""
 
     apart: float
     most: int
     views: list[PastView] = field(default_factory=list[PastView])
     used: list[PastView] = field(default_factory=list[PastView])
-    """Those by which a search goes, beside the view that it began with."""
+    """Those used by a search, beside the view that it began with."""
 
     def led_on(self, step: Pose) -> None:
         """The robot has moved by a step, by its odometry."""
@@ -41,14 +41,14 @@ class LastMetres:
         self.views = [view._replace(back=compose(turn, view.back)) for view in self.views]
 
     def add(self, points: Floats, ranges: Floats, stamp: float) -> None:
-        """The newest view, if none is near."""
+        """Add the newest view, if none is near."""
         last = self.views[-1].back if self.views else None
         if not (last and math.hypot(last.x, last.y) < self.apart and abs(last.psi) < self.apart):
             self.views.append(PastView(_HERE, points, ranges, stamp))
         self.views = self.views[-self.most :]
 
     def use(self) -> list[PastView]:
-        """A search begins: it goes by those that say something of their own."""
+        """The independent views, for a search that begins."""
         self.used = [
             view for view in self.views
             if math.hypot(view.back.x, view.back.y) + 0.5 * abs(view.back.psi) > NEAR
@@ -56,7 +56,7 @@ class LastMetres:
         return self.used
 
     def forget(self) -> None:
-        """The robot knows where it is."""
+        """The robot is localized."""
         self.views, self.used = [], []
 
 
@@ -68,49 +68,49 @@ class _Past(NamedTuple):
 
 @dataclass
 class SinceLost:
-    """Scans since the robot is lost, from places some way apart, and what each says of its own."""
+    """Scans since the robot became lost, from separate places, with their weights."""
 
     most: int
     ranges: Floats
     """Of the scan before."""
     leg: Pose = _HERE
-    """On from where the last was kept,"""
+    """Step since the last one kept,"""
     way: float = 0.0
     turned: float = 0.0
-    """as far as all are apart [m, rad];"""
+    """distance and angle over all [m, rad];"""
     views: int = 0
     weight: float = 0.0
-    """so many, and how many of them tell something of their own,"""
+    """their number, and sum of their weights,"""
     share: float = 0.0
-    """the last as much of it."""
+    """weight of the last."""
     _kept: list[_Past] = field(default_factory=list[_Past])
 
     def led_on(self, step: Pose) -> float:
-        """The robot has moved by a step. How far it is from where the last was kept [m]."""
+        """Apply an odometry step. Returns the distance from the last one kept [m]."""
         self.leg, back = compose(self.leg, step), inverse(step)
         self._kept = [one._replace(back=compose(back, one.back)) for one in self._kept]
         return self.off
 
     @property
     def off(self) -> float:
-        """From where the last was kept, half of what it is turned counted as well [m]."""
+        """Distance from the last one kept, half of the angle added [m]."""
         return math.hypot(self.leg.x, self.leg.y) + 0.5 * abs(self.leg.psi)
 
     def keep(self, step: Pose, share: float) -> None:
-        """The scan before the newest step was another view. share: of it that is new."""
+        """Keep the scan before the newest step. share: its weight."""
         self.share = share
         self._kept = [*self._kept, _Past(inverse(step), self.ranges, share)][-self.most :]
         self.views += 1
         self.weight += share
 
     def go_on(self) -> None:
-        """The next view begins here."""
+        """Begin the next view here."""
         self.way += math.hypot(self.leg.x, self.leg.y)
         self.turned += abs(self.leg.psi)
         self.leg = _HERE
 
     def likely(self, pose: Pose, log: Callable[[Pose, Floats], float]) -> float:
-        """How likely all of them are, had the robot come to this pose. log: of one at a pose."""
+        """Log likelihood of all of them for this pose now. log: of one at a pose."""
         seen = [one.share * log(compose(pose, one.back), one.ranges) for one in self._kept]
         whole = sum(one.share for one in self._kept)
         return sum(seen) * self.weight / whole if seen else 0.0

@@ -1,7 +1,7 @@
-"""Decides whether a tracked pose stands up to other places that fit: near by, or on all the map.
+"""Decides whether a tracked pose is kept beside other places that fit, near by or on the map.
 
-Without an alarm the map is taken to be wrong, not the pose: another place must fit much better,
-again and again. After one, it must explain what was seen before as well.
+Without an alarm the map is taken to be wrong, not the pose: another place must fit much better, and
+repeatedly. After an alarm, it must explain the keyframe from before as well.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.caution import LocalizerParams
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Hypothesis, same, twin
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
@@ -23,86 +23,91 @@ from cohelm.perceive.localize.scan_judge import ScanJudge
 
 @dataclass
 class PoseCheck:
-    """Of the pose of one robot."""
+    """The check of one robot's pose."""
 
-    caution: Caution
+    caution: LocalizerParams
     judge: ScanJudge
     alarm: KidnapAlarm
     hypotheses: Hypotheses
 
     def __post_init__(self) -> None:
-        self.on = False  # whether the search only checks a pose that is believed
-        self.lead = self.caution.unmoved  # by which the believed pose was likelier than others
-        self._start = True  # whether it is the start that was told
-        self.fitting = self._unheld = 0.0  # ways since when the map has fitted, and has not [m]
-        self._shaken = False  # whether scans contradicted each other when it began to be checked
-        self._checked = 0.0  # log likelihood of the believed pose by the scan it is checked with
+        self.on = False  # whether the search only checks a believed pose
+        self.lead = self.caution.unmoved  # log odds of the believed pose against others
+        self._start = True  # whether it is the given start
+        self.fitted = self._unheld = 0.0  # distances for which the map has fitted, and has not [m]
+        self._persistent = False  # whether scans contradicted each other when the check began
+        self._checked = 0.0  # log likelihood of the believed pose at the start of the check
         self._rivals = 0
         self._rival, self._rivalled = Pose(0.0, 0.0, 0.0), 0.0
         self._elsewhere = 0  # searches of the whole map that found the same better place,
-        self._other: Pose | None = None  # where the robot would be by now, had it been there
+        self._other: Pose | None = None  # that place, moved on by odometry
 
     def believed(self, lead: float, proven: bool) -> None:
-        """A pose is believed. lead: by which it was likelier than any other place. proven: nothing
-        else on the map comes near it."""
+        """A pose is believed. lead: its log odds against other places. proven: no other on the map
+        comes near it."""
         self.lead, self._start = min(max(lead, 0.0), self.caution.unmoved), False
-        self.fitting, self._unheld = self.caution.proven if proven else 0.0, 0.0
+        self.fitted, self._unheld = self.caution.proven if proven else 0.0, 0.0
         self._rivals = self._elsewhere = 0
         self._other = None
 
     def led_on(self, step: Pose) -> None:
-        """The robot has moved by a step, by its odometry."""
+        """Apply an odometry step."""
         self._other = compose(self._other, step) if self._other else None
 
-    def held(self, fits: bool, way: float) -> None:
-        """Whether the newest scan fits the tracked pose. way: since the scan before [m]."""
-        self.fitting = self.fitting + way if fits else self.fitting
-        self._unheld = 0.0 if fits else self._unheld + way
+    def held(self, fits: bool, distance: float) -> None:
+        """Record whether the newest scan fits the tracked pose. distance: since the scan before
+        [m]."""
+        self.fitted = self.fitted + distance if fits else self.fitted
+        self._unheld = 0.0 if fits else self._unheld + distance
 
-    def passed(self, way: float) -> None:
-        """The pose was kept for another scan. way: since the scan before [m]."""
-        self._rivalled += way
+    def passed(self, distance: float) -> None:
+        """The pose was kept for another scan. distance: since the scan before [m]."""
+        self._rivalled += distance
 
-    def begin(self, shaken: bool, likely: float) -> None:
-        """A search begins that checks the pose. likely: its log likelihood by the newest scan."""
-        self.on, self._shaken, self._checked = True, shaken, likely
+    def begin(self, persistent: bool, likely: float) -> None:
+        """Begin a check. likely: log likelihood of the pose by the newest scan."""
+        self.on, self._persistent, self._checked = True, persistent, likely
 
     @property
-    def astray(self) -> bool:
-        """Whether the map has not fitted for so long that all of it is to be searched."""
+    def long_unfitted(self) -> bool:
+        """Whether the map has not fitted for so long that all of it has to be searched."""
         return self._unheld > self.caution.unheld
 
     @property
-    def knew(self) -> bool:
-        """Whether the robot has shown that it knows its place, and the map has fitted lately."""
-        return self.fitting >= self.caution.proven and not self.astray
+    def was_known(self) -> bool:
+        """Whether the pose was known: it has fitted for some distance, and the map recently."""
+        return self.fitted >= self.caution.proven and not self.long_unfitted
 
     @property
     def started(self) -> bool:
-        """Whether all that is known is the start that was told: it has not been held to it yet."""
-        return self._start and self.fitting < self.caution.proven
+        """Whether the pose is still the given start, not yet confirmed."""
+        return self._start and self.fitted < self.caution.proven
 
     @property
-    def movable(self) -> bool:
-        """Whether the robot may have been moved, or has not yet shown that it knows its place."""
-        return self.alarm.raised or self.fitting < self.caution.proven
+    def may_have_moved(self) -> bool:
+        """Whether the robot may have been moved, or its pose is not yet confirmed."""
+        return self.alarm.raised or self.fitted < self.caution.proven
 
     @property
-    def trust(self) -> float:
-        """Log odds that the robot is where it believes to be: none where scans contradict each
-        other, and what it was believed for until it has fitted for some way."""
+    def log_odds(self) -> float:
+        """Prior log odds of the believed pose: 0 after an alarm, and those with which it was
+        believed until it has fitted for some distance."""
         c = self.caution
-        return 0.0 if self.alarm.raised else c.unmoved if self.fitting >= c.proven else self.lead
+        return 0.0 if self.alarm.raised else c.unmoved if self.fitted >= c.proven else self.lead
 
     def given_up(self, pose: Pose, covariance: Floats, likely: float) -> bool:
-        """Whether a pose does not stand up to what a check of it has found near by. covariance:
-        (3, 3), its own. likely: its log likelihood by the newest scan."""
+        """Whether a pose is given up for what a check has found near by. covariance: (3, 3), its
+        own. likely: its log likelihood by the newest scan."""
         c, found = self.caution, self.hypotheses.all
-        if self.lead == 0.0 and self.fitting < c.proven and self._beside(pose, covariance, likely):
+        if (
+            self.lead == 0.0
+            and self.fitted < c.proven
+            and self._ambiguous(pose, covariance, likely)
+        ):
             return True
 
         def fits(h: Hypothesis) -> float:
-            return h.latest + (self.alarm.gained(h.pose, pose) if self._shaken else 0.0)
+            return h.latest + (self.alarm.gained(h.pose, pose) if self._persistent else 0.0)
 
         best = max(found, key=fits, default=None)
         if best is None or same(best.pose, pose):
@@ -111,46 +116,46 @@ class PoseCheck:
         gained = self.alarm.gained(best.pose, pose)
         own = next((h for h in found if same(h.pose, pose)), None)
         lead = best.latest + gained - likely
-        # one scan does not outweigh all that the pose was believed for; a start was only told
-        better = lead > (c.margin if self.started else max(c.margin, self.trust))
-        if own is not None and twin(best, own, c):  # it may be who walks about
+        # one scan does not outweigh all that the pose was believed for; a start is only given
+        better = lead > (c.margin if self.started else max(c.margin, self.log_odds))
+        if own is not None and twin(best, own, c):  # may be walkers
             self._rivals = 0
             return False
-        clearly = max(c.drop, self.trust)
+        clearly = max(c.drop, self.log_odds)
         turned = abs(wrap(best.pose.psi - pose.psi)) > 2.0 * c.turned
         if turned and own is not None and self.judge.as_usual(own.judged):
-            clearly = max(clearly, 0.5 * c.margin)  # it fits: it may be who walks about
+            clearly = max(clearly, 0.5 * c.margin)  # the pose fits: may be walkers
         as_before = lead > clearly and self.judge.as_usual(best.judged)
-        if self._shaken and lead > 0.5 * c.margin:
+        if self._persistent and lead > 0.5 * c.margin:
             as_before = self.judge.plausible(best.judged)
-        if not self.movable:
+        if not self.may_have_moved:
             return lead > c.margin and self._rivals_again(best, pose, likely)
-        lost = (gained > 0.0 or self._shaken or not self.alarm.raised) and (better or as_before)
+        lost = (gained > 0.0 or self._persistent or not self.alarm.raised) and (better or as_before)
         if lost:
             self.hypotheses.moved = as_before and not better
         return lost
 
-    def _beside(self, pose: Pose, covariance: Floats, likely: float) -> bool:
-        """Whether nothing but what somebody said tells a pose from another one near by, to which
-        its covariance does not reach: matches make it sure of a place, not of which of two it is.
-        What is said is as good as `Caution.put`."""
+    def _ambiguous(self, pose: Pose, covariance: Floats, likely: float) -> bool:
+        """Whether only the set pose separates it from another place near by that its covariance
+        does not reach: matches are certain of a place, not of which of two. A set pose has sigma
+        `LocalizerParams.put`."""
         c = self.caution
-        told = np.diag(np.array([c.put, c.put, 0.5 * c.put]) ** -2.0)
+        information = np.diag(np.array([c.put, c.put, 0.5 * c.put]) ** -2.0)
 
         def rivals(h: Hypothesis) -> bool:
             off = np.array([h.pose.x - pose.x, h.pose.y - pose.y, wrap(h.pose.psi - pose.psi)])
             apart = float(off @ np.linalg.solve(covariance + h.covariance, off)) > 9.0
-            lead = h.latest - likely - 0.5 * float(off @ told @ off)
+            lead = h.latest - likely - 0.5 * float(off @ information @ off)
             return apart and self.judge.plausible(h.judged) and lead > -0.5 * c.margin
 
         return any(rivals(h) for h in self.hypotheses.all if not same(h.pose, pose))
 
     def given_up_on_the_map(self, pose: Pose) -> bool:
-        """Whether the same place of the whole map has fitted better twice, now that a pose has not
-        for a while.
+        """Whether the same place of the whole map has fitted better twice, after the pose has not
+        fitted for a while.
 
-        Where the map is as wrong everywhere else, it is the map that is wrong; and where another
-        place fits better each time, too: the robot would have gone on with the right one.
+        If no other place fits better, the map is wrong; so it is if it is another place each time,
+        as the right one would have moved on with the odometry.
         """
         c, other = self.caution, self._other
         better = [
@@ -168,8 +173,8 @@ class PoseCheck:
         return False
 
     def _rivals_again(self, best: Hypothesis, pose: Pose, likely: float) -> bool:
-        """Whether another place has been found better often enough, and for long enough: the same
-        one, though now and then yet another may be better than that."""
+        """Whether the same other place has been better often enough and for long enough, though yet
+        another may be better at times."""
         c = self.caution
 
         def off(other: Pose) -> float:

@@ -1,4 +1,4 @@
-"""Judges how well a scan fits a pose on the map, by what is usual on this map."""
+"""Judges how well a scan fits a pose on the map, relative to what is usual on this map."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import math
 from dataclasses import dataclass, field
 
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.caution import LocalizerParams
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, judge
-from cohelm.perceive.localize.map_errors import Charges, charged
+from cohelm.perceive.localize.map_errors import MapErrorCosts, new_errors
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit
 from cohelm.robot.sensors import Lidar
 
 _SCATTER = 0.06
-"""Of the points of scans about the surfaces of a map of which nothing has been learnt [m],"""
+"""Prior scatter of scan points about the surfaces of a map [m],"""
 _LEAST_SCATTER = 0.02
-"""and of any: an accurate LiDAR's."""
+"""and its minimum, of an accurate LiDAR."""
 
 
 @dataclass
 class ScanJudge:
-    """Learns, while a pose is tracked, how the map was drawn and how likely scans usually are."""
+    """Estimates, while a pose is tracked, the surface offset and the usual scan likelihood."""
 
     known: LocalizationMap
     lidar: Lidar
-    caution: Caution
-    care: MatchParams = field(default_factory=MatchParams)
+    caution: LocalizerParams
+    match_params: MatchParams = field(default_factory=MatchParams)
 
     def __post_init__(self) -> None:
         self.usual = -math.inf  # log likelihood of scans, as they were before they were odd
@@ -34,26 +34,26 @@ class ScanJudge:
         self._scatter = _SCATTER  # of points about their surfaces, as far as learnt [m]
 
     def judge(self, pose: Pose, ranges: Floats, every: int = 1) -> Judgement:
-        """A scan's ranges (n,) [m] against what the map lets one see from a pose of the body.
-        every: only each so-manieth beam."""
-        offset = self.care.offset
+        """Compare a scan's ranges (n,) [m] with the map, from a pose of the body. every: stride of
+        the beams."""
+        offset = self.match_params.offset
         return judge(self.known, self.lidar, pose, ranges, every, offset, self._scatter)
 
     def weighed(self, judged: Judgement) -> float:
-        """How likely a place is beside others: where much of the view ended where the map knows
-        nothing until now, as much of it may."""
+        """Log likelihood for comparison between places: as many beams may end in unknown space as
+        did before."""
         unknown = max(judged.log - judged.weighed - self._blank, 0.0)
         return judged.log + max(judged.closer, 0.0) - unknown
 
     def charge(
-        self, pose: Pose, ranges: Floats, stamp: float, charges: Charges, every: int = 1
+        self, pose: Pose, ranges: Floats, stamp: float, charges: MapErrorCosts, every: int = 1
     ) -> None:
-        """Take what a scan tells to a place into its charges."""
-        care = self.care.offset, self._scatter, charges.cells, charges.off, stamp
-        charges.take(charged(self.known, self.lidar, pose, ranges, every, *care))
+        """Add the map errors that a scan implies at a place to its costs."""
+        match_params = self.match_params.offset, self._scatter, charges.cells, charges.off, stamp
+        charges.take(new_errors(self.known, self.lidar, pose, ranges, every, *match_params))
 
     def fits(self, judged: Judgement, alarmed: bool) -> bool:
-        """Whether a tracked pose may be kept; after a jolt, less is excused than before."""
+        """Whether a tracked pose may be kept; after an alarm the threshold is stricter."""
         c = self.caution
         least = c.unlikely
         if alarmed and self.usual > -math.inf:
@@ -61,40 +61,40 @@ class ScanJudge:
         return judged.log >= least and self.fair(judged, c.fair)
 
     def as_usual(self, judged: Judgement) -> bool:
-        """Whether a scan fits as well as scans did before they were odd."""
+        """Whether a scan fits as well as scans did before they became odd."""
         return judged.log > self.usual - self.caution.alike
 
     def plausible(self, judged: Judgement) -> bool:
-        """Whether the robot may well be there, by one scan."""
+        """Whether a pose is plausible by one scan."""
         return judged.log >= self.caution.least and self.fair(judged, self.caution.fair)
 
     def fair(self, judged: Judgement, least: float) -> bool:
-        """Whether at least this share of what is unblocked agrees, and enough is unblocked."""
+        """Whether at least this share of the unblocked beams agrees, and enough are unblocked."""
         unblocked = 1.0 - judged.short
         c = self.caution
         return judged.told >= 10 and judged.agree >= least * unblocked and judged.short < c.blocked
 
-    def learn(self, judged: Judgement, movable: bool) -> bool:
-        """Learn what is usual, from the newest scan at the tracked pose; nothing from one that is
-        odd while the robot may have been moved. Whether it is odd."""
+    def learn(self, judged: Judgement, may_have_moved: bool) -> bool:
+        """Update the usual likelihood by the newest scan at the tracked pose, unless it is odd
+        while the robot may have been moved. Returns whether it is odd."""
         c = self.caution
         odd = judged.log < max(c.odd, self.usual - max(c.drop, 3.0 * self._spread))
         if self.usual == -math.inf:
             self.usual, self._blank = judged.log, judged.log - judged.weighed
-        if not odd or not movable:
+        if not odd or not may_have_moved:
             self._blank += 0.1 * (judged.log - judged.weighed - self._blank)
             self._spread += 0.01 * (abs(judged.log - self.usual) - self._spread)
             self.usual += 0.01 * (judged.log - self.usual)
         return odd
 
-    def learn_surfaces(self, fit: ScanFit, way: float) -> None:
-        """Learn how the map was drawn: a wall's surface is the middle of the cells that hits fell
-        into, or the edge of cells that were filled. Walls on either side show it, for what moves
-        the robot from one moves it to the other. way: since the scan before [m]."""
+    def learn_surfaces(self, fit: ScanFit, distance: float) -> None:
+        """Estimate the surface offset: a wall's surface is in the middle of its cells on a map made
+        from hits, at their edge on one of filled cells. It is observable with walls on both sides.
+        distance: since the scan before [m]."""
         most = self.known.resolution
-        learnt = min(way / self.caution.drawn, 0.1)
-        new = self.care.offset + learnt * fit.before
-        self.care = self.care._replace(offset=min(max(new, -most), most))
+        learnt = min(distance / self.caution.drawn, 0.1)
+        new = self.match_params.offset + learnt * fit.before
+        self.match_params = self.match_params._replace(offset=min(max(new, -most), most))
         if math.isfinite(fit.rms):
             scatter = self._scatter + learnt * (fit.rms - self._scatter)
             self._scatter = max(scatter, _LEAST_SCATTER)

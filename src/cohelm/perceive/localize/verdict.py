@@ -1,4 +1,4 @@
-"""Says whether the likeliest of some places can be believed, and if not, why."""
+"""Decides whether the likeliest hypothesis can be believed, and if not, why."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import Caution
+from cohelm.perceive.localize.caution import LocalizerParams
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, sigma
 from cohelm.perceive.localize.scan_judge import ScanJudge
 
 
-class Circumstances(NamedTuple):
-    """Under which places are followed.
+class SearchContext(NamedTuple):
+    """State of the search.
 
-    cold: the robot may be anywhere. whole: all of the map was searched. complete: no place that
-    fits as well was left out. everywhere: it is the whole map that is searched now. moved: a check
-    has found a place that fits as it used to. views: from so many places some way apart these were
-    judged; driven: these are some way apart. left: where the robot was. before: where it believed
-    to be until somebody said where it is.
+    cold: without a start pose. whole: all of the map was searched. complete: no place that fits as
+    well was left out. everywhere: the whole map is being searched. moved: a check has found a place
+    that fits as the pose did before. views: number of separate views; driven: these are far enough
+    apart. left: the pose at which it became lost. before: the pose believed before one was set.
     """
 
     cold: bool
@@ -34,13 +33,13 @@ class Circumstances(NamedTuple):
 
     @property
     def odds(self) -> float:
-        """Log odds that the robot is where it left off."""
+        """Log odds that the robot was not moved."""
         return self.left.odds if self.left else 0.0
 
 
 class PlaceVerdict(NamedTuple):
-    """best: the likeliest place, None where none fits. lead: by which it is likelier than the
-    next. proven: nothing else on the map comes near it. why: it is not believed; empty if it is."""
+    """best: the likeliest hypothesis, None where none fits. lead: its log odds against the others.
+    proven: no other on the map comes near it. why: it is not believed; empty if it is."""
 
     best: Hypothesis | None
     lead: float
@@ -50,9 +49,9 @@ class PlaceVerdict(NamedTuple):
 
 @dataclass
 class Belief:
-    """Of one robot; it remembers for how long a place has led."""
+    """Decides for one robot; remembers for how long a hypothesis has led."""
 
-    caution: Caution
+    caution: LocalizerParams
     judge: ScanJudge
     beams: int
 
@@ -61,46 +60,48 @@ class Belief:
         self._led = 0  # scans in which it led well
 
     def forget(self) -> None:
-        """Nothing leads."""
+        """No hypothesis leads."""
         self._led = 0
 
-    def verdict(self, kept: list[Hypothesis], about: Circumstances) -> PlaceVerdict:
-        """Whether the best of those that are ranked can be believed."""
+    def verdict(self, kept: list[Hypothesis], context: SearchContext) -> PlaceVerdict:
+        """Whether the best of the ranked hypotheses can be believed."""
         c, fair = self.caution, self.judge.fair
-        kept = rivals(kept, about.left)
+        kept = rivals(kept, context.left)
         best = kept[0] if kept else None
-        unsure = about.cold or not about.whole
+        unsure = context.cold or not context.whole
         if best is None or not fair(best.judged, c.fair if unsure else c.poor):
             return PlaceVerdict(
                 None, 0.0, False, "no place on the map looks like what the LiDAR sees"
             )
-        lead = _lead(best, kept[1:] if about.cold else kept[1:2])
-        back = _nearest(kept, about.before) if about.before else None
+        lead = _lead(best, kept[1:] if context.cold else kept[1:2])
+        back = _nearest(kept, context.before) if context.before else None
         if back is not None and best.total - back.total < c.margin:
             led = _lead(back, [h for h in kept if h is not back])
-            best, lead, wanted = back, math.inf, 0.0  # that needs no proof, and is none
+            best, lead, required = back, math.inf, 0.0  # it needs no proof, and gives none
         else:
-            led, wanted = lead, self._wanted(best, lead, about)
-        far = self._far(best.pose, about)
+            led, required = lead, self._required_lead(best, lead, context)
+        far = self._far(best.pose, context)
         # the map may be wrong here, where all of it has been searched and nothing comes near
-        only = about.whole and not far and lead >= 2.0 * c.margin
-        # or nobody moved it, and nothing that was found elsewhere makes up for that; to one that
-        # stands no scan tells more
-        steady = lead >= c.margin or (lead >= wanted and self._led >= c.steady)
-        stayed = steady and self._stays(best, about)
-        if about.left and about.left.stays(best):
-            best = about.left.known(best)
-        if about.cold and self._disputed(kept):
+        only = context.whole and not far and lead >= 2.0 * c.margin
+        # or the robot was not moved, and nothing found elsewhere outweighs that; a standing robot
+        # gains nothing from more scans
+        steady = lead >= c.margin or (lead >= required and self._led >= c.steady)
+        stayed = steady and self._stays(best, context)
+        if context.left and context.left.stays(best):
+            best = context.left.known(best)
+        if context.cold and self._disputed(kept):
             lead = led = 0.0
         why = ""
-        if lead < wanted or (far and (about.views < c.views or not about.complete)):
-            some = f"{len(kept)}" if about.complete else "many"
+        if lead < required or (far and (context.views < c.views or not context.complete)):
+            some = f"{len(kept)}" if context.complete else "many"
             why = f"{some} places on the map look alike: drive on a little"
-            if about.moved:
+            if context.moved:
                 why = "the robot was moved, or something new stands here"
-            elif lead >= wanted and about.complete:
+            elif lead >= required and context.complete:
                 why = "one view is not enough to be sure: drive on a little"
-        elif not self._explains(best, lead, far, stayed, only or (stayed and about.whole), about):
+        elif not self._explains(
+            best, lead, far, stayed, only or (stayed and context.whole), context
+        ):
             why = "too much of what the LiDAR sees is not on the map"
         elif best is not back and sigma(best) > c.sure:
             why = "too few features are in view to say where along them"
@@ -108,64 +109,63 @@ class Belief:
 
     def _explains(
         self, best: Hypothesis, lead: float, far: bool, stayed: bool, poor: bool,
-        about: Circumstances,
+        context: SearchContext,
     ) -> bool:  # fmt: skip
-        """Whether a place explains enough of the scan. poor: the map may be wrong there."""
+        """Whether a hypothesis explains enough of the scan. poor: the map may be wrong there."""
         c, judged = self.caution, best.judged
-        strange = far or about.odds > 0.0
+        strange = far or context.odds > 0.0
         return (
             self.judge.fair(judged, c.poor if poor else c.good)
             and judged.agree >= (c.whole if far else c.poor if poor else c.seen)
             and (judged.log >= c.least or stayed or (not strange and lead >= 3.0 * c.margin))
             and (judged.told >= 0.5 * self.beams or stayed)
-            # a map may lack a wall, and people hide some; nobody shows what is behind two
-            and (judged.passed < 2 or not about.cold)
+            # a map may miss a wall, and people occlude; no error shows what is behind two walls
+            and (judged.passed < 2 or not context.cold)
         )
 
     def _disputed(self, kept: list[Hypothesis]) -> bool:
-        """Whether what was seen speaks for the first, and what is seen now for another: one piece
-        of wall that the map lacks there may have told them apart."""
+        """Whether the current view is better explained by another than the first: one missing piece
+        of wall may have separated them."""
         now = [self.judge.weighed(h.judged) for h in kept]
         return max(now) > now[0] + 0.5 * self.caution.margin
 
-    def _stays(self, one: Hypothesis, about: Circumstances) -> bool:
-        """Whether it is where the robot left off, and that can be: no scan has contradicted another
-        since it knew that place, or none of it but a thing, and then the whole map was searched."""
-        left, c = about.left, self.caution
-        if left is None or not left.held(one):
+    def _stays(self, hypothesis: Hypothesis, context: SearchContext) -> bool:
+        """Whether it is where the robot became lost, and plausibly so: no scan has contradicted
+        another since the place was known, or by one object only and the whole map was searched."""
+        left, c = context.left, self.caution
+        if left is None or not left.held(hypothesis):
             return False
-        if left.stays(one):
+        if left.stays(hypothesis):
             return True
-        alike = one.judged.agree >= c.seen and one.witnessed > 2.0 * c.contradicted
-        return left.knew and about.whole and alike
+        alike = hypothesis.judged.agree >= c.seen and hypothesis.keyframe_log > 2.0 * c.contradicted
+        return left.was_known and context.whole and alike
 
-    def _far(self, pose: Pose, about: Circumstances) -> bool:
-        """Whether the robot can hardly have been moved there: then nothing else speaks for it."""
-        if about.cold:
+    def _far(self, pose: Pose, context: SearchContext) -> bool:
+        """Whether the robot can hardly have been moved there."""
+        if context.cold:
             return True
-        near = [p for p in (about.left.pose if about.left else None, about.before) if p]
+        near = [p for p in (context.left.pose if context.left else None, context.before) if p]
         reach = self.caution.near + 0.5
         return bool(near) and all(math.hypot(p.x - pose.x, p.y - pose.y) > reach for p in near)
 
-    def _wanted(self, best: Hypothesis, lead: float, about: Circumstances) -> float:
-        """The lead in log likelihood that makes the best hypothesis believed."""
+    def _required_lead(self, best: Hypothesis, lead: float, context: SearchContext) -> float:
+        """The lead in log likelihood that is required to believe the best hypothesis."""
         c = self.caution
         half = 0.5 * c.margin
         self._led = (self._led + 1 if best is self._leading else 1) if lead >= half else 0
         self._leading = best
-        if about.moved:
+        if context.moved:
             return half if self._led >= c.settled else math.inf
-        if about.cold:
+        if context.cold:
             return c.certain
-        enough = about.driven or self._led >= c.steady or not about.everywhere
+        enough = context.driven or self._led >= c.steady or not context.everywhere
         return half if enough else c.margin
 
 
 def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
-    """Of those that are ranked, without any elsewhere that explains less of the scan than the place
-    where the robot left off, while no scan shows that it was moved: where the map knows little,
-    little speaks against a place. And without any that its match and odometry together take to
-    where they take the likeliest of those where it left off."""
+    """The ranked hypotheses that compete with the place where the robot became lost, while no scan
+    shows that it was moved. Those elsewhere that explain less of the scan do not: where the map is
+    unknown, little contradicts a place. Nor do those that fuse with odometry to the same pose."""
     own = next((h for h in kept if left is not None and left.stays(h)), None)
     if left is None or own is None:
         return kept
@@ -180,7 +180,7 @@ def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:
 
 
 def _nearest(kept: list[Hypothesis], pose: Pose) -> Hypothesis | None:
-    """The one that is a place, if any is; along a corridor there may be two that nearly are."""
+    """The nearest hypothesis at a pose, if any; along a corridor there may be two."""
 
     def off(h: Hypothesis) -> float:
         return math.hypot(h.pose.x - pose.x, h.pose.y - pose.y)
@@ -189,6 +189,6 @@ def _nearest(kept: list[Hypothesis], pose: Pose) -> Hypothesis | None:
 
 
 def _lead(best: Hypothesis, others: list[Hypothesis]) -> float:
-    """Log odds of a place against others together: of many, one fits as well by chance."""
+    """Log odds of a hypothesis against the others together: of many, one fits by chance."""
     odds = sum(math.exp(min(h.total - best.total, 0.0)) for h in others)
     return -math.log(odds) if odds > 0.0 else math.inf

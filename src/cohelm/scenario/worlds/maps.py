@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.localization_map import LocalizationMap, known
+from cohelm.perceive.localize.localization_map import LocalizationMap, map_from_occupancy
 from cohelm.perceive.match.surfaces import MOST_CELLS
 from cohelm.scenario.worlds.file import contents, faults
 from cohelm.sim.grid import Grid, grid
@@ -52,7 +52,9 @@ class OccupancyMap:
 
     def known(self) -> LocalizationMap:
         """The same for localisation. CohelmError where nothing is occupied, or nothing free."""
-        return known(self.cells >= OCCUPIED, self.cells == FREE, self.resolution, self.origin)
+        return map_from_occupancy(
+            self.cells >= OCCUPIED, self.cells == FREE, self.resolution, self.origin
+        )
 
 
 class _Description(BaseModel):
