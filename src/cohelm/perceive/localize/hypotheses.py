@@ -180,7 +180,7 @@ class Hypotheses:
             self._search = search_blocks(self._search, self.known, self.caution.places)
             if self._search.over:
                 c = self.caution
-                most = c.whole_map if self.whole_map else c.hypotheses
+                most = c.everywhere if self.whole_map else c.hypotheses
                 found = candidates(self._search, most)
                 self._full = len(found) == most
                 self._candidates += [(pose, None) for pose in found]
